@@ -1,0 +1,74 @@
+# `make` lists what there is. Needs Python 3.11 or later and make; everything else is fetched into .venv.
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+PYTHON ?= python3
+JOBS ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+# librosa compiles itself for half a minute on first use; the result is kept here, outside the environment.
+export NUMBA_CACHE_DIR ?= $(CURDIR)/.cache/numba
+
+.PHONY: help setup test test-browser check format lab report figures bench clean distclean
+
+help: ## list these targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@echo "Settings: PYTHON=python3.12 (interpreter for .venv), JOBS=4 (processes), HARMOLAB_DATA=folder (your recordings)."
+
+setup: $(STAMP) ## create or bring up to date the environment in .venv
+	@echo "$(VENV) is ready: . $(BIN)/activate"
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	    echo "harmolab needs Python 3.11 or later; '$(PYTHON)' is missing or older. Try: make setup PYTHON=python3.12" >&2; exit 1; }
+	@echo "Installing into $(VENV) (a few minutes the first time) ..."
+	@rm -f $@
+	@set -e; if command -v uv >/dev/null 2>&1; then \
+	    $(BIN)/python -c '' 2>/dev/null || uv venv --quiet --clear --python "$$(command -v $(PYTHON))" $(VENV); \
+	    links=$$($(PYTHON) -m pip config get global.find-links 2>/dev/null || true); \
+	    for link in $$links $$PIP_FIND_LINKS; do set -- "$$@" --find-links "$$link"; done; \
+	    uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" -e '.[lab,dev]' -c constraints.txt; \
+	else \
+	    $(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV); \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[lab,dev]' -c constraints.txt; \
+	fi
+	@touch $@
+
+test: $(STAMP) ## run every test but those in a browser (about 8 minutes on two cores)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "not browser"
+
+test-browser: $(STAMP) ## run the tests that drive JupyterLab and the report in Chromium
+	$(BIN)/python -m pytest -m browser
+
+check: $(STAMP) ## format, lint, types and the fast tests: run it before you commit
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -n $(JOBS) -q -m "not slow and not data and not browser"
+
+format: $(STAMP) ## bring the code into the form that `make check` asks for
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+lab: $(STAMP) ## open JupyterLab on the notebooks
+	$(BIN)/jupyter lab notebooks
+
+report: $(STAMP) ## run the notebooks in the quick profile and write report/index.html
+	$(BIN)/python -m harmolab.report --profile quick --out report --jobs $(JOBS)
+
+figures: $(STAMP) ## run the notebooks in the full profile and replace figures/
+	$(BIN)/python -m harmolab.report --profile full --out report --jobs $(JOBS) --figures figures
+
+bench: $(STAMP) ## measure speed: ratios against named references
+	@if [ -f benchmarks/__main__.py ]; then $(BIN)/python -m benchmarks; else \
+	    set -- benchmarks/bench_*.py; [ -f "$$1" ] || { echo "no benchmarks/bench_*.py yet"; exit 0; }; \
+	    for file in "$$@"; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done; fi
+
+clean: ## remove reports and caches; your data, figures/ and .venv stay
+	rm -rf report .report-* figures/quick build dist .cache .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+distclean: clean ## remove .venv as well
+	rm -rf $(VENV)

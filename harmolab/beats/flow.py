@@ -1,0 +1,238 @@
+"""Visual beats from video: optical flow, directogram, impact envelope (Davis & Agrawala 2018).
+
+A dancer who stops makes an impact. Optical flow says how fast each pixel moves and where to; the directogram adds up
+the speed by direction, as a spectrogram adds up sound by pitch; speed lost in any direction makes the impact envelope,
+the counterpart of a sound's onset envelope; its peaks are the visual beats (Eq. 4-5 with flow as the motion trend). `beats.impacts` does the second half.
+
+Angles follow the picture: x to the right, y DOWN, so 0 is movement to the right, pi / 2 downwards, pi to the left and
+3 pi / 2 upwards. Speeds are picture heights per second, lags and windows are seconds, so that neither resolution nor
+frame rate decides what a beat is. The whole picture counts: a moving background counts as much as the dancer (Fig. 2).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.beats.impacts import (
+    AROUND,
+    RADIUS,
+    THRESHOLD,
+    envelope_beats,
+    impact_envelope,
+    local_peaks,
+    normalise_envelope,
+)
+from harmolab.types import BeatTrack
+
+__all__ = [
+    "directogram",
+    "envelope_beats",
+    "flow_beats",
+    "flow_directograms",
+    "flow_envelope",
+    "impact_envelope",
+    "local_peaks",
+    "normalise_envelope",
+    "optical_flow",
+]
+
+Frame = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+
+SMALLEST_SIDE = 16  # pixels; the coarse grid of the flow has nothing to hold on to below
+CHANGED = 2  # grey levels of 255, mean over 5 x 5 pixels
+STILL = 0.02  # picture heights per second; slower is the noise of the camera and of the flow itself
+LAG = 0.04  # seconds, t_1 of Eq. 4
+SMOOTHING = 0.04  # seconds
+FLOOR = 1e-4  # picture heights per second
+
+
+def optical_flow(previous: Frame, current: Frame) -> NDArray[np.float32]:
+    """Where each pixel of `previous` went (dense inverse search, Kroeger et al. 2016).
+
+    Parameters
+    ----------
+    previous, current : (H, W) uint8 arrays, grey
+
+    Returns
+    -------
+    (H, W, 2) float32 array, pixels to the right and pixels down; 0 where the picture has not changed
+    """
+    before, after = np.ascontiguousarray(previous), np.ascontiguousarray(current)
+    engine: Any = cv2.DISOpticalFlow.create(cv2.DISOpticalFlow_PRESET_ULTRAFAST)
+    flow = engine.calc(before, after, None)
+    # The method spreads a limb's movement far over a plain wall: six times the limb's own, up and down by a third from
+    # frame to frame. Where the picture has not changed, nothing has moved.
+    return cv2.copyTo(flow, _changed(before, after)).astype(np.float32, copy=False)
+
+
+def _changed(before: Frame, after: Frame) -> Frame:
+    """(H, W) mask, not 0 at the pixels whose surroundings differ by more than the noise of the picture."""
+    difference = cv2.absdiff(before, after)[::4, ::4].ravel()
+    # A quarter of any picture stands still or is plain, so what differs there is noise. For Gaussian noise the
+    # quartile times 3 is four standard deviations of what the 5 x 5 mean leaves of it.
+    noise = np.partition(difference, difference.size // 4)[difference.size // 4]
+    change = cv2.absdiff(cv2.blur(before, (5, 5)), cv2.blur(after, (5, 5)))
+    return (change > CHANGED + 3 * float(noise)).view(np.uint8)
+
+
+def directogram(flow: NDArray[np.float32], *, n_bins: int = 16, still: float = 0.0) -> FloatArray:
+    """How much moves in each direction: one column D(t, theta) of the directogram.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) array, pixels right and pixels down
+    n_bins : int
+        Bin k is centred on the angle 2 pi k / n_bins (0 right, a quarter turn down: y points down).
+    still : float, pixels
+        Displacements up to this length count as none.
+
+    Returns
+    -------
+    (n_bins,) array, pixels: displacement in the directions of each bin, as a mean over all pixels
+    """
+    # The flow is smooth over four pixels, so every other one tells the same in a quarter of the time.
+    right, down = np.ascontiguousarray(flow[::2, ::2, 0]), np.ascontiguousarray(flow[::2, ::2, 1])
+    length, angle = cv2.cartToPolar(right, down)
+    moving = length > still
+    bins = np.round(angle[moving] * (n_bins / (2 * np.pi))).astype(np.intp) % n_bins
+    return np.bincount(bins, length[moving], n_bins) / length.size
+
+
+def flow_directograms(
+    frames: Iterable[Frame],
+    fps: float,
+    *,
+    lag: float = LAG,
+    n_bins: int = 16,
+    still: float = STILL,
+    progress: Callable[[int], object] | None = None,
+) -> FloatArray:
+    """The directogram of a video, for the eye and for `impact_envelope`.
+
+    Frames are read one by one and forgotten; only the directogram grows with the video.
+
+    Parameters
+    ----------
+    frames : iterable of (H, W) grey or (H, W, 3) RGB uint8 arrays, all of one shape
+        240 pixels high is enough; the time taken grows with the area.
+    fps : float, hertz
+    lag : float, seconds
+        t_1 of Eq. 4: flow is measured over this time (at least one frame), so that 25 and 50 fps see the same.
+    n_bins : int, directions (see `directogram`)
+    still : float, picture heights per second; what moves slower counts as still
+    progress : callable, optional
+        Called with the number of frames done, after each.
+
+    Returns
+    -------
+    (T, n_bins) array, picture heights per second, mean over the picture. Row t tells the movement from t / fps - lag
+    to t / fps; the rows before the first lag are 0.
+
+    Raises
+    ------
+    ValueError
+        If a frame is no uint8 picture, is smaller than 16 pixels, or differs in size from the first; if fps is not
+        positive; if there is no frame.
+    """
+    lag_frames = _lag_frames(lag, fps)
+    per_second = fps / lag_frames
+    recent: deque[Frame] = deque(maxlen=lag_frames + 1)
+    rows = []
+    for frame in _grey(frames):
+        recent.append(frame)
+        row = np.zeros(n_bins)
+        if len(recent) > lag_frames:
+            height = frame.shape[0]
+            flow = optical_flow(recent[0], frame)
+            row = directogram(flow, n_bins=n_bins, still=still * height / per_second) * (per_second / height)
+        rows.append(row)
+        if progress is not None:
+            progress(len(rows))
+    if not rows:
+        raise ValueError("a video needs at least one frame, got none")
+    return np.stack(rows)
+
+
+def _grey(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """Grey frames, each checked to be a picture of the size of the first."""
+    first: tuple[int, ...] | None = None
+    for number, frame in enumerate(frames):
+        picture = np.asarray(frame)
+        if picture.dtype != np.uint8 or picture.ndim not in (2, 3) or picture.shape[2:] not in ((), (3,)):
+            raise ValueError(
+                f"frame {number} must be (H, W) grey or (H, W, 3) RGB of uint8, got {picture.shape} of {picture.dtype}"
+            )
+        first = first or picture.shape
+        if picture.shape != first:
+            raise ValueError(f"frame {number} has shape {picture.shape}, the first has {first}; bring them to one size")
+        if min(picture.shape[:2]) < SMALLEST_SIDE:
+            raise ValueError(f"frames need at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, got {picture.shape[:2]}")
+        yield picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
+
+
+def _lag_frames(lag: float, fps: float) -> int:
+    """`lag` seconds in frames, at least one; checks both."""
+    for name, value in (("fps", fps), ("lag", lag)):
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive and finite, got {value}")
+    return max(1, round(lag * fps))
+
+
+def flow_envelope(
+    frames: Iterable[Frame],
+    fps: float,
+    *,
+    lag: float = LAG,
+    smoothing: float = SMOOTHING,
+    radius: float = RADIUS,
+    floor: float = FLOOR,
+    progress: Callable[[int], object] | None = None,
+) -> FloatArray:
+    """The impact envelope of a video; value i belongs to i / fps seconds.
+
+    Parameters
+    ----------
+    frames, fps, lag, progress : see `flow_directograms`
+    radius : float, seconds, t_2 of Eq. 5
+    floor : float, picture heights per second, mean over the picture
+        A video without any impact above this counts as still. A limb that covers 1 % of the picture and stops from
+        half a picture height per second makes 0.005.
+
+    Returns
+    -------
+    (T,) array in [0, 1]
+    """
+    columns = flow_directograms(frames, fps, lag=lag, progress=progress)
+    impacts = impact_envelope(columns, lag_frames=_lag_frames(lag, fps), smoothing_frames=smoothing * fps)
+    return normalise_envelope(impacts, radius_frames=max(1, round(radius * fps)), floor=floor)
+
+
+def flow_beats(
+    frames: Iterable[Frame],
+    fps: float,
+    *,
+    lag: float = LAG,
+    smoothing: float = SMOOTHING,
+    radius: float = RADIUS,
+    around: float = AROUND,
+    threshold: float = THRESHOLD,
+    floor: float = FLOOR,
+    progress: Callable[[int], object] | None = None,
+) -> BeatTrack:
+    """Visual beats of a video: sudden stops of anything in the picture (Eq. 4-5; Davis & Agrawala 2018).
+
+    A video in which nothing stops has no beats. The parameters are those of `flow_envelope` and `envelope_beats`.
+
+    Returns
+    -------
+    BeatTrack of T / fps seconds; strengths are in (0, 1]
+    """
+    envelope = flow_envelope(frames, fps, lag=lag, smoothing=smoothing, radius=radius, floor=floor, progress=progress)
+    return envelope_beats(envelope, fps, radius=radius, around=around, threshold=threshold)

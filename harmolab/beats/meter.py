@@ -1,0 +1,62 @@
+"""Strong and weak beats, and their grouping into meter units (paper Sec. 4.1, Fig. 6, Eq. 22)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.types import BeatTrack, MeterUnit
+
+__all__ = ["CATEGORIES", "meter_units", "strong_beats"]
+
+BoolArray = NDArray[np.bool_]
+
+# Accent pattern (True = strong) -> signature. Three types in four categories, as Sec. 4.1 counts them: a quarter-note
+# meter opens on a strong beat and is split by its inner strong beats, 4 = 2+2 or 4, 5 = 3+2, 6 = 3+3.
+CATEGORIES: dict[tuple[bool, ...], str] = {
+    (True, False, True, False): "4/4",
+    (True, False, False, False): "4/4",
+    (True, False, False, True, False): "5/4",
+    (True, False, False, True, False, False): "6/4",
+}
+
+
+def strong_beats(strengths: NDArray[np.float64]) -> BoolArray:
+    """m_e: a beat is strong when it is stronger than the one before (Eq. 22); the first, having none, is weak.
+
+    >>> strong_beats(np.array([1.0, 3.0, 2.0, 2.5]))
+    array([False,  True, False,  True])
+    """
+    if len(strengths) == 0:
+        return np.zeros(0, dtype=bool)
+    return np.concatenate([[False], np.diff(strengths) > 0])
+
+
+def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
+    """Meter units of a beat track, in order, without overlap: at each beat the longest category that fits.
+
+    Beats that start no category are passed over. A unit ends where its next beat begins; the last needs that beat too.
+
+    Returns
+    -------
+    tuple of MeterUnit
+    """
+    strong = strong_beats(track.strengths)
+    units: list[MeterUnit] = []
+    beat = 0
+    while beat < len(track) - 1:
+        length = _longest_category(strong, beat)
+        if length and beat + length < len(track):
+            marks = strong[beat : beat + length]
+            end = float(track.times[beat + length])
+            units.append(MeterUnit(float(track.times[beat]), end, marks, CATEGORIES[tuple(marks.tolist())]))
+        beat += length or 1
+    return tuple(units)
+
+
+def _longest_category(strong: BoolArray, beat: int) -> int:
+    """Beats in the longest accent pattern that starts here; 0 when none does."""
+    for length in (6, 5, 4):
+        if tuple(strong[beat : beat + length].tolist()) in CATEGORIES:
+            return length
+    return 0

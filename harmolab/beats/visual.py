@@ -1,0 +1,78 @@
+"""Motion to visual beats: turning points of the joint speed (Eq. 7-9), its valleys or peaks, and motion SD."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.kinematics import (
+    direction_spread,
+    joint_speed,
+    peak_frames,
+    refine_extrema,
+    resample_motion,
+    smooth,
+    turning_points,
+    valley_frames,
+)
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack, Motion
+
+__all__ = ["curve_beats", "motion_curve", "visual_beats"]
+
+FloatArray = NDArray[np.float64]
+
+
+def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, float]:
+    """The curve that visual beats are read from, and its rate.
+
+    Returns
+    -------
+    curve : (T',) array
+        Joint speed in units per second (Eq. 7), or the direction spread, smoothed by ``params.smoothing``.
+    fps : float, hertz
+    """
+    at_rate = motion if params.fps is None else resample_motion(motion, params.fps)
+    positions = smooth(at_rate.positions, params.position_smoothing, at_rate.fps)
+    if params.detector == "direction":
+        curve = direction_spread(positions)
+    else:
+        curve = joint_speed(positions, at_rate.fps, reading=params.speed)
+    return smooth(curve, params.smoothing, at_rate.fps), at_rate.fps
+
+
+def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTrack:
+    """Visual beats of a motion curve (Eq. 8-9); their strength is the curve's value s_v.
+
+    Parameters
+    ----------
+    curve : (T,) array
+    fps : float, hertz
+    params : HarmonyParams
+        ``detector``, ``plateau`` and ``subframe`` are read.
+    """
+    find = {"turns": turning_points, "valleys": valley_frames}.get(params.detector, peak_frames)
+    frames = find(curve, plateau=params.plateau)
+    positions = refine_extrema(curve, frames) - 0.5 if params.subframe else frames.astype(np.float64)
+    # The speed may be signed in one reading; a strength never is.
+    return BeatTrack(positions / fps, np.abs(curve[frames]), fps, len(curve) / fps)
+
+
+def visual_beats(motion: Motion, *, params: HarmonyParams | None = None) -> BeatTrack:
+    """Visual beats of a motion, in seconds from its first frame.
+
+    Beats on frames that are not valid (splices, occlusions) are left out, as is everything when nothing moves.
+
+    Examples
+    --------
+    >>> from harmolab.types import Skeleton
+    >>> angle = np.sin(2 * np.pi * np.arange(61) / 60)
+    >>> arm = np.stack([np.sin(angle), -np.cos(angle)], axis=-1)[:, None, :]
+    >>> visual_beats(Motion(arm, 60.0, Skeleton.unnamed(1)), params=HarmonyParams.valleys()).times.round(2)
+    array([0.25, 0.75])
+    """
+    chosen = params or HarmonyParams.paper()
+    curve, fps = motion_curve(motion, chosen)
+    track = curve_beats(curve, fps, chosen)
+    nearest = np.minimum((track.times * motion.fps).round().astype(np.int64), motion.n_frames - 1)
+    return track.select(motion.valid[nearest])

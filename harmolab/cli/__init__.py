@@ -1,0 +1,57 @@
+"""The `harmolab` command. Thin: every command calls one function of the package and prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from harmolab import __version__
+from harmolab.cli.comparing import compare, learn
+from harmolab.cli.data import data_app
+from harmolab.cli.scoring import score
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
+)
+app.command()(score)
+app.command()(compare)
+app.command()(learn)
+app.add_typer(data_app, name="data")
+
+
+@app.command()
+def report(
+    notebooks: Annotated[Path, typer.Option(help="Folder of notebooks.")] = Path("notebooks"),
+    out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("report"),
+    profile: Annotated[str, typer.Option(help="quick (minutes) or full.")] = "quick",
+) -> None:
+    """Run the notebooks and build the offline HTML report."""
+    from harmolab.report import main as build
+
+    raise typer.Exit(build(["--notebooks", str(notebooks), "--out", str(out), "--profile", profile]))
+
+
+def version(value: bool) -> None:
+    """Print the version and leave."""
+    if value:
+        typer.echo(f"harmolab {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    _: Annotated[bool, typer.Option("--version", callback=version, is_eager=True, help="Print the version.")] = False,
+) -> None:
+    """Options of every command."""
+
+
+def main() -> None:
+    """Entry point of the console command."""
+    app()

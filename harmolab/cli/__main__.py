@@ -1,0 +1,5 @@
+"""`python -m harmolab.cli`."""
+
+from harmolab.cli import main
+
+main()

@@ -1,0 +1,83 @@
+"""What every command needs: plain errors, progress bars, reading a corpus, numbers for tables."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from harmolab.data.folders import Sequence
+
+__all__ = ["CountBar", "plain_errors", "progress", "sequences_of", "show", "write_text"]
+
+
+@contextmanager
+def plain_errors() -> Iterator[None]:
+    """One line on standard error and exit code 2 in place of a traceback for bad input."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        typer.echo(f"harmolab: {error}", err=True)
+        raise typer.Exit(2) from None
+
+
+def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
+    """`items` with a progress bar on standard error; silent when that is no terminal."""
+    from tqdm import tqdm
+
+    return tqdm(items, desc=label, unit="", leave=False, disable=not sys.stderr.isatty())
+
+
+class CountBar:
+    """A progress bar for functions that call back with (done, total)."""
+
+    def __init__(self, label: str) -> None:
+        from tqdm import tqdm
+
+        self.bar = tqdm(desc=label, leave=False, disable=not sys.stderr.isatty())
+
+    def __call__(self, done: int, total: int) -> None:
+        self.bar.total = total
+        self.bar.update(done - self.bar.n)
+
+
+def sequences_of(corpus: Path, dances: tuple[str, ...] = ()) -> Iterator[Sequence]:
+    """Readable sequences, one at a time; what cannot be read is told on standard error."""
+    from harmolab.data.folders import Problem, find_sequences, load_sequence
+
+    found = find_sequences(corpus)
+    if not found.folders:
+        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    problems = list(found.problems)
+    for folder in progress(found.folders, corpus.name):
+        try:
+            sequence = load_sequence(folder)
+        except (ValueError, FileNotFoundError) as error:
+            problems.append(Problem(folder, str(error)))
+            continue
+        if not dances or sequence.clip.dance in dances:
+            yield sequence
+    for problem in problems:
+        typer.echo(f"harmolab: left out: {problem.message}", err=True)
+
+
+def show(value: Any) -> str:
+    """A number or an interval for a table; "-" for what does not exist."""
+    if isinstance(value, tuple | list):
+        return " to ".join(map(show, value))
+    if value is None or value != value:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write aside, then rename."""
+    with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".part", delete=False) as aside:
+        aside.write(text + "\n")
+    Path(aside.name).replace(path)

@@ -1,0 +1,222 @@
+"""Folders of sequences on disk, in the layout of Tang et al. or in ours, one folder a sequence.
+
+==========  ====================================================================
+Tang 2018   skeletons.json, config.json, audio.mp3
+ours        motion.npz, audio.wav (or .flac, .ogg, .mp3)
+both        beats.json, optional: beats, bars, dance, units, motion_offset_s
+==========  ====================================================================
+
+The dance stands in beats.json or in the folder's name (DANCE_C, _R, _T, _W).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from harmolab.data import tang2018
+from harmolab.io.audio import load_audio
+from harmolab.io.beats import BeatAnnotation, load_annotation
+from harmolab.io.errors import PathLike
+from harmolab.io.motion import load_motion
+from harmolab.types import Clip, Motion
+
+__all__ = [
+    "Found",
+    "Problem",
+    "Sequence",
+    "find_sequences",
+    "iter_sequences",
+    "load_any_motion",
+    "load_sequence",
+    "missing_parts",
+]
+
+_MAX_DEPTH = 4
+_PARTS = ("skeletons.json", "config.json", "motion.npz")
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """One folder, read: the clip, what was annotated (None without beats.json), and where it lies."""
+
+    clip: Clip
+    annotation: BeatAnnotation | None
+    folder: Path
+
+
+class Problem(NamedTuple):
+    """A folder that cannot be used, and why, in one sentence that names the file."""
+
+    folder: Path
+    message: str
+
+
+class Found(NamedTuple):
+    """Folders that hold a whole sequence, in natural order, and those that hold only parts of one."""
+
+    folders: tuple[Path, ...]
+    problems: tuple[Problem, ...]
+
+
+def find_sequences(root: PathLike) -> Found:
+    """The sequence folders at or below `root`; nothing is read yet.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        `root` does not exist or is not a folder.
+    """
+    root = Path(root)
+    if not root.exists():
+        raise FileNotFoundError(f"{root}: no such folder")
+    if not root.is_dir():
+        raise ValueError(f"{root}: is a file; a folder of sequences is needed")
+    folders: list[Path] = []
+    problems: list[Problem] = []
+    for folder in _folders_with_parts(root):
+        missing = missing_parts(folder)
+        if missing:
+            problems.append(Problem(folder, f"{folder}: has no {' and no '.join(missing)}"))
+        else:
+            folders.append(folder)
+    return Found(tuple(folders), tuple(problems))
+
+
+def _folders_with_parts(root: Path) -> list[Path]:
+    """Folders at or below `root` that hold at least one part of a sequence, DANCE_2 before DANCE_10."""
+    found = []
+    for name, below, files in os.walk(root):
+        depth = len(Path(name).relative_to(root).parts)
+        below[:] = [] if depth >= _MAX_DEPTH else [folder for folder in below if not folder.startswith(".")]
+        if any(part in files for part in _PARTS):
+            found.append(Path(name))
+    return sorted(found, key=_natural)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """A key that sorts numbers in names as numbers."""
+    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d{1,18})", str(path))]
+
+
+def missing_parts(folder: PathLike) -> list[str]:
+    """The parts that a folder lacks to be a sequence; empty if it is whole."""
+    folder = Path(folder)
+    tang = any((folder / part).is_file() for part in ("skeletons.json", "config.json"))
+    wanted = ["skeletons.json", "config.json"] if tang and not (folder / "motion.npz").is_file() else ["motion.npz"]
+    missing = [part for part in wanted if not (folder / part).is_file()]
+    try:
+        tang2018.find_audio(folder)
+    except FileNotFoundError:
+        missing.append("audio.wav (.flac, .ogg, .mp3)")
+    return missing
+
+
+def iter_sequences(
+    root: PathLike,
+    *,
+    sample_rate: float | None = 22050.0,
+    clock: float = 1.0,
+    points: int = 23,
+    travel: bool = True,
+    ground: bool = True,
+) -> Iterator[Sequence | Problem]:
+    """Every sequence at or below `root`, one in memory at a time; a Problem in place of each that cannot be read.
+
+    Parameters are those of `load_sequence`.
+    """
+    found = find_sequences(root)
+    yield from found.problems
+    for folder in found.folders:
+        try:
+            yield load_sequence(
+                folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
+            )
+        except (ValueError, FileNotFoundError) as error:
+            yield Problem(folder, str(error))
+
+
+def load_sequence(
+    folder: PathLike,
+    *,
+    sample_rate: float | None = 22050.0,
+    clock: float = 1.0,
+    points: int = 23,
+    travel: bool = True,
+    ground: bool = True,
+) -> Sequence:
+    """One sequence folder: the clip with its annotated beats, and the annotation.
+
+    Parameters
+    ----------
+    folder : str or path
+    sample_rate : float or None, hertz
+        As in `load_audio`.
+    clock, points, travel, ground
+        For the Tang layout only; as in `harmolab.data.tang2018.load_skeletons`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder")
+    missing = missing_parts(folder)
+    if missing:
+        raise FileNotFoundError(f"{folder}: has no {' and no '.join(missing)}")
+    annotation = load_annotation(folder / "beats.json") if (folder / "beats.json").is_file() else None
+    if (folder / "motion.npz").is_file():
+        clip = _own_layout(folder, annotation, sample_rate)
+    else:
+        clip = tang2018.load_sequence(
+            folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
+        )
+    return Sequence(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
+
+
+def _own_layout(folder: Path, annotation: BeatAnnotation | None, sample_rate: float | None) -> Clip:
+    """The clip in a folder with motion.npz."""
+    motion = load_motion(folder / "motion.npz")
+    audio = load_audio(tang2018.find_audio(folder), sample_rate=sample_rate)
+    offset = 0.0 if annotation is None else annotation.offset
+    beyond = offset + motion.duration - audio.duration
+    if beyond > max(1.0, 0.05 * audio.duration):
+        raise ValueError(
+            f"{folder}: the motion lasts {motion.duration:.2f} s at {motion.fps:g} fps and ends {beyond:.2f} s after "
+            "the audio; is its fps right?"
+        )
+    try:
+        return Clip(folder.name, audio, motion, offset, folder.resolve().parent.name, dance=tang2018.dance_of(folder))
+    except ValueError as error:
+        raise ValueError(f"{folder}: {error}") from None
+
+
+def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
+    """`clip` with the beats, dance and source of its annotation."""
+    try:
+        beats = annotation.track(clip.audio.duration)
+    except ValueError as error:
+        raise ValueError(f"{folder / 'beats.json'}: {error}") from None
+    return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
+
+
+def load_any_motion(path: PathLike, *, fps: float | None = None, scale: float | None = None) -> Motion:
+    """The motion in any file that `load_motion` reads, in a sequence folder, or in a skeletons.json.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    path = Path(path)
+    if path.is_dir() and (path / "skeletons.json").is_file() and not (path / "motion.npz").is_file():
+        path = path / "skeletons.json"
+    if path.name.endswith("skeletons.json"):
+        return tang2018.load_skeletons(path)
+    return load_motion(path, fps=fps, scale=scale)

@@ -1,0 +1,188 @@
+"""Pictures of a dancer without a recording: a textured stick figure, and a box that wanders about to disturb it.
+
+The box is the disturbance of the paper's Fig. 2. Both functions take and return streams of frames, so a video of any
+length needs the memory of one frame. Needs OpenCV and numpy only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.kinematics import resample_motion
+from harmolab.types import Motion, Skeleton
+
+__all__ = ["box_walk", "moving_box", "render_skeleton"]
+
+Frame = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+
+BACKGROUND = 225
+LIMB_LEVELS = (40, 120)
+JOINT_LEVEL = 75
+# OpenCV draws at fixed-point coordinates: four fractional bits place a limb to a sixteenth of a pixel, so that slow
+# movement does not jump from pixel to pixel and look like a row of stops.
+FRACTION_BITS = 4
+
+
+def render_skeleton(
+    motion: Motion, *, height: int = 240, width: int | None = None, fps: float | None = None, colour: bool = False
+) -> Iterator[Frame]:
+    """Frames of a stick figure that dances `motion` before a plain background.
+
+    The camera stands still, far away on the positive z side (orthographic: x to the right, y up), framed once so that
+    the whole motion stays in the picture. Limbs are striped, so that optical flow also sees movement along a limb.
+
+    Parameters
+    ----------
+    motion : Motion
+        (T, J, 3) metres with y up, or (T, J, 2) image coordinates with y down. A skeleton without bones is drawn as
+        dots.
+    height, width : int, pixels
+        `width` defaults to 4/3 of the height.
+    fps : float, hertz, optional
+        Frame rate of the pictures, by linear interpolation of the positions. The motion's own when left out.
+    colour : bool
+        (H, W, 3) RGB frames in place of (H, W) grey ones; the figure stays grey.
+
+    Yields
+    ------
+    (H, W) or (H, W, 3) uint8 arrays, frame i at i / fps seconds
+
+    Raises
+    ------
+    ValueError
+        If the picture would be smaller than 16 pixels, or fps is not positive.
+    """
+    width = round(height * 4 / 3) if width is None else width
+    if min(height, width) < 16:
+        raise ValueError(f"a picture needs at least 16 x 16 pixels, got {width} x {height}")
+    if fps is not None and not (np.isfinite(fps) and fps > 0):
+        raise ValueError(f"fps must be positive and finite, got {fps}")
+    danced = motion if fps is None else resample_motion(motion, fps)
+    return _figures(_in_picture(danced.positions, height, width), motion.skeleton, height, width, colour)
+
+
+def _in_picture(positions: FloatArray, height: int, width: int) -> FloatArray:
+    """(T, J, 3) pixel x, pixel y (down) and nearness, with a margin of a tenth on every side."""
+    across, up = positions[..., 0], positions[..., 1]
+    nearness = positions[..., 2] if positions.shape[2] == 3 else np.zeros_like(across)
+    down = -up if positions.shape[2] == 3 else up
+    extents = [max(np.ptp(axis), 1e-9) for axis in (across, down)]
+    scale = min(0.8 * width / extents[0], 0.8 * height / extents[1])
+    centred = [(axis - (axis.min() + axis.max()) / 2) * scale for axis in (across, down)]
+    return np.stack([centred[0] + width / 2, centred[1] + height / 2, nearness], axis=-1)
+
+
+def _figures(places: FloatArray, skeleton: Skeleton, height: int, width: int, colour: bool) -> Iterator[Frame]:
+    heads = [joint for joint, name in enumerate(skeleton.joints) if "head" in name.lower()]
+    figure_height = np.ptp(places[..., 1], axis=1).mean()
+    thickness = max(2, round(0.05 * max(figure_height, 0.2 * height)))
+    for place in places:
+        frame = np.full((height, width), BACKGROUND, np.uint8)
+        _draw_figure(frame, place, skeleton.bones, heads, thickness)
+        yield np.repeat(frame[..., None], 3, axis=2) if colour else frame
+
+
+def _draw_figure(
+    frame: Frame, place: FloatArray, bones: tuple[tuple[int, int], ...], heads: list[int], thickness: int
+) -> None:
+    """Draw limbs from far to near, then joints, on `frame`."""
+    far_to_near = sorted(bones, key=lambda bone: place[bone[0], 2] + place[bone[1], 2])
+    for parent, child in far_to_near:
+        for stripe, level in enumerate(LIMB_LEVELS * 2):
+            ends = [place[parent, :2] + (place[child, :2] - place[parent, :2]) * (stripe + i) / 4 for i in (0, 1)]
+            cv2.line(frame, _fixed(ends[0]), _fixed(ends[1]), level, thickness, cv2.LINE_AA, FRACTION_BITS)
+    for joint, point in enumerate(place):
+        radius = (1.6 if joint in heads else 0.7) * thickness * 2**FRACTION_BITS
+        cv2.circle(frame, _fixed(point[:2]), round(radius), JOINT_LEVEL, -1, cv2.LINE_AA, FRACTION_BITS)
+
+
+def _fixed(point: FloatArray) -> tuple[int, int]:
+    """A pixel position in OpenCV's fixed-point coordinates."""
+    return round(float(point[0]) * 2**FRACTION_BITS), round(float(point[1]) * 2**FRACTION_BITS)
+
+
+def moving_box(
+    frames: Iterable[Frame],
+    fps: float,
+    *,
+    seed: int,
+    size: float = 0.3,
+    speed: float = 0.8,
+    colour: tuple[int, int, int] = (40, 80, 220),
+) -> Iterator[Frame]:
+    """The same frames with a plain box over them that wanders at random (paper Fig. 2).
+
+    Parameters
+    ----------
+    frames : iterable of (H, W) grey or (H, W, 3) RGB uint8 arrays; they are not changed
+    fps : float, hertz
+    seed : int
+        The same seed draws the same walk, in seconds and picture heights, whatever fps and resolution are.
+    size : float, side of the box in picture heights
+    speed : float, picture heights per second
+        Mean speed; each leg of the walk has its own, between half and one and a half of it.
+    colour : RGB, 0 to 255; on grey frames its brightness is drawn
+
+    Yields
+    ------
+    uint8 arrays of the shape of `frames`
+
+    Raises
+    ------
+    ValueError
+        If fps, size or speed is not positive.
+    """
+    for name, value in (("fps", fps), ("size", size), ("speed", speed)):
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive and finite, got {value}")
+    return _boxed(frames, fps, seed, size, speed, colour)
+
+
+def _boxed(
+    frames: Iterable[Frame], fps: float, seed: int, size: float, speed: float, colour: tuple[int, int, int]
+) -> Iterator[Frame]:
+    walk: Iterator[FloatArray] | None = None
+    brightness = round(float(np.dot(colour, (0.299, 0.587, 0.114))))
+    for frame in frames:
+        height, width = frame.shape[:2]
+        if walk is None:
+            reach = (max(width / height - size, 0.0), max(1.0 - size, 0.0))
+            walk = box_walk(np.random.default_rng(seed), reach, speed, fps)
+        corner = next(walk)
+        outline = (corner + size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) * height
+        points = np.round(outline * 2**FRACTION_BITS).astype(np.int32)
+        boxed = frame.copy()
+        level = colour if frame.ndim == 3 else (brightness,)
+        cv2.fillConvexPoly(boxed, points, level, cv2.LINE_AA, FRACTION_BITS)
+        yield boxed
+
+
+def box_walk(rng: np.random.Generator, reach: tuple[float, float], speed: float, fps: float) -> Iterator[FloatArray]:
+    """Endless (x, y) places of a point that walks straight to one random place after another.
+
+    Parameters
+    ----------
+    rng : numpy Generator
+    reach : (float, float), largest x and y; the walk stays within [0, reach]
+    speed : float, mean distance per second
+    fps : float, places per second
+    """
+    here = rng.uniform((0.0, 0.0), reach)
+    left = 0.0  # seconds of the current leg that remain
+    velocity = np.zeros(2)
+    while True:
+        yield here.copy()
+        step = 1.0 / fps
+        while step >= left:
+            here = here + velocity * left
+            step -= left
+            target, pace = rng.uniform((0.0, 0.0), reach), speed * rng.uniform(0.5, 1.5)
+            left = max(float(np.linalg.norm(target - here)) / pace, 1e-3)
+            velocity = (target - here) / left
+        here = here + velocity * step
+        left -= step

@@ -1,0 +1,125 @@
+"""A dancer whose movement units end on planted beats, as a recorder of any frame rate would see it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+
+from harmolab.data.synth_beats import Liberties, dance_named, grid_through
+from harmolab.data.synth_body import CHEST, DANCER, FEET, HEAD, HEADING, POSE_SIZE, RISE, joint_positions
+from harmolab.data.synth_steps import Choreography, choreography
+from harmolab.types import Motion
+
+__all__ = ["dance_motion", "synthetic_motion"]
+
+FloatArray = NDArray[np.float64]
+
+CARRY = 0.4  # share of travel that flows through the beats rather than stopping on them
+
+
+def dance_motion(dance: Choreography, *, seconds: float, fps: float, noise: float = 0.0, seed: int = 0) -> Motion:
+    """A choreography as a recorder with so many frames per second would see it.
+
+    Parameters
+    ----------
+    dance : Choreography
+    seconds, fps : float
+    noise : float, metres
+        Standard deviation of white sensor noise on every joint, axis and frame.
+    seed : int, of the noise
+
+    Raises
+    ------
+    ValueError
+        For fewer than two frames, a rate that is not positive, or negative noise.
+    """
+    if not (np.isfinite(fps) and 0 < fps <= 1000):
+        raise ValueError(f"fps must be positive and at most 1000 (15 to 120 is usual), got {fps}")
+    if not (np.isfinite(noise) and 0 <= noise <= 1):
+        raise ValueError(f"noise is in metres and must be within 0 and 1, got {noise}")
+    if not round(seconds * fps) >= 2:
+        raise ValueError(f"{seconds} s at {fps} frames per second is less than two frames")
+    times = np.arange(round(seconds * fps)) / fps
+    poses, lifts = _poses_at(dance, times)
+    positions = joint_positions(poses, lifts, dance.stature)
+    if noise:
+        positions += noise * np.random.default_rng([seed, 5]).standard_normal(positions.shape)
+    return Motion(positions, fps, DANCER)
+
+
+def _poses_at(dance: Choreography, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(T, POSE_SIZE) poses and (T, 2) heights of the feet at any times.
+
+    Each unit goes from key pose to key pose with minimum jerk, so its speed is zero at both ends. Part of the travel
+    flows on through the keys, and a slow swing never rests, as in people.
+    """
+    keys = dance.ends.times
+    if keys.size < 2:
+        still = dance.poses[0] if keys.size else np.zeros(POSE_SIZE)
+        return _with_swing(np.tile(still, (times.size, 1)), dance, times), np.zeros((times.size, 2))
+    unit = np.clip(np.searchsorted(keys, times, side="right") - 1, 0, keys.size - 2)
+    share = np.clip((times - keys[unit]) / (keys[unit + 1] - keys[unit]), 0, 1)
+    course = (share**3 * (10 - 15 * share + 6 * share**2))[:, None]
+    poses = dance.poses[unit] + course * (dance.poses[unit + 1] - dance.poses[unit])
+    flowing = [0, 1, HEADING]
+    flow = PchipInterpolator(keys, dance.poses[:, flowing])(np.clip(times, keys[0], keys[-1]))
+    poses[:, flowing] += CARRY * (flow - poses[:, flowing])
+    return _with_swing(poses, dance, times), 4 * course * (1 - course) * _swing_heights(dance.poses)[unit]
+
+
+def _swing_heights(poses: FloatArray) -> FloatArray:
+    """(M - 1, 2) metres that each foot is lifted in each unit: the further it goes the higher, up to 8 cm."""
+    paths = [np.diff(poses[:, where][:, :2], axis=0) for where in FEET]
+    far = np.stack([np.hypot(*path.T) for path in paths], axis=1)
+    return np.minimum(0.2 * far, 0.08)
+
+
+def _with_swing(poses: FloatArray, dance: Choreography, times: FloatArray) -> FloatArray:
+    """The poses with breath in the chest, weight shifting in the waist and a wandering gaze."""
+    breath, weight, gaze = (np.sin(2 * np.pi * rate * times + phase) for rate, phase in dance.swing)
+    swung = poses.copy()
+    swung[:, CHEST] += np.stack([0.02 * weight, 0.015 * breath, 0.015 * weight], axis=-1)
+    swung[:, RISE] += 0.004 * breath
+    swung[:, HEAD] += 0.06 * gaze
+    return swung
+
+
+def synthetic_motion(
+    beat_times: ArrayLike,
+    downbeat_times: ArrayLike = (),
+    *,
+    seconds: float,
+    fps: float,
+    seed: int,
+    dance: str = "cha-cha",
+    lateness: float = 0.0,
+    jitter: float = 0.0,
+    omission: float = 0.0,
+    redundancy: float = 0.0,
+    noise: float = 0.0,
+) -> Motion:
+    """A dancer whose movement units end on the given beats (see `Liberties` for the ways around them).
+
+    The movement is a function of continuous time: the same seed at another frame rate is the same dance.
+
+    Parameters
+    ----------
+    beat_times : (B,) array, seconds, at least two; continued at the same pace to fill the clip
+    downbeat_times : array, seconds
+    seconds, fps : float, length and frame rate of the motion
+    seed : int
+    dance : str, one of `params.DANCES`
+    lateness, jitter : float, seconds
+    omission, redundancy : float, shares
+    noise : float, metres
+
+    Raises
+    ------
+    ValueError
+        For a setting out of range; the message names it.
+    """
+    grid = grid_through(beat_times, downbeat_times, dance_named(dance).meter, seconds)
+    liberties = Liberties(lateness, jitter, omission, redundancy)
+    danced = choreography(dance, grid, seed=seed, liberties=liberties)
+    return dance_motion(danced, seconds=seconds, fps=fps, noise=noise, seed=seed)

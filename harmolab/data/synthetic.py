@@ -1,0 +1,29 @@
+"""Music and dance whose beats were planted: the embedded default, and the instrument that tells what a score can see.
+
+Seven ballroom dances, a band that plays them, and a dancer of 21 joints whose movement units end on the beats. The
+truth comes with every clip: beats and downbeats of the music, ends of the movements, figures.
+"""
+
+from __future__ import annotations
+
+from harmolab.data.synth_beats import Liberties
+from harmolab.data.synth_body import DANCER
+from harmolab.data.synth_clip import ClipSettings, PlantedClip, planted_clip, synthetic_clip
+from harmolab.data.synth_corpus import write_corpus
+from harmolab.data.synth_dance import synthetic_motion
+from harmolab.data.synth_figures import figure_names
+from harmolab.data.synth_music import PlantedMusic, synthetic_music
+
+__all__ = [
+    "DANCER",
+    "ClipSettings",
+    "Liberties",
+    "PlantedClip",
+    "PlantedMusic",
+    "figure_names",
+    "planted_clip",
+    "synthetic_clip",
+    "synthetic_motion",
+    "synthetic_music",
+    "write_corpus",
+]

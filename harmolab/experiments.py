@@ -1,0 +1,335 @@
+"""What the notebooks run on, and their tables as functions from RunProfile to DataFrame."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import astuple, dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+
+from harmolab.beats.audio import cache_folder
+from harmolab.beats.meter import strong_beats
+from harmolab.beats.visual import visual_beats
+from harmolab.data import folders as disk
+from harmolab.data.folders import Problem, find_sequences, iter_sequences, load_sequence
+from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
+from harmolab.harmony import hit_mask
+from harmolab.params import BarPattern, HarmonyParams, RunProfile
+from harmolab.parts import cut_parts, learn_patterns, music_beats
+from harmolab.significance import rotations
+from harmolab.types import BeatTrack, Clip
+
+__all__ = [
+    "Agreement",
+    "agreement",
+    "beat_agreement",
+    "clip_of_study",
+    "corpus_folders",
+    "data_root",
+    "excerpt",
+    "pattern_of_study",
+    "strong_by_place",
+    "study_sequences",
+    "synthetic_corpus",
+]
+
+Detector = Literal["turns", "valleys", "peaks", "direction"]
+SAME_BEAT = 0.07  # seconds: the window within which a tracked beat counts as an annotated one
+
+
+def data_root() -> Path | None:
+    """The folder of recordings that ``HARMOLAB_DATA`` names; None when it is not set.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the variable names no folder.
+    """
+    named = os.environ.get("HARMOLAB_DATA")
+    if not named:
+        return None
+    root = Path(named).expanduser()
+    if not root.is_dir():
+        raise FileNotFoundError(f"HARMOLAB_DATA names {root}, which is no folder; unset it to use synthetic data")
+    return root
+
+
+def synthetic_corpus(
+    profile: RunProfile, *, seconds: float = 6.0, fps: float = 60.0, noise: float = 0.0, jitter: float = 0.0
+) -> Path:
+    """Folder of the synthetic corpus of these settings, made on first use and kept in the cache folder."""
+    base = cache_folder() or Path(".harmolab")
+    name = f"synthetic_{profile.n_clips}x{seconds:g}s_{fps:g}fps_noise{noise:g}_jitter{jitter:g}_seed{profile.seed}"
+    out = base / name
+    write_corpus(out, clips=profile.n_clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, seed=profile.seed)
+    return out
+
+
+def corpus_folders(profile: RunProfile) -> dict[str, Path]:
+    """The corpora to study: name -> folder. Recordings when ``HARMOLAB_DATA`` names some, else the synthetic corpus.
+
+    A folder of corpora counts each of its subfolders that holds sequences; a corpus counts as itself.
+    """
+    root = data_root()
+    if root is None:
+        return {"synthetic": synthetic_corpus(profile)}
+    below = [folder for folder in sorted(root.iterdir()) if folder.is_dir()]
+    corpora = {folder.name: folder for folder in below if find_sequences(folder).folders}
+    is_corpus = any(
+        folder.parent in (root, *below) and folder.parent == root for folder in find_sequences(root).folders
+    )
+    return {root.name: root} if is_corpus or not corpora else corpora
+
+
+def study_sequences(profile: RunProfile, corpus: str | None = None) -> Iterator[disk.Sequence]:
+    """Readable sequences of one corpus (default: the first), one in memory at a time, as many as the profile takes.
+
+    A smaller number is spread over the corpus, so that every dance is there.
+    """
+    folders = corpus_folders(profile)
+    name = corpus or next(iter(folders))
+    found = find_sequences(folders[name]).folders
+    count = len(found) if profile.n_sequences is None else min(profile.n_sequences, len(found))
+    if name == "synthetic":
+        count = len(found)
+    for index in range(count):
+        yield load_sequence(found[index * len(found) // count])
+
+
+def readable_sequences(root: Path) -> Iterator[disk.Sequence]:
+    """Every sequence of a corpus that can be read."""
+    return (item for item in iter_sequences(root) if not isinstance(item, Problem))
+
+
+def clip_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0, beats: str = "tracked") -> Clip:
+    """One clip to look at closely: the middle of the first sequence of that dance (of any dance when there is none).
+
+    Without recordings a synthetic dancer who is as inexact as people are: some movements end early or late, some beats
+    are left out, some movements come between the beats.
+
+    Parameters
+    ----------
+    profile : RunProfile
+    dance : str
+    seconds : float
+    beats : "tracked" or "annotated"
+        Music beats tracked in the whole recording, or those somebody wrote down (tracked where nobody did).
+
+    Returns
+    -------
+    Clip from 0 s, `beats` its music beats on that time line.
+
+    Raises
+    ------
+    ValueError
+        If there are recordings, and none can be read.
+    """
+    return excerpt(_first_of_dance(profile, dance, seconds), seconds, beats)
+
+
+def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> disk.Sequence:
+    """The sequence `clip_of_study` cuts from."""
+    if data_root() is None:
+        settings = ClipSettings(
+            dance, 3 * seconds, jitter=0.05, omission=0.15, redundancy=0.15, noise=0.004, seed=profile.seed
+        )
+        planted = planted_clip(settings)
+        return disk.Sequence(planted.clip, planted.annotation, Path(planted.clip.name))
+    first = None
+    for sequence in study_sequences(profile):
+        first = first or sequence
+        if sequence.clip.dance == dance:
+            return sequence
+    if first is None:
+        raise ValueError(f"{data_root()}: holds no sequence that can be read")
+    return first
+
+
+def excerpt(sequence: disk.Sequence, seconds: float, beats: str = "tracked") -> Clip:
+    """`seconds` from the middle of a sequence as a clip that starts at 0 s, with its music beats; as `clip_of_study`.
+
+    Raises
+    ------
+    ValueError
+        If the sequence has no motion.
+    """
+    clip = sequence.clip
+    if clip.motion is None:
+        raise ValueError(f"{sequence.folder}: no motion")
+    track = music_beats(sequence, "tracked" if sequence.annotation is None else beats)
+    first, last = max(0.0, -clip.offset), min(clip.motion.duration, clip.audio.duration - clip.offset)
+    length = min(seconds, last - first)
+    start = round((first + (last - first - length) / 2) * clip.motion.fps) / clip.motion.fps
+    heard = clip.offset + start
+    return Clip(
+        f"{clip.name} from {heard:.1f} s",
+        clip.audio.span(heard, length),
+        clip.motion.span(start, length),
+        source=clip.source,
+        beats=track.span(heard, length),
+        dance=clip.dance,
+    )
+
+
+def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0) -> BarPattern:
+    """The bar pattern to expect in `clip_of_study`: learnt on other sequences and other figures of its dance.
+
+    Movements that stop on the beat where nothing can be learnt: in synthetic clips, and without annotated beats.
+    """
+    shown = _first_of_dance(profile, dance, seconds)
+    if data_root() is None or shown.annotation is None:
+        return BarPattern.stop_on_the_beat()
+    settings = HarmonyParams.recommended()
+    start = float(excerpt(shown, seconds).name.split()[-2])
+    own = cut_parts(shown, "annotated", None, settings)
+    near = [part for part in own if part.start < start + seconds and start < part.start + part.duration]
+    judged = replace(near[0], figures=frozenset().union(*(part.figures for part in near)))
+    others = (item for item in readable_sequences(shown.folder.parent) if item.folder != shown.folder)
+    annotated = (item for item in others if item.annotation is not None and item.clip.dance == shown.clip.dance)
+    pieces = [part for item in annotated for part in cut_parts(item, "annotated", None, settings)]
+    return learn_patterns([judged], pieces)[0]
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One-to-one matching of music beats and visual beats: who met, who did not, and who would have by chance.
+
+    `chance_hits` is the mean number of hits after rotations of the visual beats in time.
+    """
+
+    music_beats: int
+    visual_beats: int
+    hits: int
+    chance_hits: float
+
+    @property
+    def omitted(self) -> int:
+        """Music beats without a visual beat of their own."""
+        return self.music_beats - self.hits
+
+    @property
+    def redundant(self) -> int:
+        """Visual beats that no music beat claims."""
+        return self.visual_beats - self.hits
+
+    @property
+    def hit_rate(self) -> float:
+        """Share of music beats that were hit."""
+        return self.hits / max(self.music_beats, 1)
+
+    @property
+    def chance(self) -> float:
+        """Share that random moments would hit."""
+        return self.chance_hits / max(self.music_beats, 1)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.omitted} of {self.music_beats} music beats missed, {self.redundant} of {self.visual_beats} visual "
+            f"beats left over; hit rate {self.hit_rate:.2f}, by chance {self.chance:.2f}"
+        )
+
+    def __add__(self, other: Agreement) -> Agreement:
+        pairs = zip(astuple(self), astuple(other), strict=True)
+        return Agreement(*(mine + theirs for mine, theirs in pairs))
+
+
+def agreement(music: BeatTrack, visual: BeatTrack, *, delay: float, n_rotations: int) -> Agreement:
+    """How visual beats meet music beats when each music beat takes its nearest one (Figs. 1, 3, 5).
+
+    Parameters
+    ----------
+    music, visual : BeatTrack on the same time line
+    delay : float, seconds, radius of the tolerance field
+    n_rotations : int, rotations in time behind the chance level
+    """
+    turned = [np.mod(visual.times + shift, music.duration) for shift in rotations(music.duration, n_rotations)]
+    hits = [hit_mask(music.times, times, delay=delay, matching="nearest").sum() for times in [visual.times, *turned]]
+    return Agreement(len(music), len(visual), int(hits[0]), float(np.mean(hits[1:])))
+
+
+def beat_agreement(
+    profile: RunProfile,
+    *,
+    detectors: Iterable[Detector] = ("direction", "turns"),
+    delays: Iterable[float] = (0.12, 0.25),
+) -> pd.DataFrame:
+    """Omission and redundancy of kinds of visual beats (paper mode) against tracked music beats (Figs. 3, 5).
+
+    Returns
+    -------
+    DataFrame, a row for each detector and delay, added up over the middle minute of the study's sequences.
+    """
+    asked = list(product(detectors, delays))
+    found = {key: Agreement(0, 0, 0, 0.0) for key in asked}
+    for sequence in study_sequences(profile):
+        clip = excerpt(sequence, 60.0)
+        if clip.motion is None or clip.beats is None:
+            continue
+        for detector, delay in asked:
+            visual = visual_beats(clip.motion, params=HarmonyParams(detector=detector))
+            found[detector, delay] += agreement(clip.beats, visual, delay=delay, n_rotations=profile.n_rotations // 4)
+    return pd.DataFrame([_agreement_row(detector, delay, found[detector, delay]) for detector, delay in asked])
+
+
+def _agreement_row(detector: str, delay: float, total: Agreement) -> dict[str, Any]:
+    return {
+        "detector": detector,
+        "tolerance (s)": delay,
+        "music beats": total.music_beats,
+        "visual beats": total.visual_beats,
+        "omitted": total.omitted,
+        "redundant": total.redundant,
+        "hit rate": round(total.hit_rate, 3),
+        "chance": round(total.chance, 3),
+    }
+
+
+def strong_by_place(profile: RunProfile) -> pd.DataFrame:
+    """How often Eq. 22 calls a beat strong at each place of the annotated bar.
+
+    Beats "annotated" have the onset strength at the annotated moments; "tracked" are the tracker's, each at the place
+    of the annotated beat within 0.07 s. Sequences without annotated downbeats are left out.
+
+    Returns
+    -------
+    DataFrame, a row for each kind of beats, meter and place in the bar (1 is the downbeat): n, strong (share of the n
+    that is strong), chance (share of all beats of that kind and meter that is strong).
+    """
+    pieces = [
+        _beats_in_bars(sequence, beats)
+        for sequence in study_sequences(profile)
+        if sequence.annotation is not None and sequence.annotation.downbeats is not None
+        for beats in ("annotated", "tracked")
+    ]
+    table = pd.concat([pd.DataFrame(columns=["beats", "meter", "place", "strong"]), *pieces])
+    table = table.astype({"meter": int, "place": int, "strong": float})
+    groups = table.groupby(["beats", "meter"])["strong"]
+    table["chance"] = groups.transform("mean")
+    counted = table.groupby(["beats", "meter", "place"]).agg(
+        n=("strong", "size"), strong=("strong", "mean"), chance=("chance", "mean")
+    )
+    return counted.reset_index()
+
+
+def _beats_in_bars(sequence: disk.Sequence, beats: str) -> pd.DataFrame:
+    """Meter, place in the bar and strength class of every music beat of one sequence whose place is known."""
+    annotation, track = sequence.annotation, music_beats(sequence, beats)
+    places = None if annotation is None else annotation.bar_places()
+    if annotation is None or places is None or len(track) < 2:
+        return pd.DataFrame()
+    distances = np.abs(track.times[:, None] - annotation.times[None, :])
+    known = distances.min(axis=1) <= SAME_BEAT
+    known[0] = False  # Eq. 22 compares with the beat before
+    return pd.DataFrame(
+        {
+            "beats": beats,
+            "meter": annotation.meter,
+            "place": places[distances.argmin(axis=1)[known]] + 1,
+            "strong": strong_beats(track.strengths)[known],
+        }
+    )

@@ -1,0 +1,27 @@
+"""Reading what people have: sound, movement, beats. Errors start with the file's name."""
+
+from harmolab.io.audio import AudioInfo, audio_info, load_audio
+from harmolab.io.beats import BeatAnnotation, Unit, load_annotation, load_beats
+from harmolab.io.bvh import load_bvh
+from harmolab.io.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25, load_keypoints, load_openpose
+from harmolab.io.motion import load_motion, save_motion
+from harmolab.io.pickles import load_aist
+
+__all__ = [
+    "COCO_17",
+    "OPENPOSE_18",
+    "OPENPOSE_25",
+    "AudioInfo",
+    "BeatAnnotation",
+    "Unit",
+    "audio_info",
+    "load_aist",
+    "load_annotation",
+    "load_audio",
+    "load_beats",
+    "load_bvh",
+    "load_keypoints",
+    "load_motion",
+    "load_openpose",
+    "save_motion",
+]

@@ -1,0 +1,118 @@
+"""Arrays from files nobody vouches for: sizes are compared before memory is taken."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy_format
+from numpy.typing import ArrayLike, NDArray
+
+from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
+
+__all__ = ["checked_fps", "checked_motion", "in_metres", "number_array", "read_npy"]
+
+MIN_FPS, MAX_FPS = 1.0, 1000.0
+
+
+def read_npy(stream: BinaryIO, size: int, *, kinds: str = "fiu") -> NDArray[Any]:
+    """The array in an open `.npy` stream of `size` bytes.
+
+    The header is compared with the size first, so that a header that lies takes no memory. Python objects are
+    never read.
+
+    Parameters
+    ----------
+    stream : binary stream at the start of the array
+    size : int, bytes in the stream
+    kinds : str
+        The dtype kinds allowed (`numpy.dtype.kind`).
+
+    Raises
+    ------
+    ValueError
+        It is no `.npy`, has another dtype, or holds fewer bytes than its header promises.
+    """
+    shape, fortran, dtype = _npy_header(stream)
+    if dtype.kind not in kinds or not 0 < dtype.itemsize <= (8 if dtype.kind in "fiub" else 4096):
+        raise ValueError(f"holds values of type {dtype}; only plain numbers are read, never Python objects")
+    wanted, present = math.prod(shape) * dtype.itemsize, size - stream.tell()
+    if wanted > present or any(length < 0 for length in shape):
+        raise ValueError(f"promises an array of shape {shape} ({wanted} bytes), but {present} bytes are there")
+    values = np.frombuffer(stream.read(wanted), dtype)
+    # Turning a number that is no character into text would bring Python itself to fail.
+    if dtype.kind == "U" and values.view(f"{dtype.byteorder}u4").max(initial=0) > 0x10FFFF:
+        raise ValueError("holds text that is none: its characters are damaged")
+    return values.reshape(shape, order="F" if fortran else "C")
+
+
+def _npy_header(stream: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, Fortran order and dtype as the header of an `.npy` stream tells them."""
+    readers = {(1, 0): npy_format.read_array_header_1_0, (2, 0): npy_format.read_array_header_2_0}
+    with warnings.catch_warnings():
+        # Damaged headers make Python's parser and numpy warn about their syntax before they fail.
+        warnings.simplefilter("ignore")
+        version = npy_format.read_magic(stream)
+        if version not in readers:
+            raise ValueError(f"has .npy version {version}; save it again with numpy.save")
+        return readers[version](stream)
+
+
+def number_array(values: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+    """A float array from nested lists (of JSON), of the `shape` told; None stands for any length."""
+    wanted = "(" + ", ".join("any" if length is None else str(length) for length in shape) + ")"
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{name} must be numbers of shape {wanted}: {error}") from None
+    fits = array.ndim == len(shape) and all(
+        length in (None, found) for length, found in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
+    return array
+
+
+def in_metres(values: NDArray[Any], scale: float) -> FloatArray:
+    """`values` times `scale` (metres in one unit). What is out of all bounds becomes infinite, to be refused later."""
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale must be positive (metres in one unit), got {scale}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        return values.astype(np.float64) * scale
+
+
+def checked_fps(fps: Any) -> float:
+    """`fps` as a float; ValueError outside 1 to 1000 frames a second."""
+    rate = float(fps)
+    if not MIN_FPS <= rate <= MAX_FPS:
+        hint = "; was this the time of one frame?" if 0 < rate < MIN_FPS else ""
+        raise ValueError(f"fps must lie between {MIN_FPS:g} and {MAX_FPS:g}, got {rate:g}{hint}")
+    return rate
+
+
+def checked_motion(
+    positions: ArrayLike, fps: Any, skeleton: Skeleton | None = None, valid: BoolArray | None = None
+) -> Motion:
+    """A Motion from an array of a file; NaN and infinity are named by frame and joint.
+
+    Parameters
+    ----------
+    positions : (T, J, 3) or (T, J, 2) array
+    fps : number, frames per second
+    skeleton : Skeleton or None (joints without names)
+    valid : (T,) bool array or None (all True)
+    """
+    array = np.asarray(positions)
+    if array.ndim != 3 or array.shape[2] not in (2, 3) or array.shape[1] == 0:
+        raise ValueError(f"positions must be (frames, joints, 3) or (frames, joints, 2), got shape {array.shape}")
+    skeleton = Skeleton.unnamed(array.shape[1]) if skeleton is None else skeleton
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        frame, joint = bad[0][:2]
+        name = skeleton.joints[joint] if joint < len(skeleton.joints) else "?"
+        raise ValueError(
+            f"NaN or infinity at frame {frame}, joint {joint} ({name}), {len(bad)} values in all; interpolate or cut it"
+        )
+    return Motion(array, checked_fps(fps), skeleton, valid)  # type: ignore[arg-type]  # None: all frames

@@ -1,0 +1,192 @@
+"""Sound files to Audio: WAV, FLAC, OGG and MP3, through libsndfile.
+
+The header decides first, but is not believed: reading stops at the length that was asked for, whatever the header
+says, and a span is sought, not read through.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import soundfile
+import soxr
+from numpy.typing import NDArray
+
+from harmolab.io.errors import PathLike, reading
+from harmolab.types import Audio
+
+__all__ = ["AudioInfo", "audio_info", "load_audio"]
+
+FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
+MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
+# The densest thing there is, digital silence in FLAC, packs some 5,000 samples into a byte.
+MAX_FRAMES_PER_BYTE = 10_000
+MAX_AMPLITUDE = 1e10
+_WHAT = "WAV, FLAC, OGG or MP3 sound"
+_BLOCK_VALUES = 2**18
+_OGG_PAGE = 65_307
+
+
+class AudioInfo(NamedTuple):
+    """What the header of a sound file says: hertz, seconds, channels, and the name of the format."""
+
+    sample_rate: int
+    seconds: float
+    channels: int
+    format: str
+
+
+def audio_info(path: PathLike) -> AudioInfo:
+    """What the header of a sound file says; no sample is read.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    with reading(path, _WHAT, max_bytes=None) as file, soundfile.SoundFile(file) as sound:
+        _check_header(sound, file.stat().st_size)
+        return AudioInfo(sound.samplerate, sound.frames / sound.samplerate, sound.channels, sound.format)
+
+
+def load_audio(
+    path: PathLike,
+    *,
+    start: float = 0.0,
+    duration: float | None = None,
+    sample_rate: float | None = 22050.0,
+    max_seconds: float = 3600.0,
+) -> Audio:
+    """The sound in a file, or a span of it, mixed to one channel.
+
+    Parameters
+    ----------
+    path : str or path
+    start : float, seconds
+    duration : float or None, seconds
+        None: to the end. A span that reaches behind the end stops there.
+    sample_rate : float or None, hertz
+        Resampled to this rate (soxr, high quality). None keeps the file's rate.
+    max_seconds : float
+        More than this is refused before any sample is read.
+
+    Returns
+    -------
+    Audio with float32 samples
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file. A file that is cut off is an error; with `duration`, what is there can still be read.
+    """
+    with reading(path, _WHAT, max_bytes=None) as file:
+        if duration is None:
+            _check_whole(file)
+        with soundfile.SoundFile(file) as sound:
+            _check_header(sound, file.stat().st_size)
+            first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
+            samples = _mono(sound, first, count)
+            rate = sound.samplerate
+        if sample_rate is None or sample_rate == rate:
+            return Audio(samples, rate)
+        return Audio(_resampled(samples, rate, sample_rate), sample_rate)
+
+
+def _check_header(sound: soundfile.SoundFile, size: int) -> None:
+    """ValueError unless the header describes sound that can exist."""
+    if sound.format not in FORMATS:
+        raise ValueError(f"is a {sound.format} file; only WAV, FLAC, OGG and MP3 are read")
+    if not MIN_RATE <= sound.samplerate <= MAX_RATE:
+        raise ValueError(f"has a sample rate of {sound.samplerate} Hz; {MIN_RATE} to {MAX_RATE} Hz can be sound")
+    if not 1 <= sound.channels <= MAX_CHANNELS:
+        raise ValueError(f"has {sound.channels} channels; 1 to {MAX_CHANNELS} are read")
+    if sound.frames <= 0:
+        raise ValueError("holds no samples")
+    if sound.frames > MAX_FRAMES_PER_BYTE * size:
+        raise ValueError(f"claims {sound.frames} samples in {size} bytes: its header is damaged")
+
+
+def _check_whole(path: Path) -> None:
+    """ValueError when a WAV or OGG file is cut off, which libsndfile does not notice."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(12)
+        stream.seek(max(0, size - 2 * _OGG_PAGE))
+        tail = stream.read(2 * _OGG_PAGE)
+    if head[:4] == b"RIFF" and head[8:] == b"WAVE":
+        promised = int.from_bytes(head[4:8], "little") + 8
+        # Programs that write to a pipe do not know the length and put a huge number there.
+        if promised < 0x7FFFF000 and promised - size > max(1024, promised // 100):
+            raise ValueError(f"is cut off: {size} of {promised} bytes are there")
+    if head[:4] == b"OggS" and not _ends_with_a_page(tail):
+        raise ValueError("is cut off: it ends in the middle of a page")
+
+
+def _ends_with_a_page(tail: bytes) -> bool:
+    """Whether the last OGG page in the last bytes of a file is complete."""
+    page = tail[tail.rfind(b"OggS") :]
+    lengths = page[27 : 27 + page[26]] if len(page) > 26 else b""
+    return len(page) > 26 and len(lengths) == page[26] and len(page) >= 27 + len(lengths) + sum(lengths)
+
+
+def _span_frames(frames: int, rate: int, start: float, duration: float | None, max_seconds: float) -> tuple[int, int]:
+    """First sample frame and number of frames of the span asked for."""
+    if not (math.isfinite(start) and start >= 0):
+        raise ValueError(f"start must be 0 or more seconds, got {start}")
+    if duration is not None and not (math.isfinite(duration) and duration > 0):
+        raise ValueError(f"duration must be a positive number of seconds, got {duration}")
+    first = round(start * rate)
+    if first >= frames:
+        raise ValueError(f"has {frames / rate:.2f} s of sound, none from {start:g} s on")
+    count = frames - first if duration is None else min(frames - first, max(1, round(duration * rate)))
+    if count > max_seconds * rate:
+        raise ValueError(
+            f"would give {count / rate:.0f} s of sound, more than max_seconds={max_seconds:g}; "
+            "read a part with start and duration"
+        )
+    return first, count
+
+
+def _mono(sound: soundfile.SoundFile, first: int, count: int) -> NDArray[Any]:
+    """`count` frames from `first`, the mean of the channels."""
+    if first:
+        sound.seek(first)
+    parts = []
+    for block in _blocks(sound, count):
+        # Written so that NaN fails it too.
+        if not (np.abs(block) < MAX_AMPLITUDE).all():
+            raise ValueError(f"holds NaN, infinity or amplitudes over {MAX_AMPLITUDE:g} (full scale is 1)")
+        parts.append(block.mean(axis=1))
+    lost = count - sum(map(len, parts))
+    if lost > 0.1 * sound.samplerate or lost == count:
+        raise ValueError(
+            f"ends {lost / sound.samplerate:.2f} s before its header says (damaged or cut off); "
+            "read the part that is there with duration"
+        )
+    return np.concatenate(parts)
+
+
+def _blocks(sound: soundfile.SoundFile, count: int) -> Iterator[NDArray[Any]]:
+    """Up to `count` frames as blocks (frames, channels), until the file has no more."""
+    step = max(1, _BLOCK_VALUES // sound.channels)
+    # Each read ends in a seek, and an MP3 decoder has to find its way again after each: read that in one go.
+    whole = sound.read(count, dtype="float32", always_2d=True) if sound.format == "MP3" else None
+    for start in range(0, count, step):
+        size = min(step, count - start)
+        block = sound.read(size, dtype="float32", always_2d=True) if whole is None else whole[start : start + size]
+        if not len(block):
+            return
+        yield block
+
+
+def _resampled(samples: NDArray[Any], rate: float, target: float) -> NDArray[Any]:
+    """`samples` at the rate `target`, ceil(S * target / rate) of them, as librosa.load gives them."""
+    if not MIN_RATE <= target <= MAX_RATE:
+        raise ValueError(f"sample_rate must lie between {MIN_RATE} and {MAX_RATE} Hz, got {target}")
+    wanted = math.ceil(samples.size * target / rate)
+    resampled = soxr.resample(samples, rate, target, quality="HQ")[:wanted]
+    return np.pad(resampled, (0, wanted - resampled.size))

@@ -1,0 +1,236 @@
+"""Biovision files (`.bvh`) to Motion: any skeleton, any order of channels, by forward kinematics.
+
+How the file is read:
+
+* Rotations apply in the order in which the channels are written: `Zrotation Yrotation Xrotation` is Rz Ry Rx. Degrees.
+* Position channels give the joint's place in its parent's frame, in place of OFFSET (for the root: in the world).
+* An `End Site` becomes a joint named `<parent>_end`.
+* BVH says nothing about its unit. A rest skeleton that extends over more than 3 units is taken for centimetres, else
+  for metres; pass `scale` where that is wrong (the CMU files, for one, are in units of 5.6 cm: `scale=0.056444`).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from harmolab.io.arrays import checked_motion, in_metres
+from harmolab.io.errors import PathLike, read_text, reading
+from harmolab.types import FloatArray, Motion, Skeleton
+
+__all__ = ["load_bvh"]
+
+_CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "zrotation")
+_HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGNORECASE)
+_MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 2**24
+_BLOCK_PLACES = 2**17
+
+
+@dataclass
+class _Joint:
+    """One joint while the file is read. Its channels stand in the motion table from column `first` on."""
+
+    name: str
+    parent: int
+    offset: FloatArray = field(default_factory=lambda: np.zeros(3))
+    channels: tuple[str, ...] = ()
+    first: int = 0
+
+
+def load_bvh(path: PathLike, *, fps: float | None = None, scale: float | None = None) -> Motion:
+    """The movement in a BVH file.
+
+    Parameters
+    ----------
+    path : str or path
+    fps : float or None, frames per second
+        None: from the file's Frame Time.
+    scale : float or None, metres in one unit of the file
+        None: 0.01 if the rest skeleton extends over more than 3 units, else 1.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    with reading(path, "a BVH motion", max_bytes=_MAX_BYTES) as file:
+        head, found, table = read_text(file).partition("MOTION")
+        if not found or not head.lstrip()[:9].upper() == "HIERARCHY" or len(head) > _MAX_HEAD:
+            raise ValueError("is no BVH motion: it needs a HIERARCHY and a MOTION")
+        joints = _hierarchy(head.split())
+        values, rate = _table(table, sum(len(joint.channels) for joint in joints))
+        if len(values) * len(joints) > _MAX_PLACES:
+            raise ValueError(f"has {len(values)} frames of {len(joints)} joints; cut it into parts")
+        factor = _guessed_scale(joints) if scale is None else scale
+        skeleton = Skeleton(tuple(joint.name for joint in joints), tuple(joint.parent for joint in joints))
+        # Angles and offsets out of all bounds end as infinity, which is refused by frame and joint.
+        with np.errstate(over="ignore", invalid="ignore"):
+            positions = _positions(joints, values)
+        return checked_motion(in_metres(positions, factor), rate if fps is None else fps, skeleton)
+
+
+def _hierarchy(words: list[str]) -> list[_Joint]:
+    """The joints, parents before children, from the words before MOTION."""
+    joints: list[_Joint] = []
+    open_joints: list[int] = []
+    stream = iter(words[1:])
+    for word in stream:
+        key = word.upper()
+        if key in ("ROOT", "JOINT", "END"):
+            _open_joint(key, _name(stream), joints, open_joints)
+        elif key == "}" and open_joints:
+            open_joints.pop()
+        elif key in ("OFFSET", "CHANNELS") and open_joints:
+            _fill_joint(key, joints, open_joints[-1], stream)
+        else:
+            raise ValueError(f"cannot follow the hierarchy at {word[:40]!r}")
+    if not joints or open_joints:
+        raise ValueError("the hierarchy is cut off" if open_joints else "the hierarchy has no ROOT")
+    column = 0
+    for joint in joints:
+        joint.first, column = column, column + len(joint.channels)
+    return joints
+
+
+def _name(stream: Iterator[str]) -> str:
+    """The words up to the opening bracket: the name of a joint."""
+    name: list[str] = []
+    for word in stream:
+        if word == "{":
+            return " ".join(name) or "joint"
+        name.append(word)
+    raise ValueError("the hierarchy is cut off")
+
+
+def _open_joint(kind: str, name: str, joints: list[_Joint], open_joints: list[int]) -> None:
+    """Append a joint below the innermost open one."""
+    if kind == "ROOT" and joints:
+        raise ValueError(f"holds a second skeleton ({name[:40]!r}); write one file for each")
+    if kind != "ROOT" and not open_joints:
+        raise ValueError(f"{kind} {name[:40]} stands outside of the skeleton")
+    if len(joints) >= _MAX_JOINTS:
+        raise ValueError(f"has more than {_MAX_JOINTS} joints")
+    parent = open_joints[-1] if open_joints else -1
+    joints.append(_Joint(f"{joints[parent].name}_end" if kind == "END" else name, parent))
+    open_joints.append(len(joints) - 1)
+
+
+def _fill_joint(key: str, joints: list[_Joint], index: int, stream: Iterator[str]) -> None:
+    """Read OFFSET or CHANNELS into a joint."""
+    joint = joints[index]
+    if key == "OFFSET":
+        joint.offset = np.array([_number(stream, f"OFFSET of {joint.name}") for _ in range(3)])
+        return
+    names = tuple(next(stream, "").lower() for _ in range(_channel_count(stream, joint)))
+    if joint.channels or len(set(names)) < len(names) or not set(names) <= set(_CHANNELS):
+        raise ValueError(f"joint {joint.name[:40]!r} has channels {names}; known are {', '.join(_CHANNELS)}, once each")
+    joint.channels = names
+
+
+def _channel_count(stream: Iterator[str], joint: _Joint) -> int:
+    """The number behind CHANNELS."""
+    count = _number(stream, f"CHANNELS of {joint.name}")
+    if count not in range(7):
+        raise ValueError(f"joint {joint.name[:40]!r} has {count:g} channels; 0 to 6 are possible")
+    return int(count)
+
+
+def _number(stream: Iterator[str], where: str) -> float:
+    """The next word as a finite number."""
+    word = next(stream, "")
+    try:
+        number = float(word)
+    except ValueError:
+        raise ValueError(f"{where[:60]} must be a number, got {word[:40]!r}") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{where[:60]} must be finite, got {word[:40]!r}")
+    return number
+
+
+def _table(text: str, channels: int) -> tuple[FloatArray, float]:
+    """The motion table (T, channels), and the frames per second, from the text behind MOTION."""
+    head = _HEAD.match(text)
+    if head is None:
+        raise ValueError("has no lines 'Frames:' and 'Frame Time:' behind MOTION")
+    frames, step = (_number(iter([head[i]]), name) for i, name in ((1, "Frames"), (2, "Frame Time")))
+    if step <= 0:
+        raise ValueError(f"Frame Time must be positive, got {step:g}")
+    if channels == 0:
+        raise ValueError("no joint has a channel, so nothing moves")
+    values = _numbers(text[head.end() :])
+    if frames * channels != values.size:
+        raise ValueError(
+            f"promises {frames:g} frames of {channels} numbers, but {values.size} numbers follow: cut off or damaged"
+        )
+    return values.reshape(-1, channels), 1.0 / step
+
+
+def _numbers(text: str) -> FloatArray:
+    """All numbers of a text."""
+    with warnings.catch_warnings():
+        # At a word that is no number, older numpy only warns.
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(text, sep=" ")
+        except (DeprecationWarning, ValueError):
+            raise ValueError("holds something else than numbers in its motion table") from None
+
+
+def _guessed_scale(joints: list[_Joint]) -> float:
+    """0.01 if the rest skeleton extends over more than 3 units in any direction, else 1."""
+    rest = np.zeros((len(joints), 3))
+    for index, joint in enumerate(joints):
+        rest[index] = joint.offset + (rest[joint.parent] if joint.parent >= 0 else 0.0)
+    return 0.01 if np.ptp(rest, axis=0).max() > 3 else 1.0
+
+
+def _positions(joints: list[_Joint], values: FloatArray) -> FloatArray:
+    """Places of all joints (T, J, 3); in blocks of frames, because the rotations take much more room."""
+    positions = np.empty((len(values), len(joints), 3))
+    step = max(1, _BLOCK_PLACES // len(joints))
+    for first in range(0, len(values), step):
+        block = values[first : first + step]
+        places = positions[first : first + step]
+        rotations = np.empty((len(joints), len(block), 3, 3))
+        for index, joint in enumerate(joints):
+            columns = block[:, joint.first : joint.first + len(joint.channels)]
+            local, turn = _translation(joint, columns), _rotation(joint, columns)
+            if joint.parent >= 0:
+                above = rotations[joint.parent]
+                local = places[:, joint.parent] + (above @ local[..., None])[..., 0]
+                turn = above @ turn
+            places[:, index], rotations[index] = local, turn
+    return positions
+
+
+def _translation(joint: _Joint, values: FloatArray) -> FloatArray:
+    """Place of a joint in its parent's frame, (T, 3), from its channels (T, C)."""
+    local = np.tile(joint.offset, (len(values), 1))
+    for axis, name in enumerate(_CHANNELS[:3]):
+        if name in joint.channels:
+            local[:, axis] = values[:, joint.channels.index(name)]
+    return local
+
+
+def _rotation(joint: _Joint, values: FloatArray) -> FloatArray:
+    """Rotation of a joint against its parent, (T, 3, 3), from its channels (T, C)."""
+    turn = np.tile(np.eye(3), (len(values), 1, 1))
+    for name, angles in zip(joint.channels, values.T, strict=True):
+        if name.endswith("rotation"):
+            turn = turn @ _axis_rotation("xyz".index(name[0]), np.radians(angles))
+    return turn
+
+
+def _axis_rotation(axis: int, angle: FloatArray) -> FloatArray:
+    """Rotations by `angle` (T,), radians, about x, y or z: (T, 3, 3)."""
+    turn = np.zeros((len(angle), 3, 3))
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    turn[:, axis, axis] = 1.0
+    turn[:, one, one] = turn[:, two, two] = np.cos(angle)
+    turn[:, one, two], turn[:, two, one] = -np.sin(angle), np.sin(angle)
+    return turn

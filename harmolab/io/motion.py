@@ -1,0 +1,200 @@
+"""Motion files to Motion, and Motion to our own `.npz`.
+
+The `.npz` format
+-----------------
+An archive as `numpy.savez` writes it, with these arrays:
+
+==============  ==================================  =======================================================
+name            shape and type                      meaning
+==============  ==================================  =======================================================
+``positions``   (T, J, 3) or (T, J, 2) numbers      places of the joints. 3-D: metres, y up, right-handed;
+                                                    2-D: image coordinates, y down
+``fps``         one number                          frames per second, 1 to 1000
+``joints``      (J,) strings, optional              names of the joints
+``parents``     (J,) integers, optional             index of each joint's parent, -1 at a root
+``valid``       (T,) bool, optional                 False where a frame is filler (a splice, an occlusion)
+``units``       one string, optional                ``"m"`` for 3-D (nothing else is read), any for 2-D
+==============  ==================================  =======================================================
+
+T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
+
+>>> numpy.savez("dance.npz", positions=positions, fps=60.0, joints=["hip", "knee"], parents=[-1, 0], units="m")
+
+Other formats
+-------------
+``.npy``
+    (T, J, 3) in metres, or (T, J, 2) and flat (T, 2J) image coordinates; holds no rate, so pass `fps`. 17, 18 or 25
+    joints get the names of COCO or OpenPose. AIST++ file names bring their 60 fps. See `harmolab.io.keypoints`.
+``.bvh``
+    any skeleton; `harmolab.io.bvh`.
+``.pkl``
+    AIST++ keypoints3d; `harmolab.io.pickles`.
+a folder
+    OpenPose's JSON files, one a frame; `harmolab.io.keypoints`.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.io.arrays import checked_motion, in_metres, read_npy
+from harmolab.io.bvh import load_bvh
+from harmolab.io.errors import MAX_BYTES, PathLike, reading
+from harmolab.io.keypoints import keypoints_motion, load_openpose, named_skeleton
+from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
+from harmolab.types import Motion, Skeleton
+
+__all__ = ["load_motion", "save_motion"]
+
+_MEMBERS = {"positions": "fiu", "fps": "fiu", "joints": "U", "parents": "iu", "valid": "b", "units": "U"}
+# Movement hardly compresses. An archive that unfolds to more than this, and a hundredfold, is a trap.
+_BOMB_BYTES, _BOMB_RATIO = 64 * 2**20, 100
+
+
+def load_motion(path: PathLike, *, fps: float | None = None, scale: float | None = None) -> Motion:
+    """The movement in a file (`.npz`, `.npy`, `.bvh`, `.pkl`) or in a folder of OpenPose JSON files.
+
+    Parameters
+    ----------
+    path : str or path
+    fps : float or None, frames per second
+        Needed where the file holds no rate (`.npy`, OpenPose); elsewhere it takes the place of the file's.
+    scale : float or None
+        Metres in one unit of a 3-D file. None: 1 for `.npy`, 0.01 for AIST++, see `load_bvh` for BVH.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    suffix = Path(path).suffix.lower()
+    if Path(path).is_dir():
+        return _load_folder(Path(path), fps)
+    if suffix == ".npz":
+        return _load_npz(path, fps)
+    if suffix == ".npy":
+        return _load_npy(path, fps, 1.0 if scale is None else scale)
+    if suffix == ".bvh":
+        return load_bvh(path, fps=fps, scale=scale)
+    if suffix in (".pkl", ".pickle"):
+        return load_aist(path, fps=AIST_FPS if fps is None else fps, scale=0.01 if scale is None else scale)
+    with reading(path, "a motion", max_bytes=None):
+        raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl are read")
+
+
+def _load_folder(folder: Path, fps: float | None) -> Motion:
+    """A folder's own `motion.npz`, or OpenPose's JSON files."""
+    if (folder / "motion.npz").is_file():
+        return _load_npz(folder / "motion.npz", fps)
+    if (folder / "skeletons.json").is_file():
+        raise ValueError(f"{folder}: is a sequence of Tang et al.; read it with harmolab.data.load_sequence")
+    if fps is None:
+        raise ValueError(f"{folder}: holds no frame rate; pass fps")
+    return load_openpose(folder, fps=fps)
+
+
+def _load_npy(path: PathLike, fps: float | None, scale: float) -> Motion:
+    """A `.npy` array: (T, J, 3) metres, (T, J, 2) or (T, 2J) image coordinates."""
+    with reading(path, "a .npy array") as file:
+        with file.open("rb") as stream:
+            values = read_npy(stream, file.stat().st_size)
+        if fps is None and not is_aist_name(file):
+            raise ValueError("holds no frame rate; pass fps")
+        rate = AIST_FPS if fps is None else fps
+        if values.ndim != 3 or values.shape[2] != 3:
+            return keypoints_motion(values, rate)
+        _refuse_confidence(values)
+        return checked_motion(in_metres(values, scale), rate, named_skeleton(values.shape[1]))
+
+
+def _refuse_confidence(values: NDArray[Any]) -> None:
+    """ValueError when (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
+    is_pose = named_skeleton(values.shape[1]) is not None and len(values) > 0
+    if is_pose and values[..., 2].min() >= 0 and values[..., 2].max() <= 1 and np.abs(values[..., :2]).max() > 20:
+        raise ValueError("looks like x, y, confidence and not like metres; read it with load_keypoints")
+
+
+def _load_npz(path: PathLike, fps: float | None) -> Motion:
+    """Our own format, as the module's docstring tells it."""
+    with reading(path, "an .npz motion") as file:
+        arrays = _npz_arrays(file)
+        for name in ("positions", "fps"):
+            if name not in arrays:
+                raise ValueError(f"has no array {name!r}; our .npz needs positions and fps, see harmolab.io.motion")
+        positions, rate = arrays["positions"], arrays["fps"] if fps is None else np.asarray(fps)
+        units = str(arrays["units"]) if "units" in arrays else "m"
+        if rate.size != 1:
+            raise ValueError(f"fps must be one number, got shape {rate.shape}")
+        if positions.ndim == 3 and positions.shape[2] == 3 and units != "m":
+            raise ValueError(f"has positions in {units[:20]!r}; multiply them to metres ('m') first")
+        return checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid"))
+
+
+def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
+    """The skeleton of an `.npz`, as far as it is told."""
+    if "joints" not in arrays and "parents" not in arrays:
+        return None
+    count = arrays["joints" if "joints" in arrays else "parents"].size
+    plain = Skeleton.unnamed(count)
+    joints = arrays["joints"].ravel().tolist() if "joints" in arrays else plain.joints
+    parents = arrays["parents"].ravel().tolist() if "parents" in arrays else plain.parents
+    return Skeleton(tuple(joints), tuple(parents))
+
+
+def _npz_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of an `.npz` that we know; sizes are summed before anything is unpacked."""
+    with zipfile.ZipFile(path) as archive:
+        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        known = {name: info for name, info in members.items() if name in _MEMBERS}
+        unpacked = sum(info.file_size for info in known.values())
+        if unpacked > MAX_BYTES or unpacked > max(_BOMB_BYTES, _BOMB_RATIO * path.stat().st_size):
+            raise ValueError(f"would unpack to {unpacked} bytes from {path.stat().st_size}; refused")
+        return {name: _member(archive, info, name) for name, info in known.items()}
+
+
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> NDArray[Any]:
+    """One array of an `.npz`."""
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"array {name!r} is packed in a way that is not read; use numpy.savez")
+    data = archive.read(info)
+    try:
+        return read_npy(io.BytesIO(data), len(data), kinds=_MEMBERS[name])
+    except ValueError as error:
+        raise ValueError(f"array {name!r}: {error}") from None
+
+
+def save_motion(path: PathLike, motion: Motion) -> None:
+    """Write a motion as `.npz` (the format above); the file appears whole or not at all.
+
+    `load_motion` gives the same numbers back, bit by bit.
+
+    Raises
+    ------
+    ValueError
+        The name does not end in `.npz`.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        raise ValueError(f"{path}: motion is saved as .npz; choose a name that ends so")
+    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with aside.open("wb") as stream:
+            np.savez(
+                stream,
+                positions=motion.positions,
+                fps=np.float64(motion.fps),
+                joints=np.array(motion.skeleton.joints),
+                parents=np.array(motion.skeleton.parents),
+                valid=motion.valid,
+                units=np.array("m" if motion.positions.shape[2] == 3 else "image"),
+            )
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)

@@ -1,0 +1,195 @@
+"""Array kernels on joint positions: joint speed (Eq. 7), turning points (Eq. 8-9), direction spread, resampling.
+
+Kernels take and return plain arrays. Frame indices exist only here and end in ``_frames``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.ndimage import gaussian_filter1d
+
+from harmolab.types import Motion
+
+__all__ = [
+    "direction_spread",
+    "joint_speed",
+    "peak_frames",
+    "refine_extrema",
+    "resample_motion",
+    "smooth",
+    "turning_points",
+    "upsample_motion",
+    "valley_frames",
+]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# A step smaller than this share of the curve's maximum counts as a tie (docs/readings.md, Eq. 8-9).
+TIE_TOLERANCE = 1e-6
+ROUNDING = 1e-12  # 1 - cos below this is a straight line
+
+
+def joint_speed(positions: FloatArray, fps: float = 1.0, *, reading: str = "norm") -> FloatArray:
+    """Joint velocity sum J_v of every frame (paper Eq. 7).
+
+    Parameters
+    ----------
+    positions : (T, J, D) array
+    fps : float, hertz
+        With 1.0 the result is in units per frame, else in units per second.
+    reading : "norm", "signed" or "norm_of_sum"
+        Sum of the L2 norms (paper mode), signed sum over joints and axes, or norm of the summed vector.
+
+    Returns
+    -------
+    (T,) array; the first frame repeats the second, since Eq. 7 does not define it.
+    """
+    steps = np.diff(positions, axis=0)
+    if reading == "norm":
+        speed = np.sqrt(np.einsum("tjd,tjd->tj", steps, steps)).sum(axis=1)
+    elif reading == "signed":
+        speed = steps.sum(axis=(1, 2))
+    elif reading == "norm_of_sum":
+        speed = np.linalg.norm(steps.sum(axis=1), axis=1)
+    else:
+        raise ValueError(f"reading must be norm, signed or norm_of_sum, got {reading!r}")
+    return np.concatenate([speed[:1], speed]) * fps
+
+
+def direction_spread(positions: FloatArray) -> FloatArray:
+    """Motion SD: how much the joints' directions of movement differ from one frame to the next (Yalta et al. 2019).
+
+    For each joint the unit vector of its movement is compared with the one before; the result is the standard
+    deviation over joints of that change of direction. Joints at rest count as not turning.
+
+    Returns
+    -------
+    (T,) array; the first two frames repeat the third.
+    """
+    steps = np.diff(positions, axis=0)
+    length = np.linalg.norm(steps, axis=2, keepdims=True)
+    still = length <= TIE_TOLERANCE * length.max(initial=0.0)
+    unit = np.where(still, 0.0, steps / np.where(still, 1.0, length))
+    turn = np.where((still[1:] | still[:-1])[..., 0], 0.0, 1.0 - np.einsum("tjd,tjd->tj", unit[1:], unit[:-1]))
+    turn = np.where(turn < ROUNDING, 0.0, turn)
+    spread = turn.std(axis=1) if len(turn) else np.zeros(1)
+    return np.concatenate([spread[:1], spread[:1], spread])[: len(positions)]
+
+
+def smooth(curve: FloatArray, sigma: float, fps: float) -> FloatArray:
+    """`curve` (T, ...) smoothed along time by a Gaussian of `sigma` seconds; unchanged when `sigma` is 0."""
+    if sigma == 0:
+        return curve
+    return gaussian_filter1d(curve, sigma * fps, axis=0, mode="nearest")
+
+
+def step_signs(curve: FloatArray, *, carry: bool = True) -> IntArray:
+    """Sign of each step of `curve` (Eq. 8); a tie takes the sign before it when `carry`."""
+    steps = np.diff(curve)
+    signs = np.sign(np.where(np.abs(steps) <= TIE_TOLERANCE * np.abs(curve).max(initial=0.0), 0.0, steps))
+    if carry and signs.size:
+        last_frames = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.size), 0))
+        signs = signs[last_frames]
+    return signs.astype(np.int64)
+
+
+def turning_points(curve: FloatArray, *, plateau: str = "last") -> IntArray:
+    """Frames at which the curve turns from rising to falling or back (Eq. 8-9).
+
+    Parameters
+    ----------
+    curve : (T,) array
+    plateau : "last", "middle" or "literal"
+        A flat top is one turning point, at its last or middle sample; "literal" follows Eq. 9 and misses it.
+
+    Examples
+    --------
+    >>> turning_points(np.array([0.0, 1.0, 0.0, 2.0]))
+    array([1, 2])
+    """
+    signs = step_signs(curve, carry=plateau != "literal")
+    turns = np.flatnonzero(signs[:-1] * signs[1:] < 0) + 1
+    if plateau == "middle":
+        ties = step_signs(curve, carry=False) == 0
+        starts = np.array([turn - _run_before(ties, int(turn)) for turn in turns], dtype=np.int64)
+        return (starts + turns) // 2
+    if plateau not in ("last", "literal"):
+        raise ValueError(f"plateau must be last, middle or literal, got {plateau!r}")
+    return turns
+
+
+def _run_before(flags: NDArray[np.bool_], end: int) -> int:
+    """Length of the run of True that ends just before `end`."""
+    run = 0
+    while run < end and flags[end - 1 - run]:
+        run += 1
+    return run
+
+
+def valley_frames(curve: FloatArray, *, plateau: str = "last") -> IntArray:
+    """The turning points at which the curve stops falling."""
+    turns = turning_points(curve, plateau=plateau)
+    return turns[step_signs(curve)[turns] > 0]
+
+
+def peak_frames(curve: FloatArray, *, plateau: str = "last") -> IntArray:
+    """The turning points at which the curve stops rising."""
+    turns = turning_points(curve, plateau=plateau)
+    return turns[step_signs(curve)[turns] < 0]
+
+
+def refine_extrema(curve: FloatArray, frames: IntArray) -> FloatArray:
+    """Positions of extrema between samples: the top of the parabola through each frame and its two neighbours.
+
+    Returns
+    -------
+    (B,) array of fractional frames, at most half a frame from `frames`.
+    """
+    before, here, after = curve[frames - 1], curve[frames], curve[frames + 1]
+    bend = before - 2 * here + after
+    shift = np.divide(0.5 * (before - after), bend, out=np.zeros(len(frames)), where=bend != 0)
+    return frames + np.clip(shift, -0.5, 0.5)
+
+
+def resample_motion(motion: Motion, fps: float) -> Motion:
+    """`motion` at another rate, by linear interpolation (READINGS: nearest-frame resampling invents beats).
+
+    A new frame is valid where both frames around it are.
+    """
+    if fps == motion.fps:
+        return motion
+    at, left = _old_frames(motion, fps)
+    share = (at - left)[:, None, None]
+    # In this form a joint that rests stays exactly where it is.
+    positions = motion.positions[left] + share * (motion.positions[left + 1] - motion.positions[left])
+    return replace(motion, positions=positions, fps=fps, valid=motion.valid[left] & motion.valid[left + 1])
+
+
+def upsample_motion(motion: Motion, fps: float) -> Motion:
+    """`motion` at `fps` at least, by cubic splines; itself when it is fast enough already.
+
+    Dance holds little above 3 Hz, so a cubic through 15 frames per second finds what lies between them, and the speed
+    no longer shows the frame rate. Straight lines between frames would make steps of it.
+    """
+    if motion.fps >= fps:
+        return motion
+    at, left = _old_frames(motion, fps)
+    # From the first pose on: a joint that rests stays at exactly 0.
+    moved = motion.positions - motion.positions[:1]
+    spline = make_interp_spline(np.arange(motion.n_frames), moved, k=3 if motion.n_frames > 3 else 1)
+    positions = motion.positions[:1] + spline(at)
+    return replace(motion, positions=positions, fps=fps, valid=motion.valid[left] & motion.valid[left + 1])
+
+
+def _old_frames(motion: Motion, fps: float) -> tuple[FloatArray, IntArray]:
+    """Where the frames of `motion` at another rate lie among its own, and the frame at or before each."""
+    count = int(np.floor((motion.n_frames - 1) * fps / motion.fps + 1e-9)) + 1
+    if count < 2:
+        raise ValueError(f"a motion of {motion.duration:.3f} s has no two frames at {fps:g} fps")
+    at = np.minimum(np.arange(count) * (motion.fps / fps), motion.n_frames - 1)
+    return at, np.minimum(at.astype(np.int64), motion.n_frames - 2)

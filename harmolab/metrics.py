@@ -1,0 +1,133 @@
+"""The field's other measures of music and motion, in seconds, each with its source and its pitfalls.
+
+They are what papers report, so a reader can compare. None of them subtracts what chance would reach: read them beside
+`chance` and `harmony_above_chance`, never alone.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack
+
+__all__ = [
+    "beat_align",
+    "beat_coverage",
+    "beat_hit_rate",
+    "kinematic_params",
+    "mir_eval_scores",
+    "other_scores",
+]
+
+FloatArray = NDArray[np.float64]
+
+AIST_SIGMA = 3 / 60  # seconds: 3 frames at AIST++'s 60 fps
+AIST_SMOOTHING = 5 / 60  # seconds: 5 frames at 60 fps
+
+
+def kinematic_params() -> HarmonyParams:
+    """How AIST++ finds motion beats: minima of the joint speed smoothed by 5 frames at 60 fps, here in seconds."""
+    return HarmonyParams(detector="valleys", fps=None, smoothing=AIST_SMOOTHING, visual_threshold=None)
+
+
+def beat_align(queries: FloatArray, targets: FloatArray, *, sigma: float = AIST_SIGMA) -> float:
+    """Mean of exp(-d^2 / (2 sigma^2)) over `queries`, d the distance to the nearest target (Li et al. 2021, AIST++).
+
+    Parameters
+    ----------
+    queries, targets : (B,) arrays, seconds
+        Motion beats and music beats give "beat_align_motion"; exchanged they give "beat_align_music".
+    sigma : float, seconds
+
+    Returns
+    -------
+    float in [0, 1]; 0 when either side is empty.
+
+    Notes
+    -----
+    Over motion beats, one well-placed beat scores 1; over music beats, a motion that turns all the time does. Published
+    codes give sigma in frames, so their scores change with the frame rate.
+
+    Examples
+    --------
+    >>> beat_align(np.array([1.0]), np.array([1.0, 2.0]))
+    1.0
+    """
+    if len(queries) == 0 or len(targets) == 0:
+        return 0.0
+    distance = np.abs(np.subtract.outer(queries, targets)).min(axis=1)
+    return float(np.exp(-(distance**2) / (2 * sigma**2)).mean())
+
+
+def beat_coverage(n_visual: int, n_audio: int) -> float:
+    """Motion beats per music beat (Lee et al. 2019); 0 without music beats. More is not better: jitter raises it."""
+    return n_visual / n_audio if n_audio else 0.0
+
+
+def beat_hit_rate(visual_times: FloatArray, audio_times: FloatArray, *, delay: float = 0.1) -> float:
+    """Share of motion beats within `delay` seconds of a music beat (Lee et al. 2019); 0 without motion beats.
+
+    The source gives no tolerance; the faster the music, the easier a hit.
+    """
+    if len(visual_times) == 0 or len(audio_times) == 0:
+        return 0.0
+    distance = np.abs(np.subtract.outer(visual_times, audio_times)).min(axis=1)
+    return float((distance <= delay + 1e-9).mean())
+
+
+MIR_EVAL_NAMES = ("f", "cemgil", "goto", "p_score", "cmlc", "cmlt", "amlc", "amlt", "information_gain")
+
+
+def mir_eval_scores(
+    audio_times: FloatArray, visual_times: FloatArray, *, only: Collection[str] = MIR_EVAL_NAMES
+) -> dict[str, float]:
+    """The beat-tracking measures of mir_eval, music beats as reference, motion beats as estimate.
+
+    mir_eval drops the first five seconds by default, which of a 6 s clip leaves nothing; nothing is dropped here.
+    They were made for trackers that hear the music: a dancer who moves on every second beat is punished by most of
+    them.
+
+    Returns
+    -------
+    dict of "mir_eval_" + name for the names of `only`; all 0 with fewer than two beats on either side, or when those of
+    one side lie within a hundredth of a second, which is the finest that mir_eval can tell apart.
+    """
+    if min(len(audio_times), len(visual_times)) < 2 or min(np.ptp(audio_times), np.ptp(visual_times)) <= 0.01:
+        return {f"mir_eval_{name}": 0.0 for name in only}
+    # Imported late: it takes a second, and only callers of this function need it.
+    import mir_eval.beat as judge
+
+    measures: dict[str, Callable[[FloatArray, FloatArray], Any]] = {
+        "f": judge.f_measure,
+        "cemgil": lambda music, motion: judge.cemgil(music, motion)[0],
+        "goto": judge.goto,
+        # In rare clips with dense beats mir_eval counts a beat twice and exceeds 1.
+        "p_score": lambda music, motion: min(judge.p_score(music, motion), 1.0),
+        "information_gain": judge.information_gain,
+    }
+    tracking = ("cmlc", "cmlt", "amlc", "amlt")
+    with warnings.catch_warnings():
+        # mir_eval takes means of nothing where few beats match; what it makes of them is a score of 0.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        values = {name: float(find(audio_times, visual_times)) for name, find in measures.items() if name in only}
+    if set(tracking) & set(only):
+        values.update(zip(tracking, map(float, judge.continuity(audio_times, visual_times)), strict=True))
+    return {f"mir_eval_{name}": values[name] for name in only}
+
+
+def other_scores(audio_track: BeatTrack, kinematic_track: BeatTrack) -> dict[str, float]:
+    """All measures of this module for one clip; `kinematic_track` as found with `kinematic_params`."""
+    audio, visual = audio_track.times, kinematic_track.times
+    return {
+        "beat_align_motion": beat_align(visual, audio),
+        "beat_align_music": beat_align(audio, visual),
+        "beat_coverage": beat_coverage(len(visual), len(audio)),
+        "beat_hit_rate": beat_hit_rate(visual, audio),
+        **mir_eval_scores(audio, visual),
+    }

@@ -1,0 +1,237 @@
+"""Our measure: how well the movement around each music beat fits what dancers do there.
+
+Dancers do not all stop on the beat: in recorded cha-cha they are fastest between the beats of one half bar, in waltz
+the whole bar has one shape. A `BarPattern` holds that shape, the course of normalised joint speed over a cycle of
+beats, and is learnt on other motion than it is applied to. For a clip we lay the motion on the music's beats, ask at
+every moment how well the next bit of movement fits the pattern, and rank the music's beats among all moments of the
+clip: 0.5 is what a random moment reaches, whatever the music's tempo, the motion's frame rate or how much the dancer
+moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.stats import rankdata
+
+from harmolab.beats.saliency import salient_audio
+from harmolab.beats.visual import motion_curve
+from harmolab.kinematics import upsample_motion
+from harmolab.params import BarPattern, HarmonyParams
+from harmolab.types import BeatTrack, Motion
+
+__all__ = [
+    "PatternFit",
+    "PatternSums",
+    "beat_positions",
+    "cycle_of_meter",
+    "evaluate_pattern",
+    "fit_of_motion",
+    "fit_of_speed",
+    "fit_pattern",
+    "moment_ranks",
+    "normalised_speed",
+    "pattern_sums",
+]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+GRID = 24  # samples per beat on which curve and pattern are compared
+HARMONICS = 2  # of the cycle; more gained nothing on other figures (docs/readings.md)
+DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat
+RATE = 120.0  # hertz: slower motion is interpolated first, so that its frame rate does not show
+CHANCE_ROTATIONS = 60  # at least so many, when chance is not known beforehand
+MOST_MOMENTS = 5_000_000  # a day of music on the grid
+
+
+@dataclass(frozen=True, eq=False)
+class PatternFit:
+    """How high each music beat ranks among all moments of the clip.
+
+    Parameters
+    ----------
+    shares : (N,) array in [0, 1], one per attentional music beat
+    weights : (N,) array, beat strengths
+    null : (R,) array, the weighted mean of the shares after each rotation in time
+    chance : float, mean of the null
+    """
+
+    shares: FloatArray
+    weights: FloatArray
+    null: FloatArray
+    chance: float
+
+    @property
+    def mean(self) -> float:
+        """Weighted mean share; 0 without beats."""
+        total = self.weights.sum()
+        return float(self.shares @ self.weights / total) if total > 0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class PatternSums:
+    """Fourier sums of the speed over a cycle, additive over pieces of motion: the sufficient statistic of a fit."""
+
+    beats: int
+    sums: NDArray[np.complex128]
+    count: int
+
+
+def cycle_of_meter(meter: int | None) -> int:
+    """Beats in a pattern's cycle: half a bar in even meters, the bar in odd ones, one beat in an unknown meter."""
+    if meter is None:
+        return 1
+    return 2 if meter % 2 == 0 else meter
+
+
+def normalised_speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArray]:
+    """Joint speed without its slow drift, in standard deviations of the clip.
+
+    Returns
+    -------
+    times : (T',) array, seconds; a frame difference belongs half way between its frames
+    speed : (T',) array with mean 0; all 0 when nothing moves
+    """
+    curve, fps = motion_curve(upsample_motion(motion, RATE) if params.fps is None else motion, params)
+    rest: FloatArray = curve - gaussian_filter1d(curve, DRIFT * fps, mode="nearest")
+    spread = rest.std()
+    still = spread <= 1e-9 * max(np.abs(curve).max(), 1e-300)
+    speed = np.zeros_like(rest) if still else (rest - rest.mean()) / spread
+    return (np.arange(curve.size, dtype=np.float64) - 0.5) / fps, speed
+
+
+def beat_positions(times: FloatArray, track: BeatTrack) -> FloatArray:
+    """Where each time lies on the music's beats: 2.5 is half way between the third and the fourth beat.
+
+    Counting starts at the first beat's place in its bar when that is known. Before the first and after the last beat
+    the nearest beat interval goes on.
+
+    Raises
+    ------
+    ValueError
+        With fewer than two beats there is no tempo.
+    """
+    beats = track.times
+    if beats.size < 2:
+        raise ValueError(f"a pattern needs two music beats at least, got {beats.size}")
+    index = np.interp(times, beats, np.arange(beats.size))
+    index = np.where(times < beats[0], (times - beats[0]) / (beats[1] - beats[0]), index)
+    index = np.where(times > beats[-1], beats.size - 1 + (times - beats[-1]) / (beats[-1] - beats[-2]), index)
+    return index + (0 if track.bar_places is None else track.bar_places[0])
+
+
+def evaluate_pattern(pattern: BarPattern, positions: FloatArray) -> FloatArray:
+    """Expected normalised speed at beat positions (any shape)."""
+    angle = 2 * np.pi * np.asarray(positions)[..., None] * np.arange(1, len(pattern.cosines) + 1) / pattern.beats
+    return np.cos(angle) @ np.array(pattern.cosines) + np.sin(angle) @ np.array(pattern.sines)
+
+
+def pattern_sums(positions: FloatArray, speed: FloatArray, beats: int) -> PatternSums:
+    """The sums a pattern is fitted from, for one piece of motion.
+
+    Parameters
+    ----------
+    positions : (T,) array, beat positions
+    speed : (T,) array, normalised speed
+    beats : int, length of the cycle
+    """
+    angle = -2j * np.pi * positions[:, None] * np.arange(1, HARMONICS + 1) / beats
+    return PatternSums(beats, speed @ np.exp(angle), speed.size)
+
+
+def fit_pattern(pieces: Iterable[PatternSums], *, source: str = "") -> BarPattern:
+    """The pattern that the pieces share; each counts by its length.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to fit, or the pieces have cycles of different length.
+    """
+    given = [piece for piece in pieces if piece.count > 0]
+    if not given:
+        raise ValueError("no motion to fit a bar pattern on")
+    lengths = {piece.beats for piece in given}
+    if len(lengths) > 1:
+        raise ValueError(f"pieces with cycles of {sorted(lengths)} beats cannot share a pattern")
+    mean = 2 * np.sum([piece.sums for piece in given], axis=0) / sum(piece.count for piece in given)
+    return BarPattern(lengths.pop(), tuple(mean.real.tolist()), tuple((-mean.imag).tolist()), source)
+
+
+def fit_of_motion(
+    audio_track: BeatTrack, motion: Motion, params: HarmonyParams, *, n_rotations: int = 1000
+) -> PatternFit:
+    """How well `motion` fits ``params.pattern`` on the beats of `audio_track` (same time line).
+
+    When a bar place is not known the best one is taken, and chance is what the best one reaches at random moments.
+    """
+    return fit_of_speed(audio_track, *normalised_speed(motion, params), params, n_rotations=n_rotations)
+
+
+def fit_of_speed(
+    audio_track: BeatTrack, times: FloatArray, speed: FloatArray, params: HarmonyParams, *, n_rotations: int = 1000
+) -> PatternFit:
+    """As `fit_of_motion`, from `normalised_speed`: what to call when one motion meets many beat tracks."""
+    audio = salient_audio(audio_track, params)
+    neutral = PatternFit(np.full(len(audio), 0.5), audio.strengths, np.full(max(n_rotations, 1), 0.5), 0.5)
+    if len(audio) == 0 or len(audio_track) < 2 or not speed.any():
+        return neutral
+    # All beats make the time line, or each one that is too weak to count would move those after it in the bar.
+    positions = beat_positions(times - params.lag, audio_track)
+    first, last = int(np.ceil(positions[0] * GRID)), int(np.floor(positions[-1] * GRID))
+    if last < first:
+        return neutral
+    if last - first > MOST_MOMENTS:
+        closest = float(np.diff(audio_track.times).min())
+        raise ValueError(f"music beats lie {closest:.2g} s apart: are there doubles among them?")
+    curve = np.interp(np.arange(first, last + 1) / GRID, positions, speed)
+    ranks = moment_ranks(curve, params.pattern)
+    beats = np.round(beat_positions(audio.times, audio_track)).astype(np.int64)
+    moments = np.clip(beats * GRID - first, 0, curve.size - 1)
+    known = audio_track.bar_places is not None or params.pattern.beats == 1
+    return _best_places(ranks, moments, beats, audio.strengths, n_rotations, known)
+
+
+def moment_ranks(curve: FloatArray, pattern: BarPattern) -> FloatArray:
+    """Rank of every moment, in (0, 1), by how well the curve around it fits each place of the pattern.
+
+    Parameters
+    ----------
+    curve : (G,) array, normalised speed on the beat grid
+    pattern : BarPattern
+
+    Returns
+    -------
+    (beats, G) array: row k ranks the moments as candidates for place k.
+    """
+    half = pattern.beats * GRID // 2
+    offsets = np.arange(-half, half + 1) / GRID
+    window = 0.5 + 0.5 * np.cos(np.pi * offsets * GRID / half)
+    padded = np.pad(curve, half)
+    rows = []
+    for place in range(pattern.beats):
+        template = window * evaluate_pattern(pattern, offsets + place)
+        template -= window * template.sum() / window.sum()
+        rows.append(np.convolve(padded, template[::-1], mode="valid"))
+    return (rankdata(rows, axis=1) - 0.5) / curve.size
+
+
+def _best_places(
+    ranks: FloatArray, moments: IntArray, places: IntArray, weights: FloatArray, n_rotations: int, known: bool
+) -> PatternFit:
+    """Read the ranks at the music's beats, and at every rotation of them; over all places unless they are known."""
+    cycle, size = ranks.shape
+    count = max(n_rotations, 1 if known else CHANCE_ROTATIONS)
+    shifts = np.unique(np.linspace(0, size, count, endpoint=False).astype(np.int64))
+    rotated = np.mod(moments[None, :] + shifts[:, None], size)
+    mass = weights / weights.sum() if weights.sum() > 0 else np.full(weights.size, 1 / weights.size)
+    options = [0] if known else list(range(cycle))
+    shares = [ranks[np.mod(places + option, cycle), moments] for option in options]
+    nulls = [ranks[np.mod(places + option, cycle), rotated] @ mass for option in options]
+    best = int(np.argmax([share @ mass for share in shares]))
+    null = np.max(nulls, axis=0)
+    return PatternFit(shares[best], weights, null, 0.5 if len(options) == 1 else float(null.mean()))

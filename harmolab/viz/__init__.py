@@ -1,0 +1,1 @@
+"""Drawing: every function draws on the axes it is given and returns them."""

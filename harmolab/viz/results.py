@@ -1,0 +1,127 @@
+"""Results over a corpus: AUC of every score with its chance band, learnt bar patterns, what disturbs a score."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from harmolab.params import BarPattern
+from harmolab.pattern import evaluate_pattern
+from harmolab.viz.style import COLOURS
+
+__all__ = ["SCORE_LABELS", "draw_auc", "draw_disturbances", "draw_patterns", "draw_picks", "draw_score_spread"]
+
+SCORE_LABELS = {
+    "recommended": "recommended (bar pattern)",
+    "peaks_lagged": "speed peaks, one lag a dance",
+    "valleys": "speed valleys within 0.1 s",
+    "paper": "paper: harmony h",
+    "paper_above_chance": "paper, chance-corrected",
+    "hit_rate": "paper: hit rate",
+    "beat_align_motion": "AIST++ alignment, motion beats",
+    "beat_align_music": "AIST++ alignment, music beats",
+    "beat_hit_rate": "Lee et al. hit rate",
+    "mir_eval_f": "mir_eval F, 70 ms",
+}
+
+# Lines for scores and dances; none of them has a meaning elsewhere (audio, visual, hit, miss).
+SCORE_COLOURS = ("#222222", "#CC79A7", "#56B4E9", "#8C6D31", "#7F7F7F", "#6A3D9A", "#B8A9C9")
+SCORE_MARKS = ("o-", "s--", "^-.", "x:", "d-", "v--", "P-.")
+
+
+def draw_auc(ax: Axes, scores: Mapping[str, Mapping[str, Any]], *, title: str = "") -> Axes:
+    """AUC of each score as a dot on its chance band: a dot inside its grey band tells nothing.
+
+    Parameters
+    ----------
+    ax : Axes
+    scores : the "scores" of a `harmolab compare` summary
+    title : str
+    """
+    names = [name for name in SCORE_LABELS if name in scores][::-1]
+    for row, name in enumerate(names):
+        low, high = scores[name]["chance_band"]
+        value = scores[name]["auc"]
+        ax.barh(
+            row,
+            high - low,
+            left=low,
+            height=0.7,
+            color=COLOURS["faint"],
+            label="chance band (95 %)" if not row else None,
+        )
+        colour = COLOURS["hit"] if value > high else COLOURS["ink"] if value >= low else COLOURS["miss"]
+        ax.plot(value, row, "o" if value > high else "x", color=colour, markersize=8, markeredgewidth=2)
+        ax.annotate(f"{value:.2f}", (value, row), xytext=(9, 0), textcoords="offset points", va="center", color=colour)
+    ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
+    ax.set(yticks=range(len(names)), yticklabels=[SCORE_LABELS[name] for name in names], xlim=(0, 1.1))
+    ax.set_xlabel("AUC: true above wrong music (0.5 = coin, 1 = always)")
+    ax.set_title(title)
+    return ax
+
+
+def draw_patterns(ax: Axes, patterns: Mapping[str, BarPattern]) -> Axes:
+    """Learnt course of joint speed over the beats, one line a dance; beats are vertical lines."""
+    longest = max(pattern.beats for pattern in patterns.values())
+    styles = zip(patterns.items(), ["-", "--", "-.", ":", "-", "--", "-."], SCORE_COLOURS, strict=False)
+    for (name, pattern), style, colour in styles:
+        positions = np.linspace(0, pattern.beats, 200)
+        values = evaluate_pattern(pattern, positions)
+        ax.plot(positions, values, style, color=colour, label=f"{name} ({pattern.beats} beats)")
+    for beat in range(longest + 1):
+        ax.axvline(beat, color=COLOURS["audio"], linewidth=1, alpha=0.6)
+    ax.axhline(0, color=COLOURS["faint"], linewidth=1, zorder=0)
+    ax.set(xlabel="beat of the cycle (0 = first beat of the bar)", ylabel="joint speed (SD from its mean)")
+    ax.legend(loc="upper right")
+    return ax
+
+
+def draw_score_spread(ax: Axes, true: np.ndarray, wrong: np.ndarray, *, name: str) -> Axes:
+    """Histograms of one score for true and for wrong music."""
+    edges = np.linspace(min(true.min(), wrong.min()), max(true.max(), wrong.max()) + 1e-9, 26).tolist()
+    weights = np.full(wrong.size, true.size / max(wrong.size, 1))
+    ax.hist(wrong.ravel(), edges, weights=weights, color=COLOURS["miss"], alpha=0.45, hatch="//", label="wrong music")
+    ax.hist(true, edges, color=COLOURS["hit"], alpha=0.6, label="true music")
+    ax.set(xlabel=SCORE_LABELS.get(name, name), ylabel="windows")
+    ax.legend(loc="upper left")
+    return ax
+
+
+def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
+    """Share of inharmonious clips picked out, one bar a judge; the paper's viewers hatched, in their own colour.
+
+    Parameters
+    ----------
+    table : DataFrame with columns "judge", "paper", "harmolab" (shares; one of the two is NaN), "low", "high"
+    """
+    for row, (_, judge) in enumerate(table[::-1].iterrows()):
+        human = pd.notna(judge["paper"])
+        value = judge["paper"] if human else judge["harmolab"]
+        colour = COLOURS["chance"] if human else COLOURS["visual"]
+        ax.barh(row, value, color=colour, hatch="//" if human else None, height=0.65, edgecolor="white")
+        if not human:
+            ax.plot([judge["low"], judge["high"]], [row, row], color=COLOURS["ink"], linewidth=2)
+        ax.annotate(f" {value:.0%}", (max(value, judge["high"]) if not human else value, row), va="center")
+    ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1.5)
+    ax.set(yticks=range(len(table)), yticklabels=table["judge"][::-1], xlim=(0, 1.12))
+    ax.set_xlabel("inharmonious clips picked out (dotted: by guessing; black: 95 % of draws)")
+    return ax
+
+
+def draw_disturbances(ax: Axes, table: pd.DataFrame, scores: Sequence[str]) -> Axes:
+    """AUC of some scores as one disturbance grows.
+
+    Parameters
+    ----------
+    table : DataFrame with a column "level" (its name is the x label) and one column a score
+    scores : names of the columns to draw
+    """
+    for name, mark, colour in zip(scores, SCORE_MARKS, SCORE_COLOURS, strict=False):
+        ax.plot(table.iloc[:, 0], table[name], mark, color=colour, label=SCORE_LABELS.get(name, name))
+    ax.axhline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
+    ax.set(xlabel=table.columns[0], ylabel="AUC", ylim=(0, 1.05))
+    return ax

@@ -1,0 +1,1 @@
+"""Controls and pictures for notebooks; static viewers show the picture."""

@@ -1,0 +1,157 @@
+"""The command line: JSON of the promised form, clear errors, files that appear whole."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from harmolab.cli import app
+from harmolab.data.folders import load_sequence
+from harmolab.data.synthetic import write_corpus
+from harmolab.harmony import score_clip
+from harmolab.params import HarmonyParams
+
+MODE_KEYS = {
+    "harmony", "harmony_above_chance", "hit_rate", "chance", "hitting_score", "n_audio", "n_visual", "p_value",
+    "interval", "others",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three clips of each of the seven dances."""
+    return write_corpus(tmp_path_factory.mktemp("corpus") / "synth", clips=21, seconds=6.0, fps=30.0, seed=2)
+
+
+@pytest.fixture(scope="module")
+def clip_folder(corpus: Path) -> Path:
+    return sorted(corpus.glob("clip_*_rumba"))[0]
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:
+    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json")
+    printed = json.loads(result.stdout)
+    clip = load_sequence(clip_folder).clip
+    from dataclasses import replace
+
+    for mode, params in (("paper", HarmonyParams.paper()), ("recommended", HarmonyParams.recommended())):
+        expected = score_clip(replace(clip, beats=None), params).to_dict()
+        assert set(printed[mode]) >= MODE_KEYS
+        assert printed[mode] == json.loads(json.dumps(expected))
+
+
+def test_score_of_one_mode_prints_that_mode_only(clip_folder: Path) -> None:
+    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--mode", "paper", "--json")
+    assert set(json.loads(result.stdout)) == {"clip", "paper"}
+
+
+def test_score_table_names_the_number_to_read(clip_folder: Path) -> None:
+    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--beats", clip_folder / "beats.json")
+    assert result.exit_code == 0
+    assert "harmony above chance" in result.stdout
+
+
+def test_score_plot_is_a_png_and_leaves_nothing_else(clip_folder: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "score.png"
+    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--plot", picture)
+    assert result.exit_code == 0, result.output
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert [path.name for path in tmp_path.iterdir()] == ["score.png"]
+
+
+def test_missing_file_gives_one_line_that_names_it(clip_folder: Path, tmp_path: Path) -> None:
+    result = run("score", tmp_path / "none.wav", clip_folder / "motion.npz")
+    assert result.exit_code == 2
+    assert result.stderr.strip() == f"harmolab: {tmp_path / 'none.wav'}: no such file"
+
+
+def test_motion_after_the_end_of_the_music_is_refused(clip_folder: Path) -> None:
+    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--start", 100)
+    assert result.exit_code == 2
+    assert "does not overlap" in result.stderr
+
+
+def test_compare_json_has_every_promised_score(corpus: Path) -> None:
+    result = run("compare", corpus, "--rotations", 40, "--json")
+    summary = json.loads(result.stdout)
+    assert {"corpus", "window", "null", "beats", "n", "scores"} <= set(summary)
+    assert (summary["window"], summary["null"], summary["beats"], summary["n"]) == (6.0, "lagged", "annotated", 21)
+    wanted = {"paper", "recommended", "hit_rate", "beat_align_motion", "beat_align_music", "mir_eval_f"}
+    assert wanted <= set(summary["scores"])
+    for row in summary["scores"].values():
+        assert {"auc", "interval", "chance_band", "by_dance"} <= set(row)
+        assert set(row["by_dance"]) == set("CJQRSTW")
+    assert summary["scores"]["recommended"]["auc"] > 0.95
+
+
+def test_compare_fits_on_another_corpus_and_says_so(corpus: Path) -> None:
+    result = run("compare", corpus, "--fit-on", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--json")
+    summary = json.loads(result.stdout)
+    assert summary["fitted_on"].startswith("6 sequences of another corpus")
+    assert set(summary["scores"]["recommended"]["by_dance"]) == {"R", "W"}
+
+
+def test_compare_against_other_songs_and_tracked_beats(corpus: Path) -> None:
+    result = run("compare", corpus, "--null", "other", "--beats", "tracked", "--rotations", 20)
+    assert result.exit_code == 0, result.output
+    assert "tracked beats, other music" in " ".join(result.stdout.split())
+
+
+def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
+    result = run("compare", tmp_path)
+    assert result.exit_code == 2
+    assert "harmolab data check" in result.stderr
+
+
+def test_learnt_patterns_can_be_scored_with(corpus: Path, clip_folder: Path, tmp_path: Path) -> None:
+    patterns = tmp_path / "patterns.json"
+    assert run("learn", corpus, "--out", patterns).exit_code == 0
+    assert set(json.loads(patterns.read_text())) >= {"rumba", "waltz"}
+    inputs = (clip_folder / "audio.wav", clip_folder / "motion.npz", "--beats", clip_folder / "beats.json")
+    result = run("score", *inputs, "--pattern", patterns, "--dance", "rumba", "--mode", "recommended", "--json")
+    assert json.loads(result.stdout)["recommended"]["harmony_above_chance"] > 0.3
+
+
+def test_a_pattern_file_without_the_dance_names_those_it_has(corpus: Path, clip_folder: Path, tmp_path: Path) -> None:
+    patterns = tmp_path / "patterns.json"
+    run("learn", corpus, "--out", patterns)
+    inputs = (clip_folder / "audio.wav", clip_folder / "motion.npz", "--pattern", patterns)
+    result = run("score", *inputs, "--dance", "foxtrot")
+    assert result.exit_code == 2
+    assert "no pattern for --dance 'foxtrot'" in result.stderr
+    assert "rumba" in result.stderr
+
+
+def test_data_check_reports_what_is_odd(tmp_path: Path) -> None:
+    frozen = np.zeros((60, 2, 3))
+    frozen[:, 1, 1] = 1.7
+    np.savez(tmp_path / "motion.npz", positions=frozen, fps=30.0)
+    result = run("data", "check", tmp_path / "motion.npz")
+    assert result.exit_code == 0
+    assert "odd: motion.npz" in result.stdout
+    assert json.loads(run("data", "check", tmp_path / "motion.npz", "--json").stdout)[0]["frames"] == 60
+
+
+def test_data_synth_writes_a_corpus_and_refuses_a_foreign_folder(tmp_path: Path) -> None:
+    assert run("data", "synth", tmp_path / "new", "--clips", 2, "--seconds", 3).exit_code == 0
+    assert len(list((tmp_path / "new").glob("clip_*"))) == 2
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("precious")
+    result = run("data", "synth", tmp_path / "mine", "--clips", 2)
+    assert result.exit_code == 2
+    assert (tmp_path / "mine" / "thesis.txt").read_text() == "precious"
+
+
+def test_every_command_explains_itself() -> None:
+    for command in (["score"], ["compare"], ["learn"], ["report"], ["data", "check"], ["data", "synth"]):
+        result = run(*command, "--help")
+        assert result.exit_code == 0
+        assert "Usage" in result.stdout

@@ -1,0 +1,266 @@
+"""Folders of sequences, and what `check` finds in files and corpora."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from harmolab.data import (
+    Finding,
+    Problem,
+    Sequence,
+    check,
+    find_sequences,
+    iter_sequences,
+    load_any_motion,
+    load_sequence,
+)
+from harmolab.io import save_motion
+from harmolab.types import Motion, Skeleton
+
+RATE = 8000
+ARM = Skeleton(("hip", "head", "hand"), (-1, 0, 1))
+
+
+def upright(frames: int = 50) -> np.ndarray:
+    """(T, 3, 3) metres: a figure 1.7 m tall whose hand circles."""
+    angle = 0.3 * np.arange(frames)
+    still = np.zeros(frames)
+    hand = np.stack([0.3 * np.cos(angle), 1 + 0.3 * np.sin(angle), still], axis=1)
+    head = np.stack([0.01 * np.cos(angle), 1.7 + still, still], axis=1)
+    return np.stack([np.zeros((frames, 3)), head, hand], axis=1)
+
+
+def own(folder: Path, *, beats: dict | None = None, positions: np.ndarray | None = None, fps: float = 25.0) -> Path:
+    """A sequence in our layout: 3 s of quiet noise, 2 s of motion."""
+    folder.mkdir(parents=True, exist_ok=True)
+    soundfile.write(folder / "audio.wav", np.random.default_rng(1).uniform(-0.1, 0.1, 3 * RATE), RATE)
+    save_motion(folder / "motion.npz", Motion(upright() if positions is None else positions, fps, ARM))
+    if beats is not None:
+        (folder / "beats.json").write_text(json.dumps(beats))
+    return folder
+
+
+def tang(folder: Path, *, frames: int = 50, span: int = 50) -> Path:
+    """A sequence in the layout of Tang et al."""
+    folder.mkdir(parents=True, exist_ok=True)
+    poses = 80 * np.random.default_rng(2).uniform(-1, 1, (frames, 23, 3))
+    content = {"length": frames, "center": np.full((frames, 3), 90.0).tolist(), "skeletons": poses.tolist()}
+    (folder / "skeletons.json").write_text(json.dumps(content))
+    (folder / "config.json").write_text(json.dumps({"start_position": 5, "end_position": 5 + span}))
+    soundfile.write(folder / "audio.flac", np.random.default_rng(1).uniform(-0.1, 0.1, 3 * RATE), RATE)
+    return folder
+
+
+BEATS = {"beats_s": [0.5, 1.0, 1.5], "meter": 3, "bpm": 120.0, "dance": "jive", "source": "synthetic"}
+
+
+def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
+    for name in ("DANCE_W_10", "DANCE_W_2"):
+        tang(tmp_path / name)
+    own(tmp_path / "group" / "clip_1")
+    (tmp_path / "notes").mkdir()
+    found = find_sequences(tmp_path)
+    assert [folder.name for folder in found.folders] == ["DANCE_W_2", "DANCE_W_10", "clip_1"]
+    assert found.problems == ()
+
+
+def test_sequence_folder_itself_is_a_root(tmp_path: Path):
+    assert find_sequences(own(tmp_path / "clip")).folders == (tmp_path / "clip",)
+
+
+def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
+    (tang(tmp_path / "DANCE_W_1") / "audio.flac").unlink()
+    (tang(tmp_path / "DANCE_W_2") / "config.json").unlink()
+    own(tmp_path / "good")
+    found = find_sequences(tmp_path)
+    assert [folder.name for folder in found.folders] == ["good"]
+    assert [message.split(": ")[1] for _, message in found.problems] == [
+        "has no audio.wav (.flac, .ogg, .mp3)",
+        "has no config.json",
+    ]
+
+
+def test_missing_root_and_file_as_root_are_errors(tmp_path: Path):
+    with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
+        find_sequences(tmp_path / "nowhere")
+    (tmp_path / "file.txt").write_text("x")
+    with pytest.raises(ValueError, match=r"file\.txt: is a file"):
+        find_sequences(tmp_path / "file.txt")
+
+
+def test_own_layout_takes_dance_source_beats_and_offset_from_its_annotation(tmp_path: Path):
+    sequence = load_sequence(own(tmp_path / "clip_7", beats=BEATS | {"motion_offset_s": 0.75}))
+    clip = sequence.clip
+    assert (clip.name, clip.dance, clip.source, clip.offset) == ("clip_7", "jive", "synthetic", 0.75)
+    np.testing.assert_array_equal(clip.beats.times, [0.5, 1.0, 1.5])
+    assert clip.beats.duration == 3.0
+    assert sequence.annotation.meter == 3
+    np.testing.assert_array_equal(clip.motion.positions, upright())
+
+
+def test_tang_layout_takes_the_dance_from_its_name_and_beats_from_an_annotation(tmp_path: Path):
+    folder = tang(tmp_path / "corpus" / "DANCE_R_3")
+    (folder / "beats.json").write_text(json.dumps({"beats_s": [0.5, 1.0]}))
+    clip = load_sequence(folder).clip
+    assert (clip.dance, clip.source, clip.offset) == ("rumba", "corpus", 0.2)
+    assert len(clip.beats) == 2
+
+
+def test_sequence_without_annotation_has_no_beats(tmp_path: Path):
+    sequence = load_sequence(own(tmp_path / "clip"))
+    assert sequence.annotation is None
+    assert sequence.clip.beats is None
+
+
+def test_options_of_the_tang_layout_are_handed_on(tmp_path: Path):
+    motion = load_sequence(tang(tmp_path / "DANCE_R_3"), clock=1.01, points=21).clip.motion
+    assert motion.positions.shape == (50, 21, 3)
+    assert motion.fps == pytest.approx(25 / 1.01)
+
+
+def test_motion_much_longer_than_its_audio_asks_whether_fps_is_right(tmp_path: Path):
+    folder = own(tmp_path / "clip", fps=5.0)
+    with pytest.raises(ValueError, match=r"clip: the motion lasts 10\.00 s at 5 fps and ends 7\.00 s after the audio"):
+        load_sequence(folder)
+
+
+def test_beats_behind_the_end_of_the_audio_are_refused(tmp_path: Path):
+    folder = own(tmp_path / "clip", beats={"beats_s": [1.0, 2.0, 3.5]})
+    with pytest.raises(ValueError, match=r"beats\.json: beat times reach 3\.5 in a clip of 3 s; were these frames"):
+        load_sequence(folder)
+
+
+def test_unreadable_sequence_is_reported_beside_the_readable_ones(tmp_path: Path):
+    (own(tmp_path / "a") / "motion.npz").write_bytes(b"PK broken")
+    own(tmp_path / "b")
+    (own(tmp_path / "c") / "audio.wav").unlink()
+    rows = list(iter_sequences(tmp_path))
+    problems = {row.folder.name: row.message for row in rows if isinstance(row, Problem)}
+    assert [row.folder.name for row in rows if isinstance(row, Sequence)] == ["b"]
+    assert set(problems) == {"a", "c"}
+    assert "motion.npz: cannot be read as an .npz motion" in problems["a"]
+
+
+def test_any_motion_is_read_from_folders_of_both_layouts_and_from_files(tmp_path: Path):
+    folder = tang(tmp_path / "DANCE_R_3")
+    assert load_any_motion(folder).positions.shape == (50, 23, 3)
+    assert load_any_motion(folder / "skeletons.json").fps == 25
+    assert load_any_motion(own(tmp_path / "clip")).n_frames == 50
+    assert load_any_motion(tmp_path / "clip" / "motion.npz").n_frames == 50
+
+
+# check
+
+
+def odd(path: Path) -> str:
+    """All odd things that `check` finds in one file or folder."""
+    (row,) = check(path)
+    return "; ".join(row.odd)
+
+
+def test_check_of_a_good_sequence_gives_its_numbers_and_nothing_odd(tmp_path: Path):
+    folder = own(tmp_path / "clip", beats=BEATS | {"motion_offset_s": 0.5})
+    (row,) = check(folder)
+    assert row == Finding(str(folder), "sequence", 50, 25.0, 3, 2.0, 0.5, "jive, 3.00 s of audio, 3 beats", ())
+    assert json.loads(json.dumps(row.to_dict()))["odd"] == []
+
+
+def test_check_names_a_frozen_stretch(tmp_path: Path):
+    positions = upright()
+    positions[10:30] = positions[10]
+    assert odd(own(tmp_path / "clip", positions=positions)) == "frozen once, longest 0.76 s at 0.40 s"
+
+
+def test_check_names_the_joint_that_is_too_fast(tmp_path: Path):
+    positions = upright()
+    positions[20, 2, 0] += 0.6
+    assert "faster than 10 m/s in 2 frames, up to" in odd(own(tmp_path / "clip", positions=positions))
+    assert "(hand, 0.80 s)" in odd(tmp_path / "clip")
+
+
+def test_check_asks_about_the_unit_of_a_tiny_body(tmp_path: Path):
+    assert "extends over 0.017 m: other units?" in odd(own(tmp_path / "clip", positions=upright() / 100))
+
+
+def test_check_compares_the_length_with_the_config(tmp_path: Path):
+    assert "1 frame shorter than config.json says (51)" in odd(tang(tmp_path / "DANCE_W_1", span=51))
+
+
+def test_check_counts_filler_frames(tmp_path: Path):
+    folder = own(tmp_path / "clip")
+    save_motion(folder / "motion.npz", Motion(upright(), 25, ARM, np.arange(50) > 3))
+    assert "4 of 50 frames are filler" in odd(folder)
+
+
+def test_check_names_nan_by_frame_and_joint(tmp_path: Path):
+    positions = upright()
+    positions[3, 1, 1] = np.nan
+    np.savez(tmp_path / "gap.npz", positions=positions, fps=25)
+    assert "gap.npz: NaN or infinity at frame 3, joint 1" in odd(tmp_path / "gap.npz")
+
+
+def test_check_of_an_array_without_a_rate_says_so(tmp_path: Path):
+    np.save(tmp_path / "walk.npy", upright())
+    (row,) = check(tmp_path / "walk.npy")
+    assert (row.frames, row.rate, row.seconds, row.joints) == (50, None, None, 3)
+    assert row.odd == ("holds no frame rate: pass fps",)
+
+
+def test_check_of_sound_and_beats_gives_their_numbers(tmp_path: Path):
+    soundfile.write(tmp_path / "song.wav", np.zeros((RATE, 2)), RATE)
+    (tmp_path / "song.beats").write_text("0.5 1\n1.0 2\n1.5 3\n4.0 1\n")
+    beats, sound = check(tmp_path)
+    assert (sound.kind, sound.frames, sound.rate, sound.seconds, sound.note) == (
+        "audio",
+        8000,
+        8000,
+        1.0,
+        "WAV, 2 channels",
+    )
+    assert sound.odd == ("silent from beginning to end",)
+    assert (beats.kind, beats.frames, beats.note) == ("beats", 4, "120.0 beats a minute, 3 beats a bar")
+    assert beats.odd == ("no beat for 2.50 s after 1.50 s, others are 0.50 s apart",)
+
+
+def test_check_of_a_corpus_has_a_row_for_each_sequence_problem_and_loose_file(tmp_path: Path):
+    own(tmp_path / "a")
+    (own(tmp_path / "b") / "audio.wav").unlink()
+    (tmp_path / "loose.csv").write_text("time\n0.5\n1.0\n")
+    rows = {Path(row.path).name: row for row in check(tmp_path)}
+    assert {name: row.kind for name, row in rows.items()} == {"a": "sequence", "b": "unreadable", "loose.csv": "beats"}
+    assert "has no audio" in rows["b"].odd[0]
+
+
+def test_check_of_nothing_known_is_a_row_and_of_nothing_an_error(tmp_path: Path):
+    (tmp_path / "readme.md").write_text("hello")
+    assert "holds no file that is known" in odd(tmp_path)
+    assert "is no motion file that is known" in odd(tmp_path / "readme.md")
+    with pytest.raises(FileNotFoundError, match="gone: no such file or folder"):
+        check(tmp_path / "gone")
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("corpus", "count"), [("tang2018", 32), ("tang2018_rebuilt", 3), ("beatlocked", 23)])
+def test_recorded_corpus_is_found_whole(data_root: Path, corpus: str, count: int):
+    found = find_sequences(data_root / corpus)
+    assert (len(found.folders), found.problems) == (count, ())
+
+
+@pytest.mark.data
+def test_beat_locked_recording_has_beats_units_and_no_oddities(data_root: Path):
+    sequence = load_sequence(data_root / "beatlocked" / "DANCE_W_3")
+    assert (sequence.clip.dance, sequence.annotation.meter, len(sequence.annotation.units)) == ("waltz", 3, 14)
+    assert sequence.annotation.units[0].start == pytest.approx(sequence.clip.offset, abs=0.04)
+    assert check(data_root / "beatlocked" / "DANCE_W_3")[0].odd == ()
+
+
+@pytest.mark.data
+def test_check_notices_the_tango_that_is_too_fast_and_a_held_pose(data_root: Path):
+    assert "faster than 10 m/s in 66 frames" in odd(data_root / "tang2018" / "DANCE_T_5")
+    assert "56 frames shorter than config.json says (2560)" in odd(data_root / "tang2018" / "DANCE_T_5")
+    assert "frozen once, longest 2.00 s" in odd(data_root / "tang2018" / "DANCE_R_4")

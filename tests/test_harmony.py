@@ -1,0 +1,313 @@
+"""Hits, hitting score, F-measure, chance level, and the scores made of them, by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harmolab.harmony import (
+    above_chance,
+    chance_level,
+    f_score,
+    harmony_from_hits,
+    hit_mask,
+    hitting_score,
+    interval_matrix,
+    nearest_intervals,
+    position_matrix,
+    score_clip,
+    score_harmony,
+    score_motion,
+)
+from harmolab.params import HarmonyParams
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+
+ALL_BEATS = replace(HarmonyParams.paper(), audio_threshold=0.0, visual_threshold=None)
+Swing = Callable[..., Motion]
+
+
+def track(times: list[float], strengths: list[float] | None = None, duration: float = 10.0) -> BeatTrack:
+    return BeatTrack(times, np.ones(len(times)) if strengths is None else strengths, 15.0, duration)
+
+
+def silence(seconds: float) -> Audio:
+    return Audio(np.zeros(round(seconds * 1000)), 1000)
+
+
+def test_positions_are_repeated_for_every_music_beat():
+    np.testing.assert_array_equal(position_matrix(np.array([1.0, 5.0]), 3), [[1, 5], [1, 5], [1, 5]])
+
+
+def test_intervals_are_distances_of_music_to_visual_beats():
+    np.testing.assert_array_equal(interval_matrix(np.array([1.0, 4.0]), np.array([2.0, 3.5])), [[1, 2.5], [2, 0.5]])
+
+
+def test_the_nearest_visual_beat_of_none_is_infinitely_far():
+    np.testing.assert_array_equal(nearest_intervals(np.array([1.0, 2.0]), np.zeros(0)), [np.inf, np.inf])
+
+
+def test_a_beat_exactly_at_the_delay_is_a_hit():
+    hits = hit_mask(np.array([1.0, 2.0]), np.array([1.25]), delay=0.25)
+    np.testing.assert_array_equal(hits, [True, False])
+
+
+def test_a_delay_of_frames_that_float_rounds_is_still_a_hit():
+    assert hit_mask(np.array([0.3]), np.array([0.1 + 0.1]), delay=0.1).all()
+
+
+# Three music beats around two visual ones: 1.0 and 1.2 both near 1.1; 1.4 near 1.25 too.
+MUSIC, MOTION = np.array([1.0, 1.2, 1.4]), np.array([1.1, 1.25])
+
+
+@pytest.mark.parametrize(
+    ("matching", "expected"),
+    [
+        ("many", [True, True, True]),
+        ("nearest", [True, True, False]),  # 1.0 takes 1.1, then 1.2 takes 1.25
+        ("max", [True, True, False]),  # two pairs at most
+    ],
+)
+def test_one_visual_beat_may_serve_one_music_beat_or_many(matching: str, expected: list[bool]):
+    found = hit_mask(MUSIC, MOTION, delay=0.16, matching=matching)
+    assert found.sum() == sum(expected)
+    if matching != "max":
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_greedy_matching_may_miss_a_pair_that_the_best_one_finds():
+    # 1.0 takes 1.05, the only one in reach of 1.15; the best pairing gives it 0.92 instead.
+    music, motion = np.array([1.0, 1.15]), np.array([0.92, 1.05])
+    np.testing.assert_array_equal(hit_mask(music, motion, delay=0.1, matching="nearest"), [True, False])
+    np.testing.assert_array_equal(hit_mask(music, motion, delay=0.1, matching="max"), [True, True])
+
+
+@pytest.mark.parametrize("matching", ["many", "nearest", "max"])
+@pytest.mark.parametrize(("music", "motion"), [([], []), ([], [1.0]), ([1.0, 2.0], [])])
+def test_nothing_is_hit_without_beats(matching: str, music: list[float], motion: list[float]):
+    found = hit_mask(np.array(music), np.array(motion), delay=0.1, matching=matching)
+    np.testing.assert_array_equal(found, np.zeros(len(music), bool))
+
+
+def test_the_hitting_score_adds_the_strengths_of_hits():
+    assert hitting_score(np.array([True, False, True]), np.array([0.5, 1.0, 0.25])) == 0.75
+
+
+@pytest.mark.parametrize(
+    ("audio", "visual", "beta", "expected"),
+    [(0.5, 0.5, 2.0, 0.5), (1.0, 0.5, 1.0, 2 / 3), (0.6, 0.3, 2.0, 5 * 0.18 / (4 * 0.3 + 0.6)), (0.0, 0.0, 2.0, 0.0)],
+)
+def test_the_f_score_is_a_weighted_harmonic_mean(audio: float, visual: float, beta: float, expected: float):
+    assert f_score(audio, visual, beta) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("score", "n_audio", "n_visual", "expected"), [(3.0, 4, 9, 0.6), (4.0, 4, 4, 1.0), (0.0, 0, 4, 0.0), (0.0, 4, 0, 0.0)]
+)
+def test_harmony_follows_from_the_hitting_score(score: float, n_audio: int, n_visual: int, expected: float):
+    assert harmony_from_hits(score, n_audio, n_visual, 2.0) == pytest.approx(expected)  # 5 * 3 / (16 + 9) = 0.6
+
+
+@pytest.mark.parametrize(
+    ("visual", "expected"),
+    [
+        ([], 0.0),
+        ([5.0], 0.05),
+        ([5.0, 5.3], 0.08),  # 4.75-5.25 and 5.05-5.55 overlap
+        ([0.1, 9.9], 0.07),  # cut off at both ends
+        ([5.0, 5.1, 5.2], 0.07),
+    ],
+)
+def test_chance_is_the_share_of_time_near_a_visual_beat(visual: list[float], expected: float):
+    assert chance_level(np.array(visual), delay=0.25, duration=10.0) == pytest.approx(expected)
+
+
+def test_chance_of_a_lagged_beat_outside_the_clip_is_nothing():
+    assert chance_level(np.array([-0.5, 11.0]), delay=0.25, duration=10.0) == 0.0
+
+
+@pytest.mark.parametrize(("share", "chance", "expected"), [(1.0, 0.4, 1.0), (0.4, 0.4, 0.0), (0.1, 0.4, -0.5), (1.0, 1.0, 0.0)])
+def test_above_chance_is_zero_at_chance_and_one_at_the_top(share: float, chance: float, expected: float):
+    assert above_chance(share, chance) == pytest.approx(expected)
+
+
+def test_a_score_by_hand():
+    # Four music beats of strength 1, .5, 1, .5; visual beats near the first and the last.
+    music = track([1.0, 3.0, 5.0, 7.0], [2.0, 1.0, 2.0, 1.0])
+    visual = track([1.1, 7.2, 9.0])
+    score = score_harmony(music, visual, params=ALL_BEATS, n_rotations=0)
+    np.testing.assert_array_equal(score.hits, [True, False, False, True])
+    np.testing.assert_allclose(score.intervals, [0.1, 1.9, 2.2, 0.2])
+    assert (score.n_audio, score.n_visual) == (4, 3)
+    assert score.hitting_score == pytest.approx(1.5)
+    assert score.audio_harmony == pytest.approx(1.5 / 4)
+    assert score.visual_harmony == pytest.approx(1.5 / 3)
+    assert score.harmony == pytest.approx(5 * 1.5 / (4 * 4 + 3))
+    assert score.hit_rate == 0.5
+    assert score.chance == pytest.approx(3 * 0.5 / 10)
+    assert score.harmony_above_chance == pytest.approx((1.5 / 3 - 0.15) / 0.85)
+    assert np.isnan(score.p_value)
+
+
+def test_the_hit_rate_counts_beats_that_are_not_salient_too():
+    music = track([1.0, 3.0, 5.0, 7.0], [10.0, 0.1, 10.0, 0.1])
+    score = score_harmony(music, track([3.0, 7.0]), params=replace(ALL_BEATS, audio_threshold=1.0), n_rotations=0)
+    assert (score.n_audio, score.hitting_score, score.hit_rate) == (2, 0.0, 0.5)
+
+
+def test_the_lag_is_taken_off_the_visual_beats():
+    music, late = track([1.0, 3.0, 5.0]), track([1.4, 3.4, 5.4])
+    assert score_harmony(music, late, params=ALL_BEATS, n_rotations=0).hit_rate == 0.0
+    assert score_harmony(music, late, params=replace(ALL_BEATS, lag=0.4), n_rotations=0).hit_rate == 1.0
+
+
+@pytest.mark.parametrize(("music", "motion"), [([], []), ([], [1.0]), ([1.0], [])])
+def test_no_beats_on_a_side_score_zero(music: list[float], motion: list[float]):
+    score = score_harmony(track(music), track(motion))
+    numbers = (score.harmony, score.audio_harmony, score.visual_harmony, score.hit_rate, score.harmony_above_chance)
+    assert numbers == (0, 0, 0, 0, 0)
+    assert np.isnan(score.p_value)
+
+
+def test_every_beat_hit_by_chance_is_not_harmony():
+    # A visual beat every 0.1 s reaches every moment.
+    score = score_harmony(track([1.0, 2.0]), track(np.arange(0.0, 10.0, 0.1).tolist()), params=ALL_BEATS)
+    assert (score.hit_rate, score.chance, score.harmony_above_chance, score.p_value) == (1.0, 1.0, 0.0, 1.0)
+
+
+def test_perfect_beats_are_matched_only_by_rotations_of_less_than_the_delay():
+    beats = track([0.7, 2.1, 3.0, 4.9, 6.3, 8.8])
+    score = score_harmony(beats, beats, params=HarmonyParams.valleys(), n_rotations=999)
+    assert score.harmony_above_chance == 1.0
+    assert score.interval == (1.0, 1.0)
+    # Of 999 rotations over 10 s, the first and the last ten move by less than 0.1 s.
+    assert score.p_value == pytest.approx(21 / 1000)
+
+
+def test_beats_at_random_moments_have_no_small_p_value_more_often_than_chance(rng: np.random.Generator):
+    values = []
+    for _ in range(200):
+        music, motion = (track(np.sort(rng.uniform(0, 10, 12)).tolist()) for _ in range(2))
+        values.append(score_harmony(music, motion, params=HarmonyParams.valleys(), n_rotations=99).p_value)
+    assert np.mean(np.array(values) <= 0.05) < 0.1
+    assert 0.4 < np.mean(values) < 0.65
+
+
+def test_score_motion_reads_the_beats_of_the_motion(swinging_arm: Swing):
+    stops = track([0.75, 1.25, 1.75, 2.25, 2.75, 3.25, 3.75, 4.25, 4.75, 5.25], duration=6.0)
+    score = score_motion(stops, swinging_arm(1.0, 60.0), params=HarmonyParams.valleys(), n_rotations=99)
+    assert score.hit_rate == 1.0
+    # Stops every 0.5 s fit again after each half second: 0.2 s of every 0.5 s are near one.
+    assert score.p_value == pytest.approx(0.4, abs=0.02)
+    assert score.others["beat_align_music"] > 0.99
+
+
+def test_the_clock_stretches_the_motion(swinging_arm: Swing):
+    # Stops every half second become stops every 0.55 s.
+    music = track([0.275 + 0.55 * k for k in range(11)], duration=6.6)
+    params = replace(HarmonyParams.valleys(), clock=1.1)
+    assert score_motion(music, swinging_arm(1.0, 60.0), params=params, n_rotations=0).hit_rate == 1.0
+    assert score_motion(music, swinging_arm(1.0, 60.0), params=replace(params, clock=1.0)).hit_rate < 0.6
+
+
+@pytest.mark.parametrize("params", [HarmonyParams.paper(), HarmonyParams.valleys(), HarmonyParams.recommended()])
+def test_a_frozen_dancer_scores_zero(params: HarmonyParams):
+    frozen = Motion(np.tile(np.array([[[0.1, 1.7, 0.3]]]), (150, 2, 1)), 25.0, Skeleton.unnamed(2))
+    score = score_motion(track([1.0, 2.0, 3.0, 4.0], duration=6.0), frozen, params=params)
+    assert score.n_visual == 0
+    assert score.harmony == 0.0
+    assert score.harmony_above_chance == 0.0
+    assert set(score.others.values()) == {0.0}
+
+
+@pytest.mark.parametrize("params", [HarmonyParams.paper(), HarmonyParams.valleys(), HarmonyParams.recommended()])
+def test_music_without_beats_scores_zero(swinging_arm: Swing, params: HarmonyParams):
+    score = score_motion(track([], duration=6.0), swinging_arm(1.0, 25.0), params=params)
+    assert (score.n_audio, score.harmony, score.harmony_above_chance, score.hit_rate) == (0, 0.0, 0.0, 0.0)
+
+
+def test_the_recommended_measure_is_high_where_the_dancer_stops_on_the_beat(swinging_arm: Swing):
+    stops = track([0.25 + 0.5 * k for k in range(11)], duration=6.0)
+    between = track([0.5 + 0.5 * k for k in range(11)], duration=6.0)
+    arm = swinging_arm(1.0, 60.0)
+    good, bad = (score_motion(beats, arm, params=HarmonyParams.recommended()) for beats in (stops, between))
+    assert good.harmony_above_chance > 0.8
+    assert good.p_value < 0.1
+    assert good.hits.all()
+    assert bad.harmony_above_chance < -0.8
+    assert not bad.hits.any()
+
+
+STOPS = [0.25 + 0.5 * k for k in range(12)]
+
+
+def clip(motion: Motion, *, seconds: float = 6.0, offset: float = 0.0, beats: list[float] | None = None) -> Clip:
+    """A clip whose annotated beats are the stops of a 1 Hz arm that begins at 0 s."""
+    annotated = BeatTrack(STOPS if beats is None else beats, np.ones(len(STOPS if beats is None else beats)), 100.0, 20.0)
+    return Clip("arm", silence(seconds), motion, offset, beats=annotated)
+
+
+def test_a_clip_without_motion_is_refused():
+    with pytest.raises(ValueError, match="arm: there is no motion to score"):
+        score_clip(Clip("arm", silence(6.0)))
+
+
+def test_a_clip_is_scored_with_its_annotated_beats(swinging_arm: Swing):
+    score = score_clip(clip(swinging_arm(1.0, 60.0)), HarmonyParams.valleys())
+    assert (score.n_audio, score.hit_rate) == (12, 1.0)
+
+
+def test_a_clip_without_annotation_asks_the_tracker(swinging_arm: Swing):
+    asked = []
+
+    def tracker(audio: Audio) -> BeatTrack:
+        asked.append(audio)
+        return track(STOPS, duration=6.0)
+
+    bare = replace(clip(swinging_arm(1.0, 60.0)), beats=None)
+    assert score_clip(bare, HarmonyParams.valleys(), tracker=tracker).hit_rate == 1.0
+    assert asked == [bare.audio]
+
+
+def test_motion_that_starts_later_meets_later_beats(swinging_arm: Swing):
+    late = clip(swinging_arm(1.0, 60.0, seconds=4.0), offset=1.1, beats=[time + 1.1 for time in STOPS[:8]])
+    score = score_clip(late, HarmonyParams.valleys())
+    assert (score.n_audio, score.hit_rate) == (8, 1.0)
+    np.testing.assert_allclose(score.intervals, 0, atol=0.01)
+
+
+@pytest.mark.parametrize("fps", [15.0, 25.0, 60.0])
+def test_motion_that_starts_before_the_music_is_cut_to_it_without_moving_it(swinging_arm: Swing, fps: float):
+    early = clip(swinging_arm(1.0, fps), offset=-1.13, beats=[time - 1.13 for time in STOPS[3:]])
+    score = score_clip(early, HarmonyParams.valleys())
+    assert (score.n_audio, score.hit_rate) == (9, 1.0)
+    assert score.intervals[1:-1].max() < 0.01
+
+
+def test_motion_that_goes_on_after_the_music_is_cut_to_it(swinging_arm: Swing):
+    long = clip(swinging_arm(1.0, 60.0, seconds=30.0), seconds=6.0)
+    assert score_clip(long, HarmonyParams.valleys()).n_visual in (12, 13)  # not the 60 of the whole motion
+
+
+def test_with_a_clock_the_cut_falls_at_the_same_music(swinging_arm: Swing):
+    # 30 s of motion last 33 s of music, of which there are 6.6: 12 stops every 0.55 s.
+    long = clip(swinging_arm(1.0, 60.0, seconds=30.0), seconds=6.6, beats=[1.1 * time for time in STOPS])
+    score = score_clip(long, replace(HarmonyParams.valleys(), clock=1.1))
+    assert score.hit_rate == 1.0
+    assert score.n_visual in (12, 13)
+
+
+def test_a_clip_of_hardly_any_overlap_is_refused(swinging_arm: Swing):
+    with pytest.raises(ValueError, match="arm: motion and music meet in less than two frames"):
+        score_clip(clip(swinging_arm(1.0, 25.0), offset=5.99))
+
+
+def test_the_same_seed_gives_the_same_interval(swinging_arm: Swing):
+    # One visual beat for each music beat, half of them in reach.
+    beats = [time + 0.12 * (k % 2) for k, time in enumerate(STOPS)]
+    given = clip(swinging_arm(1.0, 60.0), beats=beats)
+    first, again = (score_clip(given, HarmonyParams.valleys(), seed=1).interval for _ in range(2))
+    assert first == again
+    assert first[0] < first[1]

@@ -1,0 +1,445 @@
+"""Thousands of damaged and malicious inputs: each gives a finite result or one clear error, and runs nothing.
+
+``HARMOLAB_HOSTILE_SEED`` and ``HARMOLAB_HOSTILE_TIMES`` (a factor on the numbers below) widen the search.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pickle
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from harmolab.data.check import check
+from harmolab.data.folders import load_any_motion, load_sequence
+from harmolab.data.tang2018 import load_config
+from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_motion, load_openpose
+from harmolab.io.pickles import read_array_pickle
+from harmolab.types import Audio, BeatTrack, Motion, Skeleton
+
+SEED = int(os.environ.get("HARMOLAB_HOSTILE_SEED", "1"))
+TIMES = int(os.environ.get("HARMOLAB_HOSTILE_TIMES", "1"))
+
+# Mutated files of each format.
+FILES = {
+    "sound.wav": 500,
+    "sound.flac": 500,
+    "sound.ogg": 500,
+    "sound.mp3": 400,
+    "motion.npz": 700,
+    "packed.npz": 500,
+    "points.npy": 400,
+    "flat.npy": 200,
+    "walk.bvh": 600,
+    "gBR_sBM_cAll_d04_mBR0_ch01.pkl": 600,
+    "skeletons.json": 300,
+    "config.json": 200,
+    "frames/dance_000000000001_keypoints.json": 250,
+    "song.beats": 250,
+    "song.csv": 250,
+    "song.txt": 150,
+    "beats.json": 300,
+}
+SEQUENCES = 150  # whole folders with one damaged part
+ARRAYS = 100  # arrays made by hypothesis, for each of three types
+
+
+def wave(channels: int = 1) -> np.ndarray:
+    time = np.arange(2205) / 11025
+    return np.stack([0.5 * np.sin(2 * np.pi * (220 + 110 * channel) * time) for channel in range(channels)], axis=1)
+
+
+def sound_bytes(format: str, subtype: str, channels: int = 1) -> bytes:
+    stream = io.BytesIO()
+    soundfile.write(stream, wave(channels), 11025, format=format, subtype=subtype)
+    return stream.getvalue()
+
+
+def poses(frames: int = 6, joints: int = 3, dimensions: int = 3) -> np.ndarray:
+    return np.random.default_rng(3).normal(size=(frames, joints, dimensions)).cumsum(axis=0) * 0.1
+
+
+def saved(save: Callable[..., None], *arrays: object, **named: object) -> bytes:
+    stream = io.BytesIO()
+    save(stream, *arrays, **named)
+    return stream.getvalue()
+
+
+def bvh_text() -> str:
+    joint = "CHANNELS 3 Zrotation Xrotation Yrotation"
+    head = f"""HIERARCHY
+ROOT hip {{ OFFSET 0 0 0 CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+ JOINT knee {{ OFFSET 0 -40.5 0 {joint} End Site {{ OFFSET 0 -40 0 }} }}
+ JOINT back {{ OFFSET 0 50 0 {joint} }} }}
+MOTION
+Frames: 5
+Frame Time: 0.04
+"""
+    rows = np.random.default_rng(5).normal(size=(5, 12)) * 20
+    return head + "\n".join(" ".join(f"{value:.4f}" for value in row) for row in rows) + "\n"
+
+
+def openpose_frame() -> dict:
+    person = np.random.default_rng(8).uniform(0.1, 1.0, (25, 3)) * [640, 480, 1]
+    return {"version": 1.3, "people": [{"pose_keypoints_2d": person.ravel().round(3).tolist()}]}
+
+
+def annotation() -> dict:
+    unit = {"name": "W-1-1", "start_s": 0.0, "end_s": 0.1, "beats": 3, "figure": "W-1"}
+    return {"beats_s": [0.01, 0.05, 0.1, 0.15], "downbeats_s": [0.01], "meter": 3, "bpm": 90.5, "dance": "waltz"} | {
+        "units": [unit],
+        "motion_offset_s": 0.0,
+    }
+
+
+def valid_files() -> dict[str, bytes]:
+    """A small valid file of every format."""
+    three, coco = poses(), poses(8, 17)
+    named = {
+        "positions": three,
+        "fps": 30.0,
+        "joints": ["a", "b", "c"],
+        "parents": [-1, 0, 1],
+        "valid": np.ones(6, bool),
+    }
+    body = np.round(poses(12, 23) * 100, 3)
+    return {
+        "sound.wav": sound_bytes("WAV", "PCM_16"),
+        "sound.flac": sound_bytes("FLAC", "PCM_16", 2),
+        "sound.ogg": sound_bytes("OGG", "VORBIS"),
+        "sound.mp3": sound_bytes("MP3", "MPEG_LAYER_III"),
+        "motion.npz": saved(np.savez, **named, units="m"),
+        "packed.npz": saved(np.savez_compressed, **named),
+        "points.npy": saved(np.save, three),
+        "flat.npy": saved(np.save, coco[:, :, :2].reshape(8, 34)),
+        "walk.bvh": bvh_text().encode(),
+        "gBR_sBM_cAll_d04_mBR0_ch01.pkl": pickle.dumps({"keypoints3d": coco, "keypoints3d_optim": coco[::2]}),
+        "skeletons.json": json.dumps(
+            {"length": 12, "center": body[:, 0].tolist(), "skeletons": body.tolist()}, separators=(",", ":")
+        ).encode(),
+        "config.json": b'{"start_position": 1, "end_position": 13}',
+        "frames/dance_000000000001_keypoints.json": json.dumps(openpose_frame()).encode(),
+        "song.beats": b"# comment\n0.50 1\n1.00 2\n1.50 3\n2.00 1\n2.50 2\n",
+        "song.csv": b"time,strength\n0.5,1.0\n1.0,0.25\n1.5,0.75\n2.0,0\n",
+        "song.txt": b"5.0e-01\n1.0e+00\n1.5e+00\n2.0e+00\n",
+        "beats.json": json.dumps(annotation()).encode(),
+    }
+
+
+NUMBERS = [0, 1, 2, 255, 2**15 - 1, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**62, 2**63 - 1, 2**64 - 1]
+WORDS = [b"nan", b"-inf", b"1e999", b"-1", b"0", b"9" * 30, b"9" * 5000, b"null", b'"x"', b"[]", b"{}", b"[" * 3000]
+WORDS += [b"\x00", b"\xff\xfe", b",", b"\n", b"}", b"OFFSET", b"true", b"1e-320", b"(1<<99,)"]
+
+
+def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+    """`data` after one to three random kinds of damage."""
+    for _ in range(rng.integers(1, 4)):
+        data = MUTATIONS[rng.integers(len(MUTATIONS))](bytearray(data), rng) or b"\x00"
+    return data
+
+
+def span(data: bytearray, rng: np.random.Generator) -> tuple[int, int]:
+    first = int(rng.integers(len(data)))
+    return first, first + int(rng.integers(1, max(2, min(64, len(data) - first + 1))))
+
+
+def flip_bits(data: bytearray, rng: np.random.Generator) -> bytes:
+    for place in rng.integers(len(data), size=rng.integers(1, 9)):
+        data[place] ^= 1 << int(rng.integers(8))
+    return bytes(data)
+
+
+def cut_off(data: bytearray, rng: np.random.Generator) -> bytes:
+    return bytes(data[: rng.integers(len(data))])
+
+
+def splice(data: bytearray, rng: np.random.Generator) -> bytes:
+    first, last = span(data, rng)
+    place = int(rng.integers(len(data)))
+    return bytes(data[:place] + data[first:last] + data[place:])
+
+
+def remove(data: bytearray, rng: np.random.Generator) -> bytes:
+    first, last = span(data, rng)
+    return bytes(data[:first] + data[last:])
+
+
+def zero_fill(data: bytearray, rng: np.random.Generator) -> bytes:
+    first, last = span(data, rng)
+    data[first:last] = bytes(len(data[first:last]))
+    return bytes(data)
+
+
+def noise(data: bytearray, rng: np.random.Generator) -> bytes:
+    first, last = span(data, rng)
+    data[first:last] = rng.bytes(len(data[first:last]))
+    return bytes(data)
+
+
+def edit_header(data: bytearray, rng: np.random.Generator) -> bytes:
+    """An extreme number somewhere in the first or last bytes, where sizes and rates stand."""
+    size = int(rng.choice([1, 2, 4, 8]))
+    number = NUMBERS[rng.integers(len(NUMBERS))] % 256**size
+    place = int(rng.integers(min(len(data), 96)))
+    place = place if rng.random() < 0.7 else len(data) - 1 - place
+    data[place : place + size] = number.to_bytes(size, "little" if rng.random() < 0.7 else "big")
+    return bytes(data)
+
+
+def replace_word(data: bytearray, rng: np.random.Generator) -> bytes:
+    first, last = span(data, rng)
+    return bytes(data[:first] + WORDS[rng.integers(len(WORDS))] + data[min(last, first + 6) :])
+
+
+MUTATIONS = (flip_bits, cut_off, splice, remove, zero_fill, noise, edit_header, edit_header, replace_word, replace_word)
+
+
+def arrays_of(path: Path) -> list[np.ndarray]:
+    """Every array that reading a file gives."""
+    name = path.name
+    if path.parent.name == "frames":
+        motion = load_openpose(path.parent, fps=25)
+        return [motion.positions]
+    if name.startswith("sound."):
+        info, part = audio_info(path), load_audio(path, start=0.0, duration=0.05, sample_rate=None)
+        whole = load_audio(path)
+        return [np.array([info.seconds, info.sample_rate]), part.samples, whole.samples]
+    if name.startswith("song.") or name == "beats.json":
+        notes = load_annotation(path)
+        times = [notes.times] if notes.downbeats is None else [notes.times, notes.downbeats]
+        track = load_beats(path)
+        return [*times, track.times, track.strengths, np.array([track.duration])]
+    if name == "config.json":
+        return [np.array(load_config(path))]
+    motion = load_any_motion(path, fps=30.0 if name.endswith("npy") else None)
+    return [motion.positions, np.array([motion.fps])]
+
+
+def outcome(path: Path, read: Callable[[Path], list[np.ndarray]]) -> str:
+    """'result' or 'error'; anything that is neither fails the test."""
+    try:
+        arrays = read(path)
+    except (ValueError, FileNotFoundError) as error:
+        assert path.name in str(error) or path.parent.name in str(error), f"error without the file's name: {error}"
+        return "error"
+    assert all(np.isfinite(array).all() for array in arrays)
+    return "result"
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_damaged_file_gives_a_finite_result_or_an_error_with_its_name(name: str, tmp_path: Path):
+    rng = np.random.default_rng([SEED, list(FILES).index(name)])
+    valid = valid_files()[name]
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(valid)
+    if path.parent.name == "frames":
+        (path.parent / "dance_000000000000_keypoints.json").write_bytes(valid)
+    assert outcome(path, arrays_of) == "result"
+    seen = []
+    for turn in range(FILES[name] * TIMES):
+        path.write_bytes(mutated(valid, rng))
+        seen.append(outcome(path, arrays_of))
+        if turn % 10 == 0:
+            assert len(check(path)) == 1
+    assert len(seen) == FILES[name] * TIMES
+    assert "error" in seen
+
+
+def test_damaged_part_of_a_sequence_gives_a_clip_or_an_error_with_its_name(tmp_path: Path):
+    rng = np.random.default_rng([SEED, 99])
+    valid = valid_files()
+    own, tang = tmp_path / "own", tmp_path / "DANCE_W_1"
+    parts = {own: ["sound.wav", "motion.npz", "beats.json"], tang: ["sound.mp3", "skeletons.json", "config.json"]}
+    for turn in range(SEQUENCES * TIMES):
+        folder = (own, tang)[turn % 2]
+        folder.mkdir(exist_ok=True)
+        damaged = parts[folder][rng.integers(3)]
+        for name in parts[folder]:
+            content = mutated(valid[name], rng) if name == damaged else valid[name]
+            (folder / name.replace("sound", "audio")).write_bytes(content)
+        outcome(folder, lambda folder: [load_sequence(folder).clip.motion.positions])
+        if turn % 10 < 2:
+            assert len(check(folder)) == 1
+
+
+class Malicious:
+    """Pickles to a call of any function with any arguments."""
+
+    def __init__(self, function: Callable[..., object], *arguments: object):
+        self.call = (function, arguments)
+
+    def __reduce__(self):
+        return self.call
+
+
+def malicious_pickles(marker: Path) -> dict[str, bytes]:
+    """Pickles that run code, hold objects, or want all the memory."""
+    touch = f"open({str(marker)!r}, 'w').close()"
+    zeros = np.zeros((4, 17, 3))
+    huge = pickle.dumps({"keypoints3d": zeros}, protocol=4).replace(b"K\x04K\x11K\x03", b"J\xff\xff\xff\x7fK\x11K\x03")
+    call = b"\x80\x04cnumpy\nndarray\n(J\xff\xff\xff\x7fJ\xff\xff\xff\x7ft\x85R."
+    return {
+        "eval": pickle.dumps(Malicious(eval, touch)),
+        "exec": pickle.dumps(Malicious(exec, touch), protocol=0),
+        "system": pickle.dumps({"keypoints3d": Malicious(os.system, f"touch {marker}")}),
+        "system in plain words": f"cos\nsystem\n(S'touch {marker}'\ntR.".encode(),
+        "getattr": b"\x80\x04cbuiltins\ngetattr\n(cnumpy\nndarray\nX\x05\x00\x00\x00dtypetR.",
+        "numpy load": pickle.dumps(Malicious(np.load, str(marker))),
+        "dotted name": b"\x80\x04\x8c\x05numpy\x8c\x0endarray.tofile\x93.",
+        "objects": pickle.dumps({"keypoints3d": np.array([Malicious(eval, touch)] * 51, object).reshape(1, 17, 3)}),
+        "strings": pickle.dumps({"keypoints3d": np.full((4, 17, 3), "1.0")}),
+        "instance": b"(ios\nsystem\n.",
+        "extension": b"\x80\x02\x82\x01.",
+        "persistent": b"Pos\n.",
+        "huge shape": huge,
+        "huge ndarray": call,
+        "huge memo": b"\x80\x02]r\xff\xff\xff\x7f.",
+        "huge string": b"\x80\x04\x8d\xff\xff\xff\xff\xff\xff\xff\x0f.",
+        "huge bytes": b"\x80\x05\x96\x00\x00\x00\x00\xff\x00\x00\x00.",
+        "huge frame": b"\x80\x04\x95\xff\xff\xff\xff\xff\xff\xff\x7f.",
+        "nested": b"\x80\x04" + b"(" * 200_000 + b"l" * 200_000 + b".",
+        "many lists": b"\x80\x04" + b"]" * 2_000_000 + b".",
+        "no dictionary": pickle.dumps([zeros]),
+        "other keys": pickle.dumps({"smpl_poses": zeros}),
+        "one frame": pickle.dumps({"keypoints3d": zeros[:1]}),
+        "not a number": pickle.dumps({"keypoints3d": zeros * np.nan}),
+        "fewer bytes": pickle.dumps({"keypoints3d": zeros}, protocol=4)[:-200] + b".",
+    }
+
+
+def test_malicious_pickle_is_refused_and_runs_nothing(tmp_path: Path):
+    marker = tmp_path / "ran"
+    for name, content in malicious_pickles(marker).items():
+        path = tmp_path / f"{name.replace(' ', '_')}.pkl"
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=path.name):
+            load_motion(path)
+    assert not marker.exists()
+
+
+@pytest.mark.parametrize("protocol", [3, 4, 5])
+@pytest.mark.parametrize("module", [b"numpy._core", b"numpy.core"])
+def test_honest_pickle_of_either_numpy_gives_its_arrays(protocol: int, module: bytes):
+    points = np.asfortranarray(poses(4, 17)).astype(">f4")
+    data = pickle.dumps({"keypoints3d": points, "scale": np.float64(2.5), "n": 3}, protocol=protocol)
+    if module == b"numpy.core":
+        for name in (b".multiarray", b".numeric"):
+            long, short = b"numpy._core" + name, b"numpy.core" + name
+            data = data.replace(bytes([len(long)]) + long, bytes([len(short)]) + short).replace(long, short)
+    data = data if protocol < 4 else data[:2] + data[11:]  # without the frame, whose length changed
+    content = read_array_pickle(data)
+    np.testing.assert_array_equal(content["keypoints3d"], points)
+    assert content["scale"] == 2.5
+    assert content["n"] == 3
+
+
+def npy_header(descr: str, shape: str) -> bytes:
+    head = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head
+
+
+def hostile_arrays() -> dict[str, bytes]:
+    """`.npy` and `.npz` files whose headers lie, or that unpack to far more than they are."""
+    lies = {
+        "huge.npy": npy_header("'<f8'", "(1000000000, 1000, 3)") + bytes(4800),
+        "negative.npy": npy_header("'<f8'", "(-5, 3, 3)") + bytes(4800),
+        "overflow.npy": npy_header("'<f8'", f"({2**62}, 4, 3)") + bytes(4800),
+        "empty_items.npy": npy_header("'<U0'", "(1000000000000,)"),
+        "objects.npy": saved(np.save, np.array([[None]], object), allow_pickle=True),
+        "structured.npy": npy_header("[('x', '<f8', (1000000,))]", "(100,)"),
+        "complex.npy": saved(np.save, poses() * 1j),
+        "text.npy": saved(np.save, np.array(["a", "b"])),
+        "one_frame.npy": saved(np.save, poses(1)),
+        "no_joints.npy": saved(np.save, np.zeros((5, 0, 3))),
+        "four_dimensions.npy": saved(np.save, np.zeros((2, 5, 3, 3))),
+        "number.npy": saved(np.save, np.float64(3)),
+        "code.npy": npy_header("__import__('os').getcwd()", "(1,)"),
+        "deep.npy": npy_header("'<f8'", "(" * 4000),
+        "not_a_number.npy": saved(np.save, np.where(np.arange(54).reshape(6, 3, 3) == 7, np.nan, 1.0)),
+        "infinite.npy": saved(np.save, np.where(np.arange(54).reshape(6, 3, 3) == 7, np.inf, 1.0)),
+        "long_double.npy": saved(np.save, poses().astype(np.longdouble)),
+    }
+    bomb = io.BytesIO()
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        with archive.open("positions.npy", "w", force_zip64=True) as member:
+            member.write(npy_header("'<f8'", "(4000000, 3, 3)"))
+            for _ in range(275):
+                member.write(bytes(2**20))
+        archive.writestr("fps.npy", saved(np.save, 25.0))
+    return lies | {
+        "bomb.npz": bomb.getvalue(),
+        "text.npz": b"this is not a zip file",
+        "no_fps.npz": saved(np.savez, positions=poses()),
+        "zero_fps.npz": saved(np.savez, positions=poses(), fps=0.0),
+        "nan_fps.npz": saved(np.savez, positions=poses(), fps=np.nan),
+        "many_fps.npz": saved(np.savez, positions=poses(), fps=np.ones(3)),
+        "frame_time.npz": saved(np.savez, positions=poses(), fps=0.04),
+        "objects.npz": saved(np.savez, positions=np.array([[[None]]]), fps=25.0),
+        "centimetres.npz": saved(np.savez, positions=poses(), fps=25.0, units="cm"),
+        "cycle.npz": saved(np.savez, positions=poses(), fps=25.0, parents=[0, 1, 2]),
+        "short_valid.npz": saved(np.savez, positions=poses(), fps=25.0, valid=np.ones(2, bool)),
+        "bad_text.npz": saved(np.savez, positions=poses(), fps=25.0, joints=np.full(3, 2**31, "<u4").view("<U1")),
+    }
+
+
+def test_array_file_that_lies_about_itself_is_refused_by_name(tmp_path: Path):
+    for name, content in hostile_arrays().items():
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=name):
+            load_motion(path, fps=25.0 if name.endswith("npy") else None)
+
+
+numbers = hnp.arrays(
+    st.sampled_from([np.float64, np.float32, np.int64, np.bool_]),
+    hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=5),
+)
+scalars = st.one_of(st.floats(), st.integers(), st.none(), st.text(max_size=3), st.complex_numbers())
+hostile = settings(max_examples=ARRAYS * TIMES, deadline=None, suppress_health_check=list(HealthCheck), database=None)
+
+
+def finite_or_value_error(build: Callable[[], object], *fields: str) -> None:
+    """Run `build`; the record it gives must be finite, or it must raise ValueError."""
+    try:
+        record = build()
+    except ValueError:
+        return
+    assert all(np.isfinite(getattr(record, field)).all() for field in fields)
+
+
+@hostile
+@given(numbers, scalars)
+def test_any_array_makes_finite_audio_or_a_value_error(samples: np.ndarray, rate: object):
+    finite_or_value_error(lambda: Audio(samples, rate), "samples", "sample_rate")
+
+
+@hostile
+@given(numbers, scalars, st.one_of(st.none(), numbers))
+def test_any_array_makes_finite_motion_or_a_value_error(positions: np.ndarray, fps: object, valid: np.ndarray | None):
+    joints = Skeleton.unnamed(max(1, positions.shape[1] if positions.ndim > 1 else 1))
+    finite_or_value_error(lambda: Motion(positions, fps, joints, valid), "positions", "fps")
+
+
+@hostile
+@given(numbers, numbers, scalars, scalars)
+def test_any_array_makes_finite_beats_or_a_value_error(
+    times: np.ndarray, strengths: np.ndarray, fps: object, end: object
+):
+    finite_or_value_error(lambda: BeatTrack(times, strengths, fps, end), "times", "strengths", "duration")
+
+
+def test_more_than_five_thousand_hostile_inputs_are_tried():
+    assert sum(FILES.values()) + SEQUENCES >= 5000
+    assert set(FILES) == set(valid_files())

@@ -1,0 +1,446 @@
+"""Motion files: our .npz, arrays, BVH, AIST++ pickles, key points."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harmolab.io import (
+    COCO_17,
+    OPENPOSE_18,
+    OPENPOSE_25,
+    load_bvh,
+    load_keypoints,
+    load_motion,
+    load_openpose,
+    save_motion,
+)
+from harmolab.types import Motion, Skeleton
+
+ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
+
+
+def walk(frames: int = 10, joints: int = 3, dimensions: int = 3) -> np.ndarray:
+    return np.random.default_rng(4).normal(size=(frames, joints, dimensions))
+
+
+def save(path: Path, array: np.ndarray) -> Path:
+    np.save(path, array)
+    return path
+
+
+# Our .npz
+
+
+def test_saved_motion_comes_back_bit_by_bit(tmp_path: Path):
+    valid = np.arange(10) % 3 > 0
+    motion = Motion(walk(), 29.97, ARM, valid)
+    save_motion(tmp_path / "arm.npz", motion)
+    back = load_motion(tmp_path / "arm.npz")
+    np.testing.assert_array_equal(back.positions, motion.positions)
+    np.testing.assert_array_equal(back.valid, valid)
+    assert back.fps == 29.97
+    assert back.skeleton == ARM
+
+
+def test_two_dimensional_motion_comes_back(tmp_path: Path):
+    save_motion(tmp_path / "flat.npz", Motion(walk(dimensions=2), 25, ARM))
+    assert load_motion(tmp_path / "flat.npz").positions.shape == (10, 3, 2)
+
+
+def test_failed_save_leaves_the_old_file_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = tmp_path / "arm.npz"
+    save_motion(path, Motion(walk(), 25, ARM))
+    before = path.read_bytes()
+
+    def fail(*_args: object, **_named: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(np, "savez", fail)
+    with pytest.raises(OSError, match="disk full"):
+        save_motion(path, Motion(walk() + 1, 25, ARM))
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["arm.npz"]
+
+
+def test_motion_is_saved_under_npz_names_only(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"arm\.bvh: motion is saved as \.npz"):
+        save_motion(tmp_path / "arm.bvh", Motion(walk(), 25, ARM))
+
+
+def test_npz_by_hand_with_positions_and_fps_is_enough(tmp_path: Path):
+    np.savez(tmp_path / "hand.npz", positions=walk().astype(np.float32), fps=50)
+    motion = load_motion(tmp_path / "hand.npz")
+    assert motion.fps == 50
+    assert motion.skeleton.joints == ("joint_0", "joint_1", "joint_2")
+    assert motion.valid.all()
+
+
+def test_fps_that_is_passed_takes_the_place_of_the_files(tmp_path: Path):
+    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM))
+    assert load_motion(tmp_path / "arm.npz", fps=50).duration == 0.2
+
+
+def test_nan_is_named_by_file_frame_and_joint(tmp_path: Path):
+    positions = walk()
+    positions[7, 1, 2] = np.nan
+    np.savez(tmp_path / "gap.npz", positions=positions, fps=25, joints=list(ARM.joints), parents=list(ARM.parents))
+    with pytest.raises(ValueError, match=r"gap\.npz: NaN or infinity at frame 7, joint 1 \(elbow\), 1 values in all"):
+        load_motion(tmp_path / "gap.npz")
+
+
+@pytest.mark.parametrize(
+    ("arrays", "fault"),
+    [
+        ({"fps": 25}, "has no array 'positions'"),
+        ({"positions": walk()}, "has no array 'fps'"),
+        ({"positions": walk(1), "fps": 25}, "at least two frames, got 1"),
+        ({"positions": walk()[0], "fps": 25}, r"got shape \(3, 3\)"),
+        ({"positions": walk(), "fps": 0}, "fps must lie between 1 and 1000, got 0"),
+        ({"positions": walk(), "fps": 0.04}, "was this the time of one frame"),
+        ({"positions": walk(), "fps": 25, "units": "cm"}, "'cm'; multiply them to metres"),
+        ({"positions": walk(), "fps": 25, "joints": ["a"], "parents": [-1]}, "3 joints, the skeleton 1"),
+        ({"positions": walk(), "fps": 25, "valid": [True]}, "one entry per frame"),
+    ],
+)
+def test_npz_that_is_not_as_documented_is_refused(tmp_path: Path, arrays: dict[str, object], fault: str):
+    np.savez(tmp_path / "bad.npz", **arrays)
+    with pytest.raises(ValueError, match=rf"bad\.npz: .*{fault}"):
+        load_motion(tmp_path / "bad.npz")
+
+
+# .npy
+
+
+def test_array_of_metres_needs_an_fps(tmp_path: Path):
+    path = save(tmp_path / "walk.npy", walk())
+    with pytest.raises(ValueError, match=r"walk\.npy: holds no frame rate; pass fps"):
+        load_motion(path)
+    motion = load_motion(path, fps=30)
+    np.testing.assert_array_equal(motion.positions, walk())
+
+
+def test_scale_turns_centimetres_into_metres(tmp_path: Path):
+    path = save(tmp_path / "walk.npy", walk() * 100)
+    np.testing.assert_allclose(load_motion(path, fps=30, scale=0.01).positions, walk())
+
+
+@pytest.mark.parametrize("shape", [(10, 17, 2), (10, 34)])
+def test_seventeen_points_get_the_names_of_coco(tmp_path: Path, shape: tuple[int, ...]):
+    points = np.arange(340.0)
+    motion = load_motion(save(tmp_path / "points.npy", points.reshape(shape)), fps=30)
+    assert motion.skeleton == COCO_17
+    np.testing.assert_array_equal(motion.positions[1, 2], [38.0, 39.0])
+
+
+def test_aist_file_name_brings_its_60_fps(tmp_path: Path):
+    assert load_motion(save(tmp_path / "gHO_sFM_cAll_d19_mHO1_ch02.npy", walk(10, 17, 2))).fps == 60
+
+
+def test_pixels_with_a_confidence_are_not_taken_for_metres(tmp_path: Path):
+    points = np.random.default_rng(1).uniform(0, 1, (10, 17, 3)) * [640, 480, 1]
+    with pytest.raises(ValueError, match=r"points\.npy: looks like x, y, confidence"):
+        load_motion(save(tmp_path / "points.npy", points), fps=30)
+
+
+def test_array_file_in_fortran_order_and_other_byte_order_is_read(tmp_path: Path):
+    path = save(tmp_path / "walk.npy", np.asfortranarray(walk().astype(">f4")))
+    np.testing.assert_array_equal(load_motion(path, fps=30).positions, walk().astype(np.float32))
+
+
+# BVH
+
+
+def bvh(channels: str, rows: str, *, joint: str = "CHANNELS 3 Zrotation Yrotation Xrotation", frames: int = 2) -> str:
+    return f"""HIERARCHY
+ROOT hip
+{{
+  OFFSET 0 0 0
+  CHANNELS {channels}
+  JOINT knee
+  {{
+    OFFSET 1 0 0
+    {joint}
+    End Site
+    {{
+      OFFSET 0 2 0
+    }}
+  }}
+}}
+MOTION
+Frames: {frames}
+Frame Time: 0.05
+{rows}
+"""
+
+
+SIX = "6 Xposition Yposition Zposition Zrotation Yrotation Xrotation"
+
+
+def positions_of(tmp_path: Path, text: str) -> np.ndarray:
+    (tmp_path / "walk.bvh").write_text(text)
+    return load_bvh(tmp_path / "walk.bvh", scale=1.0).positions
+
+
+def test_bvh_without_rotation_adds_the_offsets(tmp_path: Path):
+    places = positions_of(tmp_path, bvh(SIX, "10 20 30 0 0 0 0 0 0\n" * 2))
+    np.testing.assert_allclose(places[0], [[10, 20, 30], [11, 20, 30], [11, 22, 30]])
+
+
+def test_bvh_root_turned_by_90_degrees_about_z_takes_its_children_along(tmp_path: Path):
+    places = positions_of(tmp_path, bvh(SIX, "0 0 0 90 0 0 0 0 0\n" * 2))
+    np.testing.assert_allclose(places[0], [[0, 0, 0], [0, 1, 0], [-2, 1, 0]], atol=1e-12)
+
+
+def test_bvh_child_rotation_moves_only_what_hangs_below(tmp_path: Path):
+    places = positions_of(tmp_path, bvh(SIX, "0 0 0 0 0 0 0 0 90\n" * 2))
+    np.testing.assert_allclose(places[0], [[0, 0, 0], [1, 0, 0], [1, 0, 2]], atol=1e-12)
+
+
+def test_bvh_rotations_apply_in_the_order_of_the_channels(tmp_path: Path):
+    # Knee at (1, 0, 0): Ry(90) takes x to -z, where Rz leaves it; Rz(90) takes x to y, where Ry leaves it.
+    z_first = positions_of(tmp_path, bvh("3 Zrotation Yrotation Xrotation", "90 90 0 0 0 0\n" * 2))
+    y_first = positions_of(tmp_path, bvh("3 Yrotation Zrotation Xrotation", "90 90 0 0 0 0\n" * 2))
+    np.testing.assert_allclose(z_first[0, 1], [0, 0, -1], atol=1e-12)
+    np.testing.assert_allclose(y_first[0, 1], [0, 1, 0], atol=1e-12)
+
+
+def test_bvh_positions_of_a_joint_take_the_place_of_its_offset(tmp_path: Path):
+    text = bvh(SIX, "0 0 0 0 0 0 5 6 7\n" * 2, joint="CHANNELS 3 Xposition Yposition Zposition")
+    np.testing.assert_allclose(positions_of(tmp_path, text)[0, 1], [5, 6, 7])
+
+
+def test_bvh_names_joints_and_ends_and_gives_its_rate(tmp_path: Path):
+    (tmp_path / "walk.bvh").write_text(bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2))
+    motion = load_motion(tmp_path / "walk.bvh")
+    assert motion.skeleton == Skeleton(("hip", "knee", "knee_end"), (-1, 0, 1))
+    assert motion.fps == pytest.approx(20)
+
+
+@pytest.mark.parametrize(("leg", "factor"), [("0.9", 1.0), ("90", 0.01)])
+def test_bvh_over_3_units_tall_is_taken_for_centimetres(tmp_path: Path, leg: str, factor: float):
+    (tmp_path / "walk.bvh").write_text(
+        bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2).replace("OFFSET 0 2 0", f"OFFSET 0 -{leg} 0")
+    )
+    assert load_bvh(tmp_path / "walk.bvh").positions[0, 2, 1] == pytest.approx(-float(leg) * factor)
+    assert load_bvh(tmp_path / "walk.bvh", scale=0.5).positions[0, 2, 1] == pytest.approx(-float(leg) * 0.5)
+
+
+GOOD = bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("not a skeleton", "needs a HIERARCHY and a MOTION"),
+        (GOOD.replace("MOTION", ""), "needs a HIERARCHY and a MOTION"),
+        (GOOD.replace("0.05", "0"), "Frame Time must be positive"),
+        (GOOD.replace("0.05", "1e-9"), r"fps must lie between 1 and 1000, got 1e\+09"),
+        (GOOD.replace("0.05", "25"), "was this the time of one frame"),
+        (GOOD.replace("Frames: 2", "Frames: 3"), "promises 3 frames of 9 numbers, but 18"),
+        (GOOD.replace("Frames: 2", "Frames: 1e300"), "promises"),
+        (GOOD[:-10], "numbers follow: cut off"),
+        (bvh(SIX, "0 0 0 0 0 0 0 0 0", frames=1), "at least two frames, got 1"),
+        (bvh(SIX, "0 0 0 0 0 0 0 0 x\n" * 2), "something else than numbers"),
+        (bvh(SIX, "0 0 0 0 0 0 0 0 nan\n" * 2), r"NaN or infinity at frame 0, joint 2 \(knee_end\)"),
+        (GOOD.replace("ROOT hip", "ROOT a { OFFSET 0 0 0 CHANNELS 0 }\nROOT hip"), r"second skeleton \('hip'\)"),
+        (GOOD.replace("Xposition", "Wposition"), "has channels"),
+        (GOOD.replace("Xposition", "Yposition"), "once each"),
+        (GOOD.replace("CHANNELS 6", "CHANNELS 7"), "7 channels"),
+        (GOOD.replace("OFFSET 1 0 0", "OFFSET 1 0 inf"), "OFFSET of knee must be finite"),
+        (GOOD.replace("OFFSET 1 0 0", "OFFSET 1 0"), "must be a number, got 'CHANNELS'"),
+        (GOOD.replace("}\nMOTION", "MOTION"), "the hierarchy is cut off"),
+    ],
+)
+def test_damaged_bvh_is_refused_with_its_fault(tmp_path: Path, text: str, fault: str):
+    (tmp_path / "bad.bvh").write_text(text)
+    with pytest.raises(ValueError, match=rf"bad\.bvh: .*{fault}"):
+        load_bvh(tmp_path / "bad.bvh")
+
+
+# AIST++
+
+
+def test_aist_pickle_takes_the_optimised_points_in_metres_at_60_fps(tmp_path: Path):
+    points = walk(6, 17)
+    path = tmp_path / "dance.pkl"
+    path.write_bytes(pickle.dumps({"keypoints3d": points * np.nan, "keypoints3d_optim": points}))
+    motion = load_motion(path)
+    np.testing.assert_allclose(motion.positions, points / 100)
+    assert motion.fps == 60
+    assert motion.skeleton == COCO_17
+
+
+def test_aist_pickle_with_gaps_names_frame_and_joint(tmp_path: Path):
+    points = walk(6, 17)
+    points[3, 9] = np.nan
+    (tmp_path / "dance.pkl").write_bytes(pickle.dumps({"keypoints3d": points}))
+    with pytest.raises(ValueError, match=r"dance\.pkl: NaN or infinity at frame 3, joint 9 \(left_wrist\)"):
+        load_motion(tmp_path / "dance.pkl")
+
+
+def test_pickle_that_calls_something_is_refused_and_not_run(tmp_path: Path):
+    class Touch:
+        def __reduce__(self):
+            return os.mkdir, (str(tmp_path / "ran"),)
+
+    (tmp_path / "dance.pkl").write_bytes(pickle.dumps({"keypoints3d": Touch()}))
+    with pytest.raises(ValueError, match=r"dance\.pkl: .*asks for posix\.mkdir"):
+        load_motion(tmp_path / "dance.pkl")
+    assert not (tmp_path / "ran").exists()
+
+
+# Key points
+
+
+def confident(frames: int = 5, joints: int = 17) -> np.ndarray:
+    """Points that move to the right by one a frame, joint j at height 10 j, all seen."""
+    points = np.zeros((frames, joints, 3))
+    points[..., 0] = np.arange(frames)[:, None]
+    points[..., 1] = 10.0 * np.arange(joints)
+    points[..., 2] = 0.9
+    return points
+
+
+def test_unseen_joint_is_filled_by_a_straight_line_and_its_frames_are_not_valid(tmp_path: Path):
+    points = confident()
+    points[1:3, 9] = 0.0
+    motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 9, 0], [0, 1, 2, 3, 4])
+    np.testing.assert_allclose(motion.positions[:, 9, 1], 90)
+    np.testing.assert_array_equal(motion.valid, [True, False, False, True, True])
+
+
+def test_joint_unseen_at_the_end_stays_where_it_was_last(tmp_path: Path):
+    points = confident()
+    points[3:, 9] = 0.0
+    motion = load_keypoints(save(tmp_path / "points.npy", points), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 9, 0], [0, 1, 2, 2, 2])
+
+
+def test_joint_that_is_never_seen_is_an_error_unless_left_out(tmp_path: Path):
+    points = confident()
+    points[:, 3] = 0.0
+    path = save(tmp_path / "points.npy", points)
+    with pytest.raises(ValueError, match=r"points\.npy: never shows left_ear; keep the other joints only"):
+        load_keypoints(path, fps=30)
+    motion = load_keypoints(path, fps=30, joints=["left_shoulder", "left_wrist"])
+    assert motion.skeleton == Skeleton(("left_shoulder", "left_wrist"), (-1, 0))
+    np.testing.assert_allclose(motion.positions[0, :, 1], [50, 90])
+    assert motion.valid.all()
+
+
+@pytest.mark.parametrize("skeleton", [COCO_17, OPENPOSE_18, OPENPOSE_25])
+def test_skeleton_is_one_tree_with_limbs_on_their_own_side(skeleton: Skeleton):
+    assert skeleton.parents.count(-1) == 1
+    assert len(set(skeleton.joints)) == len(skeleton.joints)
+    for parent, child in skeleton.bones:
+        sides = {skeleton.joints[joint].split("_")[0] for joint in (parent, child)}
+        assert not {"left", "right"} <= sides
+
+
+def write_frames(folder: Path, frames: list[list[np.ndarray]]) -> Path:
+    folder.mkdir()
+    for number, people in enumerate(frames):
+        content = {"people": [{"pose_keypoints_2d": person.ravel().tolist()} for person in people]}
+        (folder / f"dance_{number:012d}_keypoints.json").write_text(json.dumps(content))
+    return folder
+
+
+def person(x: float, sure: float = 0.9) -> np.ndarray:
+    points = confident(1, 25)[0]
+    points[:, 0], points[:, 2] = x, sure
+    return points
+
+
+def test_openpose_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path):
+    motion = load_motion(write_frames(tmp_path / "frames", [[person(x)] for x in range(12)]), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], np.arange(12))
+    assert motion.skeleton == OPENPOSE_25
+
+
+def test_openpose_follows_the_same_dancer_past_a_slightly_surer_passer_by(tmp_path: Path):
+    frames = [[person(0)], [person(100, 0.95), person(1)], [person(2), person(90, 0.95)]]
+    motion = load_openpose(write_frames(tmp_path / "frames", frames), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 1, 2])
+
+
+def test_openpose_ignores_a_doubtful_figure_even_if_it_is_near(tmp_path: Path):
+    frames = [[person(0)], [person(0, 0.1), person(5)], [person(10)]]
+    motion = load_openpose(write_frames(tmp_path / "frames", frames), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 5, 10])
+
+
+def test_openpose_frame_without_people_is_filled_and_marked(tmp_path: Path):
+    motion = load_openpose(write_frames(tmp_path / "frames", [[person(0)], [], [person(4)]]), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 2, 4])
+    np.testing.assert_array_equal(motion.valid, [True, False, True])
+
+
+def test_openpose_missing_frame_number_is_an_error(tmp_path: Path):
+    folder = write_frames(tmp_path / "frames", [[person(x)] for x in range(4)])
+    (folder / "dance_000000000002_keypoints.json").unlink()
+    with pytest.raises(ValueError, match="frames: frame 2 is missing between 0 and 3"):
+        load_openpose(folder, fps=30)
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        ("{", "cannot be read as an OpenPose frame"),
+        ("[]", "has no list 'people'"),
+        ('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}', "18 or 25 joints"),
+        ("[" * 100_000, "cannot be read as an OpenPose frame"),
+        (json.dumps({"people": [{"pose_keypoints_2d": [float("nan")] * 75}]}), "NaN or infinity at joint 0"),
+    ],
+)
+def test_damaged_openpose_frame_is_named(tmp_path: Path, content: str, fault: str):
+    folder = write_frames(tmp_path / "frames", [[person(0)], [person(1)]])
+    (folder / "dance_000000000001_keypoints.json").write_text(content)
+    with pytest.raises(ValueError, match=rf"dance_000000000001_keypoints\.json: .*{fault}"):
+        load_openpose(folder, fps=30)
+
+
+# What is no motion at all
+
+
+def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
+    (tmp_path / "dance.xyz").write_text("x")
+    (tmp_path / "empty.npz").touch()
+    with pytest.raises(ValueError, match=r"dance\.xyz: is no motion file that is known \(\.xyz\)"):
+        load_motion(tmp_path / "dance.xyz")
+    with pytest.raises(ValueError, match=r"empty\.npz: the file is empty"):
+        load_motion(tmp_path / "empty.npz")
+    with pytest.raises(FileNotFoundError, match=r"none\.bvh: no such file"):
+        load_motion(tmp_path / "none.bvh")
+    with pytest.raises(ValueError, match="holds no frame rate"):
+        load_motion(tmp_path)
+
+
+# Recordings
+
+
+@pytest.mark.data
+def test_recorded_bvh_moves_like_a_person(data_root: Path):
+    motion = load_bvh(data_root / "extra" / "bvh" / "cmu_131_03.bvh", scale=0.056444)
+    assert motion.positions.shape == (1102, 38, 3)
+    assert motion.fps == pytest.approx(120, abs=0.01)
+    head, toe = (motion.skeleton.joints.index(name) for name in ("Head", "LeftToe"))
+    assert np.median(motion.positions[:, head, 1] - motion.positions[:, toe, 1]) == pytest.approx(1.5, abs=0.3)
+    for parent, child in motion.skeleton.bones:
+        length = np.linalg.norm(motion.positions[:, child] - motion.positions[:, parent], axis=1)
+        assert np.ptp(length) < 1e-9
+
+
+@pytest.mark.data
+def test_recorded_aist_key_points_are_upright_in_image_coordinates(data_root: Path):
+    motion = load_motion(data_root / "extra" / "aist_keypoints2d" / "gMH_sFM_cAll_d22_mMH1_ch02.npy")
+    assert motion.positions.shape == (1279, 17, 2)
+    assert motion.fps == 60
+    height = motion.positions[:, :, 1].mean(axis=0)
+    assert height[COCO_17.joints.index("nose")] < height[COCO_17.joints.index("left_ankle")]

@@ -1,0 +1,209 @@
+"""Kernels on joint positions: speed, turning points, resampling."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harmolab.kinematics import (
+    direction_spread,
+    joint_speed,
+    peak_frames,
+    refine_extrema,
+    resample_motion,
+    smooth,
+    step_signs,
+    turning_points,
+    upsample_motion,
+    valley_frames,
+)
+from harmolab.types import Motion, Skeleton
+
+# One joint goes 3 to the right and 4 up (5 in all), another 2 forward; then only the first moves, 1 back.
+STEPS = np.array([[[0, 0, 0], [0, 0, 0]], [[3, 4, 0], [0, 0, 2]], [[2, 4, 0], [0, 0, 2]]], dtype=float)
+
+
+def line(values: list[float], fps: float = 1.0) -> Motion:
+    """One joint on a straight line."""
+    positions = np.zeros((len(values), 1, 3))
+    positions[:, 0, 0] = values
+    return Motion(positions, fps, Skeleton.unnamed(1))
+
+
+@pytest.mark.parametrize(
+    ("reading", "expected"),
+    [
+        ("norm", [7, 7, 1]),  # 5 + 2
+        ("signed", [9, 9, -1]),  # 3 + 4 + 2
+        ("norm_of_sum", [np.sqrt(29), np.sqrt(29), 1]),  # of (3, 4, 2)
+    ],
+)
+def test_joint_speed_sums_over_joints_and_repeats_its_first_value(reading, expected):
+    np.testing.assert_allclose(joint_speed(STEPS, reading=reading), expected)
+
+
+def test_joint_speed_with_fps_is_per_second():
+    np.testing.assert_allclose(joint_speed(STEPS, 15.0), [105, 105, 15])
+
+
+def test_joint_speed_takes_pictures_coordinates_too():
+    np.testing.assert_allclose(joint_speed(STEPS[:, :, :2]), [5, 5, 1])
+
+
+def test_joint_speed_of_an_unknown_reading_is_refused():
+    with pytest.raises(ValueError, match="reading must be norm, signed or norm_of_sum, got 'l1'"):
+        joint_speed(STEPS, reading="l1")
+
+
+def test_a_joint_that_turns_back_while_another_goes_on_spreads_the_directions():
+    reversing, steady = [0, 1, 0, -1], [0, 1, 2, 3]
+    positions = np.stack([reversing, steady], axis=1)[:, :, None] * np.ones(3)
+    # At frame 2 the turns 1 - cos are 2 and 0, SD 1; at frame 3 both go on. The first two frames repeat the third.
+    np.testing.assert_allclose(direction_spread(positions), [1, 1, 1, 0], atol=1e-12)
+
+
+def test_a_joint_at_rest_does_not_turn():
+    moving, resting = [0, 1, 2, 3], [0, 0, 0, 0]
+    positions = np.stack([moving, resting], axis=1)[:, :, None] * np.ones(3)
+    np.testing.assert_array_equal(direction_spread(positions), [0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("frames", [2, 3])
+def test_direction_spread_of_very_short_motion_is_nothing(frames):
+    np.testing.assert_array_equal(direction_spread(np.arange(frames * 3.0).reshape(frames, 1, 3)), np.zeros(frames))
+
+
+def test_smoothing_by_nothing_changes_nothing():
+    curve = np.array([1.0, 5.0, 2.0])
+    np.testing.assert_array_equal(smooth(curve, 0.0, 25.0), curve)
+
+
+@pytest.mark.parametrize("fps", [25.0, 50.0])
+def test_smoothing_is_measured_in_seconds(fps):
+    curve = np.zeros(round(4 * fps) + 1)
+    middle = round(2 * fps)
+    curve[middle] = 1.0
+    smoothed = smooth(curve, 0.2, fps)
+    # A Gaussian of 0.2 s falls to exp(-1/2) at 0.2 s.
+    assert smoothed[middle + round(0.2 * fps)] / smoothed[middle] == pytest.approx(np.exp(-0.5), rel=1e-9)
+
+
+def test_smoothing_runs_along_time_only():
+    still = np.tile(np.array([[[1.0, 2.0, 3.0]]]), (10, 1, 1))
+    np.testing.assert_allclose(smooth(still, 0.1, 25.0), still, rtol=1e-12)
+
+
+def test_a_tie_takes_the_sign_before_it():
+    curve = np.array([0.0, 1.0, 1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(step_signs(curve), [1, 1, -1, -1])
+    np.testing.assert_array_equal(step_signs(curve, carry=False), [1, 0, -1, 0])
+
+
+def test_ties_before_the_first_step_have_no_sign():
+    np.testing.assert_array_equal(step_signs(np.array([1.0, 1.0, 2.0])), [0, 1])
+
+
+def test_a_step_of_a_millionth_of_the_maximum_is_a_tie():
+    np.testing.assert_array_equal(step_signs(np.array([1.0, 1.0 - 9e-7, 0.5]), carry=False), [0, -1])
+    np.testing.assert_array_equal(step_signs(np.array([1.0, 1.0 - 2e-6, 0.5]), carry=False), [-1, -1])
+
+
+@pytest.mark.parametrize(("plateau", "expected"), [("last", [3]), ("middle", [2]), ("literal", [])])
+def test_a_flat_top_is_one_turning_point(plateau, expected):
+    np.testing.assert_array_equal(turning_points(np.array([0.0, 1.0, 1.0, 1.0, 0.0]), plateau=plateau), expected)
+
+
+def test_a_sharp_turn_is_where_it_is_in_every_reading():
+    curve = np.array([0.0, 2.0, 1.0, 3.0])
+    for plateau in ("last", "middle", "literal"):
+        np.testing.assert_array_equal(turning_points(curve, plateau=plateau), [1, 2])
+
+
+@pytest.mark.parametrize("curve", [[1.0, 1.0, 1.0], [0.0, 1.0, 2.0], [1.0, 1.0, 0.0, 0.0], [3.0], []])
+def test_a_curve_that_never_turns_has_no_turning_points(curve):
+    assert turning_points(np.array(curve)).size == 0
+
+
+def test_an_unknown_plateau_reading_is_refused():
+    with pytest.raises(ValueError, match="plateau must be last, middle or literal, got 'first'"):
+        turning_points(np.array([0.0, 1.0, 0.0]), plateau="first")
+
+
+def test_valleys_and_peaks_share_the_turning_points():
+    curve = np.array([2.0, 0.0, 3.0, 3.0, 1.0, 2.0])
+    np.testing.assert_array_equal(turning_points(curve), [1, 3, 4])
+    np.testing.assert_array_equal(valley_frames(curve), [1, 4])
+    np.testing.assert_array_equal(peak_frames(curve), [3])
+
+
+def test_the_top_of_a_parabola_is_found_between_the_samples():
+    curve = 5 - (np.arange(6) - 2.3) ** 2
+    np.testing.assert_allclose(refine_extrema(curve, np.array([2])), [2.3])
+
+
+def test_a_flat_extremum_stays_on_its_sample():
+    np.testing.assert_array_equal(refine_extrema(np.ones(5), np.array([2])), [2])
+
+
+def test_resampling_puts_new_frames_on_the_straight_line_between_old_ones():
+    np.testing.assert_allclose(
+        resample_motion(line([0, 2, 0], fps=2.0), 4.0).positions[:, 0, 0], [0, 1, 2, 1, 0], atol=1e-12
+    )
+
+
+def test_resampling_from_25_to_15_keeps_the_length_within_a_frame():
+    assert resample_motion(line(list(range(150)), fps=25.0), 15.0).n_frames == 90
+
+
+def test_resampling_to_the_same_rate_changes_nothing():
+    motion = line([0, 1, 2])
+    assert resample_motion(motion, 1.0) is motion
+
+
+def test_a_new_frame_is_valid_where_both_frames_around_it_are():
+    motion = replace(line([0, 1, 2, 3]), valid=[True, True, False, True])
+    np.testing.assert_array_equal(resample_motion(motion, 2.0).valid, [True, True, False, False, False, False, False])
+
+
+def test_resampling_below_two_frames_is_refused():
+    with pytest.raises(ValueError, match=r"a motion of 0.080 s has no two frames at 15 fps"):
+        resample_motion(line([0, 1], fps=25.0), 15.0)
+
+
+def test_upsampling_follows_a_cubic_exactly():
+    times = np.arange(8.0)
+    fine = upsample_motion(line((times**3 - 4 * times**2).tolist(), fps=1.0), 4.0)
+    expected = np.arange(29) / 4
+    np.testing.assert_allclose(fine.positions[:, 0, 0], expected**3 - 4 * expected**2, atol=1e-9)
+    assert fine.fps == 4.0
+
+
+def test_upsampling_leaves_fast_motion_alone():
+    motion = line([0, 1, 2], fps=60.0)
+    assert upsample_motion(motion, 60.0) is motion
+
+
+def test_upsampling_keeps_a_resting_joint_at_rest():
+    resting = np.full((9, 1, 3), 0.1)
+    moving = np.random.default_rng(1).normal(size=(9, 1, 3))
+    motion = Motion(np.concatenate([resting, moving], axis=1), 5.0, Skeleton.unnamed(2))
+    assert np.ptp(upsample_motion(motion, 20.0).positions[:, 0], axis=0).max() == 0
+
+
+@pytest.mark.parametrize("frames", [2, 3])
+def test_upsampling_takes_very_short_motion(frames):
+    fine = upsample_motion(line(list(range(frames)), fps=1.0), 2.0)
+    np.testing.assert_allclose(fine.positions[:, 0, 0], np.arange(2 * frames - 1) / 2)
+
+
+def test_upsampling_loses_far_less_of_a_swing_than_straight_lines_do():
+    def swing(fps: float) -> Motion:
+        return line(np.sin(2 * np.pi * 1.5 * np.arange(round(4 * fps)) / fps).tolist(), fps)
+
+    truth = swing(120.0).positions[60:400]
+    cubic = upsample_motion(swing(15.0), 120.0).positions[60:400]
+    straight = resample_motion(swing(15.0), 120.0).positions[60:400]
+    assert np.abs(cubic - truth).max() < 0.005
+    assert np.abs(straight - truth).max() > 0.04  # (pi / 10)^2 / 2 at a peak

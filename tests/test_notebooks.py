@@ -1,0 +1,142 @@
+"""The notebooks keep their form, and each runs from top to bottom."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from harmolab.pages import PAPER
+from harmolab.report import run_notebook
+
+ROOT = Path(__file__).resolve().parents[1]
+PATHS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+NAMES = [
+    "00_start_here",
+    "01_harmony_distortion",
+    "02_flow_or_skeleton",
+    "03_beats_from_joint_speed",
+    "04_salience_and_scoring",
+    "05_right_from_wrong",
+    "06_meter_units",
+]
+MOST_CELLS = 15
+MOST_LINES = 12
+# Under a minute is the aim on two cores; a cell that takes three has gone wrong.
+SECONDS_PER_CELL = 180
+
+ABSOLUTE = re.compile(r"(?:/\w[\w.-]*|~\w*)/|/tmp|[A-Za-z]:[\\/]")
+
+every_notebook = pytest.mark.parametrize("path", PATHS, ids=[path.stem for path in PATHS])
+
+
+def code_cells(path: Path) -> list[nbformat.NotebookNode]:
+    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+
+
+def form_faults(source: str) -> list[str]:
+    """What one code cell must not hold."""
+    tree = ast.parse("\n".join(line for line in source.splitlines() if not line.lstrip().startswith("%")))
+    found = [f"{len(source.splitlines())} lines"] if len(source.splitlines()) > MOST_LINES else []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Try):
+            found.append(f"{type(node).__name__} in line {node.lineno}")
+        if (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and re.match(r"[/~]\w|[A-Za-z]:\\", node.value)
+        ):
+            found.append(f"absolute path {node.value!r}")
+        if isinstance(node, ast.Name | ast.Attribute | ast.alias):
+            name = getattr(node, "id", None) or getattr(node, "attr", None) or node.name
+            if name.rpartition(".")[2] in ("interact", "interactive", "interactive_output", "Output"):
+                found.append(f"{name}, which hangs or stays blank in a report; use Explorer")
+    return found
+
+
+def test_all_notebooks_are_there_and_numbered_without_a_gap():
+    assert [path.stem for path in PATHS] == NAMES
+    assert [path.stem[:2] for path in PATHS] == [f"{number:02d}" for number in range(len(PATHS))]
+
+
+@every_notebook
+def test_notebook_is_committed_without_outputs(path: Path):
+    nbformat.validate(json.loads(path.read_text("utf-8")))
+    cells = code_cells(path)
+    assert [cell.outputs for cell in cells] == [[]] * len(cells)
+    assert [cell.execution_count for cell in cells] == [None] * len(cells)
+    assert "widgets" not in nbformat.read(path, as_version=4).metadata
+
+
+@every_notebook
+def test_notebook_starts_with_a_title_and_takes_its_profile_from_one_tagged_cell(path: Path):
+    notebook = nbformat.read(path, as_version=4)
+    assert notebook.cells[0].cell_type == "markdown"
+    assert notebook.cells[0].source.startswith("# ")
+    tagged = [cell.source for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
+    assert len(tagged) == 1
+    assert "profile = RunProfile.from_env()" in tagged[0]
+
+
+@every_notebook
+def test_notebook_says_which_items_of_the_paper_it_builds(path: Path):
+    items = nbformat.read(path, as_version=4).metadata["harmolab"]["paper"]
+    assert set(items) <= set(PAPER)
+
+
+@every_notebook
+def test_notebook_stays_short_and_leaves_functions_to_the_package(path: Path):
+    cells = code_cells(path)
+    assert len(cells) <= MOST_CELLS
+    assert [fault for cell in cells for fault in form_faults(cell.source)] == []
+
+
+@pytest.mark.parametrize(
+    ("source", "fault"),
+    [
+        ("x = 1\n" * 13, "13 lines"),
+        ("def f():\n    return 1", "FunctionDef in line 1"),
+        ("try:\n    x = 1\nfinally:\n    pass", "Try in line 1"),
+        ("class A:\n    pass", "ClassDef in line 1"),
+        ("open('/home/me/a.wav')", "absolute path '/home/me/a.wav'"),
+        ("open('~user/a.wav')", "absolute path '~user/a.wav'"),
+        ("from ipywidgets import interact", "interact, which hangs or stays blank in a report; use Explorer"),
+        ("widgets.Output()", "Output, which hangs or stays blank in a report; use Explorer"),
+    ],
+)
+def test_planted_fault_of_form_is_found(source: str, fault: str):
+    assert form_faults(source) == [fault]
+
+
+def test_ordinary_cell_has_no_fault():
+    assert (
+        form_faults("%config InlineBackend.figure_format = 'png'\nax.set(ylabel='speed (m/s)')\nlambda x: x / 2") == []
+    )
+
+
+def test_every_published_figure_has_its_notebook_and_its_file():
+    manifest = ROOT / "figures" / "manifest.json"
+    entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
+    assert {entry["notebook"] for entry in entries.values()} <= {path.name for path in PATHS}
+    files = {file.name for file in (ROOT / "figures").glob("*.*") if file.suffix in (".png", ".csv")}
+    assert files == set(entries)
+
+
+def test_published_figures_come_from_the_full_profile():
+    manifest = ROOT / "figures" / "manifest.json"
+    entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
+    assert {entry["profile"] for entry in entries.values()} <= {"full"}
+
+
+@pytest.mark.slow
+@every_notebook
+def test_notebook_runs_from_top_to_bottom_in_the_quick_profile(path: Path, tmp_path: Path):
+    variables = {"HARMOLAB_PROFILE": "quick", "HARMOLAB_FIGURES": str(tmp_path), "HARMOLAB_DATA": ""}
+    run = run_notebook(path, variables=variables, timeout=SECONDS_PER_CELL)
+    assert run.error == ""
+    manifest = json.loads((tmp_path / "manifest.json").read_text("utf-8"))
+    assert {entry["notebook"] for entry in manifest.values()} == {path.name}

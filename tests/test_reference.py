@@ -1,0 +1,136 @@
+"""Agreement with an independent implementation's numbers (the file that HARMOLAB_REFERENCE names)."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harmolab.beats.saliency import audio_mask, normalise_strengths, strength_steps, visual_mask
+from harmolab.beats.visual import curve_beats
+from harmolab.harmony import hit_mask, score_harmony
+from harmolab.kinematics import smooth, turning_points
+from harmolab.metrics import beat_align, kinematic_params
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack
+
+FPS = 15.0
+DEFAULT = Path(__file__).resolve().parents[2] / "shared" / "reference" / "fixtures.json"
+FILE = Path(os.environ.get("HARMOLAB_REFERENCE", DEFAULT))
+close = dict(rtol=1e-9, atol=1e-9)
+
+
+def cases() -> list[dict[str, Any]]:
+    if not FILE.is_file():
+        return []
+    data = json.loads(FILE.read_text())
+    return data["clips"] + data["edge_cases"]
+
+
+CASES = cases()
+pytestmark = pytest.mark.skipif(not CASES, reason=f"no reference file at {FILE}; set HARMOLAB_REFERENCE")
+VARIANTS = [(case, name) for case in CASES for name in case["variants"]]
+
+
+def params_of(given: dict[str, Any]) -> HarmonyParams:
+    """The fixture's names for the settings in ours."""
+    return HarmonyParams(
+        audio_threshold=given["lam1"],
+        visual_threshold=given["lam2"],
+        reaction_delay=given["t_delay"] / FPS,
+        beta=given["beta"],
+        saliency=given["reading"],
+        visual_saliency={"R": "difference", "s": "strength"}[given["visual_quantity"]],
+        first_beat=given["first"],
+        matching=given["match"],
+        normalisation=given["norm"],
+    )
+
+
+def audio_track(case: dict[str, Any]) -> BeatTrack:
+    return BeatTrack(np.array(case["p_a"]) / FPS, np.array(case["s_a"]), FPS, len(case["J_v"]) / FPS)
+
+
+def check_score(case: dict[str, Any], expected: dict[str, Any], params: HarmonyParams, visual: BeatTrack) -> None:
+    audio = audio_track(case)
+    score = score_harmony(audio, visual, params=params, n_rotations=0)
+    numbers = {
+        "h_s": score.hitting_score, "h": score.harmony, "h_a": score.audio_harmony, "h_v": score.visual_harmony,
+        "N": score.n_audio, "M": score.n_visual, "hit_rate": score.hit_rate, "coverage": score.chance,
+        "h_cc": score.harmony_above_chance,
+        "hit_rate_att": score.hits.mean() if score.hits.size else 0.0,
+    }  # fmt: skip
+    for name, value in numbers.items():
+        np.testing.assert_allclose(value, expected[name], err_msg=name, **close)
+    np.testing.assert_array_equal(score.hits, np.array(expected["hp"], dtype=bool)[: score.n_audio])
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_turning_points_and_their_strengths_agree(case: dict[str, Any]) -> None:
+    speed = np.array(case["J_v"])
+    turns = turning_points(speed)
+    np.testing.assert_array_equal(turns, case["p_v"])
+    np.testing.assert_allclose(speed[turns], case["s_v"], **close)
+    np.testing.assert_array_equal(turning_points(speed, plateau="literal"), case["p_v_plateau_literal"])
+    np.testing.assert_array_equal(turning_points(speed, plateau="middle"), case["p_v_plateau_mid"])
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_motion_beats_and_their_alignment_agree(case: dict[str, Any]) -> None:
+    params = kinematic_params()
+    track = curve_beats(smooth(np.array(case["J_v"]), params.smoothing, FPS), FPS, params)
+    np.testing.assert_allclose(track.times * FPS, case["kinematic_beats"], **close)
+    value = beat_align(track.times, np.array(case["p_a"]) / FPS)
+    np.testing.assert_allclose(value, case["bas_kinematic"], **close)
+
+
+@pytest.mark.parametrize(("case", "name"), VARIANTS, ids=lambda value: value if isinstance(value, str) else value["name"])
+def test_every_number_of_every_variant_agrees(case: dict[str, Any], name: str) -> None:
+    expected = case["variants"][name]
+    params = params_of(expected["params"])
+    strengths = np.array(case["s_v"], dtype=float)
+    mask = visual_mask(
+        strengths, params.visual_threshold, reading=params.saliency,
+        quantity=params.visual_saliency, first_beat=params.first_beat,
+    )  # fmt: skip
+    np.testing.assert_array_equal(mask, np.array(expected["mask_v"], dtype=bool))
+    sounds = normalise_strengths(np.array(case["s_a"], dtype=float), params.normalisation)
+    heard = audio_mask(sounds, params.audio_threshold, reading=params.saliency)
+    np.testing.assert_array_equal(heard, np.array(expected["mask_a"], dtype=bool))
+    steps = np.array([np.nan if step is None else step for step in expected["R"]], dtype=float)
+    ours = strength_steps(strengths)
+    np.testing.assert_allclose(ours[~np.isnan(steps)], steps[~np.isnan(steps)], **close)
+    visual = BeatTrack(np.array(case["p_v"]) / FPS, strengths, FPS, len(case["J_v"]) / FPS)
+    check_score(case, expected, params, visual)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_the_valley_score_agrees(case: dict[str, Any]) -> None:
+    expected = case["proposed"]
+    given = expected["params"]
+    params = replace(
+        HarmonyParams.valleys(), audio_threshold=given["lam1"], beta=given["beta"], normalisation=given["norm"],
+        matching=given["match"], reaction_delay=given["t_delay"] / FPS, smoothing=given["sigma"] / FPS, subframe=False,
+    )  # fmt: skip
+    curve = smooth(np.array(case["J_v"]), params.smoothing, FPS)
+    np.testing.assert_allclose(curve, expected["J_smooth"], **close)
+    visual = curve_beats(curve, FPS, params)
+    np.testing.assert_allclose(visual.times * FPS, expected["p_v"], **close)
+    np.testing.assert_allclose(visual.strengths, expected["s_v"], **close)
+    np.testing.assert_allclose(strength_steps(visual.strengths), expected["R"], **close)
+    check_score(case, expected, params, visual)
+
+
+def test_hits_of_the_first_clip_can_be_repeated_by_hand() -> None:
+    case = CASES[0]
+    expected = case["variants"]["default"]
+    beats = np.array(case["p_v"])[np.array(expected["mask_v"])]
+    by_hand = [min(abs(beats - beat)) <= 3.75 + 1e-9 for beat in case["p_a"]]
+    np.testing.assert_array_equal(by_hand, expected["hp"])
+    ours = hit_mask(np.array(case["p_a"]) / FPS, beats / FPS, delay=0.25)
+    np.testing.assert_array_equal(ours, expected["hp"])

@@ -1,0 +1,336 @@
+"""The report: what it says about notebooks that run and notebooks that fail, and that it needs no network."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import nbformat
+import pytest
+from matplotlib import pyplot
+from matplotlib.figure import Figure
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+from harmolab import report
+from harmolab.pages import NotebookRun, write_pages
+from harmolab.params import RunProfile
+from harmolab.viz import style
+
+GOOD = """# 00 The good one
+
+Inline $T_d \\ge 0.25$ and
+
+$$ h = \\frac{2 h_a h_v}{h_a + h_v} $$
+"""
+
+FIGURE = """from matplotlib import pyplot
+from matplotlib.figure import Figure
+from harmolab.viz.style import save_figure
+figure = Figure()
+figure.subplots().plot([0, 1])
+save_figure(figure, "fig01", notebook="00_good", source="synthetic", profile=profile, title="A <planted> title")
+"""
+
+PLOTS = """from matplotlib import pyplot
+from harmolab.viz.style import figure_style
+with figure_style():
+    pyplot.subplots()
+"""
+
+TABLE = """import pandas as pd
+from harmolab.viz.style import save_table
+frame = pd.DataFrame({"score": ["ours"], "auc": [0.875]})
+save_table(frame, "table1", notebook="00_good", source="planted recordings", profile=profile, title="One row")
+"""
+
+LAB = """from harmolab.widgets.explorer import Explorer
+Explorer(lambda level: figure, level=(0.0, 1.0, 0.1, 0.5))
+"""
+
+
+def write_notebook(path: Path, *cells: str, paper: tuple[str, ...] = ()) -> None:
+    """A notebook whose first cell is Markdown and the others code."""
+    nodes = [new_markdown_cell(cells[0]), *map(new_code_cell, cells[1:])]
+    kernel = {"name": "python3", "display_name": "Python 3", "language": "python"}
+    nbformat.write(new_notebook(cells=nodes, metadata={"kernelspec": kernel, "harmolab": {"paper": list(paper)}}), path)
+
+
+def run_of(title: str, paper: tuple[str, ...], error: str = "") -> NotebookRun:
+    """A run that never took place."""
+    node = new_notebook(cells=[new_markdown_cell(title)], metadata={"harmolab": {"paper": list(paper)}})
+    return NotebookRun(Path("/planted/03_beats.ipynb"), node, 1.0, error)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, Path, Path]]:
+    """(exit code, report, published figures) of a good notebook and one that fails."""
+    root = tmp_path_factory.mktemp("report")
+    (root / "notebooks").mkdir()
+    parameters = "from harmolab.params import RunProfile\nprofile = RunProfile.from_env()"
+    write_notebook(
+        root / "notebooks" / "00_good.ipynb",
+        GOOD,
+        parameters,
+        FIGURE,
+        PLOTS,
+        PLOTS,
+        TABLE,
+        LAB,
+        paper=("Fig. 1", "Table 1"),
+    )
+    write_notebook(
+        root / "notebooks" / "01_bad.ipynb", "# Bad", "1", "raise KeyError('planted fault')", paper=("Fig. 2",)
+    )
+    folders = ["--notebooks", root / "notebooks", "--out", root / "out", "--figures", root / "figures"]
+    code = report.main([str(part) for part in folders])
+    yield code, root / "out", root / "figures"
+
+
+@pytest.mark.slow
+def test_report_with_a_failing_notebook_is_written_and_names_cell_and_error(built):
+    code, out, _ = built
+    index = (out / "index.html").read_text()
+    assert code == 1
+    assert "1 of 2 notebooks failed" in index
+    assert "code cell 2: KeyError: &#39;planted fault&#39;" in index
+    assert "This notebook failed" in (out / "01_bad.html").read_text()
+    assert "This notebook failed" not in (out / "00_good.html").read_text()
+
+
+@pytest.mark.slow
+def test_pages_load_nothing_from_elsewhere(built):
+    _, out, _ = built
+    for page in out.glob("*.html"):
+        text = page.read_text()
+        assert re.findall(r"""(?:src|href)=["'](?:https?:)?//[^"']+""", text) == []
+        assert re.findall(r"""(?:@import|url\()\s*["']?(?:https?:)?//""", text) == []
+        assert re.findall(r"<script[^>]*src=", text) == []
+
+
+@pytest.mark.slow
+def test_page_shows_every_figure_and_the_lab_as_pictures_and_equations_without_a_script(built):
+    _, out, _ = built
+    page = (out / "00_good.html").read_text()
+    assert len(re.findall(r'<img[^>]* src="data:image/png;base64,', page)) == 4
+    assert "<mfrac>" in page
+    assert "$$" not in page
+    assert "widget-view" not in page
+
+
+@pytest.mark.slow
+def test_index_lists_figures_tables_and_where_the_data_came_from(built):
+    _, out, _ = built
+    index = (out / "index.html").read_text()
+    assert '<img src="figures/fig01.png" alt="A &lt;planted&gt; title">' in index
+    assert "<td>0.875</td>" in index
+    assert "data: planted recordings, synthetic" in index
+    assert "quick profile" in index
+    assert (out / "figures" / "fig01.png").is_file()
+
+
+@pytest.mark.slow
+def test_index_tells_the_state_of_every_item_of_the_paper(built):
+    _, out, _ = built
+    rows = re.findall(r"<td>((?:Fig\.|Table) \d+)</td><td>[^<]*</td>\s*<td><span class=\"(\w+)\"", index_text(out))
+    states = dict(rows)
+    assert list(states) == [f"Fig. {n}" for n in range(1, 15)] + ["Table 1", "Table 2"]
+    assert {item for item, state in states.items() if state == "built"} == {"Fig. 1", "Table 1"}
+    assert {item for item, state in states.items() if state == "failed"} == {"Fig. 2"}
+
+
+def index_text(out: Path) -> str:
+    return (out / "index.html").read_text()
+
+
+@pytest.mark.slow
+def test_figures_are_not_published_when_a_notebook_failed(built):
+    _, _, figures = built
+    assert not figures.exists()
+
+
+@pytest.mark.slow
+def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(tmp_path: Path):
+    (tmp_path / "notebooks").mkdir()
+    parameters = "from harmolab.params import RunProfile\nprofile = RunProfile.from_env()"
+    write_notebook(tmp_path / "notebooks" / "00_good.ipynb", "# Good", parameters, FIGURE)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "index.html").write_text(report.MARK)
+    (tmp_path / "out" / "old.html").write_text("from an earlier run")
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "old.png").write_text("from an earlier run")
+    (tmp_path / "figures" / "manifest.json").write_text('{"old.png": {}}')
+    arguments = {"profile": "full", "figures": tmp_path / "figures", "progress": False}
+    result = report.build(tmp_path / "notebooks", tmp_path / "out", **arguments)
+    assert result.failures == ()
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["00_good.html", "figures", "index.html"]
+    assert sorted(file.name for file in (tmp_path / "figures").iterdir()) == ["fig01.png", "manifest.json"]
+    entry = json.loads((tmp_path / "figures" / "manifest.json").read_text())["fig01.png"]
+    assert (entry["profile"], entry["source"], entry["notebook"]) == ("full", "synthetic", "00_good.ipynb")
+    assert not list(tmp_path.glob(".out-*"))
+
+
+@pytest.mark.slow
+def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
+    write_notebook(tmp_path / "00_slow.ipynb", "# Slow", "1", "import time", "time.sleep(600)")
+    run = report.run_notebook(tmp_path / "00_slow.ipynb", timeout=2)
+    assert run.error == "code cell 3: still running after 2 s"
+    assert run.seconds < 60
+
+
+def test_folder_that_holds_something_else_is_not_replaced(tmp_path: Path):
+    write_notebook(tmp_path / "00_good.ipynb", "# Good", "1")
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "index.html").write_text("years of work")
+    with pytest.raises(ValueError, match="no report of ours"):
+        report.build(tmp_path, tmp_path / "thesis")
+    assert (tmp_path / "thesis" / "index.html").read_text() == "years of work"
+
+
+def test_folder_without_notebooks_is_refused_by_name(tmp_path: Path):
+    with pytest.raises(FileNotFoundError, match=re.escape(str(tmp_path))):
+        report.build(tmp_path, tmp_path / "out")
+
+
+def test_command_line_says_what_is_wrong_and_returns_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert report.main(["--notebooks", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert "error: no notebooks" in capsys.readouterr().err
+
+
+def test_title_is_the_first_heading_without_its_number():
+    assert run_of("Intro\n\n# 03 Beats from joint speed\n\n# Later", ()).title == "Beats from joint speed"
+    assert run_of("no heading", ()).title == "03_beats"
+
+
+def test_item_that_one_of_two_notebooks_builds_counts_as_built(tmp_path: Path):
+    (tmp_path / "figures").mkdir()
+    write_pages(tmp_path, [run_of("# a", ("Fig. 8",)), run_of("# b", ("Fig. 8",), error="code cell 1: no")], "quick")
+    assert re.search(r"<td>Fig. 8</td>.*?class=\"(\w+)\"", index_text(tmp_path), flags=re.DOTALL)[1] == "built"
+
+
+def test_equation_that_cannot_be_drawn_is_shown_as_its_source(tmp_path: Path):
+    (tmp_path / "figures").mkdir()
+    write_pages(tmp_path, [run_of("$$ \\left( a < b $$", ())], "quick")
+    assert "<code> \\left( a &lt; b </code>" in (tmp_path / "03_beats.html").read_text()
+
+
+def test_aligned_equations_keep_their_columns(tmp_path: Path):
+    (tmp_path / "figures").mkdir()
+    write_pages(tmp_path, [run_of("$$ \\begin{aligned} a &= b \\\\ c &= d \\end{aligned} $$", ())], "quick")
+    page = (tmp_path / "03_beats.html").read_text()
+    assert page.count("<mtr>") == 2
+    assert "<mi>&" not in page
+
+
+def test_figure_of_synthetic_data_says_so_once_and_a_recording_does_not(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    facts = {"notebook": "00", "profile": RunProfile.quick()}
+    planted, recorded = Figure(), Figure()
+    style.save_figure(planted, "a", source="Synthetic cha-cha", **facts)
+    style.save_figure(planted, "b", source="Synthetic cha-cha", **facts)
+    style.save_figure(recorded, "c", source="tang2018", **facts)
+    assert [text.get_text() for text in planted.texts] == ["synthetic data"]
+    assert [text.get_text() for text in recorded.texts] == []
+
+
+def test_saved_figure_shows_its_picture_in_a_notebook_unless_pyplot_does(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    facts = {"notebook": "00", "profile": RunProfile.quick(), "source": "tang2018"}
+    bundle = style.save_figure(Figure(), "a", **facts)._repr_mimebundle_()
+    assert base64.b64decode(bundle["image/png"]) == (tmp_path / "a.png").read_bytes()
+    figure = pyplot.figure()
+    assert style.save_figure(figure, "b", **facts)._repr_mimebundle_() == {"text/plain": "saved b.png"}
+    pyplot.close(figure)
+
+
+def test_style_holds_inside_the_block_and_leaves_everything_else_alone():
+    with style.figure_style():
+        assert pyplot.rcParams["axes.spines.top"] is False
+        pyplot.rcParams["interactive"] = True  # as a notebook's first plot does
+    assert pyplot.rcParams["axes.spines.top"] is True
+    assert pyplot.rcParams["interactive"] is True
+    pyplot.rcParams["interactive"] = False
+
+
+def test_same_figure_is_saved_as_the_same_bytes(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    facts = {"notebook": "00", "profile": RunProfile.quick(), "source": "tang2018"}
+    for name in "ab":
+        figure = Figure()
+        figure.subplots().plot([0, 1])
+        style.save_figure(figure, name, **facts)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    for name, source in [("a", "one"), ("b", "two"), ("a", "three")]:
+        style.save_figure(Figure(), name, notebook="00_x.ipynb", source=source, profile=RunProfile.quick(), seed=0)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert {name: entry["source"] for name, entry in manifest.items()} == {"a.png": "three", "b.png": "two"}
+    assert manifest["a.png"]["seed"] == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.png", "b.png", "manifest.json"]
+
+
+def test_lock_left_by_a_killed_notebook_does_not_stop_the_next(tmp_path: Path, monkeypatch):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    lock = tmp_path / ".manifest.json.lock"
+    lock.touch()
+    old = lock.stat().st_mtime - 3600
+    os.utime(lock, (old, old))
+    style.save_figure(Figure(), "a", notebook="00", source="x", profile=RunProfile.quick())
+    assert (tmp_path / "manifest.json").is_file()
+    assert not lock.exists()
+
+
+def test_picture_is_written_in_the_format_of_its_suffix(tmp_path: Path):
+    assert style.write_figure(Figure(), tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert style.write_figure(Figure(), tmp_path / "a.PDF").read_bytes().startswith(b"%PDF")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.PDF", "a.png"]
+
+
+def test_picture_that_cannot_be_written_names_its_path_and_the_fault(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"a\.wav: no picture format 'wav'"):
+        style.write_figure(Figure(), tmp_path / "a.wav")
+    with pytest.raises(FileNotFoundError, match="nowhere does not exist"):
+        style.write_figure(Figure(), tmp_path / "nowhere" / "a.png")
+
+
+@pytest.mark.parametrize("name", ["", "../a", "a/b", ".hidden"])
+def test_figure_name_that_is_no_plain_file_name_is_refused(name: str):
+    with pytest.raises(ValueError, match="plain file name"):
+        style.save_figure(Figure(), name, notebook="00", source="x", profile=RunProfile.quick())
+
+
+def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeypatch):
+    monkeypatch.delenv("HARMOLAB_FIGURES")
+    (tmp_path / "notebooks").mkdir()
+    (tmp_path / "pyproject.toml").touch()
+    monkeypatch.chdir(tmp_path / "notebooks")
+    assert style.figures_folder(RunProfile.full()) == tmp_path / "figures"
+    assert style.figures_folder(RunProfile.quick()) == tmp_path / "figures" / "quick"
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_report_opens_offline_with_every_picture_in_place(built):
+    playwright = pytest.importorskip("playwright.sync_api")
+    _, out, _ = built
+    with playwright.sync_playwright() as session:
+        if (chromium := shutil.which("chromium")) is None:
+            pytest.skip("no Chromium on this machine")
+        browser = session.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
+        context = browser.new_context(offline=True)
+        tab, asked = context.new_page(), []
+        tab.on("request", lambda request: asked.append(request.url))
+        for page in sorted(out.glob("*.html")):
+            tab.goto(page.as_uri())
+            widths = tab.eval_on_selector_all("img", "pictures => pictures.map(picture => picture.naturalWidth)")
+            assert all(width > 100 for width in widths), page.name
+        browser.close()
+    assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
+    assert any(url.endswith("fig01.png") for url in asked)

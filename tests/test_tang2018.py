@@ -1,0 +1,264 @@
+"""The layout of Tang et al. (2018): units, axes, splices, floor, clock, and lengths that do not fit."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from harmolab.data.tang2018 import (
+    PAPER_21,
+    TANG_23,
+    dance_of,
+    load_config,
+    load_sequence,
+    load_skeletons,
+    on_the_floor,
+    splice_steps,
+)
+from harmolab.types import Skeleton
+
+FRAMES = 60
+
+
+def swaying(frames: int = FRAMES) -> np.ndarray:
+    """(T, 23, 3) centimetres: every joint on its own circle, never straight, lowest point 3 cm over y = 0."""
+    time = np.arange(frames)[:, None]
+    joint = np.arange(23)[None, :]
+    angle = 0.2 * time + joint
+    return np.stack([10 * np.cos(angle), 8 + 5 * joint + 5 * np.sin(angle), 10 * np.sin(2 * angle)], axis=2)
+
+
+def spliced(first: int = 20, last: int = 26, rise: float = 30.0) -> np.ndarray:
+    """Swaying, with a straight line from frame `first` to frame `last`, and `rise` cm higher after it."""
+    poses = swaying()
+    poses[last:, :, 1] += rise
+    share = np.linspace(0, 1, last - first + 1)[:, None, None]
+    poses[first : last + 1] = poses[first] + share * (poses[last] - poses[first])
+    return poses
+
+
+def write_sequence(
+    folder: Path, poses: np.ndarray, *, centre: np.ndarray | None = None, start: int = 25, span: int | None = None
+) -> Path:
+    """A folder in the layout of the corpus."""
+    folder.mkdir(parents=True, exist_ok=True)
+    centre = np.zeros((len(poses), 3)) if centre is None else centre
+    content = {"length": len(poses), "center": centre.tolist(), "skeletons": poses.tolist()}
+    (folder / "skeletons.json").write_text(json.dumps(content))
+    end = start + (len(poses) if span is None else span)
+    (folder / "config.json").write_text(json.dumps({"start_position": start, "end_position": end}))
+    soundfile.write(folder / "audio.wav", np.zeros(8000 * 5), 8000)
+    return folder
+
+
+def test_motion_is_skeleton_plus_centre_in_metres_with_z_turned_round(tmp_path: Path):
+    centre = np.tile([100.0, 90.0, 50.0], (FRAMES, 1))
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), centre=centre)
+    motion = load_skeletons(folder / "skeletons.json", ground=False)
+    expected = (swaying() + np.array([100, 90, 50])) * [0.01, 0.01, -0.01]
+    np.testing.assert_allclose(motion.positions, expected)
+    assert motion.fps == 25
+    assert motion.skeleton == TANG_23
+
+
+def test_without_travel_only_the_pose_is_left(tmp_path: Path):
+    centre = np.cumsum(np.ones((FRAMES, 3)), axis=0)
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), centre=centre)
+    motion = load_skeletons(folder / "skeletons.json", travel=False)
+    np.testing.assert_allclose(motion.positions, swaying() * [0.01, 0.01, -0.01])
+
+
+def test_clip_starts_at_start_position_over_25_and_knows_its_dance(tmp_path: Path):
+    clip = load_sequence(write_sequence(tmp_path / "somewhere" / "DANCE_W_1", swaying()))
+    assert (clip.name, clip.offset, clip.dance, clip.source) == ("DANCE_W_1", 1.0, "waltz", "somewhere")
+    assert clip.audio.duration == 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "dance"),
+    [
+        ("DANCE_C_2", "cha-cha"),
+        ("DANCE_R_10", "rumba"),
+        ("DANCE_T_5", "tango"),
+        ("DANCE_W_1", "waltz"),
+        ("DANCE_X_1", ""),
+    ],
+)
+def test_dance_is_read_from_the_folder_name(name: str, dance: str):
+    assert dance_of(Path("a") / name) == dance
+
+
+def test_clock_stretches_the_motion_without_touching_a_frame(tmp_path: Path):
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
+    plain, stretched = (load_sequence(folder, clock=clock).motion for clock in (1.0, 1.013))
+    np.testing.assert_array_equal(stretched.positions, plain.positions)
+    assert stretched.duration == pytest.approx(1.013 * plain.duration)
+
+
+def test_the_papers_21_joints_are_the_first_21_and_still_a_tree(tmp_path: Path):
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
+    motion = load_sequence(folder, points=21).motion
+    np.testing.assert_array_equal(motion.positions, load_sequence(folder).motion.positions[:, :21])
+    assert motion.skeleton == PAPER_21
+    assert PAPER_21.joints[PAPER_21.parents[PAPER_21.joints.index("right_wrist")]] == "right_elbow"
+
+
+@pytest.mark.parametrize("skeleton", [TANG_23, PAPER_21])
+def test_skeleton_hangs_on_the_torso_with_limbs_on_their_own_side(skeleton: Skeleton):
+    assert [joint for joint, parent in zip(skeleton.joints, skeleton.parents, strict=True) if parent < 0] == ["torso"]
+    for parent, child in skeleton.bones:
+        sides = {skeleton.joints[joint].split("_")[0] for joint in (parent, child)}
+        assert not {"left", "right"} <= sides
+
+
+def test_frames_that_a_splice_leads_to_are_not_valid(tmp_path: Path):
+    folder = write_sequence(tmp_path / "DANCE_W_1", spliced(20, 26))
+    motion = load_skeletons(folder / "skeletons.json")
+    np.testing.assert_array_equal(np.flatnonzero(~motion.valid), [21, 22, 23, 24, 25, 26])
+
+
+def test_splice_is_found_between_its_two_real_frames():
+    assert splice_steps(spliced(20, 26) / 100) == ([20], [26])
+
+
+def test_dance_without_splices_and_a_dancer_who_stands_still_are_all_valid():
+    assert splice_steps(swaying() / 100) == ([], [])
+    still = swaying()
+    still[20:26] = still[20]
+    assert splice_steps(still / 100) == ([], [])
+
+
+def test_rounding_to_a_hundredth_of_a_millimetre_does_not_hide_a_splice():
+    assert splice_steps(np.round(spliced(20, 26), 3) / 100) == ([20], [26])
+
+
+def test_every_unit_is_set_on_the_floor_and_keeps_its_own_movement():
+    raw = spliced(20, 26, rise=30.0) / 100
+    grounded = on_the_floor(raw, [20], [26])
+    lowest = grounded[:, :, 1].min(axis=1)
+    assert np.median(lowest[:21]) == pytest.approx(0)
+    assert np.median(lowest[26:]) == pytest.approx(0)
+    np.testing.assert_allclose(np.diff(grounded[:21], axis=0), np.diff(raw[:21], axis=0), atol=1e-12)
+    np.testing.assert_allclose(np.diff(grounded[26:], axis=0), np.diff(raw[26:], axis=0), atol=1e-12)
+
+
+def test_motion_a_little_shorter_than_its_config_is_read(tmp_path: Path):
+    assert load_sequence(write_sequence(tmp_path / "DANCE_W_1", swaying(), span=63)).motion.n_frames == FRAMES
+
+
+@pytest.mark.parametrize(("span", "rate"), [(30, "50.0"), (120, "12.5")])
+def test_motion_of_another_frame_rate_is_refused(tmp_path: Path, span: int, rate: str):
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), span=span)
+    with pytest.raises(
+        ValueError, match=rf"skeletons\.json: has 60 frames, config.json spans {span} .*{rate} fps would fit"
+    ):
+        load_sequence(folder)
+
+
+@pytest.mark.parametrize("part", ["skeletons.json", "config.json", "audio.wav"])
+def test_missing_part_is_named(tmp_path: Path, part: str):
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
+    (folder / part).unlink()
+    with pytest.raises(FileNotFoundError, match=part):
+        load_sequence(folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"length": 59}, "says length 59, but holds 60 frames"),
+        ({"center": [[0, 0, 0]]}, r"center must have shape \(60, 3\), got \(1, 3\)"),
+        ({"skeletons": [[[0, 0, 0]]]}, r"skeletons must have shape \(any, 23, 3\), got \(1, 1, 3\)"),
+        ({"skeletons": "none"}, "skeletons must be numbers"),
+        ({"center": [[0, 0, 1e9]] * 60}, "positions over 1 km"),
+        ({"center": [[0, 0, float("nan")]] * 60}, "center hold NaN or infinity at frame 0"),
+    ],
+)
+def test_damaged_skeletons_are_refused_with_their_fault(tmp_path: Path, change: dict[str, object], fault: str):
+    path = write_sequence(tmp_path / "DANCE_W_1", swaying()) / "skeletons.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(ValueError, match=rf"skeletons\.json: .*{fault}"):
+        load_skeletons(path)
+
+
+def test_nan_in_a_skeleton_names_frame_and_joint(tmp_path: Path):
+    poses = swaying()
+    poses[7, 8, 1] = np.nan
+    folder = write_sequence(tmp_path / "DANCE_W_1", poses)
+    with pytest.raises(ValueError, match=r"skeletons hold NaN or infinity at frame 7, joint 8 \(left_knee\)"):
+        load_sequence(folder)
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        ('{"start_position": 5}', "whole numbers start_position and end_position"),
+        ('{"start_position": 5.5, "end_position": 9}', "whole numbers"),
+        ('{"start_position": 9, "end_position": 9}', "must end after it starts"),
+        ('{"start_position": -9, "end_position": 9}', "must end after it starts"),
+        ('{"start_position": 0, "end_position": 99999999}', "must end after it starts"),
+        ("[]", "whole numbers"),
+        ("", "the file is empty"),
+    ],
+)
+def test_damaged_config_is_refused_with_its_fault(tmp_path: Path, content: str, fault: str):
+    (tmp_path / "config.json").write_text(content)
+    with pytest.raises(ValueError, match=rf"config\.json: .*{fault}"):
+        load_config(tmp_path / "config.json")
+
+
+def test_motion_that_starts_behind_the_end_of_the_audio_is_refused(tmp_path: Path):
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), start=200)
+    with pytest.raises(ValueError, match=r"DANCE_W_1: .*does not overlap audio of 5\.00 s"):
+        load_sequence(folder)
+
+
+@pytest.mark.parametrize(("option", "value"), [("points", 25), ("clock", 0.0), ("clock", 25.0)])
+def test_option_out_of_range_is_refused_by_name(tmp_path: Path, option: str, value: float):
+    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
+    with pytest.raises(ValueError, match=option):
+        load_sequence(folder, **{option: value})
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "frames", "offset", "splices"),
+    [("DANCE_C_2", 1890, 6.24, 24), ("DANCE_W_16", 1320, 0.0, 19), ("DANCE_R_2", 2312, 0.32, 30)],
+)
+def test_recording_has_its_known_frames_offset_and_splices(
+    data_root: Path, name: str, frames: int, offset: float, splices: int
+):
+    clip = load_sequence(data_root / "tang2018" / name)
+    assert (clip.motion.n_frames, clip.offset) == (frames, offset)
+    assert np.count_nonzero(~clip.motion.valid) == 6 * splices
+
+
+@pytest.mark.data
+def test_recorded_floor_no_longer_climbs(data_root: Path):
+    path = data_root / "tang2018" / "DANCE_W_31" / "skeletons.json"
+    raw, grounded = (load_skeletons(path, ground=ground).positions[:, :, 1].min(axis=1) for ground in (False, True))
+    assert np.ptp(raw) > 0.5
+    assert np.ptp(grounded) < 0.1
+
+
+@pytest.mark.data
+def test_pose_speed_at_15_fps_agrees_with_the_reference(data_root: Path):
+    named = os.environ.get("HARMOLAB_REFERENCE")
+    file = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "reference" / "fixtures.json"
+    if not file.is_file():
+        pytest.skip(f"no reference numbers: set HARMOLAB_REFERENCE ({file} is not there)")
+    for fixture in json.loads(file.read_text())["clips"]:
+        path = data_root / "tang2018" / fixture["sequence"] / "skeletons.json"
+        poses = load_skeletons(path, points=21, travel=False).positions
+        times = np.arange(fixture["t0_frame_15fps"], fixture["t0_frame_15fps"] + 90) / 15 * 25
+        before = times.astype(int)
+        share = (times - before)[:, None, None]
+        resampled = poses[before] * (1 - share) + poses[before + 1] * share
+        speed = np.linalg.norm(np.diff(resampled, axis=0), axis=2).sum(axis=1) * 100
+        # The reference read the skeletons before they were rounded to 3 decimals.
+        np.testing.assert_allclose(speed, fixture["J_v"][1:], rtol=3e-4)

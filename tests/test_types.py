@@ -1,0 +1,226 @@
+"""The records check themselves once, so that everything behind them may trust what it gets."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from harmolab.params import BarPattern
+from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, MeterUnit, Motion, Skeleton
+
+PAIR = Skeleton(("hip", "knee"), (-1, 0))
+
+
+def motion(frames: int = 4, fps: float = 2.0) -> Motion:
+    return Motion(np.arange(frames * 6.0).reshape(frames, 2, 3), fps, PAIR)
+
+
+def track(*times: float, duration: float = 10.0, bar_places: list[int] | None = None) -> BeatTrack:
+    return BeatTrack(np.array(times), np.ones(len(times)), 15.0, duration, bar_places)
+
+
+def test_audio_lasts_its_samples_over_its_rate():
+    assert Audio(np.zeros(11025), 22050).duration == 0.5
+
+
+def test_audio_span_takes_the_samples_from_start_on():
+    audio = Audio(np.arange(10.0), 2.0)
+    np.testing.assert_array_equal(audio.span(1.0, 1.5).samples, [2, 3, 4])
+
+
+def test_audio_span_is_shorter_at_the_end():
+    assert Audio(np.arange(10.0), 2.0).span(4.0, 5.0).duration == 1.0
+
+
+def test_audio_keeps_single_precision():
+    assert Audio(np.zeros(3, np.float32), 8000).samples.dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("samples", "rate", "message"),
+    [
+        (np.zeros((2, 5)), 8000, r"samples must be a non-empty mono array \(S,\), got shape \(2, 5\)"),
+        ([], 8000, "samples must be a non-empty mono array"),
+        ([0.0, np.nan], 8000, r"samples holds NaN or infinity \(first at index 1\)"),
+        ([0.0], 0, "sample_rate must be positive and finite, got 0"),
+        ([0.0], float("nan"), "sample_rate must be positive and finite"),
+        ([0.0], "fast", "sample_rate must be a number, got 'fast'"),
+        (["loud"], 8000, "samples must be an array of numbers"),
+    ],
+)
+def test_bad_audio_is_refused_by_name(samples, rate, message):
+    with pytest.raises(ValueError, match=message):
+        Audio(samples, rate)
+
+
+@pytest.mark.parametrize("start", [-1.0, 5.0])
+def test_audio_span_outside_the_recording_is_refused(start):
+    with pytest.raises(ValueError, match=f"no audio from {start} s for 1.0 s in a recording of 5.00 s"):
+        Audio(np.zeros(10), 2.0).span(start, 1.0)
+
+
+def test_bones_join_parents_to_children():
+    assert Skeleton(("hip", "knee", "ankle"), (-1, 0, 1)).bones == ((0, 1), (1, 2))
+
+
+def test_unnamed_skeleton_has_joints_without_bones():
+    assert Skeleton.unnamed(2) == Skeleton(("joint_0", "joint_1"), (-1, -1))
+
+
+@pytest.mark.parametrize(
+    ("joints", "parents", "message"),
+    [
+        ((), (), "a skeleton needs one parent per joint, got 0 joints, 0 parents"),
+        (("hip",), (-1, 0), "got 1 joints, 2 parents"),
+        (("hip",), (0,), "parents must be -1 or the index of another joint"),
+        (("hip", "knee"), (-1, 2), "parents must be -1 or the index of another joint"),
+    ],
+)
+def test_bad_skeleton_is_refused_by_name(joints, parents, message):
+    with pytest.raises(ValueError, match=message):
+        Skeleton(joints, parents)
+
+
+def test_motion_lasts_its_frames_over_its_rate():
+    assert (motion(4, 2.0).n_frames, motion(4, 2.0).duration) == (4, 2.0)
+
+
+def test_every_frame_is_valid_unless_said_otherwise():
+    np.testing.assert_array_equal(motion(3).valid, [True, True, True])
+
+
+def test_motion_span_takes_frames_and_their_validity():
+    whole = replace(motion(6, 2.0), valid=[True, False, True, False, True, True])
+    part = whole.span(1.0, 1.5)
+    np.testing.assert_array_equal(part.positions, whole.positions[2:5])
+    np.testing.assert_array_equal(part.valid, [True, False, True])
+
+
+@pytest.mark.parametrize(
+    ("positions", "fps", "message"),
+    [
+        (np.zeros((4, 2)), 15.0, r"positions must be \(frames, joints, 3\) or \(frames, joints, 2\), got \(4, 2\)"),
+        (np.zeros((4, 2, 4)), 15.0, r"got \(4, 2, 4\)"),
+        (np.zeros((1, 2, 3)), 15.0, "motion needs at least two frames, got 1"),
+        (np.zeros((4, 3, 3)), 15.0, "positions have 3 joints, the skeleton 2"),
+        (np.full((4, 2, 3), 1e13), 15.0, "positions exceed 1e12: not metres"),
+        (np.full((4, 2, 3), np.inf), 15.0, r"positions holds NaN or infinity \(first at index 0, 0, 0\)"),
+        (np.zeros((4, 2, 3)), -15.0, "fps must be positive and finite, got -15.0"),
+    ],
+)
+def test_bad_motion_is_refused_by_name(positions, fps, message):
+    with pytest.raises(ValueError, match=message):
+        Motion(positions, fps, PAIR)
+
+
+def test_validity_of_another_length_is_refused():
+    with pytest.raises(ValueError, match=r"valid must have one entry per frame \(4\), got shape \(3,\)"):
+        Motion(np.zeros((4, 2, 3)), 15.0, PAIR, [True] * 3)
+
+
+def test_motion_span_of_one_frame_is_refused():
+    with pytest.raises(ValueError, match=r"no motion from 1.5 s for 1 s in a motion of 2.00 s"):
+        motion(4, 2.0).span(1.5, 1)
+
+
+def test_arrays_of_a_record_are_read_only_copies():
+    given = np.zeros((4, 2, 3))
+    made = Motion(given, 15.0, PAIR)
+    given[0] = 1.0
+    assert not made.positions.any()
+    with pytest.raises(ValueError, match="read-only"):
+        made.positions[0] = 1.0
+
+
+def test_records_are_frozen():
+    with pytest.raises(FrozenInstanceError):
+        motion().fps = 30.0
+
+
+def test_an_empty_beat_track_is_no_error():
+    assert len(track()) == 0
+
+
+def test_beats_are_selected_with_their_bar_places():
+    chosen = track(1.0, 2.0, 3.0, bar_places=[2, 0, 1]).select(np.array([True, False, True]))
+    np.testing.assert_array_equal(chosen.times, [1.0, 3.0])
+    np.testing.assert_array_equal(chosen.bar_places, [2, 1])
+
+
+def test_a_span_of_beats_includes_its_start_and_excludes_its_end():
+    part = track(1.0, 2.0, 3.0, 4.0, bar_places=[0, 1, 2, 0]).span(2.0, 2.0)
+    np.testing.assert_array_equal(part.times, [0.0, 1.0])
+    np.testing.assert_array_equal(part.bar_places, [1, 2])
+    assert part.duration == 2.0
+
+
+def test_a_span_may_begin_before_the_recording():
+    np.testing.assert_array_equal(track(1.0).span(-0.5, 3.0).times, [1.5])
+
+
+@pytest.mark.parametrize(
+    ("times", "strengths", "message"),
+    [
+        ([0.0, 5400.0], [1, 1], "beat times reach 5400 in a clip of 10 s; were these frames?"),
+        ([-0.1], [1], "beat times start at -0.1 s; they must not be negative"),
+        ([1.0, 1.0], [1, 1], "beat times must increase strictly; sort them and remove doubles"),
+        ([2.0, 1.0], [1, 1], "beat times must increase strictly"),
+        ([1.0], [-1], "beat strengths must not be negative"),
+        ([1.0, 2.0], [1], r"beat times \(2,\) and strengths \(1,\) must be two equal lists"),
+        ([np.nan], [1], r"beat times holds NaN or infinity \(first at index 0\)"),
+    ],
+)
+def test_bad_beats_are_refused_by_name(times, strengths, message):
+    with pytest.raises(ValueError, match=message):
+        BeatTrack(times, strengths, 15.0, 10.0)
+
+
+def test_bar_places_of_another_length_are_refused():
+    with pytest.raises(ValueError, match=r"bar_places must have one entry per beat \(2\), got shape \(1,\)"):
+        track(1.0, 2.0, bar_places=[0])
+
+
+@pytest.mark.parametrize(
+    ("beats", "cosines", "sines", "message"),
+    [
+        (0, (1.0,), (0.0,), "a bar pattern needs at least one beat, got 0"),
+        (1, (), (), "cosines and sines must be two equal lists"),
+        (1, (1.0,), (0.0, 1.0), "cosines and sines must be two equal lists"),
+        (1, (float("nan"),), (0.0,), "coefficients must be finite"),
+    ],
+)
+def test_bad_bar_pattern_is_refused_by_name(beats, cosines, sines, message):
+    with pytest.raises(ValueError, match=message):
+        BarPattern(beats, cosines, sines)
+
+
+def test_bar_patterns_compare_by_value():
+    assert BarPattern(2, (1.0,), (0.5,)) == BarPattern(2, (1.0,), (0.5,))
+
+
+def test_a_meter_unit_must_end_after_it_starts():
+    with pytest.raises(ValueError, match="a meter unit must end after it starts, got 2.0 to 1.0 s"):
+        MeterUnit(2.0, 1.0, [True], "4/4")
+
+
+def test_a_clip_whose_motion_misses_the_music_is_refused():
+    with pytest.raises(ValueError, match=r"waltz: motion starting at 9.00 s does not overlap audio of 5.00 s"):
+        Clip("waltz", Audio(np.zeros(10), 2.0), motion(), offset=9.0)
+
+
+def test_a_clip_needs_a_finite_offset():
+    with pytest.raises(ValueError, match="offset must be finite, got nan"):
+        Clip("waltz", Audio(np.zeros(10), 2.0), offset=float("nan"))
+
+
+def test_a_score_becomes_a_dictionary_that_json_takes():
+    score = HarmonyScore(0.5, 0.25, 1.0, 2.0, 0.75, 0.1, 0.2, np.array([True, False]), np.array([0.1, np.inf]), 2, 1)
+    plain = json.loads(json.dumps(score.to_dict(), allow_nan=False))
+    assert plain["hits"] == [True, False]
+    assert plain["intervals"] == [0.1, None]  # infinitely far: there is none
+    assert plain["p_value"] is None
+    assert plain["interval"] == [None, None]
+    assert plain["harmony"] == 0.5
