@@ -129,7 +129,7 @@ def hitting_score(hits: BoolArray, strengths: FloatArray) -> float:
 def f_score(audio_harmony: float, visual_harmony: float, beta: float) -> float:
     """h: weighted harmonic mean of h_a = h_s / N and h_v = h_s / M (Eq. 20); 0 when both are 0."""
     below = beta**2 * visual_harmony + audio_harmony
-    return (1 + beta**2) * audio_harmony * visual_harmony / below if below > 0 else 0.0
+    return (1 + beta**2) * audio_harmony * (visual_harmony / below) if below > 0 else 0.0
 
 
 def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) -> float:

@@ -21,6 +21,7 @@ __all__ = [
     "refine_extrema",
     "resample_motion",
     "smooth",
+    "smooth_positions",
     "turning_points",
     "upsample_motion",
     "valley_frames",
@@ -86,6 +87,18 @@ def smooth(curve: FloatArray, sigma: float, fps: float) -> FloatArray:
     if sigma == 0:
         return curve
     return gaussian_filter1d(curve, sigma * fps, axis=0, mode="nearest")
+
+
+def smooth_positions(positions: FloatArray, sigma: float, fps: float) -> FloatArray:
+    """Joint positions (T, J, D) smoothed along time by a Gaussian of `sigma` seconds; unchanged when `sigma` is 0.
+
+    Beyond its ends the motion is taken to go on as it came (a point reflection), so that no stop is made there.
+    """
+    if sigma == 0:
+        return positions
+    reach = min(int(4 * sigma * fps) + 1, len(positions) - 1)
+    padded = np.pad(positions, ((reach, reach), (0, 0), (0, 0)), mode="reflect", reflect_type="odd")
+    return smooth(padded, sigma, fps)[reach : reach + len(positions)]
 
 
 def step_signs(curve: FloatArray, *, carry: bool = True) -> IntArray:

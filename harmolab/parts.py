@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import audio_beats, beat_strengths
+from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
 from harmolab.data import folders
 from harmolab.harmony import above_chance
@@ -23,7 +24,6 @@ from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.pattern import (
     PatternSums,
     beat_positions,
-    cycle_of_meter,
     fit_of_speed,
     fit_pattern,
     normalised_speed,
@@ -116,11 +116,11 @@ def music_beats(folder: folders.Sequence, beats: str) -> BeatTrack:
 
 def cut_parts(folder: folders.Sequence, beats: str, window: float | None, params: HarmonyParams) -> list[Part]:
     """The parts of one sequence; `window` in seconds, None for the whole sequence. Short sequences are one window."""
-    clip, annotation = folder.clip, folder.annotation
+    clip = folder.clip
     if clip.motion is None:
         raise ValueError(f"{folder.folder}: no motion")
     track = music_beats(folder, beats)
-    meter = annotation.meter if annotation is not None and track.bar_places is not None else None
+    meter = _meter(folder, beats) if track.bar_places is not None else None
     length = clip.motion.duration if window is None else window
     n_windows = max(1, int(clip.motion.duration / length + 1e-6))
     parts: list[Part] = []
@@ -134,13 +134,20 @@ def cut_parts(folder: folders.Sequence, beats: str, window: float | None, params
     return parts
 
 
+def _meter(folder: folders.Sequence, beats: str) -> int | None:
+    """Beats in a bar: as annotated, or as the dance has it."""
+    if beats == "annotated" and folder.annotation is not None:
+        return folder.annotation.meter
+    return DANCES[folder.clip.dance].meter if folder.clip.dance in DANCES else None
+
+
 def _part(
     folder: folders.Sequence, motion: Motion, start: float, track: BeatTrack, meter: int | None, params: HarmonyParams
 ) -> Part:
     """One stretch of a sequence; the motion itself is not kept, so a large corpus stays small in memory."""
     clip = folder.clip
     units = _units_in(folder, clip.offset + start, motion.duration)
-    longest = max(units, key=units.__getitem__)[1] if units else f"{folder.folder} at {start:.1f} s"
+    longest = max(units, key=units.__getitem__)[1] if units else str(folder.folder)
     times, speed = normalised_speed(motion, params)
     part = Part(
         str(folder.folder), 0, clip.dance, frozenset(figure for figure, _ in units), longest, clip.offset + start,
@@ -185,11 +192,19 @@ def usable(part: Part, judged: Part, *, same_corpus: bool) -> bool:
 
 
 def learn_patterns(parts: Sequence[Part], fit_parts: Sequence[Part] | None = None) -> list[BarPattern]:
-    """A bar pattern for each part, learnt on what `usable` admits; movements that stop on the beat where nothing is."""
+    """A bar pattern for each part, learnt on what `usable` admits; movements that stop on the beat where nothing is.
+
+    Where the place in the bar is unknown nothing is learnt: over one beat the figures of a dance cancel out, and what
+    is left points the other way for a figure that was left out.
+    """
     source = parts if fit_parts is None else fit_parts
     patterns = []
     for judged in parts:
-        pieces = [part.sums for part in source if part.sums and usable(part, judged, same_corpus=fit_parts is None)]
+        pieces = [
+            part.sums
+            for part in source
+            if part.sums and judged.cycle > 1 and usable(part, judged, same_corpus=fit_parts is None)
+        ]
         label = f"{len(pieces)} parts of {judged.dance or 'the corpus'}"
         patterns.append(fit_pattern(pieces, source=label) if pieces else BarPattern.stop_on_the_beat())
     return patterns

@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.stats import rankdata
 
 from harmolab.beats.saliency import salient_audio
-from harmolab.beats.visual import motion_curve
+from harmolab.beats.visual import RATE, motion_curve
 from harmolab.kinematics import upsample_motion
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Motion
@@ -28,7 +28,6 @@ __all__ = [
     "PatternFit",
     "PatternSums",
     "beat_positions",
-    "cycle_of_meter",
     "evaluate_pattern",
     "fit_of_motion",
     "fit_of_speed",
@@ -44,7 +43,6 @@ IntArray = NDArray[np.int64]
 GRID = 24  # samples per beat on which curve and pattern are compared
 HARMONICS = 2  # of the cycle; more gained nothing on other figures (docs/readings.md)
 DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat
-RATE = 120.0  # hertz: slower motion is interpolated first, so that its frame rate does not show
 CHANCE_ROTATIONS = 60  # at least so many, when chance is not known beforehand
 MOST_MOMENTS = 5_000_000  # a day of music on the grid
 
@@ -80,13 +78,6 @@ class PatternSums:
     beats: int
     sums: NDArray[np.complex128]
     count: int
-
-
-def cycle_of_meter(meter: int | None) -> int:
-    """Beats in a pattern's cycle: half a bar in even meters, the bar in odd ones, one beat in an unknown meter."""
-    if meter is None:
-        return 1
-    return 2 if meter % 2 == 0 else meter
 
 
 def normalised_speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ from harmolab.kinematics import (
     refine_extrema,
     resample_motion,
     smooth,
+    smooth_positions,
     step_signs,
     turning_points,
     upsample_motion,
@@ -93,6 +94,20 @@ def test_smoothing_is_measured_in_seconds(fps):
 def test_smoothing_runs_along_time_only():
     still = np.tile(np.array([[[1.0, 2.0, 3.0]]]), (10, 1, 1))
     np.testing.assert_allclose(smooth(still, 0.1, 25.0), still, rtol=1e-12)
+
+
+def test_smoothing_positions_makes_no_stop_at_the_ends():
+    course = np.arange(30.0)[:, None, None] * np.array([1.0, -2.0, 0.5]) + 7.0
+    np.testing.assert_allclose(smooth_positions(course, 0.1, 25.0), course, atol=1e-9)
+
+
+def test_smoothing_positions_keeps_a_resting_joint_exactly_at_rest():
+    resting = np.full((30, 2, 3), 0.1)
+    assert np.ptp(smooth_positions(resting, 0.1, 25.0), axis=0).max() == 0
+
+
+def test_smoothing_positions_by_nothing_changes_nothing():
+    assert smooth_positions(STEPS, 0.0, 25.0) is STEPS
 
 
 def test_a_tie_takes_the_sign_before_it():

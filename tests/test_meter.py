@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harmolab.beats.meter import CATEGORIES, meter_units, strong_beats
+from harmolab.beats.meter import CATEGORIES, accented_places, cycle_of_meter, meter_units, strong_beats
 from harmolab.types import BeatTrack
 
 # Strengths that make the accent patterns of the four categories when each follows a weaker beat.
@@ -60,3 +60,23 @@ def test_beats_that_start_no_category_are_passed_over():
 @pytest.mark.parametrize("strengths", [[], [1.0], [1.0] * 12])
 def test_no_accents_make_no_units(strengths):
     assert meter_units(track(strengths)) == ()
+
+
+@pytest.mark.parametrize(("meter", "cycle"), [(None, 1), (4, 2), (6, 2), (2, 2), (3, 3), (5, 5)])
+def test_a_cycle_is_half_an_even_bar_or_an_odd_bar(meter: int | None, cycle: int):
+    assert cycle_of_meter(meter) == cycle
+
+
+@pytest.mark.parametrize(
+    ("strengths", "cycle", "places"),
+    [
+        ([3, 1, 1, 3, 1, 1], 3, [0, 1, 2, 0, 1, 2]),
+        ([1, 1, 3, 1, 1, 2], 3, [1, 2, 0, 1, 2, 0]),
+        ([9, 5, 0, 5, 0, 5], 2, [1, 0, 1, 0, 1, 0]),  # on average 3 and 5
+        ([1, 1, 1], 2, [0, 1, 0]),  # no accent: the first
+        ([2], 3, [0]),
+        ([], 3, []),
+    ],
+)
+def test_the_strongest_place_on_average_is_the_first_of_the_cycle(strengths, cycle, places):
+    np.testing.assert_array_equal(accented_places(np.array(strengths, dtype=float), cycle), places)

@@ -13,7 +13,6 @@ from harmolab.params import BarPattern, HarmonyParams
 from harmolab.pattern import (
     PatternFit,
     beat_positions,
-    cycle_of_meter,
     evaluate_pattern,
     fit_of_motion,
     fit_pattern,
@@ -43,11 +42,6 @@ def dance_of_two(cycles: int = 12, fps: float = 60.0) -> Motion:
 
 
 FAST_ON_EVEN_BEATS = BarPattern(2, (1.0,), (0.0,))
-
-
-@pytest.mark.parametrize(("meter", "cycle"), [(None, 1), (4, 2), (6, 2), (2, 2), (3, 3), (5, 5)])
-def test_the_cycle_is_half_an_even_bar_or_an_odd_bar(meter: int | None, cycle: int):
-    assert cycle_of_meter(meter) == cycle
 
 
 def test_a_pattern_is_a_fourier_series_of_the_beat_position():
@@ -122,7 +116,7 @@ def test_normalised_speed_ignores_how_large_the_dancer_is(swinging_arm: Swing):
 def test_the_speed_curve_does_not_show_the_frame_rate(swinging_arm: Swing, fps: float):
     times, speed = normalised_speed(swinging_arm(1.0, 120.0), RECOMMENDED)
     slow_times, slow = normalised_speed(swinging_arm(1.0, fps), RECOMMENDED)
-    inner = (slow_times > 0.3) & (slow_times < 5.5)
+    inner = (slow_times > 1.0) & (slow_times < 4.5)  # the last frame of a slow motion comes earlier
     np.testing.assert_allclose(slow[inner], np.interp(slow_times[inner], times, speed), atol=0.1)
 
 

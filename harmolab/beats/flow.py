@@ -2,7 +2,8 @@
 
 A dancer who stops makes an impact. Optical flow says how fast each pixel moves and where to; the directogram adds up
 the speed by direction, as a spectrogram adds up sound by pitch; speed lost in any direction makes the impact envelope,
-the counterpart of a sound's onset envelope; its peaks are the visual beats (Eq. 4-5 with flow as the motion trend). `beats.impacts` does the second half.
+the counterpart of a sound's onset envelope; its peaks are the visual beats (Eq. 4-5 with flow as the motion trend).
+The second half, from the directogram on, is `beats.impacts`.
 
 Angles follow the picture: x to the right, y DOWN, so 0 is movement to the right, pi / 2 downwards, pi to the left and
 3 pi / 2 upwards. Speeds are picture heights per second, lags and windows are seconds, so that neither resolution nor
@@ -138,8 +139,8 @@ def flow_directograms(
     Raises
     ------
     ValueError
-        If a frame is no uint8 picture, is smaller than 16 pixels, or differs in size from the first; if fps is not
-        positive; if there is no frame.
+        If a frame is no uint8 picture, is smaller than 16 pixels, or differs in size from the first; if fps or lag is
+        not positive; if there is no frame.
     """
     lag_frames = _lag_frames(lag, fps)
     per_second = fps / lag_frames
@@ -174,14 +175,17 @@ def _grey(frames: Iterable[Frame]) -> Iterator[Frame]:
             raise ValueError(f"frame {number} has shape {picture.shape}, the first has {first}; bring them to one size")
         if min(picture.shape[:2]) < SMALLEST_SIDE:
             raise ValueError(f"frames need at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, got {picture.shape[:2]}")
-        yield picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.uint8, copy=False)
+        # A copy: whoever makes the frames may draw the next into the same memory.
+        grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+        yield np.array(grey, dtype=np.uint8, order="C")
 
 
 def _lag_frames(lag: float, fps: float) -> int:
     """`lag` seconds in frames, at least one; checks both."""
-    for name, value in (("fps", fps), ("lag", lag)):
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive and finite, got {value}")
+    if not (np.isfinite(fps) and fps > 0):
+        raise ValueError(f"fps must be positive and finite, got {fps}")
+    if not 0 < lag <= 1:
+        raise ValueError(f"lag must lie between 0 and 1 seconds, got {lag}")
     return max(1, round(lag * fps))
 
 
@@ -200,10 +204,12 @@ def flow_envelope(
     Parameters
     ----------
     frames, fps, lag, progress : see `flow_directograms`
+    smoothing : float, seconds
+        Standard deviation of a Gaussian. Without it the noise of the flow decides which frame of an impact is highest.
     radius : float, seconds, t_2 of Eq. 5
     floor : float, picture heights per second, mean over the picture
         A video without any impact above this counts as still. A limb that covers 1 % of the picture and stops from
-        half a picture height per second makes 0.005.
+        half a picture height per second makes 0.002 after the smoothing.
 
     Returns
     -------

@@ -12,15 +12,19 @@ from harmolab.kinematics import (
     refine_extrema,
     resample_motion,
     smooth,
+    smooth_positions,
     turning_points,
+    upsample_motion,
     valley_frames,
 )
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, Motion
 
-__all__ = ["curve_beats", "motion_curve", "visual_beats"]
+__all__ = ["RATE", "curve_beats", "motion_curve", "visual_beats"]
 
 FloatArray = NDArray[np.float64]
+
+RATE = 120.0  # hertz: with `subframe`, slower motion is interpolated first, so that its frame rate does not show
 
 
 def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, float]:
@@ -32,8 +36,11 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
         Joint speed in units per second (Eq. 7), or the direction spread, smoothed by ``params.smoothing``.
     fps : float, hertz
     """
-    at_rate = motion if params.fps is None else resample_motion(motion, params.fps)
-    positions = smooth(at_rate.positions, params.position_smoothing, at_rate.fps)
+    if params.fps is not None:
+        at_rate = resample_motion(motion, params.fps)
+    else:
+        at_rate = upsample_motion(motion, RATE) if params.subframe else motion
+    positions = smooth_positions(at_rate.positions, params.position_smoothing, at_rate.fps)
     if params.detector == "direction":
         curve = direction_spread(positions)
     else:

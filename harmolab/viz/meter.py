@@ -16,7 +16,7 @@ from harmolab.viz.style import COLOURS
 __all__ = ["UNIT_COLOURS", "draw_meter", "draw_places", "unit_label"]
 
 # One colour for each signature with its inner grouping; the label on each bracket says the same in words.
-UNIT_COLOURS = MappingProxyType({"4/4 (2+2)": "#CC79A7", "4/4": "#882255", "5/4": "#56B4E9", "6/4": "#7A6C00"})
+UNIT_COLOURS = MappingProxyType({"4/4 (2+2)": "#B0528C", "4/4": "#5B2A86", "5/4": "#A6561C", "6/4": "#5E6B00"})
 
 
 def unit_label(unit: MeterUnit) -> str:
@@ -97,6 +97,7 @@ def draw_places(ax: Axes, strong_shares: ArrayLike, counts: ArrayLike, *, chance
     spread = 1.96 * np.sqrt(np.maximum(shares * (1 - shares), 0.0) / np.maximum(n_beats, 1.0))
     ax.errorbar(places, shares, yerr=spread, fmt="none", ecolor=COLOURS["ink"], capsize=5)
     ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.6, label=f"chance {chance:.2f}")
-    ax.set(ylim=(0.0, 1.0), xlabel="place in the annotated bar", ylabel="share called strong")
+    ax.set(ylim=(0.0, 1.18), xlabel="place in the annotated bar", ylabel="share called strong")
+    ax.yaxis.set_major_locator(FixedLocator([0.0, 0.25, 0.5, 0.75, 1.0]))
     ax.set_xticks(places, ["1\n(downbeat)", *map(str, places[1:])][: shares.size])
     return ax

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.types import Motion
+from harmolab.types import Motion, Skeleton
 from harmolab.viz.style import COLOURS
 
 __all__ = ["draw_frames", "draw_poses"]
@@ -26,11 +26,12 @@ def draw_poses(
     times: ArrayLike,
     y: ArrayLike,
     *,
-    height: float = 55.0,
+    height: float = 75.0,
     trail: Sequence[float] = (0.16, 0.08),
+    turn: float = 0.0,
     colour: str = COLOURS["ink"],
 ) -> Axes:
-    """A stick figure at each time, seen from the front, with grey ghosts of where it was just before.
+    """A stick figure at each time, with grey ghosts of where it was just before.
 
     A figure in motion is smeared by its ghosts; one at rest covers them. The figures keep their proportions whatever
     the axes are, and are centred on the dancer.
@@ -43,12 +44,16 @@ def draw_poses(
     y : float or (P,) array, where the figures stand on the y axis (their middle)
     height : float, points, of a picture as high as the dancer stretches anywhere in the motion
     trail : seconds, how long ago each ghost was, oldest first; empty for none
+    turn : float, degrees
+        Turns a 3-D motion about the vertical axis; at 0 the camera looks from the positive z side.
     """
     moments = np.atleast_1d(np.asarray(times, np.float64))
     levels = np.broadcast_to(np.asarray(y, np.float64), moments.shape)
-    scale = height / max(_stretch(motion), 1e-9)
+    places = _seen(motion, turn) * (height / max(_stretch(motion), 1e-9))
     for moment, level in zip(moments, levels, strict=True):
-        box = _pose_box(motion, moment, tuple(trail), scale, height, colour)
+        box = DrawingArea(height, height, clip=False)
+        for line in _figures(places, motion, moment, trail, colour, middle=height / 2):
+            box.add_artist(line)
         figure = AnnotationBbox(box, (moment, level), frameon=False, pad=0.0, annotation_clip=False)
         figure.set_gid("pose")
         ax.add_artist(figure)
@@ -56,41 +61,47 @@ def draw_poses(
 
 
 def _stretch(motion: Motion) -> float:
-    """Largest extent of a single pose, vertical, in units of the motion."""
+    """Largest vertical extent of a single pose, in units of the motion."""
     return float(np.ptp(motion.positions[..., 1], axis=1).max())
+
+
+def _seen(motion: Motion, turn: float) -> FloatArray:
+    """(T, J, 2): to the right and upwards, as a camera far away sees the motion."""
+    positions = motion.positions
+    if positions.shape[2] == 2:
+        return positions * (1.0, -1.0)
+    angle = np.radians(turn)
+    right = positions[..., 0] * np.cos(angle) + positions[..., 2] * np.sin(angle)
+    return np.stack([right, positions[..., 1]], axis=-1)
+
+
+def _figures(
+    places: FloatArray, motion: Motion, moment: float, trail: Sequence[float], colour: str, *, middle: float
+) -> Iterator[Line2D]:
+    """The ghosts, then the pose, which is centred on (middle, middle)."""
+    now = places[_frame_at(motion, moment)]
+    offset = middle - (now.min(axis=0) + now.max(axis=0)) / 2
+    shades = [GHOSTS[-min(len(trail) - place, len(GHOSTS))] for place in range(len(trail))]
+    for age, shade in zip(trail, shades, strict=True):
+        yield _pose_line(places[_frame_at(motion, moment - age)] + offset, motion.skeleton, shade, 1.2)
+    yield _pose_line(now + offset, motion.skeleton, colour, 1.8)
 
 
 def _frame_at(motion: Motion, moment: float) -> int:
     return int(np.clip(round(moment * motion.fps), 0, motion.n_frames - 1))
 
 
-def _pose_box(
-    motion: Motion, moment: float, trail: tuple[float, ...], scale: float, height: float, colour: str
-) -> DrawingArea:
-    """The pose and its ghosts in a box of `height` points."""
-    now = motion.positions[_frame_at(motion, moment)]
-    middle = (now[:, :2].min(axis=0) + now[:, :2].max(axis=0)) / 2
-    upward = 1.0 if motion.positions.shape[2] == 3 else -1.0
-    box = DrawingArea(height, height, clip=False)
-    past = [(moment - age, ghost) for age, ghost in zip(trail, GHOSTS[-len(trail) :] if trail else (), strict=True)]
-    for when, shade in [*past, (moment, colour)]:
-        pose = (motion.positions[_frame_at(motion, when), :, :2] - middle) * (scale, upward * scale) + height / 2
-        for line in _pose_lines(pose, motion.skeleton.bones, shade, 1.6 if shade == colour else 1.1):
-            box.add_artist(line)
-    return box
-
-
-def _pose_lines(pose: FloatArray, bones: tuple[tuple[int, int], ...], colour: str, width: float) -> list[Line2D]:
+def _pose_line(pose: FloatArray, skeleton: Skeleton, colour: str, width: float) -> Line2D:
     """All bones as one line with gaps; dots when there are no bones."""
-    if not bones:
-        return [Line2D(pose[:, 0], pose[:, 1], linestyle="none", marker=".", markersize=3, color=colour)]
+    if not skeleton.bones:
+        return Line2D(pose[:, 0], pose[:, 1], linestyle="none", marker=".", markersize=3, color=colour)
     gap = np.full(2, np.nan)
-    path = np.array([point for parent, child in bones for point in (pose[parent], pose[child], gap)])
-    return [Line2D(path[:, 0], path[:, 1], color=colour, linewidth=width, solid_capstyle="round")]
+    path = np.array([point for parent, child in skeleton.bones for point in (pose[parent], pose[child], gap)])
+    return Line2D(path[:, 0], path[:, 1], color=colour, linewidth=width, solid_capstyle="round")
 
 
 def draw_frames(
-    ax: Axes, frames: Iterable[NDArray[np.uint8]], times: ArrayLike, y: float = 0.5, *, width: float = 68.0
+    ax: Axes, frames: Iterable[NDArray[np.uint8]], times: ArrayLike, y: float = 0.5, *, width: float = 75.0
 ) -> Axes:
     """Pictures of a video, each centred on its time.
 

@@ -183,7 +183,12 @@ def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None,
         _draw_hit_score(above, below, right, stage, params, score)
     else:
         _draw_pattern_score(above, below, right, stage, params, score)
-    above.set_title(_headline(score, params), fontsize=12)
+    above.set_title(_headline(score, params))
+    above.set_xlabel("")
+    above.legend(
+        loc="upper left", bbox_to_anchor=(0.0, -0.09), ncols=7, fontsize=9, columnspacing=1.2, handletextpad=0.5
+    )
+    right.set_title("if the music were moved")
     below.set_xlim(above.get_xlim())
     return shown
 
@@ -197,11 +202,14 @@ def _three_axes(figure: Figure) -> list[Axes]:
 
 def _headline(score: HarmonyScore, params: HarmonyParams) -> str:
     """The score in one line."""
-    met = f"{int(score.hits.sum())} of {score.n_audio} music beats " + (
-        "hit" if params.measure == "hits" else "better than the median moment"
-    )
-    p = "" if np.isnan(score.p_value) else f"   p = {score.p_value:.3f}"
-    return f"harmony h = {score.harmony:.2f}   {met}   above chance {score.harmony_above_chance:+.2f}{p}"
+    met = "hit" if params.measure == "hits" else "fit"
+    facts = [
+        f"harmony h = {score.harmony:.2f}",
+        f"{int(score.hits.sum())} of {score.n_audio} music beats {met}",
+        f"chance {score.chance:.2f}",
+        f"above chance {score.harmony_above_chance:+.2f}",
+    ]
+    return "  |  ".join(facts if np.isnan(score.p_value) else [*facts, f"p = {score.p_value:.3f}"])
 
 
 def _draw_hit_score(
@@ -223,8 +231,7 @@ def _draw_hit_score(
     draw_threshold(above, params.audio_threshold * float(heights["audio"].std()), kind="audio")
     if params.visual_threshold is not None and len(visual) > 1:
         draw_threshold(above, params.visual_threshold * float(heights["visual"][1:].std()), kind="visual")
-    above.set_ylabel("noticeable")
-    above.legend(loc="upper right", bbox_to_anchor=(1.0, -0.16), ncols=6, columnspacing=1.2, handletextpad=0.5)
+    above.set_ylabel("how noticeable")
     curve, fps = motion_curve(stage.motion, params)
     shift = 0.5 if params.subframe else 0.0
     draw_curve(below, (np.arange(curve.size) - shift) / fps, curve, visual)
@@ -269,7 +276,6 @@ def _draw_pattern_score(
         above.plot(passed.times, np.zeros(len(passed)), "|", color=COLOURS["chance"], markersize=8)
     draw_shares(above, music, fit.shares, chance=fit.chance)
     above.set_ylabel("rank of the moment")
-    above.legend(loc="upper right", bbox_to_anchor=(1.0, -0.16), ncols=4)
     _draw_expected(below, stage, params)
     _draw_moved_ranks(right, stage, fit)
 
@@ -284,7 +290,7 @@ def _draw_expected(ax: Axes, stage: Stage, params: HarmonyParams) -> None:
         scale = max(float(np.abs(expected).max(initial=0.0)), 1e-12)
         ax.plot(times, 1.5 * expected / scale, color=COLOURS["ink"], linestyle="--", linewidth=1.4)
     ax.vlines(music.times, -3.0, 3.0, color=COLOURS["audio"], alpha=0.35, linewidth=1.2)
-    ax.set(ylim=(-3.0, 3.0), ylabel="joint speed (SD), pattern dashed")
+    ax.set(ylim=(-3.0, 3.0), ylabel="speed (SD), expected: dashed")
 
 
 def _draw_moved_ranks(ax: Axes, stage: Stage, fit: PatternFit) -> None:

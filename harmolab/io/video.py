@@ -1,0 +1,280 @@
+"""Video files to grey frames at a constant rate, and frames to H.264, both through PyAV (no ffmpeg program needed).
+
+Nothing in a file is trusted: the picture size is checked before a picture is decoded, only formats that hold their own
+pictures are opened (no playlists, no network), and reading stops at a number of frames.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.io.errors import PathLike, reading
+from harmolab.types import Audio
+
+__all__ = ["VideoFrames", "video_frames", "write_video"]
+
+Frame = NDArray[np.uint8]
+
+FORMATS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,flv,ogg,asf,gif,mxf,nut,ivf,h264,hevc,m4v,mpegvideo"
+MAX_PIXELS = 2**26
+SMALLEST_SIDE = 16  # pixels
+MIN_FPS, MAX_FPS = 1.0, 1000.0
+MAX_FRAMES = 432_000  # four hours at 30 fps
+MAX_GAP = 60.0  # seconds without a new picture
+MAX_THREADS = 4
+AUDIO_RATE = 48_000
+
+
+@dataclass(frozen=True)
+class VideoFrames:
+    """The frames of a video file. Every iteration reads the file anew, one frame at a time.
+
+    Frame i is what the screen shows i / fps seconds after the file starts, to half a frame. So a video of variable rate
+    comes at its average rate: a picture that stays longer is repeated, one that is gone before its time is left out. A
+    picture track that starts later than the sound begins with its first picture held.
+
+    Parameters
+    ----------
+    path : Path
+    fps : float, hertz, the average rate that the file states
+    height, width : int, pixels, of the frames, upright
+    max_frames : int
+        More than this is an error.
+    """
+
+    path: Path
+    fps: float
+    height: int
+    width: int
+    max_frames: int
+
+    def __iter__(self) -> Iterator[Frame]:
+        """(H, W) uint8 arrays; ValueError names the file when it turns out to be damaged or cut off."""
+        with _opened(self.path) as (container, stream):
+            held: av.VideoFrame | None = None
+            index = 0  # of the next frame to come out
+            for seconds, picture in _timed(container, stream, self.fps):
+                place = round(seconds * self.fps)
+                if place >= self.max_frames:
+                    raise ValueError(f"has more than max_frames={self.max_frames} frames; cut it into parts")
+                if held is not None and place > index:
+                    yield from itertools.repeat(_grey(held, self.height, self.width), place - index)
+                    index = place
+                held = picture
+            if held is not None:
+                yield _grey(held, self.height, self.width)
+
+
+def video_frames(path: PathLike, *, height: int = 240, max_frames: int = MAX_FRAMES) -> VideoFrames:
+    """The frames of a video file, small and grey, for optical flow.
+
+    Parameters
+    ----------
+    path : str or path
+        MP4, MOV, MKV, WebM, AVI, MPEG, FLV, Ogg, WMV or GIF.
+    height : int, pixels
+        Of the frames that come out; the width follows. A smaller video keeps its size.
+    max_frames : int
+        A longer video is an error: at once if its header says so, else when that frame is reached.
+
+    Returns
+    -------
+    VideoFrames, to be iterated; its `fps` goes with the frames
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file. Besides files that hold no video: one frame or none, a size or frame rate that cannot be. A
+        file that ends before its header says raises while it is read.
+
+    Examples
+    --------
+    >>> from harmolab.beats.flow import flow_beats
+    >>> video = video_frames("dance.mp4")  # doctest: +SKIP
+    >>> flow_beats(video, video.fps)  # doctest: +SKIP
+    """
+    if height < SMALLEST_SIDE:
+        raise ValueError(f"height must be at least {SMALLEST_SIDE} pixels, got {height}")
+    with _opened(Path(path)) as (container, stream):
+        fps = _stated_rate(stream)
+        if stream.frames > max_frames:
+            raise ValueError(f"has {stream.frames} frames, more than max_frames={max_frames}; cut it into parts")
+        pictures = [picture for _, picture in itertools.islice(_timed(container, stream, fps), 2)]
+        if len(pictures) < 2:
+            raise ValueError(f"holds {len(pictures) or 'no'} frame, a video needs two or more; is it a picture?")
+        first = _upright(pictures[0], height)
+        return VideoFrames(Path(path), fps, *first, max_frames)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
+    """The container and its video stream, ready to decode; faults of FFmpeg become ValueError."""
+    only = {"format_whitelist": FORMATS, "protocol_whitelist": "file"}
+    with reading(path, "video", max_bytes=None) as file:
+        try:
+            with av.open(f"file:{file}", container_options=only, metadata_errors="replace") as container:
+                stream = _video_stream(container)
+                stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
+                stream.codec_context.thread_type = "AUTO"
+                stream.codec_context.thread_count = min(MAX_THREADS, os.cpu_count() or 1)
+                yield container, stream
+        except av.FFmpegError as error:
+            raise ValueError(
+                f"cannot be read as video: damaged, cut off or something else ({error.strerror})"
+            ) from error
+
+
+def _video_stream(container: Any) -> Any:
+    """The first stream of moving pictures, its size checked."""
+    streams = [s for s in container.streams.video if not s.disposition & av.stream.Disposition.attached_pic]
+    if not streams:
+        raise ValueError("holds no video, only " + (", ".join(s.type for s in container.streams) or "nothing"))
+    stream = streams[0]
+    if stream.codec_context is None:
+        raise ValueError("holds video in an unknown coding")
+    _check_size(stream.codec_context.width, stream.codec_context.height)
+    return stream
+
+
+def _check_size(width: int, height: int) -> None:
+    if min(width, height) < SMALLEST_SIDE or width * height > MAX_PIXELS:
+        raise ValueError(
+            f"states a picture of {width} x {height} pixels; sides from {SMALLEST_SIDE} and areas up to {MAX_PIXELS} "
+            "pixels can be read"
+        )
+
+
+def _stated_rate(stream: Any) -> float:
+    """The average frame rate that the file states, hertz."""
+    rate = stream.average_rate or stream.guessed_rate
+    if not rate or not MIN_FPS <= rate <= MAX_FPS:
+        raise ValueError(f"states a frame rate of {rate}; {MIN_FPS:g} to {MAX_FPS:g} frames per second can be read")
+    return float(rate)
+
+
+def _timed(container: Any, stream: Any, fps: float) -> Iterator[tuple[float, av.VideoFrame]]:
+    """Decoded pictures, each with the seconds from the start of the file to its showing."""
+    origin = (container.start_time or 0) / av.time_base
+    first = last = size = None
+    late, count = 0.0, 0
+    for count, picture in enumerate(container.decode(stream), start=1):  # noqa: B007  # read after the loop
+        seconds = picture.time if picture.time is not None else origin if last is None else last + 1 / fps
+        if first is None or last is None:
+            size, first, last = (picture.width, picture.height), seconds, seconds
+            # Whole frames, so that the rounding of later time stamps cannot tip over.
+            late = round(max(seconds - origin, 0.0) * fps) / fps
+            if late > MAX_GAP:
+                raise ValueError(f"shows its first picture after {late:.0f} s; its time stamps are damaged")
+        if (picture.width, picture.height) != size:
+            raise ValueError(
+                f"changes its size from {size} to {(picture.width, picture.height)}; convert it to one size"
+            )
+        if seconds - last > MAX_GAP:
+            raise ValueError(f"shows no new picture between {last - origin:.1f} and {seconds - origin:.1f} s")
+        last = max(last, seconds)
+        yield last - first + late, picture
+    if stream.frames and count < 0.95 * stream.frames - 2:
+        raise ValueError(f"is cut off or damaged: {count} of {stream.frames} frames are there")
+
+
+def _upright(picture: av.VideoFrame, height: int) -> tuple[int, int]:
+    """(height, width) of the small upright frame: `height` or less, in the proportions of the picture."""
+    size = (picture.height, picture.width)[:: -1 if _quarter_turns(picture) % 2 else 1]
+    share = min(1.0, height / size[0])
+    return round(size[0] * share), max(SMALLEST_SIDE, round(size[1] * share))
+
+
+def _quarter_turns(picture: av.VideoFrame) -> int:
+    """How often a picture has to be turned left by 90 degrees to stand upright (a phone held on its side)."""
+    return round(picture.rotation / 90) % 4
+
+
+def _grey(picture: av.VideoFrame, height: int, width: int) -> Frame:
+    turns = _quarter_turns(picture)
+    lying = (width, height) if turns % 2 else (height, width)
+    small = picture.reformat(height=lying[0], width=lying[1], format="gray", interpolation="AREA").to_ndarray()
+    return np.array(np.rot90(small, turns), dtype=np.uint8, order="C")
+
+
+def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: Audio | None = None) -> None:
+    """Write frames as H.264 in an `.mp4` that browsers play; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path that ends in .mp4
+    frames : iterable of (H, W) grey or (H, W, 3) RGB uint8 arrays, all of one shape
+        An odd height or width is made even by repeating the last row or column, since H.264 needs that.
+    fps : float, hertz
+    audio : Audio, optional
+        Sound (AAC) that starts with the first frame.
+
+    Raises
+    ------
+    ValueError
+        For another ending, no frame, a frame that is no picture or of another size, or an fps that cannot be.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".mp4":
+        raise ValueError(f"{path}: video is written as .mp4; choose a name that ends so")
+    if not MIN_FPS <= fps <= MAX_FPS:
+        raise ValueError(f"{path}: fps must lie between {MIN_FPS:g} and {MAX_FPS:g}, got {fps}")
+    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with av.open(f"file:{aside}", "w", format="mp4", container_options={"movflags": "+faststart"}) as container:
+            _encode(container, _checked(path, frames), Fraction(fps).limit_denominator(100_000), audio)
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _checked(path: Path, frames: Iterable[Frame]) -> Iterator[Frame]:
+    """The frames with even sides, each checked to be a picture of the size of the first."""
+    shape: tuple[int, ...] | None = None
+    for number, frame in enumerate(map(np.asarray, frames)):
+        shape = shape or frame.shape
+        if frame.dtype != np.uint8 or frame.ndim not in (2, 3) or frame.shape[2:] not in ((), (3,)):
+            raise ValueError(f"{path}: frame {number} must be (H, W) or (H, W, 3) of uint8, got {frame.shape}")
+        if min(frame.shape[:2]) < SMALLEST_SIDE or frame.shape[0] * frame.shape[1] > MAX_PIXELS:
+            raise ValueError(f"{path}: frame {number} of shape {frame.shape} is too small or too large for a video")
+        if frame.shape != shape:
+            raise ValueError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
+        odd = [(0, side % 2) for side in frame.shape[:2]] + [(0, 0)] * (frame.ndim - 2)
+        yield np.pad(frame, odd, mode="edge")
+    if shape is None:
+        raise ValueError(f"{path}: a video needs at least one frame, got none")
+
+
+def _encode(container: Any, frames: Iterator[Frame], rate: Fraction, audio: Audio | None) -> None:
+    first = next(frames)
+    video = container.add_stream("libx264", rate=rate, options={"crf": "20", "preset": "veryfast"})
+    video.height, video.width, video.pix_fmt = *first.shape[:2], "yuv420p"
+    sound = None if audio is None else container.add_stream("aac", rate=AUDIO_RATE, layout="mono")
+    if audio is not None:
+        # Sound first: the muxer keeps it until the pictures catch up, and coded sound is small.
+        _encode_audio(container, sound, audio)
+    for index, frame in enumerate(itertools.chain([first], frames)):
+        picture = av.VideoFrame.from_ndarray(frame, format="gray" if frame.ndim == 2 else "rgb24")
+        picture.pts, picture.time_base = index, 1 / rate
+        container.mux(video.encode(picture))
+    container.mux(video.encode(None))
+
+
+def _encode_audio(container: Any, sound: Any, audio: Audio) -> None:
+    samples = np.clip(audio.samples, -1, 1).astype(np.float32)[None]
+    block = av.AudioFrame.from_ndarray(samples, format="fltp", layout="mono")
+    block.sample_rate = round(audio.sample_rate)
+    resampler = av.AudioResampler(format="fltp", layout="mono", rate=AUDIO_RATE, frame_size=1024)
+    for part in [*resampler.resample(block), *resampler.resample(None)]:
+        container.mux(sound.encode(part))
+    container.mux(sound.encode(None))
