@@ -96,10 +96,10 @@ def compare(
     chosen = params or HarmonyParams.recommended()
     if window is not None and not 0 < window < float("inf"):
         raise ValueError(f"window must be a positive number of seconds, or None for whole sequences; got {window}")
-    parts = all_parts(sequences, beats, window, chosen, progress)
+    parts = all_parts(sequences, beats, window, chosen)
     if not parts:
         raise ValueError("no sequence to compare")
-    fit_parts = None if fit_on is None else all_parts(fit_on, beats, window, chosen, progress)
+    fit_parts = None if fit_on is None else all_parts(fit_on, beats, window, chosen)
     if fit_parts is not None and not fit_parts:
         raise ValueError("no sequence to fit on")
     patterns = learn_patterns(parts, fit_parts)

@@ -80,9 +80,7 @@ def corpus_folders(profile: RunProfile) -> dict[str, Path]:
         return {"synthetic": synthetic_corpus(profile)}
     below = [folder for folder in sorted(root.iterdir()) if folder.is_dir()]
     corpora = {folder.name: folder for folder in below if find_sequences(folder).folders}
-    is_corpus = any(
-        folder.parent in (root, *below) and folder.parent == root for folder in find_sequences(root).folders
-    )
+    is_corpus = any(folder.parent == root for folder in find_sequences(root).folders)
     return {root.name: root} if is_corpus or not corpora else corpora
 
 
@@ -90,9 +88,16 @@ def study_sequences(profile: RunProfile, corpus: str | None = None) -> Iterator[
     """Readable sequences of one corpus (default: the first), one in memory at a time, as many as the profile takes.
 
     A smaller number is spread over the corpus, so that every dance is there.
+
+    Raises
+    ------
+    ValueError
+        If there is no corpus of that name.
     """
     folders = corpus_folders(profile)
     name = corpus or next(iter(folders))
+    if name not in folders:
+        raise ValueError(f"there is no corpus {name!r}; there are {', '.join(folders)}")
     found = find_sequences(folders[name]).folders
     count = len(found) if profile.n_sequences is None else min(profile.n_sequences, len(found))
     if name == "synthetic":
@@ -164,8 +169,9 @@ def excerpt(sequence: disk.Sequence, seconds: float, beats: str = "tracked") -> 
     track = music_beats(sequence, "tracked" if sequence.annotation is None else beats)
     first, last = max(0.0, -clip.offset), min(clip.motion.duration, clip.audio.duration - clip.offset)
     length = min(seconds, last - first)
-    start = round((first + (last - first - length) / 2) * clip.motion.fps) / clip.motion.fps
-    heard = clip.offset + start
+    # On a frame, and never before the music.
+    start = np.ceil((first + (last - first - length) / 2) * clip.motion.fps - 1e-6) / clip.motion.fps
+    heard = max(0.0, clip.offset + start)
     return Clip(
         f"{clip.name} from {heard:.1f} s",
         clip.audio.span(heard, length),

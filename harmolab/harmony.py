@@ -288,7 +288,7 @@ def score_clip(
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> HarmonyScore:
-    """Harmony of a clip: annotated beats if it has them, else those the tracker finds in the whole recording.
+    """Harmony of a clip (Eq. 1, 6), with its annotated beats or else those the tracker finds in the whole recording.
 
     Only the time that motion and music have in common counts.
 

@@ -22,6 +22,7 @@ __all__ = [
     "resample_motion",
     "smooth",
     "smooth_positions",
+    "step_signs",
     "turning_points",
     "upsample_motion",
     "valley_frames",

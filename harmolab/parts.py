@@ -210,7 +210,7 @@ def learn_patterns(parts: Sequence[Part], fit_parts: Sequence[Part] | None = Non
     return patterns
 
 
-def dance_patterns(sequences: Iterable[folders.Sequence], *, progress: Progress = silent) -> dict[str, BarPattern]:
+def dance_patterns(sequences: Iterable[folders.Sequence]) -> dict[str, BarPattern]:
     """The bar pattern of each dance in a corpus with annotated beats: what `harmolab learn` writes.
 
     Raises
@@ -218,7 +218,7 @@ def dance_patterns(sequences: Iterable[folders.Sequence], *, progress: Progress 
     ValueError
         If there is nothing to learn from.
     """
-    parts = all_parts(sequences, "annotated", None, HarmonyParams.recommended(), progress)
+    parts = all_parts(sequences, "annotated", None, HarmonyParams.recommended())
     pieces: dict[str, list[PatternSums]] = {}
     for part in parts:
         if part.sums is not None:
@@ -318,9 +318,7 @@ def constant_lags(
 
 
 def all_parts(
-    sequences: Iterable[folders.Sequence], beats: str, window: float | None, params: HarmonyParams, progress: Progress
+    sequences: Iterable[folders.Sequence], beats: str, window: float | None, params: HarmonyParams
 ) -> list[Part]:
     """The parts of every sequence."""
-    return [
-        part for item in progress(sequences, "reading sequences") for part in cut_parts(item, beats, window, params)
-    ]
+    return [part for item in sequences for part in cut_parts(item, beats, window, params)]

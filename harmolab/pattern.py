@@ -41,7 +41,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 GRID = 24  # samples per beat on which curve and pattern are compared
-HARMONICS = 2  # of the cycle; more gained nothing on other figures (docs/readings.md)
 DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat
 CHANCE_ROTATIONS = 60  # at least so many, when chance is not known beforehand
 MOST_MOMENTS = 5_000_000  # a day of music on the grid
@@ -123,7 +122,7 @@ def evaluate_pattern(pattern: BarPattern, positions: FloatArray) -> FloatArray:
 
 
 def pattern_sums(positions: FloatArray, speed: FloatArray, beats: int) -> PatternSums:
-    """The sums a pattern is fitted from, for one piece of motion.
+    """The sums a pattern is fitted from, for one piece of motion: harmonics up to one turn a beat.
 
     Parameters
     ----------
@@ -131,7 +130,7 @@ def pattern_sums(positions: FloatArray, speed: FloatArray, beats: int) -> Patter
     speed : (T,) array, normalised speed
     beats : int, length of the cycle
     """
-    angle = -2j * np.pi * positions[:, None] * np.arange(1, HARMONICS + 1) / beats
+    angle = -2j * np.pi * positions[:, None] * np.arange(1, beats + 1) / beats
     return PatternSums(beats, speed @ np.exp(angle), speed.size)
 
 

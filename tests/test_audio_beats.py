@@ -133,7 +133,8 @@ def test_beats_behind_the_end_are_left_out(counted: list[Audio]):
 
 
 @pytest.mark.parametrize(
-    ("given", "expected"), [(None, None), ("waltz", (78.0, 96.0)), ((100, 120), (100.0, 120.0)), ([60, 61.5], (60, 61.5))]
+    ("given", "expected"),
+    [(None, None), ("waltz", (78.0, 96.0)), ((100, 120), (100.0, 120.0)), ([60, 61.5], (60, 61.5))],
 )
 def test_a_tempo_prior_is_a_dance_or_a_range(given, expected):
     assert tempo_range(given) == expected

@@ -104,7 +104,8 @@ def test_the_f_score_is_a_weighted_harmonic_mean(audio: float, visual: float, be
 
 
 @pytest.mark.parametrize(
-    ("score", "n_audio", "n_visual", "expected"), [(3.0, 4, 9, 0.6), (4.0, 4, 4, 1.0), (0.0, 0, 4, 0.0), (0.0, 4, 0, 0.0)]
+    ("score", "n_audio", "n_visual", "expected"),
+    [(3.0, 4, 9, 0.6), (4.0, 4, 4, 1.0), (0.0, 0, 4, 0.0), (0.0, 4, 0, 0.0)],
 )
 def test_harmony_follows_from_the_hitting_score(score: float, n_audio: int, n_visual: int, expected: float):
     assert harmony_from_hits(score, n_audio, n_visual, 2.0) == pytest.approx(expected)  # 5 * 3 / (16 + 9) = 0.6
@@ -128,7 +129,9 @@ def test_chance_of_a_lagged_beat_outside_the_clip_is_nothing():
     assert chance_level(np.array([-0.5, 11.0]), delay=0.25, duration=10.0) == 0.0
 
 
-@pytest.mark.parametrize(("share", "chance", "expected"), [(1.0, 0.4, 1.0), (0.4, 0.4, 0.0), (0.1, 0.4, -0.5), (1.0, 1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("share", "chance", "expected"), [(1.0, 0.4, 1.0), (0.4, 0.4, 0.0), (0.1, 0.4, -0.5), (1.0, 1.0, 0.0)]
+)
 def test_above_chance_is_zero_at_chance_and_one_at_the_top(share: float, chance: float, expected: float):
     assert above_chance(share, chance) == pytest.approx(expected)
 
@@ -246,7 +249,9 @@ STOPS = [0.25 + 0.5 * k for k in range(12)]
 
 def clip(motion: Motion, *, seconds: float = 6.0, offset: float = 0.0, beats: list[float] | None = None) -> Clip:
     """A clip whose annotated beats are the stops of a 1 Hz arm that begins at 0 s."""
-    annotated = BeatTrack(STOPS if beats is None else beats, np.ones(len(STOPS if beats is None else beats)), 100.0, 20.0)
+    annotated = BeatTrack(
+        STOPS if beats is None else beats, np.ones(len(STOPS if beats is None else beats)), 100.0, 20.0
+    )
     return Clip("arm", silence(seconds), motion, offset, beats=annotated)
 
 

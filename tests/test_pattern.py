@@ -71,7 +71,7 @@ def test_positions_need_a_tempo(times: list[float]):
 
 
 def test_a_planted_pattern_is_learnt_back():
-    planted = BarPattern(3, (0.5, -0.25), (1.0, 0.125))
+    planted = BarPattern(3, (0.5, -0.25, 0.125), (1.0, 0.125, 0.0))  # harmonics up to one turn a beat
     positions = np.arange(0, 30, 0.01)  # ten whole cycles
     learnt = fit_pattern([pattern_sums(positions, evaluate_pattern(planted, positions), 3)], source="a test")
     np.testing.assert_allclose(learnt.cosines, planted.cosines, atol=1e-9)
@@ -83,7 +83,7 @@ def test_pieces_count_by_their_length():
     positions = np.arange(0, 3, 0.01)
     short = pattern_sums(positions, np.cos(2 * np.pi * positions), 1)
     long = pattern_sums(np.tile(positions, 3), np.zeros(3 * positions.size), 1)
-    np.testing.assert_allclose(fit_pattern([short, long]).cosines, [0.25, 0.0], atol=1e-9)
+    np.testing.assert_allclose(fit_pattern([short, long]).cosines, [0.25], atol=1e-9)
 
 
 def test_a_pattern_of_nothing_is_refused():
@@ -229,5 +229,5 @@ def test_a_motion_shorter_than_the_grid_of_moments_fits_as_chance_does(rng: np.r
 
 
 def test_doubled_beats_are_refused_before_they_fill_the_memory(swinging_arm: Swing):
-    with pytest.raises(ValueError, match="music beats lie 1e-07 s apart: are there doubles among them?"):
+    with pytest.raises(ValueError, match=r"music beats lie 1e-07 s apart: are there doubles among them\?"):
         fit_of_motion(track([1.0, 1.0000001]), swinging_arm(1.0, 60.0), RECOMMENDED)

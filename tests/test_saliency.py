@@ -46,7 +46,9 @@ def test_a_music_beat_without_strength_is_never_salient():
     np.testing.assert_array_equal(audio_mask(np.array([0.0, 1.0]), 0.0), [False, True])
 
 
-@pytest.mark.parametrize(("strengths", "steps"), [([], []), ([4.0], [0.0]), ([4.0, 1.0], [3, 3]), ([1, 5, 3], [4, 4, 2])])
+@pytest.mark.parametrize(
+    ("strengths", "steps"), [([], []), ([4.0], [0.0]), ([4.0, 1.0], [3, 3]), ([1, 5, 3], [4, 4, 2])]
+)
 def test_steps_between_strengths_repeat_the_first(strengths, steps):
     np.testing.assert_array_equal(strength_steps(np.array(strengths, dtype=float)), steps)
 

@@ -1,4 +1,4 @@
-"""The records check themselves once, so that everything behind them may trust what it gets."""
+"""Records and settings check themselves once, so that everything behind them may trust what it gets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from harmolab.params import BarPattern
+from harmolab.params import CHOICES, DANCES, BarPattern, HarmonyParams, RunProfile
 from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, MeterUnit, Motion, Skeleton
 
 PAIR = Skeleton(("hip", "knee"), (-1, 0))
@@ -202,7 +202,7 @@ def test_bar_patterns_compare_by_value():
 
 
 def test_a_meter_unit_must_end_after_it_starts():
-    with pytest.raises(ValueError, match="a meter unit must end after it starts, got 2.0 to 1.0 s"):
+    with pytest.raises(ValueError, match=r"a meter unit must end after it starts, got 2\.0 to 1\.0 s"):
         MeterUnit(2.0, 1.0, [True], "4/4")
 
 
@@ -224,3 +224,67 @@ def test_a_score_becomes_a_dictionary_that_json_takes():
     assert plain["p_value"] is None
     assert plain["interval"] == [None, None]
     assert plain["harmony"] == 0.5
+
+
+# Settings
+
+
+def test_paper_mode_has_the_papers_values():
+    paper = HarmonyParams.paper()
+    assert paper == HarmonyParams()
+    assert (paper.audio_threshold, paper.visual_threshold, paper.reaction_delay, paper.beta) == (0.1, 1.0, 0.25, 2.0)
+    assert (paper.measure, paper.detector, paper.fps, paper.clock, paper.lag) == ("hits", "turns", 15.0, 1.0, 0.0)
+
+
+def test_recommended_mode_takes_a_learnt_pattern():
+    learnt = BarPattern(2, (1.0,), (0.0,))
+    assert HarmonyParams.recommended(learnt).pattern == learnt
+    assert HarmonyParams.recommended().pattern == BarPattern.stop_on_the_beat()
+    assert HarmonyParams.recommended().measure == "pattern"
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"audio_threshold": -0.1}, "audio_threshold must be zero or more, got -0.1"),
+        ({"reaction_delay": float("nan")}, "reaction_delay must be zero or more, got nan"),
+        ({"position_smoothing": float("inf")}, "position_smoothing must be zero or more, got inf"),
+        ({"beta": 0.0}, "beta must be positive, got 0.0"),
+        ({"clock": -1.0}, "clock must be positive, got -1.0"),
+        ({"visual_threshold": -1.0}, "visual_threshold must be zero or more, or None, got -1.0"),
+        ({"fps": 0.0}, "fps must be positive or None, got 0.0"),
+        ({"lag": float("inf")}, "lag must be finite, got inf"),
+        ({"detector": "jumps"}, "detector must be one of turns, valleys, peaks, direction; got 'jumps'"),
+        ({"matching": "one"}, "matching must be one of many, nearest, max; got 'one'"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(changed, message):
+    with pytest.raises(ValueError, match=message):
+        HarmonyParams(**changed)
+
+
+def test_zero_is_a_setting_and_none_keeps_everything():
+    params = HarmonyParams(reaction_delay=0.0, audio_threshold=0.0, visual_threshold=None, fps=None)
+    assert (params.reaction_delay, params.visual_threshold, params.fps) == (0.0, None, None)
+
+
+@pytest.mark.parametrize(("name", "choice"), [(name, choice) for name in CHOICES for choice in CHOICES[name]])
+def test_every_named_reading_is_accepted(name, choice):
+    assert getattr(HarmonyParams(**{name: choice}), name) == choice
+
+
+def test_seven_dances_have_a_tempo_range_and_a_meter():
+    assert sorted(DANCES) == ["cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz"]
+    for dance in DANCES.values():
+        assert 0 < dance.tempo[0] < dance.tempo[1] < 300
+    assert [name for name, dance in DANCES.items() if dance.meter == 3] == ["waltz"]
+
+
+def test_the_profile_comes_from_the_environment(monkeypatch):
+    monkeypatch.delenv("HARMOLAB_PROFILE", raising=False)
+    assert RunProfile.from_env() == RunProfile.quick()
+    monkeypatch.setenv("HARMOLAB_PROFILE", "full")
+    assert RunProfile.from_env() == RunProfile.full()
+    monkeypatch.setenv("HARMOLAB_PROFILE", "slow")
+    with pytest.raises(ValueError, match="HARMOLAB_PROFILE must be 'quick' or 'full', got 'slow'"):
+        RunProfile.from_env()

@@ -119,7 +119,7 @@ def test_a_signed_speed_still_gives_strengths_that_are_not_negative(swinging_arm
 
 
 def test_beats_between_frames_stand_half_a_frame_earlier():
-    # A frame difference belongs to the middle of its two frames; the parabola through 1, 3, 1 has its top on the sample.
+    # A frame difference belongs to the middle of its two frames; the parabola through 1, 3, 1 is highest on the sample.
     curve = np.array([0.0, 1.0, 3.0, 1.0, 0.0])
     np.testing.assert_allclose(curve_beats(curve, 10.0, PLAIN).times, [0.2])
     np.testing.assert_allclose(curve_beats(curve, 10.0, replace(PLAIN, subframe=True)).times, [0.15])

@@ -106,7 +106,7 @@ def learn(
     from harmolab.parts import dance_patterns
 
     with plain_errors():
-        patterns = dance_patterns(sequences_of(corpus, ()), progress=progress)
+        patterns = dance_patterns(sequences_of(corpus))
         write_text(out, json.dumps({name: asdict(pattern) for name, pattern in patterns.items()}, indent=2))
     for name, pattern in patterns.items():
         typer.echo(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")

@@ -30,6 +30,7 @@ FORMATS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,flv,ogg,asf,gif
 MAX_PIXELS = 2**26
 SMALLEST_SIDE = 16  # pixels
 MIN_FPS, MAX_FPS = 1.0, 1000.0
+LIKELY_FPS = 130.0  # hertz; what states more is looked at more closely
 MAX_FRAMES = 432_000  # four hours at 30 fps
 MAX_GAP = 60.0  # seconds without a new picture
 MAX_THREADS = 4
@@ -40,14 +41,14 @@ AUDIO_RATE = 48_000
 class VideoFrames:
     """The frames of a video file. Every iteration reads the file anew, one frame at a time.
 
-    Frame i is what the screen shows i / fps seconds after the file starts, to half a frame. So a video of variable rate
-    comes at its average rate: a picture that stays longer is repeated, one that is gone before its time is left out. A
-    picture track that starts later than the sound begins with its first picture held.
+    Frame i is what the screen shows i / fps seconds after the file starts, to within one frame. So a video of variable
+    rate comes at its average rate: a picture that stays longer is repeated, one that is gone before its time is left
+    out. A picture track that starts later than the sound begins with its first picture held.
 
     Parameters
     ----------
     path : Path
-    fps : float, hertz, the average rate that the file states
+    fps : float, hertz, the average rate
     height, width : int, pixels, of the frames, upright
     max_frames : int
         More than this is an error.
@@ -106,8 +107,8 @@ def video_frames(path: PathLike, *, height: int = 240, max_frames: int = MAX_FRA
     """
     if height < SMALLEST_SIDE:
         raise ValueError(f"height must be at least {SMALLEST_SIDE} pixels, got {height}")
+    fps = _average_rate(Path(path))
     with _opened(Path(path)) as (container, stream):
-        fps = _stated_rate(stream)
         if stream.frames > max_frames:
             raise ValueError(f"has {stream.frames} frames, more than max_frames={max_frames}; cut it into parts")
         pictures = [picture for _, picture in itertools.islice(_timed(container, stream, fps), 2)]
@@ -155,12 +156,18 @@ def _check_size(width: int, height: int) -> None:
         )
 
 
-def _stated_rate(stream: Any) -> float:
-    """The average frame rate that the file states, hertz."""
-    rate = stream.average_rate or stream.guessed_rate
-    if not rate or not MIN_FPS <= rate <= MAX_FPS:
-        raise ValueError(f"states a frame rate of {rate}; {MIN_FPS:g} to {MAX_FPS:g} frames per second can be read")
-    return float(rate)
+def _average_rate(path: Path) -> float:
+    """The average frame rate that the file states, or, where that is missing or unlikely, that its time stamps have."""
+    with _opened(path) as (container, stream):
+        rate = float(stream.average_rate or 0)
+        # Browsers that record the screen state 1000 a second and write as many as come.
+        if not MIN_FPS <= rate <= LIKELY_FPS:
+            times = [packet.pts * packet.time_base for packet in container.demux(stream) if packet.pts is not None]
+            span = float(max(times) - min(times)) if times else 0.0
+            rate = (len(times) - 1) / span if span > 0 else rate
+        if not MIN_FPS <= rate <= MAX_FPS:
+            raise ValueError(f"has a frame rate of {rate:g}; {MIN_FPS:g} to {MAX_FPS:g} frames per second can be read")
+        return rate
 
 
 def _timed(container: Any, stream: Any, fps: float) -> Iterator[tuple[float, av.VideoFrame]]:

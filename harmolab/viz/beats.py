@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.ticker import FixedFormatter, FixedLocator
 from numpy.typing import ArrayLike, NDArray
 
@@ -55,8 +56,8 @@ def draw_curve(
     ax.plot(seconds, values, color=colour, linewidth=1.2, zorder=2)
     top = 1.08 * max(float(values.max(initial=0.0)), 1e-12)
     if track is not None:
-        ax.vlines(track.times, 0.0, top, color=colour, alpha=0.45, linewidth=1.2, zorder=1)
-        heights = np.interp(track.times, seconds, values)
+        _draw_lines(ax, track.times, 0.0, top, color=colour, alpha=0.45, linewidth=1.2, zorder=1)
+        heights = np.interp(track.times, seconds, values) if len(track) else track.times
         mark = "o" if kind == "audio" else MARKERS[kind]
         ax.plot(
             track.times, heights, linestyle="none", marker=mark, color=colour, markersize=6, zorder=3,
@@ -66,6 +67,13 @@ def draw_curve(
     ax.set_ylim(min(0.0, 1.08 * float(values.min(initial=0.0))), top)
     ax.set_xlabel("time (s)")
     return ax
+
+
+def _draw_lines(ax: Axes, times: FloatArray, bottom: ArrayLike, top: ArrayLike, **look: Any) -> None:
+    """A vertical line at each time. `Axes.vlines` takes four times as long, most of it to find limits we know."""
+    low, high = np.broadcast_to(bottom, times.shape), np.broadcast_to(top, times.shape)
+    ends = [[(time, start), (time, end)] for time, start, end in zip(times, low, high, strict=True)]
+    ax.add_collection(LineCollection(ends, **look))
 
 
 def draw_tolerance(ax: Axes, times: ArrayLike, delay: float, *, reach: float = ROOM) -> Axes:
@@ -100,7 +108,7 @@ def draw_stems(
         look = {"color": COLOURS["chance"], "linewidth": 1.4, "linestyle": (0, (1, 1.5))}
     if len(track):
         name = f"{NAMES[kind]}, not noticed" if ignored else NAMES[kind]
-        ax.vlines(track.times, 0.0, SIDES[kind] * lengths, zorder=2, label=name, **look)
+        _draw_lines(ax, track.times, 0.0, SIDES[kind] * lengths, zorder=2, label=name, **look)
     return ax
 
 
@@ -196,8 +204,8 @@ def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float)
     ranks = np.asarray(shares, np.float64)
     weights = track.strengths / max(float(track.strengths.max(initial=0.0)), 1e-12)
     if len(track):
-        ax.vlines(
-            track.times, chance, ranks, color=COLOURS["audio"], linewidth=1.0 + 5.0 * weights, zorder=2,
+        _draw_lines(
+            ax, track.times, chance, ranks, color=COLOURS["audio"], linewidth=1.0 + 5.0 * weights, zorder=2,
             label="music beat, wider if stronger",
         )  # fmt: skip
     ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.2, zorder=1, label="chance")

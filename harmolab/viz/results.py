@@ -76,7 +76,7 @@ def draw_patterns(ax: Axes, patterns: Mapping[str, BarPattern]) -> Axes:
         ax.axvline(beat, color=COLOURS["audio"], linewidth=1, alpha=0.6)
     ax.axhline(0, color=COLOURS["faint"], linewidth=1, zorder=0)
     ax.set(xlabel="beat of the cycle (0 = first beat of the bar)", ylabel="joint speed (SD from its mean)")
-    ax.legend(loc="upper right")
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
 
@@ -101,7 +101,7 @@ def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
     for row, (_, judge) in enumerate(table[::-1].iterrows()):
         human = pd.notna(judge["paper"])
         value = judge["paper"] if human else judge["harmolab"]
-        colour = COLOURS["chance"] if human else COLOURS["visual"]
+        colour = COLOURS["chance"] if human else SCORE_COLOURS[2]
         ax.barh(row, value, color=colour, hatch="//" if human else None, height=0.65, edgecolor="white")
         if not human:
             ax.plot([judge["low"], judge["high"]], [row, row], color=COLOURS["ink"], linewidth=2)

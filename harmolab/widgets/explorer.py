@@ -5,8 +5,9 @@ from __future__ import annotations
 import base64
 import html
 import inspect
-import io
+import struct
 import warnings
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,13 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import PlaceHolderLayoutEngine
 from numpy.typing import NDArray
-from PIL import Image
 
 from harmolab.viz.style import figure_style
 from harmolab.widgets.quickdraw import QuickDraw, plain
 
 __all__ = ["Explorer"]
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 class Explorer(widgets.VBox):
@@ -33,7 +35,8 @@ class Explorer(widgets.VBox):
     draw : callable
         ``draw(**values)`` returns a matplotlib Figure. If it also takes ``figure=``, it is given the same Figure every
         time, the axes of the last drawing still on it but emptied. A draw that starts with
-        ``axes = figure.axes or figure.subplots(2, 1)`` takes half the time of one that makes its axes anew.
+        ``axes = figure.axes or figure.subplots(2, 1)`` takes half the time of one that makes its axes anew, and
+        axis limits, labels and legends that stay as they were cost nothing.
     **controls
         One per argument of `draw`: a widget; True or False (checkbox); ``(low, high, step, value)`` (slider, of whole
         numbers if all four are); a list, or a dict of label -> value, of choices (menu, the first one chosen).
@@ -167,10 +170,25 @@ def _fit_margins(figure: Figure) -> None:
 
 
 def _png(pixels: NDArray[np.uint8]) -> bytes:
-    buffer = io.BytesIO()
+    """(H, W, 4) pixels as a PNG, each row stored as its difference to the row above.
+
+    Pillow tries five ways to store each row, for the sake of smaller files, which takes twice as long as all the rest.
+    """
+    height, width = pixels.shape[:2]
+    colours = pixels[..., :3].reshape(height, 3 * width)
+    rows = np.empty((height, 1 + 3 * width), np.uint8)
+    rows[:, 0] = 2  # the filter "up"
+    rows[0, 1:] = colours[0]
+    np.subtract(colours[1:], colours[:-1], out=rows[1:, 1:])
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     # Light compression: the picture travels a few centimetres.
-    Image.fromarray(pixels).convert("RGB").save(buffer, "PNG", compress_level=1)
-    return buffer.getvalue()
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 1)), (b"IEND", b""))
+    return PNG_SIGNATURE + b"".join(map(_chunk, *zip(*chunks, strict=True)))
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    """One chunk of a PNG file: length, kind, data, checksum."""
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 def _where(error: Exception) -> str:

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from harmolab.beats.audio import audio_beats
 from harmolab.beats.saliency import salient_audio, salient_visual, strength_steps
 from harmolab.beats.visual import motion_curve, visual_beats
-from harmolab.harmony import hit_pairs, overlap, score_motion
+from harmolab.harmony import above_chance, harmony_from_hits, hit_pairs, hitting_score, overlap, score_harmony
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
-from harmolab.pattern import PatternFit, beat_positions, evaluate_pattern, fit_of_motion, normalised_speed
-from harmolab.significance import rotated_shares, rotations
-from harmolab.types import BeatTrack, Clip, HarmonyScore, Motion
+from harmolab.pattern import PatternFit, beat_positions, evaluate_pattern, fit_of_speed, normalised_speed
+from harmolab.significance import p_value, rotated_shares, rotations
+from harmolab.types import BeatTrack, Clip, Motion
 from harmolab.viz.beats import draw_curve, draw_hits, draw_rotations, draw_shares, draw_stems, draw_threshold
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.explorer import Explorer
@@ -32,6 +32,11 @@ FloatArray = NDArray[np.float64]
 MODES = MappingProxyType(
     {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
 )
+# Under the pictures; a legend would be made and drawn anew each time a slider moves.
+HITS_KEY = (
+    "pale blue: tolerance field   |   circle: hit   |   cross: missed, or left over   |   grey, dotted: not noticed"
+)
+RANKS_KEY = "rank of each music beat among all moments   |   wider if stronger   |   below, dashed: expected speed"
 N_ROTATIONS = 200  # as fine as the eye can tell; more would make the sliders sluggish
 
 
@@ -107,7 +112,7 @@ def _controls() -> dict[str, Any]:
     look: dict[str, Any] = {"style": {"description_width": "5.5em"}, "layout": {"width": "22em"}}
     menus = {"mode": tuple(MODES), "detector": CHOICES["detector"], "matching": CHOICES["matching"]}
     sliders = {
-        "lambda1": ("λ1 (music)", 0.0, 4.0, 0.1),
+        "lambda1": ("λ1 (music)", 0.0, 8.0, 0.1),
         "lambda2": ("λ2 (dance)", 0.0, 3.0, 0.1),
         "delay": ("T_delay (s)", 0.0, 0.5, 0.01),
         "beta": ("β", 0.25, 4.0, 0.25),
@@ -178,65 +183,69 @@ def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None,
     params = lab_params(mode, **{**_presets(mode), **values}, pattern=stage.pattern)
     shown = Figure() if figure is None else figure
     above, below, right = shown.axes or _three_axes(shown)
-    score = score_motion(stage.music, stage.motion, params=params, n_rotations=N_ROTATIONS)
     if params.measure == "hits":
-        _draw_hit_score(above, below, right, stage, params, score)
+        _draw_hit_score(above, below, right, stage, params)
     else:
-        _draw_pattern_score(above, below, right, stage, params, score)
-    above.set_title(_headline(score, params))
-    above.set_xlabel("")
-    above.legend(
-        loc="upper left", bbox_to_anchor=(0.0, -0.09), ncols=7, fontsize=9, columnspacing=1.2, handletextpad=0.5
-    )
-    right.set_title("if the music were moved")
+        _draw_pattern_score(above, below, right, stage, params)
     below.set_xlim(above.get_xlim())
     return shown
 
 
 def _three_axes(figure: Figure) -> list[Axes]:
-    """Hits over the whole width; below, the dance's curve and, at its right, the moved music."""
-    figure.set_size_inches(10.0, 5.6)
-    grid = figure.add_gridspec(2, 2, width_ratios=(2.4, 1.0), height_ratios=(1.15, 1.0))
-    return [figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1])]
+    """Hits over the whole width; below, the dance's curve and, at its right, the moved music.
+
+    At fixed places, so that the same values give the same picture whatever was shown before.
+    """
+    figure.set_size_inches(10.0, 5.4)
+    places = ((0.085, 0.565, 0.895, 0.37), (0.085, 0.105, 0.57, 0.325), (0.735, 0.105, 0.245, 0.325))
+    return [figure.add_axes(place) for place in places]
 
 
-def _headline(score: HarmonyScore, params: HarmonyParams) -> str:
-    """The score in one line."""
-    met = "hit" if params.measure == "hits" else "fit"
-    facts = [
-        f"harmony h = {score.harmony:.2f}",
-        f"{int(score.hits.sum())} of {score.n_audio} music beats {met}",
-        f"chance {score.chance:.2f}",
-        f"above chance {score.harmony_above_chance:+.2f}",
-    ]
-    return "  |  ".join(facts if np.isnan(score.p_value) else [*facts, f"p = {score.p_value:.3f}"])
+def _headline(harmony: float, met: str, chance: float, above: float, p: float) -> str:
+    """The score in one line; a short one, because letters take longer to draw than anything else that changes."""
+    facts = [f"h {harmony:.2f}", met, f"chance {chance:.2f}", f"above chance {above:+.2f}"]
+    return " | ".join(facts if np.isnan(p) else [*facts, f"p {p:.3f}"])
 
 
-def _draw_hit_score(
-    above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams, score: HarmonyScore
-) -> None:
+def _draw_hit_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> None:
     """The picture of Eq. 11-21."""
     visual = visual_beats(stage.motion, params=params)
     music, dance = salient_audio(stage.music, params), salient_visual(visual, params)
-    pairs = hit_pairs(music.times, dance.times - params.lag, delay=params.reaction_delay, matching=params.matching)
-    heights = {"audio": _shares(stage.music.strengths), "visual": _shares(strength_steps(visual.strengths))}
-    kept = {"audio": np.isin(stage.music.times, music.times), "visual": np.isin(visual.times, dance.times)}
-    for kind, track in (("audio", stage.music), ("visual", visual)):
-        passed = ~kept[kind]
-        draw_stems(above, track.select(passed), kind=kind, heights=heights[kind][passed], ignored=True)
-    draw_hits(
-        above, music, dance, pairs, delay=params.reaction_delay, lag=params.lag,
-        audio_heights=heights["audio"][kept["audio"]], visual_heights=heights["visual"][kept["visual"]],
-    )  # fmt: skip
-    draw_threshold(above, params.audio_threshold * float(heights["audio"].std()), kind="audio")
-    if params.visual_threshold is not None and len(visual) > 1:
-        draw_threshold(above, params.visual_threshold * float(heights["visual"][1:].std()), kind="visual")
-    above.set_ylabel("how noticeable")
+    score = score_harmony(stage.music, visual, params=params, n_rotations=N_ROTATIONS)
+    _draw_beats(above, stage.music, visual, params)
+    met = f"{int(score.hits.sum())}/{len(music)} hit"
+    headline = _headline(score.harmony, met, score.chance, score.harmony_above_chance, score.p_value)
+    above.set_title(headline, loc="left")
     curve, fps = motion_curve(stage.motion, params)
-    shift = 0.5 if params.subframe else 0.0
-    draw_curve(below, (np.arange(curve.size) - shift) / fps, curve, visual)
+    draw_curve(below, (np.arange(curve.size) - 0.5 * params.subframe) / fps, curve, visual)
     below.set_ylabel("change of direction (SD)" if params.detector == "direction" else "joint speed (m/s)")
-    _draw_moved_hits(right, music, dance, params, score)
+    total = max(float(music.strengths.sum()), 1e-12)
+    turned = np.sort(np.mod(dance.times - params.lag, music.duration))
+    weights = rotated_shares(
+        music.times, turned, music.strengths, delay=params.reaction_delay, duration=music.duration, count=N_ROTATIONS
+    )
+    moved = -rotations(music.duration, N_ROTATIONS)
+    _draw_moved(right, moved, weights / total, music.duration, score.hitting_score / total, score.chance)
+    right.set_ylabel("share of strength hit")
+
+
+def _draw_beats(ax: Axes, music: BeatTrack, visual: BeatTrack, params: HarmonyParams) -> None:
+    """All beats, their thresholds, and who meets whom among those that are noticed."""
+    heard, seen = salient_audio(music, params), salient_visual(visual, params)
+    pairs = hit_pairs(heard.times, seen.times - params.lag, delay=params.reaction_delay, matching=params.matching)
+    loud, steps = _shares(music.strengths), _shares(strength_steps(visual.strengths))
+    kept, used = np.isin(music.times, heard.times), np.isin(visual.times, seen.times)
+    draw_stems(ax, music.select(~kept), kind="audio", heights=loud[~kept], ignored=True)
+    draw_stems(ax, visual.select(~used), kind="visual", heights=steps[~used], ignored=True)
+    draw_hits(
+        ax, heard, seen, pairs, delay=params.reaction_delay, lag=params.lag,
+        audio_heights=loud[kept], visual_heights=steps[used],
+    )  # fmt: skip
+    if len(music):
+        draw_threshold(ax, params.audio_threshold * float(loud.std()), kind="audio")
+    if params.visual_threshold is not None and len(visual) > 1:
+        draw_threshold(ax, params.visual_threshold * float(steps[1:].std()), kind="visual")
+    ax.set(ylabel="how noticeable", xlabel=HITS_KEY)
 
 
 def _shares(strengths: FloatArray) -> FloatArray:
@@ -244,58 +253,43 @@ def _shares(strengths: FloatArray) -> FloatArray:
     return strengths / max(float(strengths.max(initial=0.0)), 1e-12)
 
 
-def _draw_moved_hits(ax: Axes, music: BeatTrack, dance: BeatTrack, params: HarmonyParams, score: HarmonyScore) -> None:
-    """Share of the music's weight that is hit, for every shift of the music."""
-    total = max(float(music.strengths.sum()), 1e-12)
-    turned = np.sort(np.mod(dance.times - params.lag, music.duration))
-    weights = rotated_shares(
-        music.times, turned, music.strengths, delay=params.reaction_delay, duration=music.duration, count=N_ROTATIONS
-    )
-    moved = -rotations(music.duration, N_ROTATIONS)
-    _draw_moved(ax, moved, weights / total, music.duration, score.hitting_score / total, score.chance)
-    ax.set_ylabel("share of strength hit")
-
-
 def _draw_moved(
     ax: Axes, moved: FloatArray, shares: FloatArray, duration: float, observed: float, chance: float
 ) -> None:
-    """The shifts brought to both sides of 0 and put in order, the unmoved music among them."""
+    """The shifts brought to both sides of 0 and put in order."""
     around = np.mod(moved + duration / 2, duration) - duration / 2
     order = np.argsort(around)
     draw_rotations(ax, around[order], shares[order], observed=observed, chance=chance)
 
 
-def _draw_pattern_score(
-    above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams, score: HarmonyScore
-) -> None:
+def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> None:
     """The picture of the recommended mode: rank of each beat, and the speed with the pattern laid on the beats."""
-    fit = fit_of_motion(stage.music, stage.motion, params, n_rotations=N_ROTATIONS)
+    times, speed = normalised_speed(stage.motion, params)
+    fit = fit_of_speed(stage.music, times, speed, params, n_rotations=N_ROTATIONS)
     music = salient_audio(stage.music, params)
     passed = stage.music.select(~np.isin(stage.music.times, music.times))
-    if len(passed):
-        above.plot(passed.times, np.zeros(len(passed)), "|", color=COLOURS["chance"], markersize=8)
+    above.plot(passed.times, np.full(len(passed), fit.chance), "|", color=COLOURS["chance"], markersize=10)
     draw_shares(above, music, fit.shares, chance=fit.chance)
-    above.set_ylabel("rank of the moment")
-    _draw_expected(below, stage, params)
-    _draw_moved_ranks(right, stage, fit)
+    above.set(ylabel="rank of the moment", xlabel=RANKS_KEY)
+    above.set_title(_pattern_headline(stage, music, fit, params), loc="left")
+    draw_curve(below, times, speed)
+    if len(stage.music) > 1 and (stage.music.bar_places is not None or params.pattern.beats == 1):
+        expected = evaluate_pattern(params.pattern, beat_positions(times - params.lag, stage.music))
+        below.plot(times, 1.5 * expected / max(np.ptp(expected) / 2, 1e-12), color=COLOURS["ink"], linestyle="--")
+    high = max(3.0, float(np.abs(speed).max(initial=0.0)))
+    below.vlines(music.times, -high, high, color=COLOURS["audio"], alpha=0.35, linewidth=1.2)
+    below.set(ylim=(-high, high), ylabel="joint speed (SD)")
+    length = stage.motion.duration
+    moved = np.linspace(0.0, length, fit.null.size, endpoint=False)
+    _draw_moved(right, moved, fit.null, length, fit.mean, fit.chance)
+    right.set_ylabel("mean rank of the beats")
 
 
-def _draw_expected(ax: Axes, stage: Stage, params: HarmonyParams) -> None:
-    """Normalised speed, and what the pattern expects of it on these beats."""
-    times, speed = normalised_speed(stage.motion, params)
-    draw_curve(ax, times, speed)
-    music = salient_audio(stage.music, params)
-    if len(music) > 1 and (music.bar_places is not None or params.pattern.beats == 1):
-        expected = evaluate_pattern(params.pattern, beat_positions(times - params.lag, music))
-        scale = max(float(np.abs(expected).max(initial=0.0)), 1e-12)
-        ax.plot(times, 1.5 * expected / scale, color=COLOURS["ink"], linestyle="--", linewidth=1.4)
-    ax.vlines(music.times, -3.0, 3.0, color=COLOURS["audio"], alpha=0.35, linewidth=1.2)
-    ax.set(ylim=(-3.0, 3.0), ylabel="speed (SD), expected: dashed")
-
-
-def _draw_moved_ranks(ax: Axes, stage: Stage, fit: PatternFit) -> None:
-    """Mean rank of the music's beats, for every shift of the music between its first and last beat."""
-    count = len(fit.null)
-    length = float(np.ptp(stage.music.times)) if len(stage.music) > 1 else stage.music.duration
-    _draw_moved(ax, np.linspace(0.0, length, count, endpoint=False), fit.null, length, fit.mean, fit.chance)
-    ax.set_ylabel("mean rank")
+def _pattern_headline(stage: Stage, music: BeatTrack, fit: PatternFit, params: HarmonyParams) -> str:
+    """As `harmolab.harmony.score_motion` has it: a beat counts as hit where it fits better than the median moment."""
+    hits = fit.shares > 0.5
+    n_visual = len(visual_beats(stage.motion, params=params))
+    harmony = harmony_from_hits(hitting_score(hits, music.strengths), len(music), n_visual, params.beta)
+    above = above_chance(fit.mean, fit.chance) if len(music) else 0.0
+    p = p_value(fit.mean, fit.null) if len(music) else float("nan")
+    return _headline(harmony, f"{int(hits.sum())}/{len(music)} fit", fit.chance, above, p)

@@ -1,0 +1,112 @@
+"""What the documents say exists."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from harmolab.params import HarmonyParams
+
+ROOT = Path(__file__).resolve().parents[1]
+CONVENTIONS = ROOT / "docs" / "conventions.md"
+
+
+def rows(path: Path) -> Iterator[list[str]]:
+    """Cells of every table row of a document, headings and rules left out."""
+    lines = path.read_text("utf-8").splitlines()
+    for line, following in zip(lines, [*lines[1:], ""], strict=True):
+        if line.startswith("|") and not line.startswith("|---") and not following.startswith("|---"):
+            yield [cell.strip() for cell in line.strip().strip("|").split(" | ")]
+
+
+def dotted_names(path: Path) -> list[str]:
+    """Backticked names with a dot in the tables of a document: module.name or module.Class.field."""
+    cells = " ".join(cell for row in rows(path) for cell in row)
+    return sorted(set(re.findall(r"`([a-z]\w*(?:\.\w+)+)`", cells)) - {"beats.json"})
+
+
+def resolve(name: str) -> object:
+    """What a dotted name below harmolab means; AttributeError when nothing."""
+    words = name.split(".")
+    for cut in range(len(words), 0, -1):
+        try:
+            found: object = importlib.import_module(".".join(["harmolab", *words[:cut]]))
+        except ModuleNotFoundError as error:
+            if not str(error.name).startswith("harmolab"):
+                raise
+            continue
+        for word in words[cut:]:
+            fields = (
+                {field.name: field for field in dataclasses.fields(found)} if dataclasses.is_dataclass(found) else {}
+            )
+            found = fields[word] if word in fields else getattr(found, word)
+        return found
+    raise AttributeError(name)
+
+
+def test_the_conventions_name_code():
+    assert len(dotted_names(CONVENTIONS)) > 50
+
+
+@pytest.mark.parametrize("name", dotted_names(CONVENTIONS))
+def test_every_name_in_the_conventions_exists(name: str):
+    assert resolve(name) is not None
+
+
+@pytest.mark.parametrize("name", ["kinematics.joint_sped", "types.Motion.position", "nothing.at_all"])
+def test_a_name_that_does_not_exist_is_noticed(name: str):
+    with pytest.raises(AttributeError):
+        resolve(name)
+
+
+def test_settings_of_paper_mode_are_as_the_conventions_say():
+    paper = HarmonyParams.paper()
+    told = {row[1].strip("`").rpartition(".")[2]: row[2] for row in rows(CONVENTIONS) if "HarmonyParams." in row[1]}
+    numbers = {name: float(value.split()[0]) for name, value in told.items() if re.match(r"\d", value)}
+    assert len(numbers) == 5
+    assert numbers == {name: getattr(paper, name) for name in numbers}
+
+
+def test_every_module_of_the_numeric_core_is_in_the_conventions():
+    named = {name.rpartition(".")[0] for name in dotted_names(CONVENTIONS)}
+    modules = {"kinematics", "harmony", "pattern", "significance", "metrics"}
+    modules |= {f"beats.{path.stem}" for path in (ROOT / "harmolab" / "beats").glob("[a-z]*.py")}
+    assert modules <= named
+
+
+def linked_files() -> list[tuple[str, str]]:
+    """(document, target) of every relative link in the documents."""
+    documents = [*sorted((ROOT / "docs").glob("*.md")), *sorted(ROOT.glob("*.md"))]
+    return [
+        (str(path.relative_to(ROOT)), target)
+        for path in documents
+        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", path.read_text("utf-8"))
+        if "://" not in target and not target.startswith("mailto:")
+    ]
+
+
+@pytest.mark.parametrize(("document", "target"), linked_files())
+def test_every_link_of_the_documents_leads_to_a_file(document: str, target: str):
+    assert ((ROOT / document).parent / target).exists()
+
+
+def test_every_test_the_documents_name_exists():
+    sources = {path.name: path.read_text("utf-8") for path in (ROOT / "tests").glob("test_*.py")}
+    functions = {name for source in sources.values() for name in re.findall(r"^def (test_\w+)", source, re.MULTILINE)}
+    for document in (ROOT / "docs").glob("*.md"):
+        for name in re.findall(r"`(?:tests/)?(test_\w+(?:\.py)?)`", document.read_text("utf-8")):
+            if name.endswith(".py"):
+                assert name in sources, f"{document.name} names {name}"
+            else:
+                assert any(function.startswith(name) for function in functions), f"{document.name} names {name}"
+
+
+def test_documents_do_not_speak_of_the_machine_they_were_written_on():
+    for document in [*(ROOT / "docs").glob("*.md"), *ROOT.glob("*.md")]:
+        found = re.search(r"/work/|/root/|/home/\w", document.read_text("utf-8"))
+        assert found is None, f"{document.name}: {found and found.group()}"

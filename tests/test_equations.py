@@ -1,0 +1,269 @@
+"""The paper's equations 1 to 22, one test each, with answers worked out by hand from the printed formula.
+
+Where the formula leaves room, the reading of the paper mode is tested; docs/readings.md lists the others.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harmolab.beats.audio import audio_beats, onset_envelope
+from harmolab.beats.impacts import impact_envelope, local_peaks
+from harmolab.beats.meter import strong_beats
+from harmolab.beats.saliency import audio_mask, strength_steps, visual_mask
+from harmolab.beats.visual import visual_beats
+from harmolab.harmony import (
+    f_score,
+    harmony_from_hits,
+    hit_mask,
+    hitting_score,
+    interval_matrix,
+    nearest_intervals,
+    position_matrix,
+    score_clip,
+    score_harmony,
+)
+from harmolab.kinematics import direction_spread, joint_speed, step_signs, turning_points
+from harmolab.params import HarmonyParams
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+
+EQUATIONS: dict[int, Callable[..., object]] = {
+    1: score_clip,
+    2: onset_envelope,
+    3: audio_beats,
+    4: impact_envelope,
+    5: local_peaks,
+    6: score_clip,
+    7: joint_speed,
+    8: step_signs,
+    9: turning_points,
+    10: score_harmony,
+    11: audio_mask,
+    12: strength_steps,
+    13: visual_mask,
+    14: score_harmony,
+    15: position_matrix,
+    16: interval_matrix,
+    17: nearest_intervals,
+    18: hit_mask,
+    19: hitting_score,
+    20: f_score,
+    21: harmony_from_hits,
+    22: strong_beats,
+}
+
+CONVENTIONS = Path(__file__).resolve().parents[1] / "docs" / "conventions.md"
+EVERY_BEAT = HarmonyParams(audio_threshold=0.0, visual_threshold=None, fps=None, reaction_delay=0.1)
+HOP_SECONDS = 512 / 22050
+
+
+def track(times: list[float], strengths: list[float] | None = None) -> BeatTrack:
+    return BeatTrack(times, np.ones(len(times)) if strengths is None else strengths, 15.0, 10.0)
+
+
+def one_stop() -> Motion:
+    """A joint that goes 3, 1, 0, 2, 3 steps in 0.5 s: its speed turns once, at 0.3 s."""
+    positions = np.zeros((6, 1, 3))
+    positions[:, 0, 0] = [0, 3, 4, 4, 6, 9]
+    return Motion(positions, 10.0, Skeleton.unnamed(1))
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HARMOLAB_CACHE", "off")
+
+
+def test_equation_01_harmony_is_one_number_of_music_and_motion():
+    # Music beats at 0.3 (met by the stop) and 0.5 s: N = 2, M = 1, h_s = 1, beta = 2: h = 5 * 1 / (2 * 4 + 1).
+    beats = BeatTrack([0.3, 0.5], [1.0, 1.0], 10.0, 0.6)
+    clip = Clip("one stop", Audio(np.zeros(600), 1000), one_stop(), beats=beats)
+    assert score_clip(clip, EVERY_BEAT).harmony == pytest.approx(5 / 9)
+
+
+def test_equation_02_amplitude_of_the_spectrum_rises_at_sounds(click_track: Callable[..., Audio]):
+    envelope, rate = onset_envelope(click_track(60, seconds=4.0))
+    times = np.arange(envelope.size) / rate
+    for click in (1.0, 2.0, 3.0):
+        near = np.abs(times - click) < 0.4
+        assert abs(times[near][envelope[near].argmax()] - click) <= 1.5 * HOP_SECONDS
+    assert envelope[np.abs(times % 1.0 - 0.5) < 0.3].max() < 1e-3 * envelope.max()
+
+
+def test_equation_03_music_beats_are_peaks_of_the_amplitude(click_track: Callable[..., Audio]):
+    audio = click_track(120, seconds=8.0)
+    beats, (envelope, rate) = audio_beats(audio), onset_envelope(audio)
+    assert np.abs(beats.times - 0.5 * np.round(beats.times / 0.5)).max() <= 1.5 * HOP_SECONDS
+    assert len(beats) >= 13
+    frames = np.round(beats.times * rate).astype(int)
+    np.testing.assert_allclose(beats.strengths, envelope[frames])
+    around = np.clip(frames[:, None] + np.array([-3, 3]), 0, envelope.size - 1)
+    assert (envelope[frames][:, None] > envelope[around]).all()
+
+
+def test_equation_04_motion_trend_compares_the_picture_with_the_one_before():
+    # Flow in eight directions: to the right it stops after frame 4, to the left it starts there. Only the stop counts.
+    flow = np.zeros((8, 8))
+    flow[:, 0] = [0, 0, 2, 2, 2, 0, 0, 0]
+    flow[:, 4] = [0, 0, 0, 0, 0, 3, 3, 3]
+    np.testing.assert_allclose(impact_envelope(flow), [0, 0, 0, 0, 2, 0, 0, 0])
+    # The same from a skeleton, as motion SD: one limb turns back (1 - cos = 2), the other goes on (0): SD 1.
+    limbs = np.stack([[0, 1, 2, 1, 0], [0, 1, 2, 3, 4]], axis=1)[:, :, None] * np.array([1.0, 0.0, 0.0])
+    np.testing.assert_allclose(direction_spread(limbs), [0, 0, 0, 1, 0])
+
+
+def test_equation_05_visual_beats_exceed_everything_around_them():
+    trend = np.array([0.0, 1.0, 0.0, 0.5, 0.6, 0.5, 0.0])
+    found = local_peaks(trend, radius_frames=1, threshold=0.2, reading="literal")
+    np.testing.assert_array_equal(found, [1])  # 1.0 - 0.0 > 0.2, but 0.6 - 0.5 is not
+    found = local_peaks(trend, radius_frames=1, threshold=0.05, reading="literal")
+    np.testing.assert_array_equal(found, [1, 4])
+
+
+def test_equation_06_harmony_aligns_the_beats_of_both_sides():
+    heard = BeatTrack([0.1, 0.3, 0.5], [1.0, 1.0, 1.0], 10.0, 0.6)
+    clip = Clip("one stop", Audio(np.zeros(600), 1000), one_stop())
+    score = score_clip(clip, EVERY_BEAT, tracker=lambda audio: heard)
+    assert score.harmony == score_harmony(heard, visual_beats(one_stop(), params=EVERY_BEAT), params=EVERY_BEAT).harmony
+    assert score.harmony == pytest.approx(5 / 13)  # N = 3, M = 1, one hit
+
+
+def test_equation_07_joint_velocity_sum():
+    # From frame 0 to 1 one joint moves by (3, 4, 0), the other by (0, 0, 2): 5 + 2. Then only the first, by (1, 0, 0).
+    positions = np.array([[[0, 0, 0], [0, 0, 0]], [[3, 4, 0], [0, 0, 2]], [[4, 4, 0], [0, 0, 2]]], dtype=float)
+    np.testing.assert_allclose(joint_speed(positions), [7, 7, 1])
+
+
+def test_equation_08_sign_of_the_change_of_speed():
+    # Steps +2, -1, 0, +3; the tie takes the sign before it.
+    np.testing.assert_array_equal(step_signs(np.array([1.0, 3.0, 2.0, 2.0, 5.0])), [1, -1, -1, 1])
+
+
+def test_equation_09_visual_beats_are_where_the_sign_changes():
+    # d(1) d(2) = 1 * -1 at frame 1; d(3) d(4) = -1 * 1 at frame 3, the end of the tie.
+    np.testing.assert_array_equal(turning_points(np.array([1.0, 3.0, 2.0, 2.0, 5.0])), [1, 3])
+
+
+def test_equation_10_only_attentional_beats_are_aligned():
+    # SD(s_a) = 0.45 drops the third music beat; R = 4, 4, 0.1 with SD 1.95 drops the third visual beat.
+    music, motion = track([1.0, 2.0, 3.0], [1.0, 1.0, 0.05]), track([1.0, 2.0, 3.0], [1.0, 5.0, 4.9])
+    masked = score_harmony(music, motion, params=replace(EVERY_BEAT, audio_threshold=1.0, visual_threshold=1.0))
+    assert (masked.n_audio, masked.n_visual, masked.harmony) == (2, 2, pytest.approx(5 * 2 / (2 * 4 + 2)))
+    unmasked = score_harmony(music, motion, params=EVERY_BEAT)
+    assert (unmasked.n_audio, unmasked.n_visual, unmasked.harmony) == (3, 3, pytest.approx(5 * 2.05 / (3 * 4 + 3)))
+
+
+def test_equation_11_audio_mask_keeps_beats_above_the_spread_of_strengths():
+    # Mean 2, SD 1 (population): 3 > 1 * 1, 1 is not; 1 > 0.9 * 1 is.
+    strengths = np.array([1.0, 3.0, 1.0, 3.0])
+    np.testing.assert_array_equal(audio_mask(strengths, 1.0), [False, True, False, True])
+    np.testing.assert_array_equal(audio_mask(strengths, 0.9), [True, True, True, True])
+
+
+def test_equation_12_peak_to_valley_difference():
+    # |5 - 1|, |3 - 5|, |9 - 3|; the first takes the second's.
+    np.testing.assert_array_equal(strength_steps(np.array([1.0, 5.0, 3.0, 9.0])), [4, 4, 2, 6])
+
+
+def test_equation_13_visual_mask_keeps_beats_whose_difference_exceeds_the_spread():
+    # R = 4, 4, 2, 6, SD over 4, 2, 6 = sqrt(8 / 3) = 1.633: 1.5 SD = 2.45 drops only the third beat.
+    np.testing.assert_array_equal(visual_mask(np.array([1.0, 5.0, 3.0, 9.0]), 1.5), [True, True, False, True])
+
+
+def test_equation_14_harmony_is_the_f_score_of_both_sides():
+    # Two of four music beats of strength 1 hit, three visual beats: h_a = 2/4, h_v = 2/3.
+    score = score_harmony(track([1.0, 2.0, 3.0, 4.0]), track([1.0, 2.0, 7.0]), params=EVERY_BEAT)
+    assert (score.audio_harmony, score.visual_harmony) == (pytest.approx(1 / 2), pytest.approx(2 / 3))
+    # 5 * (1/2) * (2/3) / (4 * 2/3 + 1/2) = (5/3) / (19/6) = 10/19.
+    assert score.harmony == pytest.approx(10 / 19)
+
+
+def test_equation_15_visual_positions_repeated_for_every_music_beat():
+    np.testing.assert_array_equal(position_matrix(np.array([1.0, 5.0]), 3), [[1, 5], [1, 5], [1, 5]])
+
+
+def test_equation_16_distance_of_every_pair_of_beats():
+    intervals = interval_matrix(np.array([1.0, 4.0]), np.array([2.0, 3.5, 9.0]))
+    np.testing.assert_array_equal(intervals, [[1, 2.5, 8], [2, 0.5, 5]])
+
+
+def test_equation_17_distance_to_the_nearest_visual_beat():
+    np.testing.assert_array_equal(nearest_intervals(np.array([1.0, 4.0]), np.array([2.0, 3.5, 9.0])), [1, 0.5])
+
+
+def test_equation_18_a_beat_is_hit_up_to_and_including_the_delay():
+    hits = hit_mask(np.array([1.0, 2.0, 3.0]), np.array([1.25, 2.26]), delay=0.25)
+    np.testing.assert_array_equal(hits, [True, False, False])
+
+
+def test_equation_19_hitting_score_sums_the_strengths_of_hits():
+    assert hitting_score(np.array([True, False, True]), np.array([0.5, 1.0, 0.25])) == 0.75
+
+
+def test_equation_20_weighted_harmonic_mean_of_both_sides():
+    # 5 * 0.75 * 0.3 / (4 * 0.3 + 0.75) = 1.125 / 1.95.
+    assert f_score(0.75, 0.3, 2.0) == pytest.approx(1.125 / 1.95)
+
+
+def test_equation_21_harmony_from_the_hitting_score_at_fixed_numbers_of_beats():
+    # The same numbers: h_s = 3, N = 4, M = 10: 5 * 3 / (4 * 4 + 10) = 15 / 26 = 1.125 / 1.95.
+    assert harmony_from_hits(3.0, 4, 10, 2.0) == pytest.approx(15 / 26)
+    assert harmony_from_hits(3.0, 4, 10, 2.0) == pytest.approx(f_score(3 / 4, 3 / 10, 2.0))
+    # Lemma 3.1 holds at fixed N and M only: the same h_s with other numbers is another h.
+    assert harmony_from_hits(3.0, 4, 4, 2.0) == pytest.approx(15 / 20)
+
+
+def test_equation_22_a_strong_beat_is_stronger_than_the_one_before():
+    np.testing.assert_array_equal(strong_beats(np.array([2.0, 3.0, 3.0, 1.0, 2.0])), [False, True, False, False, True])
+
+
+# The table
+
+
+def numbers_in(docstring: str) -> set[int]:
+    """Equation numbers a docstring names: "Eq. 2-3", "Eq. 10, 14-21"."""
+    found: set[int] = set()
+    for listed in re.findall(r"Eq\. ([\d, -]*\d)", docstring):
+        for first, last in re.findall(r"(\d+)(?:-(\d+))?", listed):
+            found |= set(range(int(first), int(last or first) + 1))
+    return found
+
+
+def table_rows() -> dict[int, list[str]]:
+    """Rows of the table of equations in docs/conventions.md: number -> the other cells."""
+    rows = {}
+    for line in CONVENTIONS.read_text("utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split(" | ")]
+        if re.fullmatch(r"\|? ?\d+", cells[0]):
+            rows[int(cells[0].strip("| "))] = cells[1:]
+    return rows
+
+
+def test_every_equation_has_one_function():
+    assert list(EQUATIONS) == list(range(1, 23))
+    assert all(callable(function) for function in EQUATIONS.values())
+
+
+@pytest.mark.parametrize("number", range(1, 23))
+def test_every_equation_has_a_test(number: int):
+    names = [name for name in globals() if name.startswith(f"test_equation_{number:02d}_")]
+    assert len(names) == 1
+
+
+@pytest.mark.parametrize("number", range(1, 23))
+def test_the_docstring_of_its_function_names_the_equation(number: int):
+    assert number in numbers_in(EQUATIONS[number].__doc__ or "")
+
+
+@pytest.mark.parametrize("number", range(1, 23))
+def test_every_equation_has_its_row_in_the_conventions(number: int):
+    symbol, code, test = table_rows()[number]
+    function = EQUATIONS[number]
+    assert symbol
+    assert f"`{function.__module__.removeprefix('harmolab.')}.{function.__name__}`" in code
+    assert f"`test_equation_{number:02d}`" in test

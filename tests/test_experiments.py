@@ -1,0 +1,242 @@
+"""What notebooks run on: corpora found on disk or made, the clip under study, the tables of notebooks 01, 03 and 06."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from harmolab import experiments
+from harmolab.data.folders import Sequence, load_sequence
+from harmolab.experiments import (
+    Agreement,
+    agreement,
+    beat_agreement,
+    clip_of_study,
+    corpus_folders,
+    data_root,
+    excerpt,
+    pattern_of_study,
+    readable_sequences,
+    strong_by_place,
+    study_sequences,
+    synthetic_corpus,
+)
+from harmolab.io.motion import save_motion
+from harmolab.params import BarPattern, RunProfile
+from harmolab.parts import music_beats
+from harmolab.types import Audio, BeatTrack, Motion
+
+TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
+RATE = 8000
+Swing = Callable[..., Motion]
+
+
+@pytest.fixture(autouse=True)
+def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No recordings, and a cache of the test's own."""
+    monkeypatch.delenv("HARMOLAB_DATA", raising=False)
+    monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path / "cache"))
+
+
+def bars(seconds: float = 8.0) -> Audio:
+    """A click every half second; within each bar of four they grow weaker."""
+    samples = np.zeros(round(seconds * RATE))
+    click = np.sin(np.arange(160) * 0.8) * np.exp(-np.arange(160) / 40)
+    for beat in range(1, round(seconds / 0.5)):
+        first = round((0.5 * beat) * RATE)
+        samples[first : first + 160] = click * (1.0, 0.06, 0.01, 0.001)[(beat - 1) % 4]
+    return Audio(samples, RATE)
+
+
+def write_sequence(folder: Path, motion: Motion, *, dance: str = "cha-cha", offset: float = 0.0) -> Path:
+    """A sequence in our own layout: clicks in bars of four from 0.5 s on."""
+    folder.mkdir(parents=True)
+    audio = bars()
+    soundfile.write(folder / "audio.wav", audio.samples, RATE)
+    save_motion(folder / "motion.npz", motion)
+    beats = (0.5 * np.arange(1, 16)).tolist()
+    content = {"beats_s": beats, "downbeats_s": beats[::4], "meter": 4, "dance": dance, "motion_offset_s": offset}
+    (folder / "beats.json").write_text(json.dumps(content))
+    return folder
+
+
+@pytest.fixture
+def recordings(tmp_path: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A corpus of three sequences whose dancer stops on every click (0.25 s into the motion, 0.5 s into the music)."""
+    root = tmp_path / "recordings"
+    for name, dance in (("A", "rumba"), ("B", "cha-cha"), ("C", "waltz")):
+        write_sequence(root / name, swinging_arm(1.0, 30.0, seconds=7.0), dance=dance, offset=0.25)
+    monkeypatch.setenv("HARMOLAB_DATA", str(root))
+    return root
+
+
+# Corpora
+
+
+def test_without_a_setting_there_are_no_recordings():
+    assert data_root() is None
+
+
+def test_the_setting_names_the_folder_of_recordings(recordings: Path):
+    assert data_root() == recordings
+
+
+def test_a_setting_that_names_no_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path / "nowhere"))
+    with pytest.raises(FileNotFoundError, match=r"HARMOLAB_DATA names .*nowhere, which is no folder"):
+        data_root()
+
+
+def test_a_folder_of_sequences_is_one_corpus(recordings: Path):
+    assert corpus_folders(TINY) == {"recordings": recordings}
+
+
+def test_a_folder_of_corpora_is_several(recordings: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch):
+    other = recordings.parent / "other"
+    write_sequence(other / "D", swinging_arm(1.0, 30.0))
+    (recordings.parent / "empty").mkdir()
+    monkeypatch.setenv("HARMOLAB_DATA", str(recordings.parent))
+    assert corpus_folders(TINY) == {"other": other, "recordings": recordings}
+
+
+def test_one_sequence_is_a_corpus_of_its_own(recordings: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HARMOLAB_DATA", str(recordings / "A"))
+    assert corpus_folders(TINY) == {"A": recordings / "A"}
+    assert [item.clip.dance for item in study_sequences(TINY)] == ["rumba"]
+
+
+def test_without_recordings_a_synthetic_corpus_is_made_once():
+    root = corpus_folders(TINY)["synthetic"]
+    stamps = {file: file.stat().st_mtime_ns for file in root.rglob("*.npz")}
+    assert len(stamps) == 2
+    assert synthetic_corpus(TINY) == root
+    assert {file: file.stat().st_mtime_ns for file in root.rglob("*.npz")} == stamps
+    assert [item.clip.source for item in study_sequences(TINY)] == ["synthetic", "synthetic"]
+
+
+def test_other_settings_make_another_synthetic_corpus():
+    assert synthetic_corpus(TINY, seconds=3.0) != synthetic_corpus(TINY, seconds=3.0, noise=0.01)
+
+
+def test_every_readable_sequence_is_read_and_the_rest_passed_over(recordings: Path):
+    (recordings / "B" / "motion.npz").write_bytes(b"damaged")
+    assert [item.folder.name for item in readable_sequences(recordings)] == ["A", "C"]
+
+
+@pytest.mark.parametrize(("count", "names"), [(None, "ABC"), (1, "A"), (2, "AB"), (5, "ABC")])
+def test_a_profile_takes_so_many_sequences(recordings: Path, count: int | None, names: str):
+    found = study_sequences(replace(TINY, n_sequences=count))
+    assert [item.folder.name for item in found] == list(names)
+
+
+def test_an_unknown_corpus_is_refused(recordings: Path):
+    with pytest.raises(ValueError, match="there is no corpus 'tango'; there are recordings"):
+        next(study_sequences(TINY, "tango"))
+
+
+# The clip under study
+
+
+def test_the_clip_of_study_is_of_the_dance_asked_for(recordings: Path):
+    assert clip_of_study(TINY, dance="waltz", seconds=4.0, beats="annotated").dance == "waltz"
+    assert clip_of_study(TINY, dance="tango", seconds=4.0, beats="annotated").dance == "rumba"  # there is no tango
+
+
+def test_an_excerpt_is_the_middle_of_a_sequence_on_its_own_time_line(recordings: Path):
+    sequence = load_sequence(recordings / "A")
+    clip = excerpt(sequence, 4.0, "annotated")
+    # Motion of 7 s from 0.25 s on: its middle 4 s begin 1.5 s into it, at 1.75 s of the music.
+    assert clip.offset == 0.0
+    assert (clip.audio.duration, clip.motion.duration) == (4.0, 4.0)
+    np.testing.assert_array_equal(clip.motion.positions[0], sequence.clip.motion.positions[45])
+    np.testing.assert_allclose(clip.beats.times, np.arange(8) * 0.5 + 0.25)
+
+
+@pytest.mark.parametrize("offset", [-0.517, -0.49, 0.33])
+def test_an_excerpt_longer_than_what_there_is_takes_all_of_it(recordings: Path, swinging_arm: Swing, offset: float):
+    write_sequence(recordings / "D", swinging_arm(1.0, 30.0, seconds=6.0), offset=offset)
+    clip = excerpt(load_sequence(recordings / "D"), 100.0, "annotated")
+    assert clip.motion.duration == pytest.approx(6.0 + min(offset, 0), abs=1 / 30 + 1e-9)
+    # Beat k is still 0.5 k s into the music, wherever the excerpt begins.
+    begin = offset + 6.0 - clip.motion.duration if offset < 0 else offset
+    phases = (clip.beats.times + begin) / 0.5
+    np.testing.assert_allclose(phases, np.round(phases), atol=1e-9)
+
+
+def test_an_excerpt_of_a_sequence_without_motion_is_refused(recordings: Path):
+    sequence = load_sequence(recordings / "A")
+    still = Sequence(replace(sequence.clip, motion=None), sequence.annotation, sequence.folder)
+    with pytest.raises(ValueError, match="no motion"):
+        excerpt(still, 4.0)
+
+
+def test_without_recordings_the_clip_of_study_is_synthetic():
+    clip = clip_of_study(TINY, dance="jive", seconds=3.0, beats="annotated")
+    assert (clip.dance, clip.source, clip.motion.duration) == ("jive", "synthetic", 3.0)
+    assert 60 / np.median(np.diff(clip.beats.times)) == pytest.approx(164, abs=20)  # jive: 144 to 184
+
+
+def test_without_anything_to_learn_from_movements_stop_on_the_beat(recordings: Path):
+    assert pattern_of_study(TINY, dance="rumba", seconds=4.0) == BarPattern.stop_on_the_beat()
+
+
+# Tables
+
+
+def track(*times: float) -> BeatTrack:
+    return BeatTrack(times, np.ones(len(times)), 15.0, 4.0)
+
+
+def test_agreement_counts_pairs_and_what_rotations_would_pair():
+    found = agreement(track(1.0, 2.0, 3.0), track(1.05, 2.5), delay=0.1, n_rotations=4)
+    # Turned by 0.5, 1.5, 2.5, 3.5 of 4 s, the visual beats hit 1, 0, 1 and 1 music beats.
+    assert found == Agreement(3, 2, 1, 0.75)
+    assert (found.omitted, found.redundant) == (2, 1)
+    assert (found.hit_rate, found.chance) == (pytest.approx(1 / 3), 0.25)
+    assert str(found) == ("2 of 3 music beats missed, 1 of 2 visual beats left over; hit rate 0.33, by chance 0.25")
+
+
+def test_agreements_add_up():
+    assert Agreement(3, 2, 1, 0.75) + Agreement(1, 4, 1, 0.25) == Agreement(4, 6, 2, 1.0)
+
+
+def test_agreement_without_music_is_defined():
+    nothing = agreement(BeatTrack([], [], 15.0, 4.0), track(1.0), delay=0.1, n_rotations=3)
+    assert (nothing.hits, nothing.hit_rate, nothing.chance) == (0, 0.0, 0.0)
+
+
+def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(experiments, "music_beats", lambda sequence, beats: music_beats(sequence, "annotated"))
+    table = beat_agreement(TINY, detectors=["turns", "valleys"], delays=[0.12, 0.25])
+    assert table[["detector", "tolerance (s)"]].values.tolist() == [
+        ["turns", 0.12], ["turns", 0.25], ["valleys", 0.12], ["valleys", 0.25],
+    ]  # fmt: skip
+    valleys = table[table.detector == "valleys"].iloc[0]
+    # Three dancers of seven seconds stop on every click.
+    counted = valleys[["music beats", "visual beats", "omitted", "redundant", "hit rate"]].tolist()
+    assert counted == [42, 42, 0, 0, 1.0]
+    assert valleys["chance"] == pytest.approx(0.48, abs=0.15)  # 0.24 s of every half second
+    turns = table[table.detector == "turns"].iloc[0]
+    assert turns["visual beats"] > 1.8 * valleys["visual beats"]  # peaks as well
+
+
+def test_downbeats_that_are_loudest_are_the_strong_ones(recordings: Path):
+    table = strong_by_place(TINY)
+    heard = table[table.beats == "annotated"].set_index("place")
+    assert heard.index.tolist() == [1, 2, 3, 4]
+    np.testing.assert_allclose(heard["strong"], [1, 0, 0, 0])
+    # Fifteen beats in each of three songs; the first has none before it, so three downbeats are left of four.
+    assert heard["n"].tolist() == [9, 12, 12, 9]
+    np.testing.assert_allclose(heard["chance"], 9 / 42)
+
+
+def test_without_downbeats_the_table_is_empty(recordings: Path):
+    for file in recordings.rglob("beats.json"):
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"downbeats_s": None}))
+    assert strong_by_place(TINY).empty

@@ -1,0 +1,254 @@
+"""The scoring lab: its controls, its picture, and that its numbers are those of `score_clip`."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.harmony import score_clip
+from harmolab.params import BarPattern, HarmonyParams
+from harmolab.types import BeatTrack, Clip, Motion, Skeleton
+from harmolab.viz.style import figure_style
+from harmolab.widgets.explorer import Explorer
+from harmolab.widgets.labs import N_ROTATIONS, Stage, draw_lab, lab_params, scoring_lab
+from harmolab.widgets.quickdraw import plain
+
+PNG = b"\x89PNG\r\n"
+HALF_BAR = BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")
+
+
+@pytest.fixture(scope="module")
+def human_clip() -> Clip:
+    """An inexact dancer, and beats of very different strength, so that every control has something to act on."""
+    clip = synthetic_clip("cha-cha", seconds=6.0, fps=30.0, jitter=0.06, omission=0.2, redundancy=0.3, seed=2)
+    assert clip.beats is not None
+    strengths = np.where(np.arange(len(clip.beats)) % 3 == 0, 1.0, 0.2)
+    return replace(clip, beats=BeatTrack(clip.beats.times, strengths, clip.beats.fps, clip.beats.duration))
+
+
+@pytest.fixture
+def stage(planted_clip: Clip) -> Stage:
+    return Stage.of(planted_clip)
+
+
+def headline(figure: Figure) -> str:
+    return figure.axes[0].get_title(loc="left")
+
+
+def numbers(figure: Figure) -> dict[str, float]:
+    """What the headline says."""
+    found = re.fullmatch(
+        r"h (?P<h>\S+) \| (?P<hits>\d+)/(?P<beats>\d+) (?:hit|fit) \| chance (?P<chance>\S+) \| "
+        r"above chance (?P<above>\S+)(?: \| p (?P<p>\S+))?",
+        headline(figure),
+    )
+    assert found is not None
+    return {name: float(value) for name, value in found.groupdict().items() if value is not None}
+
+
+@pytest.mark.parametrize(
+    ("control", "value"),
+    [
+        ("mode", "recommended"),
+        ("detector", "direction"),
+        ("lambda1", 1.0),
+        ("lambda2", 2.0),
+        ("delay", 0.05),
+        ("beta", 0.5),
+        ("lag", 0.1),
+    ],
+)
+def test_each_control_changes_the_picture_of_the_paper_mode(human_clip: Clip, control: str, value: object):
+    lab = scoring_lab(human_clip)
+    before = lab.png
+    lab.controls[control].value = value
+    assert lab.error == ""
+    assert lab.png.startswith(PNG)
+    assert lab.png != before
+
+
+def test_one_to_one_matching_leaves_a_music_beat_without_the_visual_beat_it_shared():
+    music = BeatTrack([1.0, 1.3, 3.0], [1.0, 1.0, 1.0], fps=43.0, duration=6.0)
+    stage = Stage(music, shared_turn(), BarPattern.stop_on_the_beat())
+    many, nearest = (numbers(draw_lab(stage, mode="valleys", delay=0.2, matching=how)) for how in ("many", "nearest"))
+    assert (many["hits"], nearest["hits"]) == (2, 1)
+
+
+def shared_turn() -> Motion:
+    """A hand that slows down once, at 1.15 s, in six seconds at 50 fps."""
+    time = np.arange(300) / 50
+    speed = 1.0 - 0.8 * np.exp(-0.5 * ((time - 1.15) / 0.1) ** 2)
+    positions = np.zeros((300, 1, 3))
+    positions[:, 0, 0] = np.cumsum(speed) / 50
+    return Motion(positions, 50.0, Skeleton.unnamed(1))
+
+
+@pytest.mark.parametrize(("control", "value"), [("lambda1", 1.0), ("beta", 0.5), ("lag", 0.1), ("detector", "peaks")])
+def test_the_controls_that_act_in_the_recommended_mode_change_its_picture(
+    human_clip: Clip, control: str, value: object
+):
+    lab = scoring_lab(human_clip, mode="recommended", lambda1=0.0, beta=1.0, detector="valleys")
+    before = lab.png
+    lab.controls[control].value = value
+    assert lab.png != before
+
+
+def test_a_mode_sets_the_other_controls_to_its_own(planted_clip: Clip):
+    lab = scoring_lab(planted_clip)
+    lab.controls["mode"].value = "recommended"
+    own = HarmonyParams.recommended()
+    assert lab.values == {
+        "mode": "recommended",
+        "detector": own.detector,
+        "matching": own.matching,
+        "lambda1": own.audio_threshold,
+        "lambda2": 0.0,
+        "delay": own.reaction_delay,
+        "beta": own.beta,
+        "lag": 0.0,
+    }
+
+
+def test_a_change_of_mode_draws_one_picture(planted_clip: Clip, monkeypatch: pytest.MonkeyPatch):
+    drawn = []
+    lab = scoring_lab(planted_clip)
+    original = lab._draw
+    monkeypatch.setattr(lab, "_draw", lambda **values: drawn.append(values["mode"]) or original(**values))
+    lab.controls["mode"].value = "valleys"
+    assert drawn == ["valleys"]
+
+
+def test_bundle_holds_the_picture(planted_clip: Clip):
+    lab = scoring_lab(planted_clip)
+    assert base64.b64decode(lab._repr_mimebundle_()["image/png"]) == lab.png
+
+
+def test_file_holds_the_pixels_that_were_drawn(planted_clip: Clip):
+    lab = scoring_lab(planted_clip, delay=0.1)
+    figure = Figure(dpi=90)
+    with figure_style():
+        drawn = plain(draw_lab(Stage.of(planted_clip), delay=0.1, figure=figure))
+    shown = np.asarray(Image.open(io.BytesIO(lab.png)))
+    assert shown.shape == (486, 900, 3)
+    np.testing.assert_array_equal(shown, drawn[..., :3])
+
+
+def test_picture_is_the_one_that_draw_lab_makes_when_called_directly(planted_clip: Clip):
+    lab = scoring_lab(planted_clip, pattern=HALF_BAR)
+    lab.controls["mode"].value = "recommended"
+    lab.controls["lag"].value = 0.1
+    stage = Stage.of(planted_clip, HALF_BAR)
+    plain = {name: type(widget)(**widget_state(widget)) for name, widget in lab.controls.items()}
+    assert Explorer(partial(draw_lab, stage), **plain).png == lab.png
+
+
+def widget_state(widget: object) -> dict[str, object]:
+    names = ("options", "min", "max", "step", "value")
+    return {name: getattr(widget, name) for name in names if hasattr(widget, name)}
+
+
+@pytest.mark.parametrize("mode", ["paper", "valleys", "recommended"])
+def test_headline_tells_what_score_clip_finds(planted_clip: Clip, stage: Stage, mode: str):
+    found = numbers(draw_lab(stage, mode=mode))
+    score = score_clip(planted_clip, getattr(HarmonyParams, mode)(), n_rotations=N_ROTATIONS)
+    assert found["h"] == pytest.approx(score.harmony, abs=0.006)
+    assert (found["hits"], found["beats"]) == (score.hits.sum(), score.n_audio)
+    assert found["chance"] == pytest.approx(score.chance, abs=0.006)
+    assert found["above"] == pytest.approx(score.harmony_above_chance, abs=0.006)
+    assert found["p"] == pytest.approx(score.p_value, abs=0.0006)
+
+
+def test_wider_tolerance_brings_chance_close_to_one(stage: Stage):
+    narrow, wide = (numbers(draw_lab(stage, delay=delay)) for delay in (0.05, 0.25))
+    assert narrow["chance"] < 0.5
+    assert wide["chance"] > 0.95
+    assert wide["hits"] >= narrow["hits"]
+
+
+def test_diamond_stands_on_the_curve_of_the_moved_music(stage: Stage):
+    for mode in ("paper", "recommended"):
+        right = draw_lab(stage, mode=mode).axes[2]
+        curve, _, diamond = right.lines
+        height = np.interp(0.0, curve.get_xdata(), curve.get_ydata())
+        # The nearest shifts lie a hundredth of a second to either side.
+        assert diamond.get_ydata()[0] == pytest.approx(height, abs=0.12)
+        assert diamond.get_xdata()[0] == 0.0
+
+
+def test_planted_beats_put_the_diamond_at_the_top_of_the_recommended_mode(stage: Stage):
+    curve, _, diamond = draw_lab(stage, mode="recommended").axes[2].lines
+    assert diamond.get_ydata()[0] >= 0.99 * curve.get_ydata().max()
+
+
+def test_expected_speed_is_lowest_on_the_beats_and_moves_with_the_lag(stage: Stage):
+    for lag in (0.0, 0.1):
+        expected = draw_lab(stage, mode="recommended", lag=lag).axes[1].lines[1]
+        times, speed = expected.get_xdata(), expected.get_ydata()
+        valleys = times[1:-1][(speed[1:-1] < speed[:-2]) & (speed[1:-1] <= speed[2:])]
+        inner = stage.music.times[1:-1] + lag
+        assert np.abs(valleys[:, None] - inner[None, :]).min(axis=0).max() <= 1.0 / stage.motion.fps
+
+
+def test_pattern_over_two_beats_is_not_laid_on_beats_whose_places_nobody_knows(planted_clip: Clip):
+    unknown = Stage.of(planted_clip).music
+    known = replace(unknown, bar_places=np.arange(len(unknown)) % 4)
+    motion = Stage.of(planted_clip).motion
+    lines = [draw_lab(Stage(track, motion, HALF_BAR), mode="recommended").axes[1].lines for track in (known, unknown)]
+    assert [len(found) for found in lines] == [2, 1]
+
+
+@pytest.mark.parametrize("mode", ["paper", "valleys", "recommended"])
+def test_beats_that_all_go_unnoticed_leave_an_empty_score_and_no_error(planted_clip: Clip, mode: str):
+    flat = BeatTrack([1.0, 2.0, 3.0], [1.0, 0.9, 1.1], fps=43.0, duration=6.0)
+    stage = Stage(flat, Stage.of(planted_clip).motion, BarPattern.stop_on_the_beat())
+    found = numbers(draw_lab(stage, mode=mode, lambda1=99.0))
+    assert (found["h"], found["hits"], found["beats"]) == (0.0, 0, 0)
+
+
+@pytest.mark.parametrize("mode", ["paper", "recommended"])
+def test_music_without_beats_draws_too(planted_clip: Clip, mode: str):
+    silence = BeatTrack([], [], fps=43.0, duration=6.0)
+    found = numbers(draw_lab(Stage(silence, Stage.of(planted_clip).motion, BarPattern.stop_on_the_beat()), mode=mode))
+    assert found["beats"] == 0
+
+
+def test_error_that_a_control_causes_is_shown_and_the_picture_stays(planted_clip: Clip):
+    lab = scoring_lab(planted_clip)
+    before = lab.png
+    lab.controls["detector"].options = ("turns", "tea leaves")
+    lab.controls["detector"].value = "tea leaves"
+    assert "detector must be one of" in lab.error
+    assert lab.png == before
+
+
+def test_lab_can_start_elsewhere(planted_clip: Clip):
+    assert scoring_lab(planted_clip, delay=0.1).values["delay"] == 0.1
+
+
+def test_unknown_control_is_refused_by_name(planted_clip: Clip):
+    with pytest.raises(ValueError, match="no control tolerance; there are mode"):
+        scoring_lab(planted_clip, tolerance=0.1)
+
+
+def test_clip_without_motion_is_refused(planted_clip: Clip):
+    with pytest.raises(ValueError, match="no motion"):
+        scoring_lab(Clip("song", planted_clip.audio))
+
+
+def test_controls_stand_for_params_and_a_lambda2_of_zero_keeps_every_visual_beat():
+    params = lab_params(
+        "paper", detector="peaks", matching="max", lambda1=0.5, lambda2=0.0, delay=0.1, beta=1.0, lag=0.2
+    )
+    assert (params.detector, params.matching, params.audio_threshold) == ("peaks", "max", 0.5)
+    assert params.visual_threshold is None
+    assert (params.reaction_delay, params.beta, params.lag) == (0.1, 1.0, 0.2)
+    assert params.fps == HarmonyParams.paper().fps
