@@ -22,7 +22,7 @@ from harmolab.types import BeatTrack
 FPS = 15.0
 DEFAULT = Path(__file__).resolve().parents[2] / "shared" / "reference" / "fixtures.json"
 FILE = Path(os.environ.get("HARMOLAB_REFERENCE", DEFAULT))
-close = dict(rtol=1e-9, atol=1e-9)
+close = {"rtol": 1e-9, "atol": 1e-9}
 
 
 def cases() -> list[dict[str, Any]]:
@@ -89,7 +89,11 @@ def test_motion_beats_and_their_alignment_agree(case: dict[str, Any]) -> None:
     np.testing.assert_allclose(value, case["bas_kinematic"], **close)
 
 
-@pytest.mark.parametrize(("case", "name"), VARIANTS, ids=lambda value: value if isinstance(value, str) else value["name"])
+def label(value: str | dict[str, Any]) -> str:
+    return value if isinstance(value, str) else value["name"]
+
+
+@pytest.mark.parametrize(("case", "name"), VARIANTS, ids=label)
 def test_every_number_of_every_variant_agrees(case: dict[str, Any], name: str) -> None:
     expected = case["variants"][name]
     params = params_of(expected["params"])
