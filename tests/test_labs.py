@@ -139,7 +139,8 @@ def test_file_holds_the_pixels_that_were_drawn(planted_clip: Clip):
         drawn = plain(draw_lab(Stage.of(planted_clip), delay=0.1, figure=figure))
     shown = np.asarray(Image.open(io.BytesIO(lab.png)))
     assert shown.shape == (486, 900, 3)
-    np.testing.assert_array_equal(shown, drawn[..., :3])
+    # Kept layers are blended once more, which may round a pixel differently.
+    np.testing.assert_allclose(shown.astype(int), drawn[..., :3], atol=1)
 
 
 def test_picture_is_the_one_that_draw_lab_makes_when_called_directly(planted_clip: Clip):

@@ -8,12 +8,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from harmolab.params import BarPattern
 from harmolab.pattern import evaluate_pattern
-from harmolab.viz.style import COLOURS
+from harmolab.viz.style import COLOURS, figure_style
 
-__all__ = ["SCORE_LABELS", "draw_auc", "draw_disturbances", "draw_patterns", "draw_picks", "draw_score_spread"]
+__all__ = [
+    "SCORE_LABELS",
+    "auc_figure",
+    "disturbances_figure",
+    "draw_auc",
+    "draw_disturbances",
+    "draw_patterns",
+    "draw_picks",
+    "patterns_figure",
+    "picks_figure",
+]
 
 SCORE_LABELS = {
     "recommended": "recommended (bar pattern)",
@@ -80,17 +91,6 @@ def draw_patterns(ax: Axes, patterns: Mapping[str, BarPattern]) -> Axes:
     return ax
 
 
-def draw_score_spread(ax: Axes, true: np.ndarray, wrong: np.ndarray, *, name: str) -> Axes:
-    """Histograms of one score for true and for wrong music."""
-    edges = np.linspace(min(true.min(), wrong.min()), max(true.max(), wrong.max()) + 1e-9, 26).tolist()
-    weights = np.full(wrong.size, true.size / max(wrong.size, 1))
-    ax.hist(wrong.ravel(), edges, weights=weights, color=COLOURS["miss"], alpha=0.45, hatch="//", label="wrong music")
-    ax.hist(true, edges, color=COLOURS["hit"], alpha=0.6, label="true music")
-    ax.set(xlabel=SCORE_LABELS.get(name, name), ylabel="windows")
-    ax.legend(loc="upper left")
-    return ax
-
-
 def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
     """Share of inharmonious clips picked out, one bar a judge; the paper's viewers hatched, in their own colour.
 
@@ -125,3 +125,45 @@ def draw_disturbances(ax: Axes, table: pd.DataFrame, scores: Sequence[str]) -> A
     ax.axhline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
     ax.set(xlabel=table.columns[0], ylabel="AUC", ylim=(0, 1.05))
     return ax
+
+
+def auc_figure(summaries: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """`draw_auc` for several corpora side by side.
+
+    Parameters
+    ----------
+    summaries : corpus -> the summary of its comparison
+    """
+    with figure_style():
+        figure = Figure(figsize=(4.4 + 3.6 * len(summaries), 4.6), layout="constrained")
+        axes = figure.subplots(1, len(summaries), sharey=True, squeeze=False)[0]
+        for ax, (name, summary) in zip(axes, summaries.items(), strict=True):
+            draw_auc(ax, summary["scores"], title=f"{name} (n = {summary['n']}, {summary['beats']} beats)")
+    return figure
+
+
+def patterns_figure(patterns: Mapping[str, BarPattern], *, title: str) -> Figure:
+    """`draw_patterns` in a figure of its own."""
+    with figure_style():
+        figure = Figure(figsize=(8.0, 3.8), layout="constrained")
+        draw_patterns(figure.subplots(), patterns).set_title(title)
+    return figure
+
+
+def picks_figure(table: pd.DataFrame, *, title: str) -> Figure:
+    """`draw_picks` in a figure of its own."""
+    with figure_style():
+        figure = Figure(figsize=(8.0, 2.8), layout="constrained")
+        draw_picks(figure.subplots(), table).set_title(title)
+    return figure
+
+
+def disturbances_figure(tables: Sequence[pd.DataFrame], scores: Sequence[str]) -> Figure:
+    """`draw_disturbances` for several disturbances side by side, with one legend."""
+    with figure_style():
+        figure = Figure(figsize=(4.0 * len(tables), 3.8), layout="constrained")
+        axes = figure.subplots(1, len(tables), sharey=True, squeeze=False)[0]
+        for ax, table in zip(axes, tables, strict=True):
+            draw_disturbances(ax, table, scores)
+        axes[-1].legend(loc="lower right", fontsize=9)
+    return figure
