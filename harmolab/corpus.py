@@ -115,6 +115,7 @@ def compare(
     summary = {
         "corpus": corpus, "window": window if window is not None else "whole", "null": null, "beats": beats,
         "n": len(result.dances), "n_sequences": len(set(result.sequences)), "fitted_on": _fit_note(parts, fit_parts),
+        "n_parts": len(parts), "unfitted_parts": sum(pattern == BarPattern.stop_on_the_beat() for pattern in patterns),
         "seed": seed, **result.summary,
     }  # fmt: skip
     fitted: dict[str, list[BarPattern]] = {}

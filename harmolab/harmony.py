@@ -246,7 +246,10 @@ def score_motion(
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> HarmonyScore:
-    """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names."""
+    """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names.
+
+    Cut the beats to the motion first (`overlap` does it for a clip): all of them count.
+    """
     chosen = params or HarmonyParams.paper()
     timed = replace(motion, fps=motion.fps / chosen.clock)
     visual = visual_beats(timed, params=chosen)

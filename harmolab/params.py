@@ -94,7 +94,8 @@ class HarmonyParams:
         The same for the joint positions before the speed is taken: what sensor noise calls for.
     subframe : bool
         Place visual beats between frames: a frame difference belongs half a frame before its frame, and an extremum to
-        the top of the parabola through three samples. Makes beat times independent of the frame rate.
+        the top of the parabola through three samples; motion below 120 hertz is interpolated by cubic splines first.
+        Makes beat times independent of the frame rate.
     lag : float, seconds
         How much later than the music's beats the visual ones are expected; taken off before scoring.
     clock : float

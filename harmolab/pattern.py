@@ -216,7 +216,8 @@ def _best_places(
     """Read the ranks at the music's beats, and at every rotation of them; over all places unless they are known."""
     cycle, size = ranks.shape
     count = max(n_rotations, 1 if known else CHANCE_ROTATIONS)
-    shifts = np.unique(np.linspace(0, size, count, endpoint=False).astype(np.int64))
+    # The observation itself is no part of its null: shift 0 is left out.
+    shifts = np.unique(np.linspace(1, max(size, 2), count, endpoint=False).astype(np.int64))
     rotated = np.mod(moments[None, :] + shifts[:, None], size)
     mass = weights / weights.sum() if weights.sum() > 0 else np.full(weights.size, 1 / weights.size)
     options = [0] if known else list(range(cycle))

@@ -96,6 +96,8 @@ def print_comparison(summary: dict[str, Any]) -> None:
         table.add_row(name, show(row["auc"]), show(row["interval"]), show(row["chance_band"]), tells, *own)
     Console().print(table)
     typer.echo(f"fitted on: {summary['fitted_on']}")
+    if summary["unfitted_parts"]:
+        typer.echo(f"{summary['unfitted_parts']} of {summary['n_parts']} parts had nothing to fit a pattern on")
 
 
 def learn(
