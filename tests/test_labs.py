@@ -47,7 +47,7 @@ def headline(figure: Figure) -> str:
 def numbers(figure: Figure) -> dict[str, float]:
     """What the headline says."""
     found = re.fullmatch(
-        r"h (?P<h>\S+) \| (?P<hits>\d+)/(?P<beats>\d+) (?:hit|fit) \| chance (?P<chance>\S+) \| "
+        r"harmony (?P<h>\S+) \| (?P<hits>\d+)/(?P<beats>\d+) (?:hit|fit) \| chance (?P<chance>\S+) \| "
         r"above chance (?P<above>\S+)(?: \| p (?P<p>\S+))?",
         headline(figure),
     )
@@ -166,6 +166,10 @@ def test_headline_tells_what_score_clip_finds(planted_clip: Clip, stage: Stage, 
     assert found["chance"] == pytest.approx(score.chance, abs=0.006)
     assert found["above"] == pytest.approx(score.harmony_above_chance, abs=0.006)
     assert found["p"] == pytest.approx(score.p_value, abs=0.0006)
+
+
+def test_picture_of_synthetic_data_says_so(stage: Stage):
+    assert draw_lab(stage).axes[1].get_xlabel() == "time (s)   |   synthetic data"
 
 
 def test_wider_tolerance_brings_chance_close_to_one(stage: Stage):

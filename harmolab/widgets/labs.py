@@ -42,11 +42,12 @@ N_ROTATIONS = 200  # as fine as the eye can tell; more would make the sliders sl
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What the lab plays with: music beats and motion on one time line, and the bar pattern of the recommended mode."""
+    """What the lab plays with: music beats and motion on one time line, the recommended mode's pattern, the source."""
 
     music: BeatTrack
     motion: Motion
     pattern: BarPattern
+    source: str = ""
 
     @classmethod
     def of(cls, clip: Clip, pattern: BarPattern | None = None) -> Stage:
@@ -58,7 +59,7 @@ class Stage:
             If the clip has no motion.
         """
         track = audio_beats(clip.audio) if clip.beats is None else clip.beats
-        return cls(*overlap(clip, track), pattern or BarPattern.stop_on_the_beat())
+        return cls(*overlap(clip, track), pattern or BarPattern.stop_on_the_beat(), clip.source)
 
 
 def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any) -> Explorer:
@@ -188,6 +189,7 @@ def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None,
     else:
         _draw_pattern_score(above, below, right, stage, params)
     below.set_xlim(above.get_xlim())
+    below.set_xlabel(f"time (s)   |   {stage.source} data" if stage.source else "time (s)")
     return shown
 
 
@@ -203,7 +205,7 @@ def _three_axes(figure: Figure) -> list[Axes]:
 
 def _headline(harmony: float, met: str, chance: float, above: float, p: float) -> str:
     """The score in one line; a short one, because letters take longer to draw than anything else that changes."""
-    facts = [f"h {harmony:.2f}", met, f"chance {chance:.2f}", f"above chance {above:+.2f}"]
+    facts = [f"harmony {harmony:.2f}", met, f"chance {chance:.2f}", f"above chance {above:+.2f}"]
     return " | ".join(facts if np.isnan(p) else [*facts, f"p {p:.3f}"])
 
 
