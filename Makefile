@@ -8,9 +8,6 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-# librosa compiles itself for half a minute on first use; the result is kept here, outside the environment.
-export NUMBA_CACHE_DIR ?= $(CURDIR)/.cache/numba
-
 .PHONY: help setup test test-browser check format lab report figures bench clean distclean
 
 help: ## list these targets
@@ -34,6 +31,10 @@ $(STAMP): pyproject.toml constraints.txt
 	    $(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV); \
 	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[lab,dev]' -c constraints.txt; \
 	fi
+	@echo "Compiling librosa's beat tracker (half a minute) ..."
+	@# By one process, before several run at once: numba's cache breaks for good when two fill it together.
+	@find $(VENV) \( -name '*.nbi' -o -name '*.nbc' \) -delete
+	@$(BIN)/python -c 'from harmolab.beats.audio import compile_tracker; compile_tracker()'
 	@touch $@
 
 test: $(STAMP) ## run every test but those in a browser (about 8 minutes on two cores)
@@ -67,7 +68,7 @@ bench: $(STAMP) ## measure speed: ratios against named references
 	    for file in "$$@"; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done; fi
 
 clean: ## remove reports and caches; your data, figures/ and .venv stay
-	rm -rf report .report-* figures/quick build dist .cache .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf report .report-* figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
 
 distclean: clean ## remove .venv as well

@@ -172,7 +172,7 @@ def _publish(drawn: Path, figures: Path) -> None:
     for name in json.loads(manifest.read_text("utf-8")) if manifest.is_file() else ():
         if not (drawn / name).is_file():
             (figures / Path(name).name).unlink(missing_ok=True)
-    for file in sorted(drawn.iterdir(), key=lambda file: (file.name == MANIFEST, file.name)):
+    for file in sorted(drawn.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
         part = figures / f".{file.name}.part"
         shutil.copyfile(file, part)
         part.replace(figures / file.name)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from harmolab.beats.audio import compile_tracker
 from harmolab.types import Audio, Clip, Motion, Skeleton
 
 os.environ["MPLBACKEND"] = "Agg"
@@ -27,6 +28,12 @@ def figures_aside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARMOLAB_FIGURES", str(tmp_path_factory.mktemp("figures")))
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def tracker_compiled() -> None:
+    """Workers that compile librosa at the same moment would break numba's cache for each other."""
+    compile_tracker()
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import re
 from dataclasses import replace
 from functools import partial
 
@@ -40,19 +39,15 @@ def stage(planted_clip: Clip) -> Stage:
     return Stage.of(planted_clip)
 
 
-def headline(figure: Figure) -> str:
-    return figure.axes[0].get_title(loc="left")
-
-
 def numbers(figure: Figure) -> dict[str, float]:
-    """What the headline says."""
-    found = re.fullmatch(
-        r"harmony (?P<h>\S+) \| (?P<hits>\d+)/(?P<beats>\d+) (?:hit|fit) \| chance (?P<chance>\S+) \| "
-        r"above chance (?P<above>\S+)(?: \| p (?P<p>\S+))?",
-        headline(figure),
-    )
-    assert found is not None
-    return {name: float(value) for name, value in found.groupdict().items() if value is not None}
+    """What stands on the board."""
+    board = figure.axes[3]
+    names = [label.get_text().replace("that fit", "hit") for label in board.get_xticklabels()]
+    values = dict(zip(names, [text.get_text() for text in board.texts], strict=True))
+    hits, beats = values["music beats hit"].split("/")
+    found = {"h": values["harmony h"], "hits": hits, "beats": beats, "chance": values["chance"]}
+    found |= {"above": values["above chance"], "p": values["p-value"].replace("–", "nan")}
+    return {name: float(value) for name, value in found.items()}
 
 
 @pytest.mark.parametrize(
@@ -138,7 +133,7 @@ def test_file_holds_the_pixels_that_were_drawn(planted_clip: Clip):
     with figure_style():
         drawn = plain(draw_lab(Stage.of(planted_clip), delay=0.1, figure=figure))
     shown = np.asarray(Image.open(io.BytesIO(lab.png)))
-    assert shown.shape == (486, 900, 3)
+    assert shown.shape == (504, 900, 3)
     # Kept layers are blended once more, which may round a pixel differently.
     np.testing.assert_allclose(shown.astype(int), drawn[..., :3], atol=1)
 

@@ -7,6 +7,8 @@ import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -273,18 +275,26 @@ def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, monke
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert {name: entry["source"] for name, entry in manifest.items()} == {"a.png": "three", "b.png": "two"}
     assert manifest["a.png"]["seed"] == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.png", "b.png", "manifest.json"]
+    assert sorted(file.name for file in tmp_path.glob("[!.]*")) == ["a.png", "b.png", "manifest.json"]
 
 
-def test_lock_left_by_a_killed_notebook_does_not_stop_the_next(tmp_path: Path, monkeypatch):
-    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
-    lock = tmp_path / ".manifest.json.lock"
-    lock.touch()
-    old = lock.stat().st_mtime - 3600
-    os.utime(lock, (old, old))
-    style.save_figure(Figure(), "a", notebook="00", source="x", profile=RunProfile.quick())
-    assert (tmp_path / "manifest.json").is_file()
-    assert not lock.exists()
+SAVE_TWENTY = """
+import sys
+from matplotlib.figure import Figure
+from harmolab.params import RunProfile
+from harmolab.viz.style import save_figure
+for number in range(20):
+    name = f"{sys.argv[1]}{number}"
+    save_figure(Figure(figsize=(1, 1)), name, notebook="00", source="planted", profile=RunProfile.quick())
+"""
+
+
+def test_notebooks_that_save_at_the_same_time_lose_no_entry(tmp_path: Path):
+    environment = {**os.environ, "HARMOLAB_FIGURES": str(tmp_path)}
+    commands = [[sys.executable, "-c", SAVE_TWENTY, name] for name in "ab"]
+    processes = [subprocess.Popen(command, env=environment) for command in commands]
+    assert [process.wait() for process in processes] == [0, 0]
+    assert len(json.loads((tmp_path / "manifest.json").read_text())) == 40
 
 
 def test_picture_is_written_in_the_format_of_its_suffix(tmp_path: Path):

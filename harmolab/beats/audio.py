@@ -10,17 +10,20 @@ import os
 import tempfile
 import zipfile
 import zlib
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock
 from numpy.typing import NDArray
 
 from harmolab.beats.meter import accented_places, cycle_of_meter
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack
 
-__all__ = ["audio_beats", "beat_strengths", "cache_folder", "onset_envelope", "tempo_range"]
+__all__ = ["audio_beats", "beat_strengths", "cache_folder", "compile_tracker", "onset_envelope", "tempo_range"]
 
 FloatArray = NDArray[np.float64]
 
@@ -153,8 +156,29 @@ def _store(path: Path, envelope: FloatArray, beats: NDArray[np.int64]) -> None:
             aside.unlink(missing_ok=True)
 
 
+@cache
+def compile_tracker() -> None:
+    """Have librosa's numba functions compiled and loaded, one process at a time; quick after the first call.
+
+    numba's cache breaks for good when two processes fill it at the same moment: every later run would crash.
+    """
+    import librosa
+
+    samples = np.sin(np.arange(3 * 22050) / 50.0) * (np.arange(3 * 22050) % 11025 < 1000)
+    name = f"harmolab-compile-{os.environ.get('USER', 'user')}.lock"
+    with suppress(OSError), FileLock(Path(tempfile.gettempdir()) / name, timeout=300):
+        _listen(Audio(samples, 22050.0), None)
+        librosa.beat.beat_track(y=samples.astype(np.float32), sr=22050)  # as others call it: in single precision
+
+
 def _analyse(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
     """Onset strength and beat frames by librosa."""
+    compile_tracker()
+    return _listen(audio, bounds)
+
+
+def _listen(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
+    """The analysis itself."""
     import librosa
 
     samples = _samples(audio)

@@ -6,7 +6,6 @@ import base64
 import json
 import os
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from typing import Any, Protocol
 
 import matplotlib as mpl
 from cycler import cycler
+from filelock import FileLock
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
@@ -245,33 +245,7 @@ def _record(path: Path, notebook: str, source: str, profile: RunProfile, seed: i
         "version": version("harmolab"),
     }
     manifest = path.parent / MANIFEST
-    with _locked(manifest):
+    with FileLock(manifest.with_name(f".{MANIFEST}.lock"), timeout=60):
         entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
         text = json.dumps({**entries, path.name: entry}, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
         _write_aside(manifest, lambda part: Path(part).write_text(text, "utf-8"))
-
-
-@contextmanager
-def _locked(path: Path, *, patience: float = 10.0) -> Iterator[None]:
-    """Holds ``path.lock`` for the block; a lock older than `patience` seconds was left by a killed process."""
-    lock = path.with_name(f".{path.name}.lock")
-    while True:
-        try:
-            os.close(os.open(lock, os.O_CREAT | os.O_EXCL))
-            break
-        except FileExistsError:
-            if time.time() - _age_mark(lock) > patience:
-                lock.unlink(missing_ok=True)
-            time.sleep(0.02)
-    try:
-        yield
-    finally:
-        lock.unlink(missing_ok=True)
-
-
-def _age_mark(lock: Path) -> float:
-    """When the lock was taken, seconds since the epoch; now, if it has just been released."""
-    try:
-        return lock.stat().st_mtime
-    except FileNotFoundError:
-        return time.time()

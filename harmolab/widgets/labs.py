@@ -28,6 +28,7 @@ from harmolab.widgets.explorer import Explorer
 __all__ = ["Stage", "draw_lab", "lab_params", "scoring_lab"]
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 MODES = MappingProxyType(
     {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
@@ -183,41 +184,58 @@ def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None,
     """
     params = lab_params(mode, **{**_presets(mode), **values}, pattern=stage.pattern)
     shown = Figure() if figure is None else figure
-    above, below, right = shown.axes or _three_axes(shown)
-    if params.measure == "hits":
-        _draw_hit_score(above, below, right, stage, params)
-    else:
-        _draw_pattern_score(above, below, right, stage, params)
+    above, below, right, board = shown.axes or _four_axes(shown)
+    draw = _draw_hit_score if params.measure == "hits" else _draw_pattern_score
+    _draw_board(board, draw(above, below, right, stage, params))
     below.set_xlim(above.get_xlim())
     below.set_xlabel(f"time (s)   |   {stage.source} data" if stage.source else "time (s)")
     return shown
 
 
-def _three_axes(figure: Figure) -> list[Axes]:
-    """Hits over the whole width; below, the dance's curve and, at its right, the moved music.
+def _four_axes(figure: Figure) -> list[Axes]:
+    """Hits over the whole width; below, the dance's curve and, at its right, the moved music; on top, the score.
 
     At fixed places, so that the same values give the same picture whatever was shown before.
     """
-    figure.set_size_inches(10.0, 5.4)
-    places = ((0.085, 0.565, 0.895, 0.37), (0.085, 0.105, 0.57, 0.325), (0.735, 0.105, 0.245, 0.325))
-    return [figure.add_axes(place) for place in places]
+    figure.set_size_inches(10.0, 5.6)
+    places = (
+        *((0.085, 0.535, 0.895, 0.34), (0.085, 0.1, 0.57, 0.31), (0.735, 0.1, 0.245, 0.31)),
+        (0.085, 0.94, 0.895, 0.05),
+    )
+    axes = [figure.add_axes(place) for place in places]
+    axes[3].set(xlim=(0, 5), ylim=(0, 1), frame_on=False)
+    axes[3].yaxis.set_visible(False)
+    return axes
 
 
-def _headline(harmony: float, met: str, chance: float, above: float, p: float) -> str:
-    """The score in one line; a short one, because letters take longer to draw than anything else that changes."""
-    facts = [f"harmony {harmony:.2f}", met, f"chance {chance:.2f}", f"above chance {above:+.2f}"]
-    return " | ".join(facts if np.isnan(p) else [*facts, f"p {p:.3f}"])
+def _draw_board(ax: Axes, score: dict[str, str]) -> None:
+    """The score's numbers over their names. The names are tick labels, which are kept; only numbers are drawn anew."""
+    names = ", ".join(score)
+    if ax.get_gid() != names:
+        ax.set_xticks(np.arange(len(score)) + 0.5, list(score))
+        ax.tick_params(axis="x", length=0, pad=2)
+        ax.set_gid(names)
+    for place, number in enumerate(score.values()):
+        ax.text(place + 0.5, 0.1, number, ha="center", va="bottom", fontsize=14, fontweight="bold")
 
 
-def _draw_hit_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> None:
-    """The picture of Eq. 11-21."""
+def _numbers(harmony: float, hits: BoolArray, chance: float, above: float, p: float, *, met: str) -> dict[str, str]:
+    """The score by the names of its parts."""
+    return {
+        "harmony h": f"{harmony:.2f}",
+        f"music beats {met}": f"{int(hits.sum())}/{hits.size}",
+        "chance": f"{chance:.2f}",
+        "above chance": f"{above:+.2f}",
+        "p-value": "–" if np.isnan(p) else f"{p:.3f}",
+    }
+
+
+def _draw_hit_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
+    """The picture of Eq. 11-21; returns the score's numbers."""
     visual = visual_beats(stage.motion, params=params)
     music, dance = salient_audio(stage.music, params), salient_visual(visual, params)
     score = score_harmony(stage.music, visual, params=params, n_rotations=N_ROTATIONS)
     _draw_beats(above, stage.music, visual, params)
-    met = f"{int(score.hits.sum())}/{len(music)} hit"
-    headline = _headline(score.harmony, met, score.chance, score.harmony_above_chance, score.p_value)
-    above.set_title(headline, loc="left")
     curve, fps = motion_curve(stage.motion, params)
     draw_curve(below, (np.arange(curve.size) - 0.5 * params.subframe) / fps, curve, visual)
     below.set_ylabel("change of direction (SD)" if params.detector == "direction" else "joint speed (m/s)")
@@ -229,6 +247,7 @@ def _draw_hit_score(above: Axes, below: Axes, right: Axes, stage: Stage, params:
     moved = -rotations(music.duration, N_ROTATIONS)
     _draw_moved(right, moved, weights / total, music.duration, score.hitting_score / total, score.chance)
     right.set_ylabel("share of strength hit")
+    return _numbers(score.harmony, score.hits, score.chance, score.harmony_above_chance, score.p_value, met="hit")
 
 
 def _draw_beats(ax: Axes, music: BeatTrack, visual: BeatTrack, params: HarmonyParams) -> None:
@@ -264,7 +283,7 @@ def _draw_moved(
     draw_rotations(ax, around[order], shares[order], observed=observed, chance=chance)
 
 
-def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> None:
+def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
     """The picture of the recommended mode: rank of each beat, and the speed with the pattern laid on the beats."""
     times, speed = normalised_speed(stage.motion, params)
     fit = fit_of_speed(stage.music, times, speed, params, n_rotations=N_ROTATIONS)
@@ -273,7 +292,6 @@ def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, par
     above.plot(passed.times, np.full(len(passed), fit.chance), "|", color=COLOURS["chance"], markersize=10)
     draw_shares(above, music, fit.shares, chance=fit.chance)
     above.set(ylabel="rank of the moment", xlabel=RANKS_KEY)
-    above.set_title(_pattern_headline(stage, music, fit, params), loc="left")
     draw_curve(below, times, speed)
     if len(stage.music) > 1 and (stage.music.bar_places is not None or params.pattern.beats == 1):
         expected = evaluate_pattern(params.pattern, beat_positions(times - params.lag, stage.music))
@@ -285,13 +303,14 @@ def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, par
     moved = np.linspace(0.0, length, fit.null.size, endpoint=False)
     _draw_moved(right, moved, fit.null, length, fit.mean, fit.chance)
     right.set_ylabel("mean rank of the beats")
+    return _pattern_numbers(stage, music, fit, params)
 
 
-def _pattern_headline(stage: Stage, music: BeatTrack, fit: PatternFit, params: HarmonyParams) -> str:
+def _pattern_numbers(stage: Stage, music: BeatTrack, fit: PatternFit, params: HarmonyParams) -> dict[str, str]:
     """As `harmolab.harmony.score_motion` has it: a beat counts as hit where it fits better than the median moment."""
     hits = fit.shares > 0.5
     n_visual = len(visual_beats(stage.motion, params=params))
     harmony = harmony_from_hits(hitting_score(hits, music.strengths), len(music), n_visual, params.beta)
     above = above_chance(fit.mean, fit.chance) if len(music) else 0.0
     p = p_value(fit.mean, fit.null) if len(music) else float("nan")
-    return _headline(harmony, f"{int(hits.sum())}/{len(music)} fit", fit.chance, above, p)
+    return _numbers(harmony, hits, fit.chance, above, p, met="that fit")
