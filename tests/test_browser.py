@@ -172,3 +172,14 @@ def test_menu_changes_the_mode_its_sliders_follow_and_the_lag_moves_the_expected
     delays = press_arrows(page, "lag")
     screenshot(page, "lab_recommended")
     report("recommended, lag", delays)
+
+
+def test_fast_key_presses_end_at_the_last_value(page: object) -> None:
+    readout = page.locator(".widget-slider").filter(has_text="β").locator(".widget-readout")
+    page.locator(".widget-slider").filter(has_text="β").locator(".noUi-handle").focus()
+    before, shown = float(readout.inner_text()), pixels(page)
+    for _ in range(10):
+        page.keyboard.press("ArrowRight")
+    page.wait_for_timeout(1500)
+    assert float(readout.inner_text()) == pytest.approx(before + 10 * 0.25)
+    assert pixels(page) != shown
