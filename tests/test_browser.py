@@ -19,6 +19,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 TOKEN = "a-token-for-this-test"
 N_PRESSES = 40
+LAG_STEP = 0.02  # seconds, of the lab's lag slider
 
 pytestmark = pytest.mark.browser
 
@@ -175,11 +176,11 @@ def test_menu_changes_the_mode_its_sliders_follow_and_the_lag_moves_the_expected
 
 
 def test_fast_key_presses_end_at_the_last_value(page: object) -> None:
-    readout = page.locator(".widget-slider").filter(has_text="β").locator(".widget-readout")
-    page.locator(".widget-slider").filter(has_text="β").locator(".noUi-handle").focus()
-    before, shown = float(readout.inner_text()), pixels(page)
+    slider = page.locator(".widget-slider").filter(has_text="lag")
+    slider.locator(".noUi-handle").focus()
+    before, shown = float(slider.locator(".widget-readout").inner_text()), pixels(page)
     for _ in range(10):
         page.keyboard.press("ArrowRight")
     page.wait_for_timeout(1500)
-    assert float(readout.inner_text()) == pytest.approx(before + 10 * 0.25)
+    assert float(slider.locator(".widget-readout").inner_text()) == pytest.approx(before + 10 * LAG_STEP)
     assert pixels(page) != shown
