@@ -68,9 +68,9 @@ def test_failed_save_leaves_the_old_file_and_no_other(tmp_path: Path, monkeypatc
     assert [file.name for file in tmp_path.iterdir()] == ["arm.npz"]
 
 
-def test_motion_is_saved_under_npz_names_only(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"arm\.bvh: motion is saved as \.npz"):
-        save_motion(tmp_path / "arm.bvh", Motion(walk(), 25, ARM))
+def test_motion_is_saved_under_known_names_only(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"arm\.fbx: motion is saved as \.npz or \.bvh"):
+        save_motion(tmp_path / "arm.fbx", Motion(walk(), 25, ARM))
 
 
 def test_npz_by_hand_with_positions_and_fps_is_enough(tmp_path: Path):

@@ -4,7 +4,7 @@ How the file is read:
 
 * Rotations apply in the order in which the channels are written: `Zrotation Yrotation Xrotation` is Rz Ry Rx. Degrees.
 * Position channels give the joint's place in its parent's frame, in place of OFFSET (for the root: in the world).
-* An `End Site` becomes a joint named `<parent>_end`.
+* An `End Site` becomes a joint named `<parent>_end`; one at OFFSET 0 0 0 is the parent's own place and adds none.
 * BVH says nothing about its unit. A rest skeleton that extends over more than 3 units is taken for centimetres, else
   for metres; pass `scale` where that is wrong (the CMU files, for one, are in units of 5.6 cm: `scale=0.056444`).
 """
@@ -37,6 +37,7 @@ class _Joint:
 
     name: str
     parent: int
+    is_end: bool = False
     offset: FloatArray = field(default_factory=lambda: np.zeros(3))
     channels: tuple[str, ...] = ()
     first: int = 0
@@ -91,10 +92,20 @@ def _hierarchy(words: list[str]) -> list[_Joint]:
             raise ValueError(f"cannot follow the hierarchy at {word[:40]!r}")
     if not joints or open_joints:
         raise ValueError("the hierarchy is cut off" if open_joints else "the hierarchy has no ROOT")
+    joints = _without_empty_ends(joints)
     column = 0
     for joint in joints:
         joint.first, column = column, column + len(joint.channels)
     return joints
+
+
+def _without_empty_ends(joints: list[_Joint]) -> list[_Joint]:
+    """The joints but for End Sites at their parent's own place; `parent` counts in what is left."""
+    kept = [not joint.is_end or bool(joint.offset.any()) for joint in joints]
+    places = np.cumsum(kept) - 1
+    for joint in joints:
+        joint.parent = int(places[joint.parent]) if joint.parent >= 0 else -1
+    return [joint for joint, keep in zip(joints, kept, strict=True) if keep]
 
 
 def _name(stream: Iterator[str]) -> str:
@@ -116,7 +127,7 @@ def _open_joint(kind: str, name: str, joints: list[_Joint], open_joints: list[in
     if len(joints) >= _MAX_JOINTS:
         raise ValueError(f"has more than {_MAX_JOINTS} joints")
     parent = open_joints[-1] if open_joints else -1
-    joints.append(_Joint(f"{joints[parent].name}_end" if kind == "END" else name, parent))
+    joints.append(_Joint(f"{joints[parent].name}_end" if kind == "END" else name, parent, is_end=kind == "END"))
     open_joints.append(len(joints) - 1)
 
 

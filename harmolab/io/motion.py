@@ -1,4 +1,4 @@
-"""Motion files to Motion, and Motion to our own `.npz`.
+"""Motion files to Motion, and Motion to our own `.npz` (or to BVH, for other programs).
 
 The `.npz` format
 -----------------
@@ -46,6 +46,7 @@ from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres, read_npy
 from harmolab.io.bvh import load_bvh
+from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.errors import MAX_BYTES, PathLike, reading
 from harmolab.io.keypoints import keypoints_motion, load_openpose, named_skeleton
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
@@ -171,18 +172,23 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> NDArr
 
 
 def save_motion(path: PathLike, motion: Motion) -> None:
-    """Write a motion as `.npz` (the format above); the file appears whole or not at all.
+    """Write a motion as `.npz` (the format above) or as `.bvh`; the file appears whole or not at all.
 
-    `load_motion` gives the same numbers back, bit by bit.
+    From an `.npz` `load_motion` gives the same numbers back, bit by bit. A `.bvh` is for other programs; see `save_bvh`
+    for what it keeps.
 
     Raises
     ------
     ValueError
-        The name does not end in `.npz`.
+        The name ends in neither, or the motion has no skeleton that BVH can hold.
     """
     path = Path(path)
-    if path.suffix.lower() != ".npz":
-        raise ValueError(f"{path}: motion is saved as .npz; choose a name that ends so")
+    suffix = path.suffix.lower()
+    if suffix == ".bvh":
+        save_bvh(path, motion)
+        return
+    if suffix != ".npz":
+        raise ValueError(f"{path}: motion is saved as .npz or .bvh; choose a name that ends so")
     aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with aside.open("wb") as stream:

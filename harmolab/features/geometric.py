@@ -1,0 +1,154 @@
+"""Geometric features of a motion, one vector a clip: how often 32 things are true of the body (Müller et al. 2005).
+
+"The right hand moves forward", "the left knee is bent": relations between points of the body, each true or false at a
+moment, as AIST++ (Li et al. 2021) uses them for Frechet distances and diversity. `features.relations` lists them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.features.body_points import BODY_POINTS, body_points
+from harmolab.features.kinetic import AIST_FPS, DenseMotion, dense_motion
+from harmolab.features.relations import (
+    ANGLES,
+    FAST,
+    GEOMETRIC_FEATURES,
+    LINES,
+    LOW,
+    MOVING_LINES,
+    MOVING_PLANES,
+    PLANES,
+    RAISED,
+    Projections,
+    Sizes,
+)
+from harmolab.types import Motion
+
+__all__ = ["GEOMETRIC_FEATURES", "geometric_features"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# The body of SMPL's mean shape, which AIST++ takes for everybody.
+_AIST_SIZES = Sizes(0.2568381092115207, 0.39084835854945527, 0.11924706586886204)
+# AIST++ motion has 60 frames per second; its code divides by the time step of 120, which fairmotion was made for.
+_AIST_RATE = 120.0
+_UPRIGHT = math.cos(math.radians(70.0))  # a spine between 70 and 110 degrees from the vertical is horizontal
+
+
+def geometric_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fixed") -> FloatArray:
+    """Share of the time that each of the 32 `GEOMETRIC_FEATURES` is true.
+
+    Parameters
+    ----------
+    motion : Motion, three-dimensional, y up
+        With the joints that `body_points` asks for. Other rates than 60 frames per second are brought to a multiple of
+        it; velocities are differences over 1/60 s. A moment counts if both its frames are valid.
+    form : "fixed" or "aist++"
+        The code of AIST++, taken from fairmotion, departs from the features' definitions in five places. "aist++"
+        repeats them, to compare with its scores:
+
+        * velocities are divided by 1/120 s in motion of 60 frames per second, so they are twice what they are;
+        * a velocity along a line is that of the third point against the first, where it should be that of the fourth
+          against the third: "moves up" forgets the hand, "approach" becomes its opposite;
+        * a hand that leaves the root is measured by the velocity of the other hand;
+        * normals of planes point the wrong way, and for the left side, where left and right have changed places, the
+          other way again: the right hand must move backward, the left one forward;
+        * thresholds are lengths of SMPL's mean body. "fixed" measures the dancer: medians over time.
+
+        The lowest joint stands for the floor in both.
+
+    Returns
+    -------
+    (32,) array in [0, 1]
+
+    Raises
+    ------
+    ValueError
+        If joints are missing (the message names them), the motion is two-dimensional, too short or nowhere valid, or
+        `form` is another word.
+    """
+    if form not in ("fixed", "aist++"):
+        raise ValueError(f"form must be fixed or aist++, got {form!r}")
+    weights = body_points(motion.skeleton)
+    dense = dense_motion(motion)
+    # Joints first and frames last, so that all that follows runs along neighbouring numbers.
+    joints = np.ascontiguousarray(dense.positions.transpose(1, 2, 0))
+    points = (weights @ joints.reshape(len(joints), -1)).reshape(len(weights), 3, -1)
+    sizes, rate = (_AIST_SIZES, _AIST_RATE) if form == "aist++" else (_measured(points), AIST_FPS)
+    true = np.empty((len(GEOMETRIC_FEATURES), len(dense.positions) - dense.stride), bool)
+    for still in (LINES, PLANES[form]):
+        true[still.features] = _beyond(points, still, sizes, dense.stride)
+    for moving in (MOVING_LINES[form], MOVING_PLANES[form]):
+        true[moving.features] = _beyond(points, moving, sizes, dense.stride, rate=rate)
+    steps = points[FAST.points, :, dense.stride :] - points[FAST.points, :, : -dense.stride]
+    true[FAST.features] = _lengths(steps) > (FAST.thresholds * sizes.humerus / rate)[:, None]
+    _mark_angles(true, points[..., dense.stride :])
+    _mark_heights(true, points[:, 1, dense.stride :], joints[:, 1, dense.stride :].min(axis=0), sizes)
+    return _mean_over_time(true, dense)
+
+
+def _beyond(
+    points: FloatArray, table: Projections, sizes: Sizes, stride: int, *, rate: float | None = None
+) -> BoolArray:
+    """Whether vectors, or with `rate` their changes over a sixtieth, exceed thresholds along directions, (P, T')."""
+    corners = [points[corner, :, stride:] for corner in table.normals]
+    arms = [corner - corners[0] for corner in corners[1:]]
+    normals = arms[0] if len(arms) == 1 else np.cross(arms[0], arms[1], axis=1)
+    vectors = points[table.vectors[1]] - points[table.vectors[0]]
+    limits = table.thresholds * np.array(sizes)[table.sizes]
+    if rate is None:
+        vectors = vectors[..., stride:]
+    else:
+        vectors, limits = vectors[..., stride:] - vectors[..., :-stride], limits / rate
+    # Both sides times the normal's length: where a plane has no normal, nothing is beyond it.
+    return (normals * vectors).sum(axis=1) > limits[:, None] * _lengths(normals)
+
+
+def _mark_angles(true: BoolArray, points: FloatArray) -> None:
+    """Fill in what is about angles; `points` without the first sixtieth."""
+    first = points[ANGLES.first[1]] - points[ANGLES.first[0]]
+    second = points[ANGLES.second[1]] - points[ANGLES.second[0]]
+    bounds = ANGLES.cosines[:, None] * _lengths(first) * _lengths(second)
+    true[ANGLES.features] = ANGLES.signs[:, None] * ((first * second).sum(axis=1) - bounds) > 0
+    spine = points[BODY_POINTS.index("root")] - points[BODY_POINTS.index("neck")]
+    true[GEOMETRIC_FEATURES.index("spine horizontal")] = np.abs(spine[1]) < _UPRIGHT * np.sqrt((spine**2).sum(axis=0))
+
+
+def _mark_heights(true: BoolArray, heights: FloatArray, lowest: FloatArray, sizes: Sizes) -> None:
+    """Fill in what is about heights, (18, T'), above the lowest joint, (T',); both without the first sixtieth."""
+    above = heights - lowest
+    true[RAISED.features] = above[RAISED.points] > RAISED.thresholds[:, None] * sizes.humerus
+    true[LOW.features] = above[LOW.points] < LOW.thresholds[:, None] * sizes.humerus
+
+
+def _measured(points: FloatArray) -> Sizes:
+    """The dancer's own sizes: medians over time."""
+    left_shoulder, right_shoulder = BODY_POINTS.index("lshoulder"), BODY_POINTS.index("rshoulder")
+    pairs = np.array(
+        [
+            (left_shoulder, BODY_POINTS.index("lelbow")),
+            (right_shoulder, BODY_POINTS.index("relbow")),
+            (left_shoulder, right_shoulder),
+            (BODY_POINTS.index("lhip"), BODY_POINTS.index("rhip")),
+        ]
+    )
+    left, right, shoulders, hips = np.median(_lengths(points[pairs[:, 1]] - points[pairs[:, 0]]), axis=1)
+    return Sizes(float(left + right) / 2, float(shoulders), float(hips))
+
+
+def _mean_over_time(true: BoolArray, dense: DenseMotion) -> FloatArray:
+    usable = dense.valid[dense.stride :] & dense.valid[: -dense.stride]
+    if not usable.any():
+        raise ValueError("the motion is nowhere valid for 1/60 s, the step of its features")
+    return true[:, usable].mean(axis=1) if not usable.all() else true.mean(axis=1)
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    """Lengths of (P, 3, T) vectors, (P, T)."""
+    return np.sqrt((vectors * vectors).sum(axis=1))

@@ -1,0 +1,239 @@
+"""Motion as a model sees it: root-relative poses in a canonical heading, and the root's own path as channels.
+
+A code has C = 3 J + 3 channels, frame by frame:
+
+=============  =======================================================================================================
+0 ... 3 J - 1  joints x, y, z in metres: x and z from the root, y from the floor, turned so that the dancer faces +z
+3 J, 3 J + 1   velocity of the root to the dancer's left and forward, metres per second, in the heading of that frame
+3 J + 2        yaw rate, radians per second; positive turns to the dancer's left (from +z towards +x)
+=============  =======================================================================================================
+
+Rates at frame t describe the step from t - 1 to t; those of frame 0 repeat frame 1. Heading 0 faces +z, heading
+pi / 2 faces +x: a pose that faces heading a is the canonical one turned by a about the y axis.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from harmolab.kinematics import smooth
+from harmolab.types import Skeleton
+
+__all__ = [
+    "bone_lengths",
+    "decode_motion",
+    "encode_motion",
+    "n_channels",
+    "pose_of_root",
+    "root_path",
+    "root_position",
+    "side_pairs",
+]
+
+FloatArray = NDArray[np.float64]
+
+HEADING_SMOOTHING = 0.1  # seconds; what is left follows turns, not the swing of single joints
+SHORTEST_ACROSS = 1e-6  # metres between left and right, seen from above, below which nobody can tell the heading
+_PAIRED = ("hip", "hipjoint", "shoulder", "upleg", "thigh", "femur", "upperarm", "humerus", "clavicle", "collar")
+_SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
+
+
+def n_channels(skeleton: Skeleton) -> int:
+    """Channels C of a motion code: three a joint and three of the root's path."""
+    return 3 * len(skeleton.joints) + 3
+
+
+def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDArray[np.float32]:
+    """The motion code of joint positions: poses in a canonical heading, and the root's path as rates.
+
+    Parameters
+    ----------
+    positions : (T, J, 3) array, metres, y up
+    fps : float, hertz
+    skeleton : Skeleton
+        The heading comes from the left and right joints of hips and shoulders, told by their names; without such names
+        it is 0 throughout. The root is the first joint without parent; without bones, the mean of all joints.
+
+    Returns
+    -------
+    (T, 3 J + 3) array, single precision; see the table above
+
+    Raises
+    ------
+    ValueError
+        If the shape does not fit the skeleton, or fps is not positive.
+    """
+    positions = _checked(positions, fps, skeleton)
+    path = root_path(positions, fps, skeleton)
+    local = positions - np.stack([path[:, 0], np.zeros(len(path)), path[:, 1]], axis=1)[:, None]
+    local = _turned(local, -path[:, 2, None])
+    steps = np.diff(path, axis=0)
+    steps[:, :2] = _turned_plane(steps[:, :2], -path[1:, 2])
+    rates = np.concatenate([steps[:1], steps]) * fps if len(steps) else np.zeros((len(path), 3))
+    return np.concatenate([local.reshape(len(local), -1), rates], axis=1).astype(np.float32)
+
+
+def decode_motion(
+    code: ArrayLike, fps: float, skeleton: Skeleton, *, start: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> FloatArray:
+    """The joint positions that a motion code stands for; `encode_motion` backwards.
+
+    Parameters
+    ----------
+    code : (T, 3 J + 3) array
+    fps : float, hertz
+    skeleton : Skeleton
+    start : (x, z, heading) of the root at frame 0: metres, metres, radians
+        A row of `root_path`, or what `pose_of_root` says of a frame.
+
+    Returns
+    -------
+    (T, J, 3) array, metres
+
+    Raises
+    ------
+    ValueError
+        If the shape does not fit the skeleton, or fps is not positive.
+    """
+    code = np.asarray(code, dtype=np.float64)
+    if code.ndim != 2 or code.shape[1] != n_channels(skeleton):
+        raise ValueError(f"code must be (frames, {n_channels(skeleton)}) for this skeleton, got shape {code.shape}")
+    _check_fps(fps)
+    steps = code[:, -3:] / fps
+    steps[:1] = 0.0
+    heading = start[2] + np.cumsum(steps[:, 2])
+    way = np.array(start[:2]) + np.cumsum(_turned_plane(steps[:, :2], heading), axis=0)
+    world = _turned(code[:, :-3].reshape(len(code), -1, 3), heading[:, None])
+    world[..., 0] += way[:, :1]
+    world[..., 2] += way[:, 1:]
+    return world
+
+
+def root_path(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArray:
+    """Root x, root z (metres) and heading (radians, without jumps) of every frame, as `encode_motion` takes them.
+
+    Parameters
+    ----------
+    positions : (T, J, 3) array, metres, y up
+    fps : float, hertz
+    skeleton : Skeleton
+
+    Returns
+    -------
+    (T, 3) array; a row is a `start` of `decode_motion`
+    """
+    across = smooth(_across(positions, skeleton), HEADING_SMOOTHING, fps)
+    return np.column_stack([root_position(positions, skeleton)[:, [0, 2]], _heading(across)])
+
+
+def pose_of_root(positions: FloatArray, skeleton: Skeleton) -> tuple[float, float, float]:
+    """Where the root of a single frame stands and faces, so that a dance can go on from there.
+
+    Parameters
+    ----------
+    positions : (J, 3) array, metres, y up
+
+    Returns
+    -------
+    (x, z, heading): metres, metres, radians; the heading of this frame alone, not smoothed
+    """
+    frame = np.asarray(positions, dtype=np.float64)[None]
+    x, _, z = root_position(frame, skeleton)[0]
+    return float(x), float(z), float(_heading(_across(frame, skeleton))[0])
+
+
+def root_position(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
+    """The root of every frame, (T, 3): the first joint without parent, or, without any bone, the mean of all joints."""
+    if not skeleton.bones:
+        return positions.mean(axis=1)
+    return positions[:, skeleton.parents.index(-1)] if -1 in skeleton.parents else positions[:, 0]
+
+
+def bone_lengths(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
+    """Mean length of the bone from each joint to its parent, (J,) array in metres; 0 where there is no parent.
+
+    Parameters
+    ----------
+    positions : (T, J, 3) array, metres
+    """
+    parents = np.array(skeleton.parents)
+    lengths = np.linalg.norm(positions - positions[:, np.where(parents < 0, 0, parents)], axis=2).mean(axis=0)
+    return np.where(parents < 0, 0.0, lengths)
+
+
+def side_pairs(skeleton: Skeleton) -> tuple[tuple[int, int], ...]:
+    """(left, right) joints of hips and shoulders, told by their names: left_hip, "hip L", RightUpLeg, lhip, l_shoulder.
+
+    >>> side_pairs(Skeleton(("hip L", "hip R", "knee L"), (-1, 0, 0)))
+    ((0, 1),)
+    """
+    found: dict[tuple[str, str], int] = {}
+    for joint, name in enumerate(skeleton.joints):
+        side, part = _side_and_part(name)
+        if side and part in _PAIRED:
+            found.setdefault((side, part), joint)
+    parts = [part for side, part in found if side == "left" and ("right", part) in found]
+    return tuple((found["left", part], found["right", part]) for part in parts)
+
+
+def _side_and_part(name: str) -> tuple[str, str]:
+    """("left" or "right", part of the body) that a joint's name tells; ("", name) if it tells no side."""
+    plain = name.rpartition(":")[2]  # "mixamorig:LeftUpLeg"
+    words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", plain)]
+    if len(words) == 1 and words[0][:1] in _SIDES and words[0][1:] in _PAIRED:
+        words = [words[0][0], words[0][1:]]
+    sides = [_SIDES[word] for word in words if word in _SIDES]
+    part = "".join(word for word in words if word not in _SIDES)
+    return (sides[0], part) if len(sides) == 1 else ("", part)
+
+
+def _across(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
+    """From the dancer's right to the left, seen from above: (T, 2) array of x and z, metres; +x without names."""
+    pairs = side_pairs(skeleton)
+    if not pairs:
+        return np.tile([1.0, 0.0], (len(positions), 1))
+    left, right = np.array(pairs).T
+    return (positions[:, left] - positions[:, right]).mean(axis=1)[:, [0, 2]]
+
+
+def _heading(across: FloatArray) -> FloatArray:
+    """(T,) headings without jumps; where left and right coincide, the heading before."""
+    # A dancer who faces +z has the left side at +x.
+    heading = np.arctan2(-across[:, 1], across[:, 0])
+    known = np.hypot(across[:, 0], across[:, 1]) > SHORTEST_ACROSS
+    if not known.any():
+        return np.zeros(len(across))
+    last = np.maximum.accumulate(np.where(known, np.arange(len(across)), int(known.argmax())))
+    return np.unwrap(heading[last])
+
+
+def _turned(points: FloatArray, angle: FloatArray) -> FloatArray:
+    """Points (..., 3) turned about the y axis by `angle` (...) radians, from +z towards +x."""
+    x, z = points[..., 0], points[..., 2]
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([x * cosine + z * sine, points[..., 1], z * cosine - x * sine], axis=-1)
+
+
+def _turned_plane(points: FloatArray, angle: FloatArray) -> FloatArray:
+    """The same for points (..., 2) on the floor: x and z."""
+    x, z = points[..., 0], points[..., 1]
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack([x * cosine + z * sine, z * cosine - x * sine], axis=-1)
+
+
+def _check_fps(fps: float) -> None:
+    if not 0 < fps < np.inf:
+        raise ValueError(f"fps must be positive and finite, got {fps}")
+
+
+def _checked(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArray:
+    """`positions` in double precision; ValueError unless they are (T, J, 3) for the skeleton."""
+    _check_fps(fps)
+    positions = np.asarray(positions, dtype=np.float64)
+    if positions.ndim != 3 or positions.shape[1:] != (len(skeleton.joints), 3) or not len(positions):
+        expected = f"(frames, {len(skeleton.joints)}, 3)"
+        raise ValueError(f"positions must be {expected} for this skeleton, got shape {positions.shape}")
+    return positions

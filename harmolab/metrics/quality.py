@@ -1,0 +1,283 @@
+"""How natural a motion is, music aside: jerk, freezing, sliding feet, contact with the floor, bones, jumps.
+
+Everything is measured over steps of a fixed time, a fifteenth of a second unless told otherwise, and not from one frame
+to the next: a frame difference answers at 60 frames per second a question other than at 15, where nearly a fifth of the
+jerk of a movement at 3 Hz is gone. A motion whose rate is not a multiple of the steps is brought to the next multiple
+by cubic splines. Nothing depends on where in the room the dancer is. Steps over frames that are not `Motion.valid` do
+not count.
+
+A single number says little: compare with the same number of recorded dance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from harmolab.io.joint_names import foot_joints
+from harmolab.metrics.steps import STEP, runs, sampled, spans, vector_lengths
+from harmolab.types import Motion
+
+__all__ = [
+    "PEAK_PERCENTILE",
+    "StepSpeeds",
+    "bone_error",
+    "foot_skating",
+    "freezing",
+    "jerk",
+    "largest_step",
+    "pfc",
+    "relative_jerk",
+]
+
+FloatArray = NDArray[np.float64]
+
+FOOT_FPS = 60.0  # hertz; at fewer instants a foot's coming and going is not found in time
+FLOOR_PERCENTILE = 5.0  # a foot joint is on the floor for more than this share of a dance, in percent
+SHORTEST_BONE = 1e-6  # metres; joints nearer than this are one point, not a bone
+NO_PUSH = 1e-6  # metres per second squared; what rounding leaves of a root that does not accelerate
+PEAK_PERCENTILE = 99.9
+
+
+@dataclass(frozen=True)
+class StepSpeeds:
+    """How fast the fastest joint is, metres per second.
+
+    Parameters
+    ----------
+    largest : float
+        The fastest step of any joint.
+    percentile_999 : float
+        The speed that one step of a joint in a thousand exceeds.
+    """
+
+    largest: float
+    percentile_999: float
+
+
+def jerk(motion: Motion, *, step: float = STEP) -> float:
+    """Mean length of the third difference of the joint positions, metres per second cubed.
+
+    |p(t + 3s) - 3 p(t + 2s) + 3 p(t + s) - p(t)| / s^3, mean over time and joints, s the step.
+
+    Parameters
+    ----------
+    motion : Motion, three-dimensional
+    step : float, seconds
+        Shorter steps find faster trembling but need the frames for it: below 1 / fps the splines answer.
+
+    Returns
+    -------
+    float; 0 when every joint moves with constant acceleration
+
+    Raises
+    ------
+    ValueError
+        If the motion is two-dimensional, shorter than three steps or nowhere valid for as long, or if step is not
+        positive.
+    """
+    positions, valid, stride = sampled(motion, step, steps=3)
+    third = (
+        positions[3 * stride :]
+        - 3 * positions[2 * stride : -stride]
+        + 3 * positions[stride : -2 * stride]
+        - positions[: -3 * stride]
+    )
+    return float(vector_lengths(third)[spans(valid, 3 * stride)].mean()) / step**3
+
+
+def relative_jerk(motion: Motion, *, step: float = STEP) -> float:
+    """`jerk` per mean joint speed, 1 / seconds squared: trembling is large here, mere liveliness is not.
+
+    A joint that swings at f hertz has (2 pi f)^2, however wide it swings.
+
+    Returns
+    -------
+    float; 0 when nothing moves
+
+    Raises
+    ------
+    ValueError
+        As `jerk`.
+    """
+    speed = float(_speeds(motion, step).mean())
+    return jerk(motion, step=step) / speed if speed else 0.0
+
+
+def freezing(motion: Motion, *, threshold: float = 0.1, window: float = 1.0, step: float = STEP) -> float:
+    """Share of all windows of time throughout which the dancer stands still.
+
+    Parameters
+    ----------
+    motion : Motion, three-dimensional
+    threshold : float, metres per second
+        Still is when the mean speed of the joints is below this. A pose that glides through the room is not still:
+        `foot_skating` finds it.
+    window : float, seconds
+        How long it must last; a shorter motion is one window. Windows of which less than half is valid do not count.
+    step : float, seconds
+
+    Returns
+    -------
+    float in [0, 1]
+
+    Raises
+    ------
+    ValueError
+        If the motion is two-dimensional, shorter than a step or nowhere valid for half a window, or if a setting is not
+        positive.
+    """
+    for name, value in (("threshold", threshold), ("window", window)):
+        if not 0 < value < math.inf:
+            raise ValueError(f"{name} must be positive, got {value}")
+    positions, valid, stride = sampled(motion, step, steps=1)
+    moving = vector_lengths(positions[stride:] - positions[:-stride]).mean(axis=1) / step >= threshold
+    length = min(max(round(window / step * stride) - stride + 1, 1), len(moving))
+    known = spans(valid, stride)
+    # A recording that is spliced every second would have no window left if a window had to be valid throughout.
+    usable = np.convolve(known, np.ones(length), "valid") >= length / 2
+    if not usable.any():
+        raise ValueError(f"no window of {window:g} s is valid for half of its time")
+    return float(runs(~moving | ~known, length)[usable].mean())
+
+
+def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) -> float:
+    """Metres per second that a foot slides while it is on the floor.
+
+    A joint of a foot is on the floor where it is at most `height` above its own resting height (the 5th percentile of
+    its height) at both ends of a step. Of the joints of a foot that are, the slowest one counts, so turning on the ball
+    of the foot or rolling over the toes is not sliding. Dancers do slide, in ballroom dances all the time: compare with
+    recordings.
+
+    Parameters
+    ----------
+    motion : Motion, three-dimensional, y up, floor level
+    height : float, metres
+    step : float, seconds
+
+    Returns
+    -------
+    float; mean over all steps of all feet on the floor, 0 when there is none
+
+    Raises
+    ------
+    ValueError
+        If no joint is called toe, heel, ankle or foot; else as `freezing`.
+    """
+    if not 0 < height < math.inf:
+        raise ValueError(f"height must be positive, got {height}")
+    feet = foot_joints(motion.skeleton)
+    positions, valid, stride = sampled(motion, step, steps=1, fps=FOOT_FPS)
+    low = positions[..., 1] <= np.percentile(positions[valid, :, 1], FLOOR_PERCENTILE, axis=0) + height
+    slide = np.hypot(*(positions[stride:, :, [0, 2]] - positions[:-stride, :, [0, 2]]).T).T / step
+    slide = np.where(low[stride:] & low[:-stride], slide, np.inf)[spans(valid, stride)]
+    speeds = np.stack([slide[:, joints].min(axis=1) for joints in feet])
+    on_floor = np.isfinite(speeds)
+    return float(speeds[on_floor].mean()) if on_floor.any() else 0.0
+
+
+def pfc(motion: Motion, *, step: float = STEP) -> float:
+    """Physical foot contact score (Tseng et al. 2023, EDGE), square metres per second squared; lower is better.
+
+    The mean over time of (slowest joint of the left foot) * (slowest joint of the right foot) * (acceleration of the
+    root) / (its largest): whoever accelerates must push with a foot that stands. Foot speeds are horizontal; of the
+    root's vertical acceleration only the upward part counts.
+
+    Parameters
+    ----------
+    motion : Motion, three-dimensional, y up
+        The root is the first joint without parent; without any bone, the mean of all joints.
+    step : float, seconds
+        EDGE's own code takes frames at 30 per second, leaves foot speeds in metres per frame and multiplies by 10^4:
+        its scores are 10^4 / 30^2 times those of ``step=1 / 30``.
+
+    Returns
+    -------
+    float; 0 when the root does not accelerate
+
+    Raises
+    ------
+    ValueError
+        If no joint of a left and of a right foot is found by name, or as `jerk` (two steps).
+    """
+    feet = foot_joints(motion.skeleton)
+    if len(feet) != 2:
+        raise ValueError(f"two feet are needed, named left and right; joints are {motion.skeleton.joints}")
+    positions, valid, stride = sampled(motion, step, steps=2)
+    root = _root(positions, motion)
+    push = (root[2 * stride :] - 2 * root[stride:-stride] + root[: -2 * stride]) / step**2
+    push[:, 1] = np.maximum(push[:, 1], 0.0)
+    strength = np.linalg.norm(push, axis=1)
+    slide = np.hypot(*(positions[2 * stride :, :, [0, 2]] - positions[stride:-stride, :, [0, 2]]).T) / step
+    left, right = (slide[list(joints)].min(axis=0) for joints in feet)
+    usable = spans(valid, 2 * stride)
+    peak = strength[usable].max()
+    return float((left * right * strength)[usable].mean() / peak) if peak > NO_PUSH else 0.0
+
+
+def bone_error(motion: Motion, lengths: ArrayLike | None = None) -> float:
+    """Largest relative deviation of any bone in any valid frame from its reference length: 0.05 is 5 %.
+
+    Parameters
+    ----------
+    motion : Motion
+        Joints with a parent have a bone.
+    lengths : (J,) array, metres, optional
+        Reference length of the bone from each joint to its parent; 0 leaves a bone out. The motion's own means when
+        not given.
+
+    Raises
+    ------
+    ValueError
+        If the skeleton has no bones, or `lengths` does not fit it, is negative, not finite or 0 throughout, or if no
+        frame is valid.
+    """
+    if not motion.skeleton.bones:
+        raise ValueError("bone_error needs a skeleton with bones, this one has no parents")
+    if not motion.valid.any():
+        raise ValueError("no frame of the motion is valid")
+    parents, joints = np.array(motion.skeleton.bones).T
+    positions = motion.positions[motion.valid]
+    found = vector_lengths(positions[:, joints] - positions[:, parents])
+    reference = found.mean(axis=0) if lengths is None else _reference_lengths(lengths, motion)[joints]
+    bones = reference > SHORTEST_BONE
+    if not bones.any():
+        raise ValueError("no bone has a reference length above zero")
+    return float(np.abs(found[:, bones] / reference[bones] - 1).max())
+
+
+def largest_step(motion: Motion, *, step: float = STEP) -> StepSpeeds:
+    """The fastest step of any joint, and the speed that one in a thousand exceeds: a jump is far above the latter.
+
+    Raises
+    ------
+    ValueError
+        As `freezing`.
+    """
+    speeds = _speeds(motion, step)
+    return StepSpeeds(float(speeds.max()), float(np.percentile(speeds, PEAK_PERCENTILE)))
+
+
+def _speeds(motion: Motion, step: float) -> FloatArray:
+    """Speed of every joint over every valid step, (S, J), metres per second."""
+    positions, valid, stride = sampled(motion, step, steps=1)
+    return vector_lengths(positions[stride:] - positions[:-stride])[spans(valid, stride)] / step
+
+
+def _root(positions: FloatArray, motion: Motion) -> FloatArray:
+    parents = motion.skeleton.parents
+    if not motion.skeleton.bones:
+        return positions.mean(axis=1)
+    return positions[:, parents.index(-1) if -1 in parents else 0]
+
+
+def _reference_lengths(lengths: ArrayLike, motion: Motion) -> FloatArray:
+    reference = np.asarray(lengths, dtype=np.float64)
+    if reference.shape != (len(motion.skeleton.joints),):
+        raise ValueError(f"lengths must be one per joint ({len(motion.skeleton.joints)}), got shape {reference.shape}")
+    if not (np.isfinite(reference) & (reference >= 0)).all():
+        raise ValueError(f"lengths must be finite and not negative, got {reference.min()}")
+    return reference
