@@ -1,0 +1,240 @@
+"""Weights on disk: tensors in safetensors, everything else in a JSON file beside them. Nothing is ever unpickled.
+
+``<stem>.safetensors``
+    The module's parameters and buffers.
+``<stem>.json``
+    What is needed to build the module again (class, sizes, skeleton, frame rate, settings of the audio features), the
+    shapes and the SHA-256 of the other file, and whatever the caller adds about training.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, cast
+
+import safetensors.torch
+import torch
+from safetensors import SafetensorError
+from torch import Tensor, nn
+
+from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, read_json, reading
+from harmolab.models.harmogan import Generator
+from harmolab.models.pose_features import PoseNet
+from harmolab.params import FeatureParams, ModelParams
+from harmolab.types import Skeleton
+
+__all__ = ["FORMAT", "load_generator", "load_pose_net", "read_about", "save_weights"]
+
+FORMAT = 1
+DEFAULT_STEM = "model"
+_WHAT = "weights of harmolab"
+_PICKLES = (".pt", ".pth", ".pkl", ".pickle", ".ckpt", ".bin")
+# A description beyond these is not one of ours; building it would only fill the memory.
+_MOST_JOINTS, _MOST_LAYERS, _MOST_UNITS = 1000, 64, 2**16
+# Statistics and lengths span too many orders of magnitude for 16 bits.
+_ALWAYS_32_BIT = ("_scale.", "bone_lengths")
+
+
+def save_weights(
+    path: PathLike, module: nn.Module, meta: Mapping[str, Any] | None = None, *, half: bool = False
+) -> None:
+    """Write a generator or a pose network to ``<path>.safetensors`` and ``<path>.json``, aside and then renamed.
+
+    Parameters
+    ----------
+    path : str or path
+        File stem, or an existing folder (the stem is then "model" in it). Suffixes of the two files may be given.
+    module : Generator or PoseNet
+    meta : JSON-able mapping about training; comes back from `read_about` under "meta"
+    half : bool
+        Store parameters in 16 bits. Statistics and bone lengths stay in 32.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite (in 16 bits), or the module is of another class.
+    """
+    stem = _stem(path)
+    tensors = {name: _stored(name, values, half=half) for name, values in module.state_dict().items()}
+    _check_finite(stem, tensors)
+    data = safetensors.torch.save(tensors)
+    about = {
+        "format": FORMAT,
+        "harmolab": version("harmolab"),
+        "class": type(module).__name__,
+        "build": _description(module),
+        "shapes": {name: list(values.shape) for name, values in tensors.items()},
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "meta": dict(meta or {}),
+    }
+    text = json.dumps(about, indent=1, allow_nan=False)
+    _publish({_tensor_file(stem): data, _json_file(stem): text.encode()})
+
+
+def load_generator(path: PathLike) -> Generator:
+    """The generator stored at `path`, on the CPU, in single precision and evaluation mode.
+
+    Parameters
+    ----------
+    path : str or path
+        As in `save_weights`.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such weights file.
+    ValueError
+        It is damaged, foreign, of another size than its description says, holds NaN, lacks its JSON, or is a pickle;
+        the message names the file and the fault.
+    """
+    return cast(Generator, _load(path, Generator))
+
+
+def load_pose_net(path: PathLike) -> PoseNet:
+    """The pose network stored at `path`, on the CPU, in single precision and evaluation mode; errors as above."""
+    return cast(PoseNet, _load(path, PoseNet))
+
+
+def read_about(path: PathLike) -> dict[str, Any]:
+    """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as it was given on saving."""
+    file = _json_file(_stem(path))
+    with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
+        about = read_json(file)
+        if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
+            raise ValueError("does not describe weights of harmolab")
+        if about["format"] != FORMAT:
+            raise ValueError(f"has format {about['format']!r}; this version reads {FORMAT}. Update harmolab")
+    return about
+
+
+def _load(path: PathLike, wanted: type[nn.Module]) -> nn.Module:
+    """Any of our modules, checked on the way: description, hash, names and shapes, values."""
+    stem = _stem(path)
+    file = _tensor_file(stem)
+    with reading(file, _WHAT):
+        data = file.read_bytes()
+        if not _json_file(stem).is_file():
+            raise ValueError(f"lacks its description {_json_file(stem).name}, which must lie beside it")
+        about = read_about(stem)
+        if about.get("class") != wanted.__name__:
+            raise ValueError(f"holds a {about.get('class')}, not a {wanted.__name__}")
+        tensors = _tensors(data)
+        if hashlib.sha256(data).hexdigest() != about.get("sha256"):
+            raise ValueError(f"is not the file that {_json_file(stem).name} describes (SHA-256 differs)")
+        _check_finite(stem, tensors)
+        return _filled(_built(about, tensors), tensors)
+
+
+def _stem(path: PathLike) -> Path:
+    """The path without the suffix of either file; ValueError for a pickle."""
+    path = Path(path)
+    if path.suffix.lower() in _PICKLES:
+        raise ValueError(f"{path}: pickled weights are never loaded, they can run any code; convert to safetensors")
+    if path.suffix in (".safetensors", ".json"):
+        return path.with_suffix("")
+    return path / DEFAULT_STEM if path.is_dir() else path
+
+
+def _tensor_file(stem: Path) -> Path:
+    return stem.with_name(f"{stem.name}.safetensors")
+
+
+def _json_file(stem: Path) -> Path:
+    return stem.with_name(f"{stem.name}.json")
+
+
+def _stored(name: str, values: Tensor, *, half: bool) -> Tensor:
+    """A tensor as it goes into the file."""
+    keep = not half or any(part in name for part in _ALWAYS_32_BIT)
+    return values.detach().cpu().to(torch.float32 if keep else torch.float16).contiguous().clone()
+
+
+def _check_finite(stem: Path, tensors: Mapping[str, Tensor]) -> None:
+    for name, values in tensors.items():
+        if not values.is_floating_point():
+            raise ValueError(f"{_tensor_file(stem)}: {name} must be floating-point numbers, got {values.dtype}")
+        if not bool(values.isfinite().all()):
+            raise ValueError(f"{_tensor_file(stem)}: {name} holds NaN or infinity")
+
+
+def _publish(files: Mapping[Path, bytes]) -> None:
+    """Write every file aside, then rename all of them."""
+    asides = {path: path.with_name(f".{path.name}.{os.getpid()}.part") for path in files}
+    try:
+        for path, data in files.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with asides[path].open("wb") as aside:
+                aside.write(data)
+                aside.flush()
+                os.fsync(aside.fileno())
+        for path, part in asides.items():
+            part.replace(path)
+    finally:
+        for part in asides.values():
+            part.unlink(missing_ok=True)
+
+
+def _tensors(data: bytes) -> dict[str, Tensor]:
+    try:
+        return safetensors.torch.load(data)
+    except SafetensorError as error:
+        raise ValueError(f"is damaged or no safetensors file ({error})") from None
+
+
+def _description(module: nn.Module) -> dict[str, Any]:
+    """What `_built` needs beside the tensors."""
+    if isinstance(module, Generator):
+        return {
+            "model": asdict(module.params),
+            "features": None if module.features is None else asdict(module.features),
+            "n_audio": module.n_audio,
+            "fps": module.fps,
+            "skeleton": asdict(module.skeleton),
+        }
+    if isinstance(module, PoseNet):
+        return {"fps": module.fps, "skeleton": asdict(module.skeleton)}
+    raise ValueError(f"weights of Generator and PoseNet can be stored, got {type(module).__name__}")
+
+
+def _built(about: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> nn.Module:
+    """The described module without memory of its own ("meta" device): a false description cannot fill the machine."""
+    build = about["build"]
+    skeleton = Skeleton(tuple(build["skeleton"]["joints"]), tuple(build["skeleton"]["parents"]))
+    if len(skeleton.joints) > _MOST_JOINTS:
+        raise ValueError(f"describes {len(skeleton.joints)} joints, more than {_MOST_JOINTS}")
+    with torch.device("meta"):
+        if about["class"] == "PoseNet":
+            return PoseNet(skeleton, fps=float(build["fps"]))
+        model = ModelParams(**{name: _whole(name, value) for name, value in build["model"].items()})
+        if model.layers > _MOST_LAYERS:
+            raise ValueError(f"describes {model.layers} recurrent layers, more than {_MOST_LAYERS}")
+        features = None if build["features"] is None else FeatureParams(**build["features"])
+        n_audio, fps = _whole("n_audio", build["n_audio"]), float(build["fps"])
+        module = Generator(model, n_audio, skeleton, tensors["bone_lengths"], fps=fps, features=features)
+    return module
+
+
+def _whole(name: str, value: object) -> int:
+    """A size from a description, as an int."""
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= _MOST_UNITS:
+        raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from 1 to {_MOST_UNITS} is needed")
+    return value
+
+
+def _filled(module: nn.Module, tensors: Mapping[str, Tensor]) -> nn.Module:
+    """`module` with these tensors in it; ValueError unless names and shapes agree."""
+    expected = module.state_dict()
+    if missing := sorted(expected.keys() ^ tensors.keys()):
+        raise ValueError(f"has other tensors than its description calls for, such as {missing[0]}")
+    for name, values in tensors.items():
+        if values.shape != expected[name].shape:
+            shapes = f"{tuple(values.shape)}; its description calls for {tuple(expected[name].shape)}"
+            raise ValueError(f"{name} has shape {shapes}")
+    module.load_state_dict({name: values.float() for name, values in tensors.items()}, assign=True)
+    return module.eval()
