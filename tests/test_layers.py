@@ -26,12 +26,12 @@ LAYERS = {
     "significance": 2,
     "metrics": 2,
     "features": 2,
-    "retiming": 2,
     "data": 3,
     "models": 4,
     "viz": 4,
     "training": 5,
     "synthesis": 5,
+    "retiming": 5,
     "experiments": 6,
     "parts": 6,
     "corpus": 6,
@@ -56,7 +56,7 @@ ARROWS = {  # allowed inside a layer
 SEES_ONLY = {"viz": set(), "widgets": {"viz"}}  # these two see layers 0 to 2 and what is named here
 
 LIBRARIES = {
-    "torch": ("models", "training", "synthesis", "experiments"),
+    "torch": ("models", "training", "synthesis", "retiming", "experiments"),
     "matplotlib": ("viz", "widgets"),
     "ipywidgets": ("widgets",),
     "librosa": ("io", "beats.audio", "features"),
