@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from harmolab.io.beats import load_beats
     from harmolab.io.motion import load_motion, save_motion
     from harmolab.params import BarPattern, HarmonyParams, RunProfile
+    from harmolab.synthesis import synthesize_dance
     from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, MeterUnit, Motion, Skeleton
 
 __version__ = "0.1.0"
@@ -40,6 +41,7 @@ _HOME = {
     "harmolab.harmony": ("score_clip", "score_harmony", "score_motion"),
     "harmolab.corpus": ("compare",),
     "harmolab.data.synthetic": ("synthetic_clip",),
+    "harmolab.synthesis": ("synthesize_dance",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
@@ -65,6 +67,7 @@ __all__ = [
     "score_clip",
     "score_harmony",
     "score_motion",
+    "synthesize_dance",
     "synthetic_clip",
     "visual_beats",
 ]

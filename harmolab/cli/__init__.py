@@ -9,6 +9,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli.comparing import compare, learn
+from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
 from harmolab.cli.scoring import score
 
@@ -23,6 +24,7 @@ app = typer.Typer(
 app.command()(score)
 app.command()(compare)
 app.command()(learn)
+app.command()(dance)
 app.add_typer(data_app, name="data")
 
 

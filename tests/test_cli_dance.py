@@ -1,0 +1,274 @@
+"""`harmolab dance`: files that play, the scores of what was made, one line for what cannot be done."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import soundfile
+import torch
+from typer.testing import CliRunner, Result
+
+import harmolab
+from harmolab.cli import app
+from harmolab.cli.dance_page import dance_page
+from harmolab.cli.dancing import dance_scores
+from harmolab.features.poses import bone_lengths, encode_motion
+from harmolab.io import load_audio, load_motion
+from harmolab.kinematics import resample_motion
+from harmolab.models.harmogan import Generator
+from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
+from harmolab.models.weights import load_generator, save_weights
+from harmolab.params import FeatureParams, ModelParams
+from harmolab.synthesis import synthesize_dance
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+
+FPS = 15.0
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return harmolab.synthetic_clip("cha-cha", seed=1)
+
+
+@pytest.fixture(scope="module")
+def song(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six seconds of a synthetic cha-cha."""
+    path = tmp_path_factory.mktemp("music") / "song.wav"
+    soundfile.write(path, clip.audio.samples, round(clip.audio.sample_rate))
+    return path
+
+
+@pytest.fixture(scope="module")
+def run_folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Weights of a small untrained generator, and movements to start from."""
+    torch.manual_seed(0)
+    features = FeatureParams(n_mfcc=4, beat_channels=True)
+    motion = resample_motion(clip.motion, FPS)
+    code = encode_motion(motion.positions, FPS, motion.skeleton)
+    generator = Generator(
+        ModelParams(hidden=8, layers=1, pose_features=8, critic=4), features.n_audio, motion.skeleton,
+        torch.tensor(bone_lengths(motion.positions, motion.skeleton)), fps=FPS, features=features,
+    )  # fmt: skip
+    generator.motion_scale.set(torch.tensor(code.mean(axis=0)), torch.tensor(code.std(axis=0)))
+    folder = tmp_path_factory.mktemp("run")
+    save_weights(folder / "model", generator)
+    save_poses(folder / "model", PoseBank(np.stack([code[:30], code[30:60]]), ("cha-cha", "cha-cha")))
+    return folder
+
+
+@pytest.fixture
+def dance(song: Path, run_folder: Path) -> Callable[..., Result]:
+    """The command, with song and weights; two seconds unless said otherwise."""
+
+    def call(out: Path, *options: object) -> Result:
+        arguments = ["dance", song, "--weights", run_folder, "--seconds", 2, "--out", out, *options]
+        return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+    return call
+
+
+def test_npz_holds_what_the_function_gives(
+    dance: Callable[..., Result], tmp_path: Path, song: Path, run_folder: Path
+) -> None:
+    result = dance(tmp_path / "dance.npz", "--seed", 1, "--start", 1.5, "--dance", "cha-cha")
+    assert result.exit_code == 0, result.output
+    expected = synthesize_dance(
+        load_generator(run_folder), load_audio(song), seconds=2.0, start=1.5, seed=1, poses=load_poses(run_folder),
+        dance="cha-cha",
+    )  # fmt: skip
+    np.testing.assert_allclose(load_motion(tmp_path / "dance.npz").positions, expected.positions, atol=1e-6)
+    assert [file.name for file in tmp_path.iterdir()] == ["dance.npz"]
+
+
+def test_table_names_every_score_beside_its_chance(dance: Callable[..., Result], tmp_path: Path) -> None:
+    output = dance(tmp_path / "dance.npz").output
+    for name in ("harmony above chance", "p value", "paper: harmony", "paper: hit rate", "paper: chance"):
+        assert re.search(rf"{name}\W+-?\d", output), name
+    for name in ("visual beats M", "music beats N", "jerk", "foot skating"):
+        assert name in output
+    assert f"wrote {tmp_path / 'dance.npz'}" in output.replace("\n", "")
+
+
+def test_bvh_and_npz_of_a_seed_are_the_same_dance(dance: Callable[..., Result], tmp_path: Path) -> None:
+    for name in ("dance.npz", "dance.bvh"):
+        assert dance(tmp_path / name).exit_code == 0
+    motion, back = load_motion(tmp_path / "dance.npz"), load_motion(tmp_path / "dance.bvh")
+    order = [back.skeleton.joints.index(name) for name in motion.skeleton.joints]
+    np.testing.assert_allclose(back.positions[:, order], motion.positions, atol=1e-4)
+
+
+def test_mp4_has_picture_and_sound_of_the_length_asked_for(dance: Callable[..., Result], tmp_path: Path) -> None:
+    assert dance(tmp_path / "dance.mp4", "--start", 2).exit_code == 0
+    with av.open(str(tmp_path / "dance.mp4")) as container:
+        picture, sound = container.streams.video[0], container.streams.audio[0]
+        assert (picture.width, picture.height, picture.average_rate) == (640, 480, 30)
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        assert len(frames) == pytest.approx(60, abs=2)
+        assert float(sound.duration * sound.time_base) == pytest.approx(2.0, abs=0.1)
+    assert (frames[0] != frames[-1]).any()
+
+
+def test_several_samples_are_numbered_by_their_seeds(dance: Callable[..., Result], tmp_path: Path) -> None:
+    result = dance(tmp_path / "dance.npz", "--samples", 2, "--seed", 3)
+    assert result.exit_code == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["dance_3.npz", "dance_4.npz"]
+    assert "seed 3" in result.output
+    assert "seed 4" in result.output
+    one, other = (load_motion(tmp_path / f"dance_{seed}.npz").positions for seed in (3, 4))
+    assert (one != other).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "fault"),
+    [
+        ("dance.avi", (), "dance.avi: a dance is written as .mp4, .html, .bvh, .npz"),
+        ("none/dance.mp4", (), "none: no such folder"),
+        ("dance.mp4", ("--start", 60), "start must lie within the music (0 to 6.00 s), got 60 s"),
+        ("dance.mp4", ("--dance", "polka"), "unknown dance 'polka'"),
+        ("dance.mp4", ("--seconds", -1), "seconds must be positive, got -1"),
+        ("dance.mp4", ("--weights", "nowhere"), "nowhere.safetensors: no such file"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_no_file(
+    dance: Callable[..., Result], tmp_path: Path, name: str, options: tuple[object, ...], fault: str
+) -> None:
+    result = dance(tmp_path / name, *options)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("harmolab: ")
+    assert fault in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_song_is_named(run_folder: Path, tmp_path: Path) -> None:
+    arguments = ["dance", str(tmp_path / "none.mp3"), "--weights", str(run_folder), "--out", str(tmp_path / "x.npz")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert result.stderr.strip() == f"harmolab: {tmp_path / 'none.mp3'}: no such file"
+
+
+def test_installation_without_weights_says_how_to_get_some(
+    song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(harmolab, "__file__", str(tmp_path / "harmolab" / "__init__.py"))
+    result = CliRunner().invoke(app, ["dance", str(song), "--out", str(tmp_path / "x.npz")])
+    assert result.exit_code == 2
+    assert "no weights are shipped" in result.stderr
+    assert "harmolab train DATA --out RUN" in result.stderr
+
+
+def test_page_without_its_library_is_refused_before_any_work(
+    dance: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harmolab.cli.dancing.find_spec", lambda name: None)
+    result = dance(tmp_path / "dance.html")
+    assert result.exit_code == 2
+    assert "pages need jinja2" in result.stderr
+
+
+def test_help_loads_neither_torch_nor_opencv() -> None:
+    code = (
+        "import sys; from typer.testing import CliRunner; from harmolab.cli import app\n"
+        "assert CliRunner().invoke(app, ['dance', '--help']).exit_code == 0\n"
+        "print(*sorted({'torch', 'cv2', 'librosa', 'av'} & {name.partition('.')[0] for name in sys.modules}))"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert shown.strip() == ""
+
+
+def test_scores_of_a_planted_dance(clip: Clip) -> None:
+    scores = dance_scores(clip.motion, clip.beats)
+    assert scores["harmony above chance"] > 0.5
+    assert scores["p value"] < 0.05
+    assert scores["music beats N"] == len(clip.beats)
+    assert 0 < scores["paper: chance"] <= 1
+    assert scores["foot skating, m/s"] is not None
+
+
+def test_scores_of_a_dancer_without_feet_have_none_for_skating(swinging_arm: Callable[..., Motion]) -> None:
+    motion = swinging_arm(1.0, 30.0)
+    beats = BeatTrack(np.arange(0.25, 6.0, 0.5), np.ones(12), 30.0, 6.0)  # the arm rests there
+    scores = dance_scores(motion, beats)
+    assert scores["foot skating, m/s"] is None
+    assert scores["harmony above chance"] == pytest.approx(1.0)
+    assert scores["visual beats M"] == 12
+
+
+# The page
+
+
+def page_of(motion: Motion, audio: Audio, title: str = "a song") -> str:
+    return dance_page(motion, audio, beats=BeatTrack([0.5], [1.0], 100.0, 2.0), title=title, facts={"M": "3"})
+
+
+def data_of(page: str) -> dict:
+    return json.loads(re.search(r"^const data = (.*);$", page, flags=re.MULTILINE)[1])
+
+
+def test_page_holds_the_movement_at_thirty_frames_a_second(clip: Clip) -> None:
+    motion = resample_motion(clip.motion, FPS).span(0.0, 2.0)
+    data = data_of(page_of(motion, clip.audio.span(0.0, 2.0)))
+    positions = np.frombuffer(base64.b64decode(data["positions"]), "<f4").reshape(data["frames"], data["joints"], 3)
+    assert data["fps"] == 30
+    np.testing.assert_allclose(positions[::2], motion.positions, atol=1e-5)
+    assert data["beats"] == [0.5]
+
+
+def test_page_holds_the_sound_sample_by_sample(clip: Clip) -> None:
+    audio = clip.audio.span(0.0, 1.0)
+    page = page_of(clip.motion, audio)
+    sound = base64.b64decode(re.search(r'src="data:audio/flac;base64,([^"]+)"', page)[1])
+    samples, rate = soundfile.read(io.BytesIO(sound))
+    assert rate == audio.sample_rate
+    np.testing.assert_allclose(samples, np.clip(audio.samples, -1, 1), atol=1 / 2**15)
+
+
+def test_page_asks_the_network_for_nothing_and_quotes_what_it_is_given(clip: Clip) -> None:
+    page = page_of(clip.motion, clip.audio.span(0.0, 1.0), title='<script>alert("1")</script>')
+    assert not re.search(r"https?://|//[a-z]+\.", page)
+    assert "<script>alert" not in page
+    assert page.count("<script>") == 1
+
+
+def test_page_refuses_image_coordinates() -> None:
+    flat = Motion(np.zeros((5, 2, 2)), 15.0, Skeleton(("a", "b"), (-1, 0)))
+    with pytest.raises(ValueError, match="image coordinates"):
+        page_of(flat, Audio(np.zeros(100), 8000))
+
+
+@pytest.mark.browser
+def test_page_plays_and_the_picture_follows_the_sound(clip: Clip, tmp_path: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api")
+    (tmp_path / "dance.html").write_text(page_of(clip.motion, clip.audio), "utf-8")
+    with playwright.sync_playwright() as session:
+        chromium = shutil.which("chromium") or shutil.which("google-chrome")
+        if chromium is None and not Path(session.chromium.executable_path).is_file():
+            pytest.skip("no Chromium here: install chromium, or run `playwright install chromium`")
+        arguments = ["--no-sandbox", "--disable-gpu", "--autoplay-policy=no-user-gesture-required"]
+        browser = session.chromium.launch(executable_path=chromium, args=arguments)
+        page = browser.new_page()
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto((tmp_path / "dance.html").as_uri())
+        first = page.eval_on_selector("#stage", "canvas => canvas.toDataURL()")
+        page.click("#play")
+        page.wait_for_function("document.getElementById('sound').currentTime > 0.6", timeout=20_000)
+        assert page.text_content("#play") == "Pause"
+        page.keyboard.press("Space")  # on the button that was clicked: its own action
+        page.wait_for_function("document.getElementById('sound').paused", timeout=5_000)
+        assert page.eval_on_selector("#stage", "canvas => canvas.toDataURL()") != first
+        page.eval_on_selector("#seek", "bar => { bar.value = 3; bar.dispatchEvent(new Event('input')); }")
+        page.wait_for_function("document.getElementById('time').textContent === '3.0 s'", timeout=5_000)
+        assert errors == []
+        browser.close()
