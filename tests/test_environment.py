@@ -22,6 +22,7 @@ CONDA_NAMES = {
     "playwright": "playwright-python",
     "soundfile": "pysoundfile",
     "soxr": "soxr-python",
+    "torch": "pytorch",
 }
 
 
@@ -53,15 +54,17 @@ def pins() -> dict[str, str]:
 def conda_packages() -> dict[str, SpecifierSet]:
     """Name -> version bounds of environment.yml, without python and pip."""
     document = yaml.safe_load((ROOT / "environment.yml").read_text("utf-8"))
-    parsed = [re.fullmatch(r"([\w.-]+)(.*)", line).groups() for line in document["dependencies"]]
+    lines = [line for line in document["dependencies"] if isinstance(line, str)]
+    lines += [line for part in document["dependencies"] if isinstance(part, dict) for line in part["pip"]]
+    parsed = [re.fullmatch(r"([\w.-]+)(.*)", line).groups() for line in lines]
     return {name: SpecifierSet(bounds) for name, bounds in parsed if name not in ("python", "pip")}
 
 
 def test_conda_environment_names_the_same_packages_with_the_same_bounds():
     expected = {}
-    for requirement in requirements("lab", "dev"):
+    for requirement in requirements("lab", "train", "dev"):
         name = canonicalize_name(requirement.name)
-        expected[CONDA_NAMES.get(name, requirement.name.lower())] = requirement.specifier
+        expected[CONDA_NAMES.get(name, requirement.name)] = requirement.specifier
     assert conda_packages() == expected
 
 
