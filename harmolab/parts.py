@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import audio_beats, beat_strengths
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
 from harmolab.data import folders
+from harmolab.data.beats import music_beats
 from harmolab.harmony import above_chance
 from harmolab.metrics import beat_align, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.params import DANCES, BarPattern, HarmonyParams
@@ -98,20 +98,6 @@ class Part:
     def music(self, shift: float = 0.0, track: BeatTrack | None = None) -> BeatTrack:
         """The music's beats on the part's time line, the music coming `shift` seconds late."""
         return (track or self.track).span(self.start - shift, self.duration)
-
-
-def music_beats(folder: folders.Sequence, beats: str) -> BeatTrack:
-    """Beats of a sequence's music on the audio time line: annotated, or tracked with the dance's tempo as prior."""
-    clip, annotation = folder.clip, folder.annotation
-    if beats == "annotated":
-        if annotation is None:
-            raise ValueError(f"{folder.folder}: no beats.json; use tracked beats")
-        if annotation.times.size == 0:
-            raise ValueError(f"{folder.folder}: beats.json holds no beats; use tracked beats")
-        duration = max(clip.audio.duration, float(annotation.times[-1]) + 1e-3)
-        strengths = np.maximum(beat_strengths(clip.audio, annotation.times), 0.0)
-        return replace(annotation.track(duration), strengths=strengths if strengths.any() else annotation.times * 0 + 1)
-    return audio_beats(clip.audio, tempo=clip.dance if clip.dance in DANCES else None)
 
 
 def cut_parts(folder: folders.Sequence, beats: str, window: float | None, params: HarmonyParams) -> list[Part]:

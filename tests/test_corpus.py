@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 
 from harmolab.corpus import LAGS, CorpusResult, compare
+from harmolab.data.beats import music_beats
 from harmolab.data.folders import Sequence
 from harmolab.io.beats import BeatAnnotation, Unit
 from harmolab.metrics import beat_align
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.parts import cut_parts, dance_patterns, learn_patterns, music_beats, score_parts
+from harmolab.parts import cut_parts, dance_patterns, learn_patterns, score_parts
 from harmolab.pattern import fit_pattern
 from harmolab.types import Audio, Clip, Motion, Skeleton
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab import experiments
+from harmolab.data.beats import music_beats
 from harmolab.data.folders import Sequence, load_sequence
 from harmolab.experiments import (
     Agreement,
@@ -24,12 +24,12 @@ from harmolab.experiments import (
     pattern_of_study,
     readable_sequences,
     strong_by_place,
+    study,
     study_sequences,
     synthetic_corpus,
 )
 from harmolab.io.motion import save_motion
 from harmolab.params import BarPattern, RunProfile
-from harmolab.parts import music_beats
 from harmolab.types import Audio, BeatTrack, Motion
 
 TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
@@ -212,7 +212,7 @@ def test_agreement_without_music_is_defined():
 
 
 def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(experiments, "music_beats", lambda sequence, beats: music_beats(sequence, "annotated"))
+    monkeypatch.setattr(study, "music_beats", lambda sequence, beats: music_beats(sequence, "annotated"))
     table = beat_agreement(TINY, detectors=["turns", "valleys"], delays=[0.12, 0.25])
     assert table[["detector", "tolerance (s)"]].values.tolist() == [
         ["turns", 0.12], ["turns", 0.25], ["valleys", 0.12], ["valleys", 0.25],

@@ -1,4 +1,4 @@
-"""What the notebooks run on, and their tables as functions from RunProfile to DataFrame."""
+"""The recordings or synthetic clips a notebook looks at, and the tables of the beat notebooks."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from harmolab.beats.audio import cache_folder
 from harmolab.beats.meter import strong_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.data import folders as disk
+from harmolab.data.beats import music_beats
 from harmolab.data.folders import Problem, find_sequences, iter_sequences, load_sequence
 from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.harmony import hit_mask
 from harmolab.params import BarPattern, HarmonyParams, RunProfile
-from harmolab.parts import cut_parts, learn_patterns, music_beats
+from harmolab.parts import cut_parts, learn_patterns
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip
 

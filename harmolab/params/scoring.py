@@ -1,4 +1,4 @@
-"""Frozen settings. A variant is a difference: ``replace(HarmonyParams.paper(), beta=1.0)``."""
+"""Settings of scoring and of how much work a notebook does."""
 
 from __future__ import annotations
 
@@ -198,18 +198,26 @@ class RunProfile:
     n_clips : int, clips of the synthetic corpus
     n_sequences : int or None, recorded sequences to read (None: all)
     n_rotations : int, rotations of a null distribution
+    n_seeds : int, trainings of each generator, over which means and intervals are taken
+    epochs : (pretraining, adversarial) or None
+        Epochs of each training; None: the whole schedule.
+    hidden : int or None
+        Recurrent units of the generators; None: those of ``ModelParams.small()``.
     """
 
     name: str
     n_clips: int
     n_sequences: int | None
     n_rotations: int
+    n_seeds: int = 3
+    epochs: tuple[int, int] | None = None
+    hidden: int | None = None
     seed: int = 1
 
     @classmethod
     def quick(cls) -> RunProfile:
-        """Under a minute a notebook on two cores."""
-        return cls("quick", n_clips=35, n_sequences=6, n_rotations=200)
+        """Under a minute a notebook on two cores; where generators are trained, about a minute for all of them."""
+        return cls("quick", n_clips=35, n_sequences=6, n_rotations=200, n_seeds=1, epochs=(12, 6), hidden=48)
 
     @classmethod
     def full(cls) -> RunProfile:

@@ -1,0 +1,182 @@
+"""Settings of what a generator hears and sees, how large it is, and how it is trained (paper Sec. 4 and 5.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+__all__ = ["FeatureParams", "ModelParams", "TrainParams"]
+
+
+def _check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = ()) -> None:
+    """ValueError, with name and value, for a number out of range."""
+    for name in positive:
+        if not 0 < getattr(settings, name) < math.inf:
+            raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
+    for name in not_negative:
+        if not 0 <= getattr(settings, name) < math.inf:
+            raise ValueError(f"{name} must be zero or more, got {getattr(settings, name)}")
+
+
+@dataclass(frozen=True)
+class FeatureParams:
+    """What the generator is given of music and motion (Sec. 4.1, 5.1).
+
+    Parameters
+    ----------
+    fps : float, hertz
+        Rate of motion and features; the paper resamples to 15.
+    n_mfcc : int
+        MFCC coefficients of A_f.
+    beat_channels : bool
+        Beside the MFCC give onset strength, and sine and cosine of the position between two beats. The paper does not.
+    unit_beats : int
+        Unified length of a training unit in beats: a meter of 4 to 6 beats and the beats before it that fill it up.
+    """
+
+    fps: float = 15.0
+    n_mfcc: int = 20
+    beat_channels: bool = False
+    unit_beats: int = 8
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, positive=("fps", "n_mfcc"))
+        if self.unit_beats < 7:
+            raise ValueError(f"unit_beats must leave at least one beat before a meter of six, got {self.unit_beats}")
+
+    @classmethod
+    def paper(cls) -> FeatureParams:
+        """MFCC alone, at 15 frames per second."""
+        return cls()
+
+    @classmethod
+    def recommended(cls) -> FeatureParams:
+        """The same, and where each frame lies between two beats."""
+        return cls(beat_channels=True)
+
+    @property
+    def n_audio(self) -> int:
+        """Audio channels F of A_f."""
+        return self.n_mfcc + 3 * self.beat_channels
+
+
+@dataclass(frozen=True)
+class ModelParams:
+    """Sizes of the generator and its discriminators.
+
+    Parameters
+    ----------
+    hidden : int
+        Units of every recurrent layer.
+    layers : int
+        Recurrent layers of the audio encoder and of the pose decoder, each.
+    pose_features : int
+        Channels of the initial poses' features that are concatenated with the encoded audio, and of the heads.
+    critic : int
+        Channels of the discriminators' first layer.
+    """
+
+    hidden: int
+    layers: int
+    pose_features: int
+    critic: int
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, positive=[field.name for field in fields(self)])
+
+    @classmethod
+    def paper(cls) -> ModelParams:
+        """Seven to nine million generator parameters: as many as the paper's Sec. 5.5 implies."""
+        return cls(hidden=512, layers=2, pose_features=256, critic=64)
+
+    @classmethod
+    def small(cls) -> ModelParams:
+        """About one million generator parameters: trains on a laptop."""
+        return cls(hidden=192, layers=1, pose_features=192, critic=32)
+
+
+@dataclass(frozen=True)
+class TrainParams:
+    """Schedules and weights of the hybrid loss (Eq. 32, Sec. 5.2). An ablation: ``replace(paper, harmony_weight=0.0)``.
+
+    Parameters
+    ----------
+    pretrain_epochs, adversarial_epochs : int
+    batch_size : int
+        Over all processes together.
+    pretrain_rate, adversarial_rate : float
+        Initial learning rates of Adam.
+    pretrain_drops : factors, one after every `pretrain_drop_epochs` epochs; the last one stays
+    adversarial_drops : factors in turn, one after every `adversarial_drop_epochs` epochs
+    generator_decay, critic_decay : float, weight decay
+    pretrain_kl_weight : float, L_pretrain = this * L_kl + L_mse
+    kl_weight, mse_weight, feature_weight, harmony_weight, gan_weight : float
+        The lambdas of Eq. 32.
+    smoothness_weight, foot_weight : float
+        Terms the paper does not have: jerk above the recorded motion's, and feet that slide; 0 in paper mode.
+    harmony : "paper" or "above_chance"
+        -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
+    count_weight : float
+        Weight of the count term inside the harmony loss.
+    tau_start, tau_end : float
+        Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
+    epsilon : float, of the Charbonnier losses (Eq. 25-26)
+    seed : int
+    """
+
+    pretrain_epochs: int = 225
+    adversarial_epochs: int = 45
+    batch_size: int = 10
+    pretrain_rate: float = 1e-3
+    pretrain_drops: tuple[float, ...] = (0.5, 0.2, 0.2, 0.5)
+    pretrain_drop_epochs: int = 50
+    adversarial_rate: float = 1e-4
+    adversarial_drops: tuple[float, ...] = (0.5, 0.2)
+    adversarial_drop_epochs: int = 5
+    generator_decay: float = 1e-4
+    critic_decay: float = 1e-3
+    pretrain_kl_weight: float = 0.1
+    kl_weight: float = 1e-4
+    mse_weight: float = 1e-3
+    feature_weight: float = 1e-3
+    harmony_weight: float = 1.0
+    gan_weight: float = 1e-3
+    smoothness_weight: float = 0.0
+    foot_weight: float = 0.0
+    harmony: Literal["paper", "above_chance"] = "paper"
+    count_weight: float = 1.0
+    tau_start: float = 0.5
+    tau_end: float = 0.05
+    epsilon: float = 1e-3
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        rates = ("batch_size", "pretrain_rate", "adversarial_rate", "tau_start", "tau_end", "epsilon")
+        weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
+        _check_numbers(
+            self,
+            positive=(*rates, "pretrain_drop_epochs", "adversarial_drop_epochs"),
+            not_negative=(*weights, "pretrain_epochs", "adversarial_epochs", "seed"),
+        )
+        if self.harmony not in ("paper", "above_chance"):
+            raise ValueError(f"harmony must be paper or above_chance, got {self.harmony!r}")
+
+    @classmethod
+    def paper(cls) -> TrainParams:
+        """Section 5.2, number by number."""
+        return cls()
+
+    @classmethod
+    def recommended(cls) -> TrainParams:
+        """The loss that gains alignment at natural movement (notebook 09)."""
+        return cls(
+            mse_weight=2e-3,
+            feature_weight=1e-2,
+            smoothness_weight=0.5,
+            foot_weight=1.0,
+            harmony="above_chance",
+            count_weight=3.0,
+            adversarial_drops=(1.0,),
+        )

@@ -1,0 +1,167 @@
+"""Splits by motion group: nothing is tested on movement that was trained on."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from harmolab.data.splits import Split, split_units
+from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.params import FeatureParams
+from harmolab.types import Skeleton
+
+FPS = 2.0
+
+
+def unit(place: int, groups: str, meter: str, *, dance: str = "waltz", sequence: str = "s", extra: bool = False):
+    """A unit of 8 frames, 4 s, whose meter begins at `place` seconds; groups are single letters."""
+    frames = np.zeros((8, 1), np.float32)
+    return DanceUnit(
+        f"{sequence}:{place}{'+' * extra}", sequence, dance, frozenset(groups), frozenset(meter), place - 2.0, frames,
+        np.zeros((8, 6), np.float32), np.repeat([1.0, 0.0], 4).astype(np.float32), np.zeros(0), np.zeros(0), FPS, extra,
+    )  # fmt: skip
+
+
+def unit_set(units: list[DanceUnit]) -> UnitSet:
+    return UnitSet(tuple(units), Skeleton(("joint",), (-1,)), np.zeros(1), FeatureParams(), "made up")
+
+
+def corpus(*, dances: tuple[str, ...] = ("waltz", "tango"), seed: int = 3, extras: bool = True) -> UnitSet:
+    """Sequences of eight figures a dance in random order, two meters each; each meter has the one before as prior."""
+    rng = np.random.default_rng(seed)
+    units = []
+    for dance in dances:
+        for sequence in range(4):
+            order = rng.permutation(list("abcdefgh"))
+            danced = [f"{dance} {letter}" for letter in np.repeat(order, 2)]
+            for place in range(1, len(danced)):
+                name = f"{dance}{sequence}"
+                groups = {danced[place - 1], danced[place]}
+                units.append(unit(2 * place, groups, {danced[place]}, dance=dance, sequence=name))
+                if extras and place + 1 < len(danced):
+                    later = {*groups, danced[place + 1]}
+                    meter = {danced[place], danced[place + 1]}
+                    units.append(unit(2 * place + 1, later, meter, dance=dance, sequence=name, extra=True))
+    return unit_set(units)
+
+
+def names(units: UnitSet) -> set[str]:
+    return {one.name for one in units.units}
+
+
+@pytest.fixture(scope="module")
+def split() -> Split:
+    return split_units(corpus())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_training_units_touch_no_group_of_another_side(seed: int):
+    split = split_units(corpus(), seed=seed)
+    held = {*split.groups["validation"], *split.groups["test"]}
+    assert held
+    assert not any(one.groups & held for one in split.train.units)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_meters_of_test_and_validation_lie_wholly_in_their_groups(seed: int):
+    split = split_units(corpus(), seed=seed)
+    for side, units in (("validation", split.validation), ("test", split.test)):
+        assert all(one.meter_groups <= set(split.groups[side]) for one in units.units)
+
+
+def test_every_group_is_on_one_side(split: Split):
+    sides = [set(groups) for groups in split.groups.values()]
+    assert sum(map(len, sides)) == len(set.union(*sides)) == 16
+
+
+def test_no_unit_is_lost_that_could_be_used(split: Split):
+    units, train = corpus(), set(split.groups["train"])
+    assert names(split.train) == {one.name for one in units.units if one.groups <= train}
+    test = set(split.groups["test"])
+    assert names(split.test) >= {one.name for one in units.units if one.meter_groups <= test and not one.extra}
+
+
+def test_meters_of_one_side_do_not_overlap():
+    # Four seconds each from every second on, all in one figure; the ordinary ones are at 2 and 12. Of three groups the
+    # one with most units is trained on, the one with fewest makes the smaller side.
+    held = [unit(place, "t", "t", extra=place not in (2, 12)) for place in range(2, 20)]
+    others = [unit(4 * place, "u", "u", sequence="u") for place in range(60)]
+    few = [unit(4 * place, "v", "v", sequence="v") for place in range(3)]
+    split = split_units(unit_set([*held, *others, *few]))
+    assert split.groups == {"train": ["u"], "validation": ["v"], "test": ["t"]}
+    places = sorted(float(one.meter_start) for one in split.test.units if one.sequence == "s")
+    assert {2.0, 12.0} <= set(places)
+    assert np.diff(places).min() >= 2.0
+    assert len(places) >= 7
+
+
+def test_every_dance_is_on_every_side(split: Split):
+    for units in (split.train, split.validation, split.test):
+        assert {one.dance for one in units.units} == {"waltz", "tango"}
+
+
+def test_about_as_many_units_are_tested_on_as_were_asked_for(split: Split):
+    # 2 x 4 x 15 ordinary units, of which 15 % are 18.
+    assert 14 <= len(split.test) <= 30
+    assert 8 <= len(split.validation) <= 24
+    assert len(split_units(corpus(), test_share=0.3).test) > len(split.test)
+
+
+def test_the_seed_decides(split: Split):
+    again, other = split_units(corpus()), split_units(corpus(), seed=1)
+    assert again.to_dict() == split.to_dict()
+    assert other.groups != split.groups
+
+
+def test_a_split_is_written_down_as_json(split: Split):
+    content = json.loads(json.dumps(split.to_dict()))
+    assert content["seed"] == 0
+    assert (content["test_share"], content["validation_share"], content["source"]) == (0.15, 0.1, "made up")
+    assert content["groups"] == split.groups
+    assert set(content["units"]["test"]) == names(split.test)
+    assert names(corpus().select(content["units"]["train"])) == names(split.train)
+
+
+def test_a_group_danced_in_two_dances_is_on_one_side():
+    units = [
+        unit(4 * place, letter, letter, dance=dance, sequence=f"{dance}{letter}")
+        for dance in ("rumba", "tango")
+        for letter in "abcdefgh"
+        for place in range(1, 4)
+    ]
+    split = split_units(unit_set(units))
+    for name in split.groups["test"]:
+        assert not any(name in one.groups for one in split.train.units)
+    assert sum(map(len, split.groups.values())) == 8
+
+
+def test_units_of_unknown_groups_are_only_trained_on():
+    units = [*corpus(extras=False).units, unit(500, "", "")]
+    split = split_units(unit_set(units))
+    assert "s:500" in names(split.train)
+    assert "s:500" not in names(split.test) | names(split.validation)
+
+
+def test_one_group_cannot_be_split():
+    with pytest.raises(ValueError, match=r"no unit is left for the \w+ side: 3 units dance 1 motion groups"):
+        split_units(unit_set([unit(place, "a", "a") for place in (2, 4, 6)]))
+
+
+def test_nothing_cannot_be_split():
+    with pytest.raises(ValueError, match="no unit is left for the train side: 0 units"):
+        split_units(unit_set([]))
+
+
+@pytest.mark.parametrize(
+    ("shares", "message"),
+    [
+        ({"test_share": 0.0}, "test_share must lie between 0 and 1, got 0.0"),
+        ({"validation_share": 1.5}, "validation_share must lie between 0 and 1, got 1.5"),
+        ({"test_share": 0.6, "validation_share": 0.4}, "leave nothing to train on: 0.6, 0.4"),
+    ],
+)
+def test_shares_that_leave_nothing_are_refused(shares: dict[str, float], message: str):
+    with pytest.raises(ValueError, match=message):
+        split_units(corpus(), **shares)
