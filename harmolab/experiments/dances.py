@@ -1,0 +1,73 @@
+"""One test unit, danced by everybody: the recorded motion and that of every generator, to look at (notebook 11)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harmolab.experiments.ablation import RECORDED
+from harmolab.experiments.generation import VARIANTS, trained
+from harmolab.experiments.judging import generate, score_unit, unit_motion
+from harmolab.params import HarmonyParams, RunProfile
+from harmolab.types import BeatTrack, HarmonyScore, Motion
+
+__all__ = ["DancedUnit", "danced_unit"]
+
+
+@dataclass(frozen=True, eq=False)
+class DancedUnit:
+    """A unit's music beats and all that was danced to them.
+
+    Parameters
+    ----------
+    name : str, of the unit
+    dance : str
+    beats : BeatTrack, seconds from the unit's first frame
+    start : float, seconds, where the meter begins; the motion before it was given
+    motions : variant, or "recorded" -> Motion
+    scores : the same names -> HarmonyScore of the meter, valleys within 0.1 s
+    """
+
+    name: str
+    dance: str
+    beats: BeatTrack
+    start: float
+    motions: dict[str, Motion]
+    scores: dict[str, HarmonyScore]
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """What each motion reached, in words."""
+        return {name: _verdict(score) for name, score in self.scores.items()}
+
+
+def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
+    """The `place`-th test unit of a corpus, as recorded and as the generators of the first seed dance it.
+
+    Raises
+    ------
+    ValueError
+        If the test split has no such unit.
+    """
+    runs = {name: trained(profile, corpus, variant, 1) for name, variant in VARIANTS.items()}
+    units = runs["paper"].split.test
+    if not 0 <= place < len(units):
+        raise ValueError(f"place must be 0 to {len(units) - 1}, the test units of {corpus}, got {place}")
+    unit = units.units[place]
+    codes = {RECORDED: unit.motion.astype(np.float64)}
+    for name, run in runs.items():
+        # By name: variants that hear other features have a test set of their own, of the same units.
+        mine = run.split.test.select([unit.name])
+        codes[name] = generate(run.generator, mine)[0]
+    motions = {name: unit_motion(code, units) for name, code in codes.items()}
+    scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
+    beats = BeatTrack(unit.beats, unit.strengths, unit.fps, max(unit.n_frames / unit.fps, float(unit.beats.max())))
+    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)
+
+
+def _verdict(score: HarmonyScore) -> str:
+    return (
+        f"{score.hits.sum()} of {score.n_audio} beats met with {score.n_visual} of its own, "
+        f"harmony above chance {score.harmony_above_chance:+.2f}"
+    )

@@ -1,0 +1,170 @@
+"""Trained generators for the notebooks: with and without the harmony loss, the paper's and ours, over several seeds.
+
+Every training is kept in the cache folder under its settings, so that notebooks share it and a second run finds it. A
+training that was cut off goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from pathlib import Path
+
+import pandas as pd
+from filelock import FileLock
+
+from harmolab.beats.audio import cache_folder
+from harmolab.data.clips import load_units
+from harmolab.data.splits import Split, split_units
+from harmolab.data.synthetic import write_corpus
+from harmolab.experiments.study import corpus_folders, data_root
+from harmolab.models.harmogan import Generator
+from harmolab.models.pose_features import PoseNet
+from harmolab.models.weights import load_generator, load_pose_net
+from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
+from harmolab.training import make_fabric, train_harmogan
+from harmolab.training.loop import HISTORY, settings_of
+from harmolab.training.run import MODEL, POSE_NET
+
+__all__ = [
+    "SYNTHETIC",
+    "VARIANTS",
+    "Trained",
+    "Variant",
+    "generator_corpora",
+    "histories",
+    "trained",
+    "training_split",
+    "weight_sweep",
+]
+
+SYNTHETIC = "synthetic"
+SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
+UNIT_STEP = 2  # beats between the starts of training units
+SWEEP = (0.0, 0.1, 0.3, 1.0, 3.0)  # harmony weights of the trade-off curve
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A way to train: what the generator hears, and its losses."""
+
+    features: FeatureParams
+    params: TrainParams
+
+    def without_harmony(self) -> Variant:
+        """The ablation: everything else the same."""
+        return replace(self, params=replace(self.params, harmony_weight=0.0))
+
+
+_PAPER = Variant(FeatureParams.paper(), TrainParams.paper())
+_OURS = Variant(FeatureParams.recommended(), TrainParams.recommended())
+VARIANTS = {
+    "paper, without": _PAPER.without_harmony(),
+    "paper": _PAPER,
+    "recommended, without": _OURS.without_harmony(),
+    "recommended": _OURS,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch."""
+
+    folder: Path
+    generator: Generator
+    pose_net: PoseNet
+    split: Split
+    history: pd.DataFrame
+
+
+def generator_corpora(profile: RunProfile) -> tuple[str, ...]:
+    """The corpora generators are trained on: the synthetic one; in the full profile the first recorded one as well."""
+    recorded = () if profile.epochs or data_root() is None else (next(iter(corpus_folders(profile))),)
+    return (*recorded, SYNTHETIC)
+
+
+@cache
+def training_split(profile: RunProfile, corpus: str, features: FeatureParams) -> Split:
+    """Units of a corpus, split by motion group with the profile's seed.
+
+    Raises
+    ------
+    ValueError
+        If there is no corpus of that name.
+    """
+    if corpus == SYNTHETIC:
+        root = _home() / f"dances_{profile.n_clips // 2}x{SECONDS:g}s_seed{profile.seed}"
+        write_corpus(root, clips=profile.n_clips // 2, seconds=SECONDS, seed=profile.seed)
+    elif corpus in corpus_folders(profile):
+        root = corpus_folders(profile)[corpus]
+    else:
+        raise ValueError(f"there is no corpus {corpus!r}; there are {', '.join(generator_corpora(profile))}")
+    return split_units(load_units([root], features, step=UNIT_STEP), seed=profile.seed)
+
+
+def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Trained:
+    """The generator of a variant and seed, trained now unless it was before.
+
+    Variants that hear the same music features share their pretraining, which the harmony loss has no part in.
+    """
+    split = training_split(profile, corpus, variant.features)
+    epochs = profile.epochs or (variant.params.pretrain_epochs, variant.params.adversarial_epochs)
+    params = replace(variant.params, seed=seed, pretrain_epochs=epochs[0], adversarial_epochs=epochs[1])
+    base = _run(split, profile, _pretraining(params), None)
+    folder = _run(split, profile, params, base)
+    return Trained(
+        folder,
+        load_generator(folder / MODEL),
+        load_pose_net(folder / POSE_NET),
+        split,
+        pd.concat([pd.read_csv(base / HISTORY), pd.read_csv(folder / HISTORY)], ignore_index=True),
+    )
+
+
+def _pretraining(params: TrainParams) -> TrainParams:
+    """The part of a training that all variants share: settings of the adversarial epochs at their defaults."""
+    shared = [field.name for field in fields(params) if field.name.startswith("pretrain_")]
+    own = {name: getattr(params, name) for name in ("seed", "batch_size", "epsilon", *shared)}
+    return replace(TrainParams.paper(), adversarial_epochs=0, **own)
+
+
+def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
+    """Folder of a finished training of these settings; waits for a process that is at it."""
+    model = ModelParams.small() if profile.hidden is None else replace(ModelParams.small(), hidden=profile.hidden)
+    about = settings_of(model=model, params=params, features=split.train.features, split=split.to_dict())
+    name = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
+    folder = _home() / "runs" / f"{'pretrained' if pretrained is None else 'run'}-{name}"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(folder.with_suffix(".lock")):
+        if not (folder / f"{MODEL}.json").is_file():
+            fabric = make_fabric(accelerator="cpu")
+            train_harmogan(split, folder, model=model, params=params, pretrained=pretrained, resume=True, fabric=fabric)
+    return folder
+
+
+def _home() -> Path:
+    return cache_folder() or Path(".harmolab")
+
+
+def histories(profile: RunProfile, corpus: str) -> pd.DataFrame:
+    """Losses and validation of every variant, epoch by epoch (first seed): columns of history.csv and "variant"."""
+    tables = (trained(profile, corpus, variant, 1).history.assign(variant=name) for name, variant in VARIANTS.items())
+    return pd.concat(tables, ignore_index=True)
+
+
+def all_trained(profile: RunProfile) -> Iterator[tuple[str, str, int, Trained]]:
+    """(corpus, variant, seed, training) of the whole ablation."""
+    for corpus in generator_corpora(profile):
+        for seed in range(1, profile.n_seeds + 1):
+            for name, variant in VARIANTS.items():
+                yield corpus, name, seed, trained(profile, corpus, variant, seed)
+
+
+def weight_sweep(profile: RunProfile, corpus: str) -> Iterator[tuple[float, Trained]]:
+    """(harmony weight, training) of the recommended losses from none to three times as much (first seed)."""
+    for weight in SWEEP:
+        variant = replace(_OURS, params=replace(_OURS.params, harmony_weight=weight))
+        yield weight, trained(profile, corpus, variant, 1)

@@ -1,0 +1,152 @@
+"""From folders of recordings to a trained generator in a folder of its own.
+
+==========================  ==================================================================
+settings.json               every setting, and what it was trained on
+split.json                  which motion groups and units are for training, validation, test
+pose_net.safetensors/.json  the network behind the feature loss and the Frechet distance
+history.csv, events.*       losses and validation, epoch by epoch (a table; TensorBoard)
+state.safetensors           everything needed to go on after a kill
+pretrained.safetensors/...  the generator before its adversarial epochs
+model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes it
+==========================  ==================================================================
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning_fabric import Fabric
+
+from harmolab.data.splits import Split
+from harmolab.data.units import UnitSet
+from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic, Statistics
+from harmolab.models.pose_features import PoseNet, train_pose_net
+from harmolab.models.poses_bank import pose_bank, save_poses
+from harmolab.models.weights import load_generator, load_pose_net, save_weights
+from harmolab.params import ModelParams, TrainParams
+from harmolab.training.batches import Tensors
+from harmolab.training.checkpoints import write_aside
+from harmolab.training.loop import PRETRAINED, Report, fit, settings_of
+from harmolab.training.steps import Networks
+
+__all__ = ["MODEL", "make_fabric", "train_harmogan"]
+
+MODEL, POSE_NET = "model", "pose_net"
+
+
+def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
+    """Fabric for this process: alone, or one of those that torchrun started.
+
+    Parameters
+    ----------
+    accelerator : "auto", "cpu" or "cuda"
+    precision : as Fabric takes it; None is bf16 where a GPU computes in it, else 32 bit
+    """
+    world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
+    if precision is None:
+        gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
+        precision = "bf16-mixed" if gpu else "32-true"
+    fabric = Fabric(
+        accelerator=accelerator,
+        devices=local,
+        num_nodes=max(world // local, 1),
+        strategy="ddp" if world > 1 else "auto",
+        precision=precision,
+    )
+    fabric.launch()
+    return fabric
+
+
+def train_harmogan(
+    split: Split,
+    folder: Path,
+    *,
+    model: ModelParams,
+    params: TrainParams,
+    resume: bool = False,
+    pretrained: Path | None = None,
+    fabric: Fabric | None = None,
+    report: Report = lambda row: None,
+) -> Generator:
+    """Train a generator and keep everything about it in `folder`.
+
+    Parameters
+    ----------
+    split : Split of units by motion group
+    folder : created; must be new or empty unless `resume`
+    model : sizes
+    params : schedule and loss weights
+    resume : go on where the run in `folder` stopped; start it when there is none
+    pretrained : folder of another run on the same data, whose pretraining and pose network are taken over
+    fabric : from `make_fabric`
+    report : called with each epoch's row of the history
+
+    Raises
+    ------
+    ValueError
+        If `folder` holds something and `resume` is off, or holds a run with other settings.
+    """
+    fabric = fabric or make_fabric()
+    params = params if pretrained is None else replace(params, pretrain_epochs=0)
+    settings = settings_of(
+        model=model, train=params, features=split.train.features, data=split.train.source, pretrained=pretrained is not None
+    )
+    if fabric.is_global_zero:
+        _prepare(folder, settings, split, resume=resume)
+    fabric.barrier()
+    torch.manual_seed(params.seed)
+    pose_net = _pose_net(fabric, split, folder, params.seed, pretrained)
+    train, validation = (Tensors.of(units, fabric.device) for units in (split.train, split.validation))
+    networks = _networks(split.train, train, model, pose_net)
+    if pretrained is not None:
+        networks.generator.load_state_dict(load_generator(pretrained / PRETRAINED).state_dict())
+    for part in (*networks.modules().values(), pose_net):
+        fabric.to_device(part)
+    about = {"settings": settings, "source": split.train.source, "units": len(split.train.units)}
+    fit(fabric, networks, train, validation, params, folder, settings=settings, resume=resume, report=report)
+    if fabric.is_global_zero:
+        save_poses(folder / MODEL, pose_bank(split.train, seed=params.seed))
+        save_weights(folder / MODEL, networks.generator, about)
+    return networks.generator
+
+
+def _prepare(folder: Path, settings: dict[str, Any], split: Split, *, resume: bool) -> None:
+    """Make the folder, or see that what is in it may be gone on with."""
+    path = folder / "settings.json"
+    if folder.is_dir() and any(folder.iterdir()):
+        if not resume:
+            raise ValueError(f"{folder}: is not empty; use --resume to go on with a run there, or another folder")
+        if path.is_file() and json.loads(path.read_text("utf-8")) != settings:
+            raise ValueError(f"{path}: differs from the settings asked for; resume with those, or choose another folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_aside(path, json.dumps(settings, indent=2))
+    write_aside(folder / "split.json", json.dumps(split.to_dict(), indent=1))
+
+
+def _pose_net(fabric: Fabric, split: Split, folder: Path, seed: int, pretrained: Path | None) -> PoseNet:
+    """The pose network: taken over, or trained once by the first process."""
+    if fabric.is_global_zero and not (folder / f"{POSE_NET}.json").is_file():
+        if pretrained is None:
+            net = train_pose_net(split.train, split.validation, seed=seed)
+        else:
+            net = load_pose_net(pretrained / POSE_NET)
+        save_weights(folder / POSE_NET, net, {"seed": seed})
+    fabric.barrier()
+    return load_pose_net(folder / POSE_NET).requires_grad_(False)
+
+
+def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: PoseNet) -> Networks:
+    """Fresh networks that know the training split's statistics."""
+    n_audio, skeleton = units.features.n_audio, units.skeleton
+    lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
+    generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
+    cross, temporal = CrossDomainCritic(model, n_audio, skeleton), SpatialTemporalCritic(model, skeleton)
+    statistics = Statistics.of(train.audio, train.motion, train.mask)
+    for part in (generator, cross, temporal):
+        part.set_statistics(statistics)
+    return Networks(generator, cross, temporal, pose_net)

@@ -1,0 +1,152 @@
+"""What one batch teaches: the named loss terms of pretraining, of the critics and of the generator (Eq. 24-32)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from harmolab.io.joint_names import foot_joints
+from harmolab.models.harmogan import CrossDomainCritic, Generator, GeneratorOutput, SpatialTemporalCritic
+from harmolab.models.losses import (
+    above_chance_loss,
+    charbonnier_mse,
+    critic_loss,
+    feature_loss,
+    foot_loss,
+    generator_gan_loss,
+    harmony_loss,
+    jerk_loss,
+    kl_loss,
+)
+from harmolab.models.pose_features import PoseNet
+from harmolab.models.poses import local_joints
+from harmolab.models.soft_harmony import SoftHarmony, soft_harmony
+from harmolab.params import HarmonyParams, TrainParams
+from harmolab.training.batches import Tensors
+
+__all__ = ["Networks", "critic_terms", "flat_poses", "generator_terms", "meter_span", "motion_error", "pretrain_terms", "score_batch"]
+
+
+@dataclass(frozen=True, eq=False)
+class Networks:
+    """Everything that is trained, and the pose network that judges features and is not."""
+
+    generator: Generator
+    cross_domain: CrossDomainCritic
+    spatial_temporal: SpatialTemporalCritic
+    pose_net: PoseNet
+
+    def modules(self) -> dict[str, nn.Module]:
+        """The trained networks by name."""
+        return {
+            "generator": self.generator,
+            "cross_domain": self.cross_domain,
+            "spatial_temporal": self.spatial_temporal,
+        }
+
+    def critics(self) -> list[nn.Parameter]:
+        """Parameters of both discriminators."""
+        return [*self.cross_domain.parameters(), *self.spatial_temporal.parameters()]
+
+
+def flat_poses(motion: Tensor) -> Tensor:
+    """The recorded 2-D poses V_2d, (N, T, J, 2), of coded motion (N, T, C): x and y as seen from the front."""
+    return local_joints(motion)[..., :2]
+
+
+def meter_span(batch: Tensors, fps: float) -> Tensor:
+    """Start and end (seconds) of each clip's own meter, without the beats before it; (N, 2)."""
+    prior, length = (batch.index * batch.mask).sum(dim=1), batch.mask.sum(dim=1)
+    return torch.stack([prior, length], dim=1) / fps
+
+
+def score_batch(generator: Generator, motion: Tensor, batch: Tensors, tau: float, params: HarmonyParams) -> SoftHarmony:
+    """Relaxed harmony of coded motion (N, T, C) with its music, over each clip's own meter."""
+    return soft_harmony(
+        generator.positions(motion),
+        batch.beats,
+        batch.strengths,
+        batch.beat_mask,
+        batch.mask,
+        fps=generator.fps,
+        tau=tau,
+        params=params,
+        span=meter_span(batch, generator.fps),
+    )
+
+
+def _pose_terms(generator: Generator, made: GeneratorOutput, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+    """L_kl over the 2-D poses and L_mse over the standardised motion (Eq. 24-25)."""
+    flat = flat_poses(batch.motion)
+    return {
+        "kl": kl_loss(made.flat, flat, batch.mask),
+        "mse": motion_error(generator, made.motion, batch, params.epsilon),
+    }
+
+
+def motion_error(generator: Generator, made: Tensor, batch: Tensors, epsilon: float) -> Tensor:
+    """L_mse (Eq. 25) of coded motion (N, T, C), every channel in standard deviations of the training split."""
+    scale = generator.motion_scale
+    return charbonnier_mse(scale(made), scale(batch.motion), batch.index, batch.mask, epsilon=epsilon)
+
+
+def pretrain_terms(generator: Generator, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+    """L_kl and L_mse of a batch (Sec. 5.2)."""
+    return _pose_terms(generator, generator(batch.audio, batch.initial), batch, params)
+
+
+def critic_terms(networks: Networks, made: Tensor, batch: Tensors) -> dict[str, Tensor]:
+    """The discriminators' losses (Eq. 29-30) on recorded motion and on `made`, coded motion (N, T, C) of the generator."""
+    made = made.detach()
+    cross, temporal = networks.cross_domain, networks.spatial_temporal
+    return {
+        "critic_cd": critic_loss(
+            cross(batch.audio, batch.motion, batch.mask), cross(batch.audio, made, batch.mask)
+        ),
+        "critic_st": critic_loss(temporal(batch.motion, batch.mask), temporal(made, batch.mask)),
+    }
+
+
+def generator_terms(
+    networks: Networks, made: GeneratorOutput, batch: Tensors, params: TrainParams, tau: float
+) -> dict[str, Tensor]:
+    """Every term of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting."""
+    generator = networks.generator
+    terms = _pose_terms(generator, made, batch, params)
+    if params.feature_weight:
+        net = networks.pose_net
+        terms["feature"] = feature_loss(
+            net.features(batch.motion, batch.mask), net.features(made.motion, batch.mask), epsilon=params.epsilon
+        )
+    if params.gan_weight:
+        terms["gan"] = generator_gan_loss(
+            networks.cross_domain(batch.audio, made.motion, batch.mask),
+            networks.spatial_temporal(made.motion, batch.mask),
+        )
+    if params.harmony_weight:
+        terms["harmony"] = _harmony_term(generator, made.motion, batch, params, tau)
+    return terms | _natural_terms(generator, made.motion, batch, params)
+
+
+def _harmony_term(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, tau: float) -> Tensor:
+    """L_harmo: the paper's (Eq. 27), or the chance-corrected one."""
+    if params.harmony == "paper":
+        score = score_batch(generator, motion, batch, tau, HarmonyParams.paper())
+        return harmony_loss(score, count_weight=params.count_weight)
+    score = score_batch(generator, motion, batch, tau, HarmonyParams.valleys())
+    return above_chance_loss(score, count_weight=params.count_weight)
+
+
+def _natural_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+    """Terms that keep movement natural while harmony pulls at it; none in paper mode."""
+    terms: dict[str, Tensor] = {}
+    if params.smoothness_weight or params.foot_weight:
+        made, target = generator.positions(motion), generator.positions(batch.motion)
+        if params.smoothness_weight:
+            terms["smoothness"] = jerk_loss(made, target, batch.mask, fps=generator.fps)
+        if params.foot_weight:
+            feet = [joint for foot in foot_joints(generator.skeleton) for joint in foot]
+            terms["foot"] = foot_loss(made, target, batch.mask, feet=feet, fps=generator.fps)
+    return terms
