@@ -25,13 +25,14 @@ SECONDS = 24.0  # of each dance
 SETTLED = 10.0  # seconds after which nothing of the movement it started from is left: several meters
 
 
-def ship(run: Path, out: Path, *, seed: int = 0) -> None:
+def ship(run: Path, out: Path, *, per_dance: int = 8, seed: int = 0) -> None:
     """Write a run's generator and pose network to `out`, ready to be published.
 
     Parameters
     ----------
     run : folder of `harmolab train`
     out : folder; files in it are replaced
+    per_dance : int, movements of each dance in the bank
     seed : int, of the dances that the bank is cut from
 
     Raises
@@ -40,14 +41,15 @@ def ship(run: Path, out: Path, *, seed: int = 0) -> None:
         If the run is not complete or damaged.
     """
     generator, net = load_generator(run / "model"), load_pose_net(run / "pose_net")
-    bank = danced_bank(generator, load_poses(run / "model", n_channels=generator.n_motion), seed=seed)
+    recorded = load_poses(run / "model", n_channels=generator.n_motion)
+    bank = danced_bank(generator, recorded, per_dance=per_dance, seed=seed)
     out.mkdir(parents=True, exist_ok=True)
     save_weights(out / "model", generator, read_about(run / "model")["meta"], half=True)
     save_poses(out / "model", bank)
     save_weights(out / "pose_net", net, read_about(run / "pose_net")["meta"], half=True)
 
 
-def danced_bank(generator: Generator, bank: PoseBank, *, per_dance: int = 8, seed: int = 0) -> PoseBank:
+def danced_bank(generator: Generator, bank: PoseBank, *, per_dance: int, seed: int) -> PoseBank:
     """A bank like `bank`, of movements that the generator makes: each from the settled part of a dance of its own."""
     names = sorted({name for name in bank.dances if name in DANCES}) or sorted(DANCES)
     frames = bank.poses.shape[1]
