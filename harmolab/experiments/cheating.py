@@ -1,27 +1,54 @@
-"""Notebook 12: ways to raise the paper's score without dancing to the music (Sec. 6), and what other scores say."""
+"""Notebook 12: ways to raise the paper's score without dancing to the music (Sec. 6), and what other scores say.
+
+A trick knows nothing of the music, so a score that asks about the music must give it what it gives to chance. Each is
+scored with the true music and with the same music half a beat late: a dancer who follows the music loses by it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from harmolab.experiments.study import excerpt, study_sequences
-from harmolab.harmony import score_motion
+from harmolab.beats.visual import visual_beats
+from harmolab.data.units import DanceUnit
+from harmolab.experiments.ablation import RECORDED, mean_interval
+from harmolab.experiments.generation import SYNTHETIC, VARIANTS, generator_corpora, trained
+from harmolab.experiments.judging import generate, meter_motion, score_unit, unit_motion
+from harmolab.experiments.study import data_root, excerpt, readable_sequences, study_sequences, synthetic_corpus
+from harmolab.harmony import score_harmony
 from harmolab.metrics import jerk
 from harmolab.params import HarmonyParams, RunProfile
-from harmolab.types import BeatTrack, Clip, Motion
+from harmolab.types import BeatTrack, Clip, HarmonyScore, Motion
 
-__all__ = ["TRICKS", "cheating", "shaken", "studied_clips", "trembling"]
+__all__ = [
+    "BASES",
+    "LATE",
+    "TRICKS",
+    "TRUE",
+    "cheating",
+    "generators_half_a_beat_late",
+    "half_a_beat_late",
+    "shaken",
+    "slowed",
+    "studied_clips",
+    "swaying",
+    "trembling",
+    "trick_gains",
+    "trick_means",
+]
 
 FloatArray = NDArray[np.float64]
 Trick = Callable[[Motion, np.random.Generator], Motion]
 
 SECONDS = 6.0
+TRUE, LATE = "true", "half a beat late"
+MODES = MappingProxyType({"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys()})
 
 
 def trembling(motion: Motion, hertz: float, size: float) -> Motion:
@@ -35,40 +62,189 @@ def shaken(motion: Motion, size: float, rng: np.random.Generator) -> Motion:
     return replace(motion, positions=motion.positions + rng.normal(0.0, size, motion.positions.shape))
 
 
-TRICKS: dict[str, Trick] = {
-    "as danced": lambda motion, rng: motion,
-    "tremor 2 Hz, 1 cm": lambda motion, rng: trembling(motion, 2.0, 0.01),
-    "tremor 3 Hz, 1 cm": lambda motion, rng: trembling(motion, 3.0, 0.01),
-    "tremor 3 Hz, 3 cm": lambda motion, rng: trembling(motion, 3.0, 0.03),
-    "jitter 5 mm": lambda motion, rng: shaken(motion, 0.005, rng),
-    "jitter 2 cm": lambda motion, rng: shaken(motion, 0.02, rng),
-}
+def slowed(motion: Motion, factor: float) -> Motion:
+    """The beginning of `motion`, `factor` times slower and as long as before: a dance that ignores the music.
+
+    Raises
+    ------
+    ValueError
+        If the factor is less than 1.
+    """
+    if factor < 1:
+        raise ValueError(f"factor must be 1 or more, got {factor}")
+    frames = np.arange(motion.n_frames) / factor
+    before = frames.astype(np.int64)
+    after = np.minimum(before + 1, motion.n_frames - 1)
+    share = (frames - before)[:, None, None]
+    return replace(motion, positions=motion.positions[before] * (1 - share) + motion.positions[after] * share)
 
 
-def studied_clips(profile: RunProfile) -> Iterator[Clip]:
-    """Six seconds from the middle of each of the study's sequences, with tracked beats."""
-    for sequence in study_sequences(profile):
+def swaying(motion: Motion, hertz: float, size: float) -> Motion:
+    """The first pose of `motion`, carried from side to side by `size` metres, `hertz` times a second."""
+    wave = size * np.sin(2 * np.pi * hertz * np.arange(motion.n_frames) / motion.fps)
+    return replace(motion, positions=motion.positions[:1] + wave[:, None, None] * np.array([1.0, 0.0, 0.0]))
+
+
+TRICKS: Mapping[str, Trick] = MappingProxyType(
+    {
+        "as danced": lambda motion, rng: motion,
+        "as danced + jitter 2 cm": lambda motion, rng: shaken(motion, 0.02, rng),
+        "dance, 3 times too slow": lambda motion, rng: slowed(motion, 3.0),
+        "too slow + tremor 2 Hz": lambda motion, rng: trembling(slowed(motion, 3.0), 2.0, 0.01),
+        "too slow + jitter 5 mm": lambda motion, rng: shaken(slowed(motion, 3.0), 0.005, rng),
+        "no dance, sway 0.4 Hz": lambda motion, rng: swaying(motion, 0.4, 0.05),
+        "sway + tremor 2 Hz": lambda motion, rng: trembling(swaying(motion, 0.4, 0.05), 2.0, 0.01),
+    }
+)
+
+# What each trick was put on, where it was put on something.
+BASES = MappingProxyType(
+    {
+        "as danced + jitter 2 cm": "as danced",
+        "too slow + tremor 2 Hz": "dance, 3 times too slow",
+        "too slow + jitter 5 mm": "dance, 3 times too slow",
+        "sway + tremor 2 Hz": "no dance, sway 0.4 Hz",
+    }
+)
+
+
+def studied_clips(profile: RunProfile, corpus: str) -> Iterator[Clip]:
+    """Six seconds from the middle of each sequence of a corpus, with tracked beats; as many as the profile takes."""
+    planted = corpus == SYNTHETIC and data_root() is not None
+    found = readable_sequences(synthetic_corpus(profile)) if planted else study_sequences(profile, corpus)
+    for sequence in found:
         clip = excerpt(sequence, SECONDS)
-        if clip.motion is not None and clip.beats is not None:
+        if clip.motion is not None and clip.beats is not None and len(clip.beats) > 1:
             yield clip
 
 
 def cheating(profile: RunProfile) -> pd.DataFrame:
-    """Each trick on every clip of the study, with the true music and with music half a beat late.
+    """Each of `TRICKS` on every clip of the corpora, with the true music and with music half a beat late.
 
     Returns
     -------
-    DataFrame, a row for each clip, trick and music ("true", "half a beat late"): the paper's harmony, hit rate, chance
-    and M / N, harmony above chance with turns and with valleys, jerk (m/s^3).
+    DataFrame, a row for each corpus, clip, trick and music (`TRUE`, `LATE`): in paper mode (`paper_`) and for valleys
+    within 0.1 s harmony, hit_rate, chance, above_chance and count_ratio (M / N); jerk (m/s^3).
     """
     rng = np.random.default_rng(profile.seed)
     rows = []
-    for clip in studied_clips(profile):
-        for name, trick in TRICKS.items():
-            motion = trick(_motion(clip), rng)
-            for music, beats in _musics(clip).items():
-                rows.append({"clip": clip.name, "trick": name, "music": music, **_scores(motion, beats)})
+    for corpus in generator_corpora(profile):
+        for clip in studied_clips(profile, corpus):
+            for name, trick in TRICKS.items():
+                about = {"corpus": corpus, "clip": clip.name, "trick": name}
+                rows += [about | row for row in _clip_rows(trick(_motion(clip), rng), _beats(clip))]
     return pd.DataFrame(rows)
+
+
+def _clip_rows(motion: Motion, beats: BeatTrack) -> Iterator[dict[str, Any]]:
+    """One row for each music."""
+    seen = {mode: visual_beats(motion, params=params) for mode, params in MODES.items()}
+    about = {"jerk": jerk(motion)}
+    for music, track in ((TRUE, beats), (LATE, half_a_beat_late(beats))):
+        scores = {mode: score_harmony(track, seen[mode], params=MODES[mode], n_rotations=0) for mode in MODES}
+        yield {"music": music, **_columns(scores), **about}
+
+
+def generators_half_a_beat_late(profile: RunProfile) -> pd.DataFrame:
+    """The same for the recorded motion of the test units and for the generators of the first seed.
+
+    They are judged on the meter, as everywhere; every beat of the unit is moved by half its median period.
+
+    Returns
+    -------
+    DataFrame as `cheating` returns it; "clip" is the unit, "trick" the variant.
+    """
+    rows = []
+    for corpus in generator_corpora(profile):
+        runs = {name: trained(profile, corpus, variant, 1) for name, variant in VARIANTS.items()}
+        units = runs["paper"].split.test
+        codes = {RECORDED: [unit.motion.astype(np.float64) for unit in units.units]}
+        codes |= {name: generate(run.generator, run.split.test) for name, run in runs.items()}
+        for name, mine in codes.items():
+            for code, unit in zip(mine, units.units, strict=True):
+                about = {"corpus": corpus, "clip": unit.name, "trick": name}
+                steadiness = {"jerk": jerk(meter_motion(code, unit, units))}
+                rows += [about | row | steadiness for row in _unit_rows(unit_motion(code, units), unit)]
+    return pd.DataFrame(rows)
+
+
+def _unit_rows(motion: Motion, unit: DanceUnit) -> Iterator[dict[str, Any]]:
+    """One row for each music."""
+    late = replace(unit, beats=unit.beats + np.median(np.diff(unit.beats)) / 2)
+    for music, heard in ((TRUE, unit), (LATE, late)):
+        yield {"music": music, **_columns({mode: score_unit(motion, heard, MODES[mode]) for mode in MODES})}
+
+
+def trick_means(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
+    """Means over clips with 95 % intervals, a row for each corpus, trick, music and measure.
+
+    Parameters
+    ----------
+    table : DataFrame, as `cheating` or `generators_half_a_beat_late` returns it
+    measures : names of its columns
+
+    Returns
+    -------
+    DataFrame with the columns corpus, trick, music, measure, mean, low, high, n
+    """
+    rows = []
+    for (corpus, trick, music), part in table.groupby(["corpus", "trick", "music"], sort=False):
+        for measure in measures:
+            mean, low, high = mean_interval(part[measure].to_numpy(np.float64))
+            about = {"corpus": corpus, "trick": trick, "music": music, "measure": measure, "n": len(part)}
+            rows.append({**about, "mean": mean, "low": low, "high": high})
+    return pd.DataFrame(rows)
+
+
+def trick_gains(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
+    """What each trick added to the motion it was put on, with the true music: means over clips.
+
+    Parameters
+    ----------
+    table : DataFrame, as `cheating` returns it
+    measures : names of its columns
+
+    Returns
+    -------
+    DataFrame, a row for each corpus and trick of `BASES`: corpus, trick, "put on", and the change of every measure
+    """
+    true = table[table["music"] == TRUE]
+    rows = []
+    for corpus, part in true.groupby("corpus", sort=False):
+        means = part.groupby("trick")[list(measures)].mean()
+        for trick, base in BASES.items():
+            rows.append({"corpus": corpus, "trick": trick, "put on": base, **(means.loc[trick] - means.loc[base])})
+    return pd.DataFrame(rows)
+
+
+def _columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
+    """What the tables hold of the two modes' scores."""
+    columns: dict[str, float] = {}
+    for mode, score in scores.items():
+        prefix = "paper_" if mode == "paper" else ""
+        columns |= {
+            f"{prefix}harmony": score.harmony,
+            f"{prefix}hit_rate": score.hit_rate,
+            f"{prefix}chance": score.chance,
+            f"{prefix}above_chance": score.harmony_above_chance,
+            f"{prefix}count_ratio": score.n_visual / max(score.n_audio, 1),
+        }
+    return columns
+
+
+def half_a_beat_late(beats: BeatTrack) -> BeatTrack:
+    """The same beats half a median period later; what passes the end comes in again at the start.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two beats.
+    """
+    if len(beats) < 2:
+        raise ValueError(f"half a beat needs two beats or more, got {len(beats)}")
+    moved = np.mod(beats.times + np.median(np.diff(beats.times)) / 2, beats.duration)
+    times, first = np.unique(moved, return_index=True)
+    return BeatTrack(times, beats.strengths[first], beats.fps, beats.duration)
 
 
 def _motion(clip: Clip) -> Motion:
@@ -78,29 +254,8 @@ def _motion(clip: Clip) -> Motion:
     return clip.motion
 
 
-def _musics(clip: Clip) -> dict[str, BeatTrack]:
-    """The clip's beats, and the same half a beat later, around the clip."""
-    beats = clip.beats
-    if beats is None or len(beats) < 2:
-        raise ValueError(f"{clip.name}: has fewer than two music beats")
-    late = np.mod(beats.times + np.median(np.diff(beats.times)) / 2, beats.duration)
-    order = np.argsort(late)
-    times, first = np.unique(late[order], return_index=True)
-    return {
-        "true": beats,
-        "half a beat late": BeatTrack(times, beats.strengths[order][first], beats.fps, beats.duration),
-    }
-
-
-def _scores(motion: Motion, beats: BeatTrack) -> dict[str, Any]:
-    paper = score_motion(beats, motion, params=HarmonyParams.paper(), n_rotations=0)
-    valleys = score_motion(beats, motion, params=HarmonyParams.valleys(), n_rotations=0)
-    return {
-        "paper's harmony": paper.harmony,
-        "hit rate": paper.hit_rate,
-        "chance": paper.chance,
-        "M / N": paper.n_visual / max(paper.n_audio, 1),
-        "above chance (turns)": paper.harmony_above_chance,
-        "above chance (valleys)": valleys.harmony_above_chance,
-        "jerk": jerk(motion),
-    }
+def _beats(clip: Clip) -> BeatTrack:
+    """The clip's beats; `studied_clips` gives none without."""
+    if clip.beats is None:
+        raise ValueError(f"{clip.name}: has no beats")
+    return clip.beats

@@ -1,0 +1,299 @@
+"""Pictures of what a harmony loss buys and what it costs (Fig. 11): measures by variant, and the trade-off curve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from harmolab.params import TrainParams
+from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.variants import LOOKS
+
+__all__ = [
+    "MEASURES",
+    "ablation_figure",
+    "draw_measure",
+    "draw_printed",
+    "draw_trade_off",
+    "trade_off_figure",
+]
+
+Record = Mapping[str, Any]
+
+RECORDED = "recorded"
+WEIGHTED = "recommended"  # the loss whose weight the trade-off curve varies
+ASIDE = (
+    (0, -14),
+    (-17, 0),
+    (17, -6),
+    (-15, 8),
+    (15, 10),
+)  # points from mark to label; mirrored where the curve runs to the left
+OUR_WEIGHT = TrainParams.recommended().harmony_weight
+
+# Columns of the ablation, from left to right, with the words for them.
+MEASURES = MappingProxyType(
+    {
+        "paper_harmony": "paper's harmony h",
+        "paper_hit_rate": "paper's hit rate",
+        "above_chance": "harmony above chance",
+        "count_ratio": "M / N (speed valleys)",
+        "jerk": "jerk (m/s³)",
+        "fid": "FID",
+    }
+)
+GENERATED = tuple(name for name in LOOKS if name != RECORDED)
+
+
+def draw_measure(
+    ax: Axes, rows: Sequence[Record], *, measure: str, targets: Mapping[str, tuple[float, float]] | None = None
+) -> Axes:
+    """One measure of every variant: a mark at the mean, a line over its interval, the recorded motion dashed.
+
+    An arrow leads from each variant without the harmony term to the one with it.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus
+    measure : name in `MEASURES`
+    targets : variant -> (least, most) that is asked of it, a pale green band in its row; either may be infinite
+    """
+    places = {name: place for place, name in enumerate(reversed(GENERATED))}
+    mine = {row["variant"]: row for row in rows if row["measure"] == measure}
+    if RECORDED in mine:
+        ax.axvline(mine[RECORDED]["mean"], color=LOOKS[RECORDED].colour, linestyle="--", linewidth=1.3, zorder=1)
+    low, high = _span(mine.values())
+    for name, place in places.items():
+        _draw_mean(ax, mine[name], place, ".0f" if high >= 10 else ".2f")
+        if (before := mine.get(f"{name}, without")) is not None:
+            ends = (mine[name]["mean"], place), (before["mean"], places[before["variant"]])
+            arrow = {"arrowstyle": "-|>", "color": LOOKS[name].colour, "alpha": 0.45, "shrinkA": 6, "shrinkB": 6}
+            ax.annotate("", *ends, arrowprops=arrow, zorder=2)
+    ax.set(yticks=range(len(GENERATED)), yticklabels=[LOOKS[name].label for name in reversed(GENERATED)])
+    ax.set(ylim=(-0.5, len(GENERATED) - 0.2), xlabel=MEASURES.get(measure, measure))
+    ax.tick_params(axis="y", length=0)
+    # From zero, so that lengths can be compared; no further than a share can go.
+    limits = [limit for target in (targets or {}).values() for limit in target if np.isfinite(limit)]
+    shares = measure in ("paper_harmony", "paper_hit_rate")
+    ax.set_xlim(min(0.0, low - 0.12 * (high - low)), 1.08 if shares else 1.15 * max([high, *limits]))
+    for name, target in (targets or {}).items():
+        _shade(ax, target, (places[name] - 0.5, places[name] + 0.5))
+    return ax
+
+
+def _shade(ax: Axes, across: tuple[float, float], up: tuple[float, float]) -> None:
+    """The part of a rectangle within the axes, pale green; its ends may be infinite."""
+    (left, right), (bottom, top) = np.clip(across, *ax.get_xlim()), np.clip(up, *ax.get_ylim())
+    area = Rectangle((left, bottom), right - left, top - bottom, facecolor=COLOURS["hit"], alpha=0.13, linewidth=0)
+    area.set(zorder=0, gid="target")
+    ax.add_patch(area)
+
+
+def _asked(
+    targets: Mapping[str, tuple[float, float]], before: Record, recorded: Record
+) -> dict[str, tuple[float, float]]:
+    """Targets in the units of the axes: relative ones times what they are relative to.
+
+    Parameters
+    ----------
+    targets : as for `ablation_figure`
+    before, recorded : measure -> value, without the harmony term and of the recorded motion
+    """
+    base, jerk, fid = before["above_chance"], recorded["jerk"], max(before["fid"], 0.0)
+    return {
+        "above_chance": (base + targets["above_chance"][0], base + targets["above_chance"][1]),
+        "count_ratio": targets["count_ratio"],
+        "jerk": (targets["jerk"][0], targets["jerk"][1] * jerk),
+        "fid": (targets["fid"][0], targets["fid"][1] * fid),
+    }
+
+
+def _draw_mean(ax: Axes, row: Record, place: float, digits: str) -> None:
+    """A variant's mean with its interval and its value."""
+    look, mean = LOOKS[row["variant"]], row["mean"]
+    if np.isfinite(row["low"]):
+        ax.plot([row["low"], row["high"]], [place, place], color=look.colour, linewidth=2.2, zorder=2, gid="interval")
+    ax.plot(mean, place, **look.mark, zorder=3)
+    ax.annotate(
+        f"{mean:{digits}}", (mean, place), xytext=(0, 6), textcoords="offset points",
+        ha="center", va="bottom", fontsize=8.5, color=look.colour, zorder=4,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6},
+    )  # fmt: skip
+
+
+def _span(rows: Iterable[Record]) -> tuple[float, float]:
+    """Least and greatest of means and interval ends."""
+    values = np.array([[row["mean"], row["low"], row["high"]] for row in rows], np.float64)
+    return float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def draw_printed(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
+    """What the paper prints for one measure: hatched grey bars, which none of our own numbers has.
+
+    Parameters
+    ----------
+    rows : records with "variant", "measure" and "paper" (NaN where the paper prints nothing)
+    """
+    printed = {row["variant"]: row["paper"] for row in rows if row["measure"] == measure}
+    names = [name for name in GENERATED[::-1] if np.isfinite(printed.get(name, np.nan))]
+    values = [printed[name] for name in names]
+    bars = ax.barh(
+        range(len(names)), values, height=0.6, color=COLOURS["faint"], edgecolor=COLOURS["chance"], hatch="//"
+    )
+    ax.bar_label(bars, fmt="%.2f", padding=3, fontsize=8.5, color=COLOURS["chance"])
+    ax.set(yticks=range(len(names)), yticklabels=[LOOKS[name].label for name in names])
+    ax.set(xlim=(0.0, 1.0), xlabel=MEASURES.get(measure, measure))
+    ax.tick_params(axis="y", length=0)
+    return ax
+
+
+def ablation_figure(rows: Iterable[Record], targets: Mapping[str, tuple[float, float]]) -> Figure:
+    """A row of panels for each corpus, one panel a measure, and above them, apart, what the paper prints.
+
+    Parameters
+    ----------
+    rows : records of `harmolab.experiments.ablation.seed_means`
+    targets : measure -> (least, most), `harmolab.experiments.ablation.TARGETS`: "above_chance" a gain over the variant
+        without the harmony term, "count_ratio" as it is, "jerk" in multiples of the recorded motion's, "fid" of that
+        without the harmony term
+    """
+    table = list(rows)
+    corpora = list(dict.fromkeys(row["corpus"] for row in table))
+    with figure_style():
+        heights = [1.0, *[1.75] * len(corpora)]
+        figure = Figure(figsize=(14.0, 1.35 * sum(heights) + 0.5), layout="constrained")
+        axes = figure.subplots(len(heights), len(MEASURES), squeeze=False, height_ratios=heights)
+        _printed_row(axes[0], table)
+        for line, corpus in zip(axes[1:], corpora, strict=True):
+            mine = [row for row in table if row["corpus"] == corpus]
+            asked = _asked_of_losses(mine, targets)
+            for ax, measure in zip(line, MEASURES, strict=True):
+                draw_measure(ax, mine, measure=measure, targets=asked.get(measure))
+                ax.tick_params(axis="y", labelleft=ax is line[0])
+            line[0].set_title(f"ours: {corpus}")
+            line[2].set_title("what the paper leaves out")
+    return figure
+
+
+def _asked_of_losses(
+    rows: Sequence[Record], targets: Mapping[str, tuple[float, float]]
+) -> dict[str, dict[str, tuple[float, float]]]:
+    """measure -> variant with the harmony term -> (least, most) in the units of the axes."""
+    means: dict[str, dict[str, float]] = {}
+    for row in rows:
+        means.setdefault(row["variant"], {})[row["measure"]] = row["mean"]
+    found: dict[str, dict[str, tuple[float, float]]] = {measure: {} for measure in targets}
+    for name in GENERATED:
+        if (before := means.get(f"{name}, without")) is not None:
+            for measure, limits in _asked(targets, before, means[RECORDED]).items():
+                found[measure][name] = limits
+    return found
+
+
+def _printed_row(axes: Sequence[Axes], table: Sequence[Record]) -> None:
+    """The paper's two measures, and the legend where it has none."""
+    for ax, measure in zip(axes, MEASURES, strict=True):
+        if any(row["measure"] == measure and np.isfinite(row["paper"]) for row in table):
+            draw_printed(ax, [row for row in table if row["corpus"] == table[0]["corpus"]], measure=measure)
+            ax.tick_params(axis="y", labelleft=ax is axes[0])
+        else:
+            ax.axis("off")
+    axes[0].set_title("printed in the paper")
+    handles = [
+        Patch(
+            facecolor=COLOURS["faint"],
+            edgecolor=COLOURS["chance"],
+            hatch="//",
+            label="printed in the paper, for other music",
+        ),
+        Line2D([], [], color=LOOKS[RECORDED].colour, linestyle="--", label="recorded motion"),
+        Patch(facecolor=COLOURS["hit"], alpha=0.13, label="asked of a harmony loss"),
+        Line2D([], [], color=COLOURS["chance"], linewidth=2.2, label="95 % interval, where several were trained"),
+    ]
+    axes[2].legend(handles=handles, loc="upper left", fontsize=9).set_in_layout(False)
+
+
+def draw_trade_off(
+    ax: Axes,
+    sweep: Sequence[Record],
+    others: Mapping[str, Record],
+    *,
+    measure: str,
+    target: tuple[float, float],
+    least: float,
+) -> Axes:
+    """Harmony above chance against what it costs, as the weight of the harmony term grows; what is asked for is green.
+
+    Parameters
+    ----------
+    ax : Axes
+    sweep : records with "harmony_weight", "above_chance" and the measure, in order of weight
+    others : name in `LOOKS` -> a record with "above_chance" and the measure, to compare with
+    measure : name in `MEASURES`, on the x axis
+    target : (least, most) of the measure that is asked for; either may be infinite
+    least : float, the harmony above chance that is asked for
+    """
+    look = LOOKS[WEIGHTED]
+    points = [(row[measure], row["above_chance"], row["harmony_weight"]) for row in sweep]
+    ax.plot([x for x, _, _ in points], [y for _, y, _ in points], "-", color=look.colour, linewidth=1.2, zorder=2)
+    turn = -1 if points[-1][0] < points[0][0] else 1
+    for (x, y, weight), (right, up) in zip(points, cycle(ASIDE), strict=False):
+        ax.plot(x, y, **{**look.mark, "markerfacecolor": look.colour if weight else "white"}, zorder=3)
+        ax.annotate(
+            f"{weight:g}", (x, y), xytext=(turn * right, up), textcoords="offset points", ha="center",
+            va="center", fontsize=9, color=look.colour, zorder=4,
+        )  # fmt: skip
+    for name, row in others.items():
+        ax.plot(row[measure], row["above_chance"], **LOOKS[name].mark, zorder=3)
+    _set_limits(ax, [row["above_chance"] for row in (*sweep, *others.values())], target)
+    ax.set_xlabel(MEASURES.get(measure, measure))
+    _shade(ax, target, (least, np.inf))
+    return ax
+
+
+def _set_limits(ax: Axes, heights: Sequence[float], target: tuple[float, float]) -> None:
+    """Room for every mark, for 0 and 1, and for the ends of the region that is asked for."""
+    ax.margins(x=0.12)
+    left, right = ax.get_xlim()
+    ax.set_xlim(min(left, 0.9 * target[0] if np.isfinite(target[0]) else 0.0), max(right, 1.08 * target[1]))
+    ax.set_ylim(min(-0.05, min(heights) - 0.08), max(1.02, max(heights) + 0.08))
+
+
+def trade_off_figure(
+    sweeps: Mapping[str, Sequence[Record]],
+    others: Mapping[str, Mapping[str, Record]],
+    targets: Mapping[str, tuple[float, float]],
+) -> Figure:
+    """A row for each corpus: `draw_trade_off` against jerk, FID and M / N.
+
+    Parameters
+    ----------
+    sweeps : corpus -> records, the first of them without the harmony term
+    others : corpus -> name in `LOOKS` -> record; "recorded" among them
+    targets : as for `ablation_figure`
+    """
+    with figure_style():
+        figure = Figure(figsize=(12.0, 3.5 * len(sweeps) + 0.5), layout="constrained")
+        axes = figure.subplots(len(sweeps), 3, squeeze=False, sharey="row")
+        for line, (corpus, sweep) in zip(axes, sweeps.items(), strict=True):
+            asked = _asked(targets, sweep[0], others[corpus][RECORDED])
+            least = asked["above_chance"][0]
+            for ax, measure in zip(line, ("jerk", "fid", "count_ratio"), strict=True):
+                draw_trade_off(ax, sweep, others[corpus], measure=measure, target=asked[measure], least=least)
+            line[0].set(ylabel="harmony above chance", title=corpus)
+        names = (WEIGHTED, *next(iter(others.values())))
+        handles = [Line2D([], [], **LOOKS[name].mark, label=LOOKS[name].label) for name in names]
+        handles[0].set_label(f"our losses, weight of the harmony term beside it (elsewhere {OUR_WEIGHT:g})")
+        region = Patch(facecolor=COLOURS["hit"], alpha=0.13, label="asked for")
+        # Above: below the canvas is where synthetic data is marked.
+        figure.legend(handles=[*handles, region], loc="outside upper center", ncols=3)
+    return figure

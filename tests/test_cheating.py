@@ -1,0 +1,259 @@
+"""Tricks that please a score: what they do to a motion, the tables they go into, and their picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.experiments import cheating as module
+from harmolab.experiments.cheating import (
+    BASES,
+    LATE,
+    TRICKS,
+    TRUE,
+    cheating,
+    generators_half_a_beat_late,
+    half_a_beat_late,
+    shaken,
+    slowed,
+    studied_clips,
+    swaying,
+    trembling,
+    trick_gains,
+    trick_means,
+)
+from harmolab.experiments.generation import SYNTHETIC, VARIANTS
+from harmolab.params import FeatureParams, RunProfile
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from harmolab.viz.cheating import CHEAT_MEASURES, cheating_figure, draw_dumbbells
+from harmolab.viz.style import COLOURS
+from harmolab.viz.variants import LOOKS
+
+PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
+TWO = Skeleton(("hip", "knee"), (-1, 0))
+
+
+@pytest.fixture
+def walk() -> Motion:
+    """Two joints that move by a metre a second to the side, ten frames a second."""
+    side = np.arange(20) / 10
+    positions = np.stack([np.stack([side, np.full(20, height), np.zeros(20)], axis=1) for height in (1.0, 0.5)], axis=1)
+    return Motion(positions, 10.0, TWO)
+
+
+# Tricks
+
+
+def test_tremor_moves_the_whole_body_up_and_down(walk: Motion):
+    moved = trembling(walk, 2.5, 0.01).positions - walk.positions
+    np.testing.assert_allclose(moved[:5, 0, 1], [0.0, 0.01, 0.0, -0.01, 0.0], atol=1e-12)
+    np.testing.assert_allclose(moved[:, 0], moved[:, 1])
+    np.testing.assert_allclose(moved[..., [0, 2]], 0.0)
+
+
+def test_jitter_has_the_size_asked_for(walk: Motion, rng: np.random.Generator):
+    long = Motion(np.zeros((5000, 2, 3)), 10.0, TWO)
+    assert shaken(long, 0.02, rng).positions.std() == pytest.approx(0.02, rel=0.02)
+
+
+def test_slowed_motion_has_come_a_third_of_the_way(walk: Motion):
+    slow = slowed(walk, 3.0)
+    assert slow.n_frames == walk.n_frames
+    np.testing.assert_allclose(slow.positions[:, 0, 0], np.arange(20) / 30)
+
+
+def test_faster_than_danced_is_refused(walk: Motion):
+    with pytest.raises(ValueError, match=r"factor must be 1 or more, got 0\.5"):
+        slowed(walk, 0.5)
+
+
+def test_swaying_body_keeps_its_first_pose(walk: Motion):
+    sway = swaying(walk, 0.5, 0.05).positions
+    np.testing.assert_allclose(sway[:, 0] - sway[:, 1], np.tile([0.0, 0.5, 0.0], (20, 1)))
+    assert sway[5, 0, 0] == pytest.approx(0.05)
+
+
+def test_every_trick_was_put_on_a_motion_that_is_judged_too():
+    assert set(BASES) | set(BASES.values()) == set(TRICKS)
+
+
+# Music half a beat late
+
+
+def test_late_beats_lie_between_the_old_ones_and_come_in_again_at_the_start():
+    late = half_a_beat_late(BeatTrack([0.25, 0.75, 1.25, 1.85], [1.0, 2.0, 3.0, 4.0], 100.0, 2.0))
+    np.testing.assert_allclose(late.times, [0.1, 0.5, 1.0, 1.5])
+    assert list(late.strengths) == [4.0, 1.0, 2.0, 3.0]
+
+
+def test_single_beat_has_no_half():
+    with pytest.raises(ValueError, match="half a beat needs two beats or more, got 1"):
+        half_a_beat_late(BeatTrack([0.25], [1.0], 100.0, 2.0))
+
+
+# Tables
+
+
+@pytest.fixture
+def table(monkeypatch: pytest.MonkeyPatch, swinging_arm: Callable[..., Motion]) -> pd.DataFrame:
+    """Tricks on one clip: an arm that rests on every beat."""
+    beats = BeatTrack(0.25 + 0.5 * np.arange(12), np.ones(12), 100.0, 6.0)
+    clip = Clip("arm", Audio(np.zeros(6000), 1000.0), swinging_arm(1.0, 60.0), beats=beats)
+    monkeypatch.setattr(module, "generator_corpora", lambda profile: ("one", "two"))
+    monkeypatch.setattr(module, "studied_clips", lambda profile, corpus: iter([clip]))
+    return cheating(PROFILE)
+
+
+def test_table_has_every_trick_with_both_musics_for_each_corpus(table: pd.DataFrame):
+    found = table.groupby(["corpus", "music"], sort=False)["trick"].apply(list).to_dict()
+    assert found == {(corpus, music): list(TRICKS) for corpus in ("one", "two") for music in (TRUE, LATE)}
+
+
+def test_dancer_on_the_beat_loses_everything_when_the_music_is_late(table: pd.DataFrame):
+    danced = table[(table["trick"] == "as danced") & (table["corpus"] == "one")].set_index("music")
+    assert danced.loc[TRUE, "above_chance"] == pytest.approx(1.0)
+    assert danced.loc[LATE, "hit_rate"] == 0.0
+    assert danced.loc[LATE, "above_chance"] < -0.3
+
+
+def test_what_does_not_depend_on_the_music_is_the_same_with_both(table: pd.DataFrame):
+    wide = table[table["corpus"] == "one"].pivot_table(
+        index="trick", columns="music", values=["jerk", "paper_count_ratio"]
+    )
+    for measure in ("jerk", "paper_count_ratio"):
+        np.testing.assert_allclose(wide[measure, TRUE], wide[measure, LATE])
+
+
+def made_up() -> pd.DataFrame:
+    """Two clips: h of 1 and 2 for every base, 4 and 7 for every trick; 10 more with late music."""
+    rows = []
+    for trick in TRICKS:
+        for clip, value in enumerate([4.0, 7.0] if trick in BASES else [1.0, 2.0]):
+            for music, more in ((TRUE, 0.0), (LATE, 10.0)):
+                rows.append({"corpus": "made up", "clip": clip, "trick": trick, "music": music, "h": value + more})
+    return pd.DataFrame(rows)
+
+
+def test_means_are_over_clips_of_one_trick_and_music():
+    means = trick_means(made_up(), ["h"]).set_index(["trick", "music"])
+    assert means.loc[("as danced", TRUE), "mean"] == 1.5
+    assert means.loc[("sway + tremor 2 Hz", LATE), "mean"] == 15.5
+    # Half the difference times t(0.975; 1) = 12.7062.
+    assert means.loc[("as danced", TRUE), "high"] == pytest.approx(1.5 + 6.3531, abs=1e-4)
+    assert set(means["n"]) == {2}
+
+
+def test_gain_of_a_trick_is_over_the_motion_it_was_put_on_with_the_true_music():
+    gained = trick_gains(made_up(), ["h"])
+    assert dict(zip(gained["trick"], gained["put on"], strict=True)) == dict(BASES)
+    assert gained["h"].tolist() == [4.0] * len(BASES)
+
+
+def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordings(monkeypatch: pytest.MonkeyPatch):
+    beats = BeatTrack([0.1, 0.2], [1.0, 1.0], 100.0, 1.0)
+    clips = {
+        "dances": Clip("b", Audio(np.zeros(10), 10.0), Motion(np.zeros((2, 2, 3)), 10.0, TWO), beats=beats),
+        "still": Clip("a", Audio(np.zeros(10), 10.0), beats=beats),
+    }
+    monkeypatch.setattr(module, "excerpt", lambda sequence, seconds: clips[sequence])
+    monkeypatch.setattr(module, "synthetic_corpus", lambda profile: "folder")
+    monkeypatch.setattr(module, "readable_sequences", lambda folder: iter(["still", "dances"]))
+    monkeypatch.setattr(module, "study_sequences", lambda profile, corpus: iter(["still"]))
+    monkeypatch.setattr(module, "data_root", lambda: "recordings")
+    assert [clip.name for clip in studied_clips(PROFILE, SYNTHETIC)] == ["b"]
+    assert list(studied_clips(PROFILE, "recordings")) == []
+
+
+def bobbing(first_rest: float) -> np.ndarray:
+    """Motion code of one joint for four seconds, at rest at `first_rest`, and every half second after."""
+    code = np.zeros((60, 6))
+    code[:, 1] = 1.0 + 0.2 * np.cos(2 * np.pi * (np.arange(60) / 15 - first_rest))
+    return code
+
+
+def test_generator_that_listens_falls_with_late_music_and_one_beside_the_beat_rises(monkeypatch: pytest.MonkeyPatch):
+    beats, index = 0.25 + 0.5 * np.arange(8), np.repeat([1.0, 0.0], 30).astype(np.float32)
+    unit = DanceUnit(
+        "one", "s", "waltz", frozenset("a"), frozenset("a"), 0.0, np.zeros((60, 1), np.float32),
+        bobbing(0.25).astype(np.float32), index, beats, np.ones(8), 15.0,
+    )  # fmt: skip
+    units = UnitSet((unit,), Skeleton(("joint",), (-1,)), np.zeros(1), FeatureParams())
+    names = {id(variant): name for name, variant in VARIANTS.items()}
+    codes = {"recommended": bobbing(0.25), "paper": bobbing(0.5)}
+    monkeypatch.setattr(module, "generator_corpora", lambda profile: ("made up",))
+    monkeypatch.setattr(module, "generate", lambda name, chosen: [codes.get(name, np.ones((60, 6)))])
+    monkeypatch.setattr(
+        module,
+        "trained",
+        lambda profile, corpus, variant, seed: SimpleNamespace(
+            generator=names[id(variant)], split=SimpleNamespace(test=units)
+        ),
+    )
+    rates = generators_half_a_beat_late(PROFILE).set_index(["trick", "music"])["hit_rate"]
+    assert (rates["recommended", TRUE], rates["recommended", LATE]) == (1.0, 0.0)
+    assert (rates["paper", TRUE], rates["paper", LATE]) == (0.0, 1.0)
+    assert (rates["recorded", TRUE], rates["recorded", LATE]) == (1.0, 0.0)
+
+
+# The picture
+
+
+@pytest.fixture
+def ax() -> Iterator[Axes]:
+    """Axes that a notebook might draw on."""
+    yield Figure(figsize=(8, 4)).subplots()
+
+
+def record(trick: str, music: str, mean: float, measure: str = "paper_hit_rate") -> dict[str, object]:
+    about = {"corpus": "made up", "trick": trick, "music": music, "measure": measure, "n": 7}
+    return {**about, "mean": mean, "low": mean - 0.1, "high": mean + 0.1}
+
+
+def marks(ax: Axes) -> dict[tuple[float, float], str]:
+    """Every single mark: (x, y) -> marker."""
+    single = [line for line in ax.lines if len(line.get_xdata()) == 1]
+    return {(float(line.get_xdata()[0]), float(line.get_ydata()[0])): line.get_marker() for line in single}
+
+
+def test_arrow_leads_from_the_true_music_to_the_late_one(ax: Axes):
+    rows = [record("a", TRUE, 0.9), record("a", LATE, 0.2), record("b", TRUE, 0.3), record("b", LATE, 0.6)]
+    draw_dumbbells(ax, rows, measure="paper_hit_rate")
+    assert marks(ax) == {(0.9, 1.0): "o", (0.2, 1.0): "<", (0.3, 0.0): "o", (0.6, 0.0): ">"}
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["b", "a"]
+
+
+def test_level_of_chance_is_a_grey_bar_in_the_row_of_its_trick(ax: Axes):
+    rows = [record("a", TRUE, 0.9), record("a", LATE, 0.2), record("a", TRUE, 0.8, "paper_chance")]
+    draw_dumbbells(ax, rows, measure="paper_hit_rate")
+    (bar,) = [line for line in ax.lines if line.get_color() == COLOURS["chance"]]
+    assert list(bar.get_xdata()) == [0.8, 0.8]
+
+
+def test_measure_that_knows_no_music_has_one_mark_a_trick_and_jerk_counts_in_powers_of_ten(ax: Axes):
+    rows = [record("a", TRUE, 2.0, "jerk"), record("a", LATE, 2.0, "jerk"), record("b", TRUE, 300.0, "jerk")]
+    draw_dumbbells(ax, rows, measure="jerk")
+    assert marks(ax) == {(2.0, 1.0): "o", (300.0, 0.0): "o"}
+    assert ax.get_xscale() == "log"
+    assert [text.get_text() for text in ax.get_xticklabels()] == ["1", "10", "100", "1000"]
+
+
+def test_generators_keep_their_own_colour_mark_and_name(ax: Axes):
+    draw_dumbbells(ax, [record("paper", TRUE, 0.9), record("paper", LATE, 0.2)], measure="paper_hit_rate")
+    (mark,) = [line for line in ax.lines if len(line.get_xdata()) == 1 and line.get_marker() == LOOKS["paper"].marker]
+    assert mark.get_color() == LOOKS["paper"].colour
+    assert [text.get_text() for text in ax.get_yticklabels()] == [LOOKS["paper"].label]
+
+
+def test_figure_has_a_row_a_corpus_and_says_how_many_clips():
+    rows = [record("a", music, 0.5, measure) for measure in CHEAT_MEASURES for music in (TRUE, LATE)]
+    figure = cheating_figure([*rows, *({**row, "corpus": "other"} for row in rows)])
+    axes = np.array(figure.axes).reshape(2, len(CHEAT_MEASURES))
+    assert [ax.get_title(loc="left") for ax in axes[:, 0]] == ["made up (n = 7)", "other (n = 7)"]
+    assert [ax.get_xlabel() for ax in axes[1]] == list(CHEAT_MEASURES.values())
