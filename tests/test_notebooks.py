@@ -23,7 +23,13 @@ NAMES = [
     "04_salience_and_scoring",
     "05_right_from_wrong",
     "06_meter_units",
+    "07_anatomy_and_training",
+    "08_motion_quality",
+    "09_harmony_loss",
+    "11_frame_by_frame",
+    "12_cheating_the_score",
 ]
+TO_COME = {"10"}  # the comparison with other systems (Fig. 12, Tables 1 and 2)
 MOST_CELLS = 15
 MOST_LINES = 12
 # Under a minute is the aim on two cores; a cell that takes three has gone wrong.
@@ -58,9 +64,11 @@ def form_faults(source: str) -> list[str]:
     return found
 
 
-def test_all_notebooks_are_there_and_numbered_without_a_gap():
+def test_all_notebooks_are_there_and_numbered_without_a_gap_but_for_those_to_come():
     assert [path.stem for path in PATHS] == NAMES
-    assert [path.stem[:2] for path in PATHS] == [f"{number:02d}" for number in range(len(PATHS))]
+    there = {name[:2] for name in NAMES}
+    assert there.isdisjoint(TO_COME)
+    assert sorted(there | TO_COME) == [f"{number:02d}" for number in range(len(NAMES) + len(TO_COME))]
 
 
 @every_notebook

@@ -12,6 +12,7 @@ from harmolab.cli.comparing import compare, learn
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
 from harmolab.cli.scoring import score
+from harmolab.cli.training import train
 
 __all__ = ["app", "main"]
 
@@ -24,6 +25,7 @@ app = typer.Typer(
 app.command()(score)
 app.command()(compare)
 app.command()(learn)
+app.command()(train)
 app.command()(dance)
 app.add_typer(data_app, name="data")
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import sys
+import os
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,9 +17,9 @@ if TYPE_CHECKING:
     from harmolab.data.splits import Split
     from harmolab.params import TrainParams
 
-__all__ = ["train"]
+__all__ = ["EpochBar", "train"]
 
-PRESETS = ("small", "paper")
+CHOICES = {"preset": ("small", "paper"), "params": ("recommended", "paper"), "accelerator": ("auto", "cpu", "cuda")}
 
 
 def train(
@@ -25,31 +27,68 @@ def train(
     out: Annotated[Path, typer.Option(help="Folder of the run: weights, history, split, settings.")],
     preset: Annotated[str, typer.Option(help="Size: small (1 M parameters, a laptop) or paper (8 M).")] = "small",
     params: Annotated[str, typer.Option(help="Losses and features: paper (Sec. 5.2) or recommended.")] = "recommended",
-    harmony_weight: Annotated[float | None, typer.Option(help="Weight of the harmony loss; 0 is the ablation.")] = None,
-    pretrain_epochs: Annotated[int | None, typer.Option(help="Instead of 225.", min=0)] = None,
-    adversarial_epochs: Annotated[int | None, typer.Option(help="Instead of 45.", min=0)] = None,
-    pretrained: Annotated[Path | None, typer.Option(help="Run on the same data whose pretraining is used.")] = None,
+    harmony_weight: Annotated[
+        float | None, typer.Option(help="Weight of the harmony loss; 0 is the ablation.", show_default="1")
+    ] = None,
+    pretrain_epochs: Annotated[
+        int | None, typer.Option(help="Epochs of pretraining.", min=0, show_default="225")
+    ] = None,
+    adversarial_epochs: Annotated[int | None, typer.Option(help="Epochs after it.", min=0, show_default="45")] = None,
+    pretrained: Annotated[
+        Path | None, typer.Option(help="Run on the same data whose pretraining is taken over.")
+    ] = None,
     step: Annotated[int, typer.Option(help="Beats between the starts of training units.", min=1)] = 2,
-    seed: Annotated[int, typer.Option(help="Of weights, order and the pose network.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Of first weights, order of the units and the pose network.", min=0)] = 1,
     split_seed: Annotated[int, typer.Option(help="Of the split by motion group.", min=0)] = 0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
     accelerator: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
 ) -> None:
-    """Train HarmoGAN: 225 epochs of pretraining, then 45 adversarial ones; a killed run goes on with --resume.
+    """Train HarmoGAN: 225 epochs of pretraining, then 45 adversarial ones.
 
-    Several processes: `torchrun --nproc-per-node 2 -m harmolab.cli train ...`. Units are split by motion group into
-    training, validation and test; split.json in the run says how. Then: `harmolab dance SONG --weights RUN`.
+    **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
+    training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
+    generator. history.csv has every loss term and the scores on the validation units, epoch by epoch; so has
+    `tensorboard --logdir RUN`.
+
+    **Stopped?** The same command with --resume goes on where the run was, after a kill too, to the same result.
+
+    **With and without the harmony loss**, sharing the pretraining:
+
+        harmolab train DATA --out with
+
+        harmolab train DATA --out without --harmony-weight 0 --pretrained with
+
+    **Several processes**, with the same result: `torchrun --nproc-per-node 2 -m harmolab.cli train DATA --out RUN`
+
+    **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
     """
     with plain_errors():
+        for name, value in (("preset", preset), ("params", params), ("accelerator", accelerator)):
+            _check_choice(name, value)
         chosen = _settings(params, harmony_weight, pretrain_epochs, adversarial_epochs, seed)
-        _check_choice("preset", preset, PRESETS)
+        _check_out(out, resume=resume)
         split = _split(data, params, step, split_seed)
         _train(split, out, preset, chosen, resume=resume, pretrained=pretrained, accelerator=accelerator)
 
 
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ValueError(f"--{name} must be {' or '.join(choices)}, got {value!r}")
+def _is_first() -> bool:
+    """Whether this process is the one that writes and prints."""
+    return int(os.environ.get("RANK", 0)) == 0
+
+
+def _check_choice(name: str, value: str) -> None:
+    if value not in CHOICES[name]:
+        raise ValueError(f"--{name} must be {' or '.join(CHOICES[name])}, got {value!r}")
+
+
+def _check_out(out: Path, *, resume: bool) -> None:
+    """Refuse a folder before the recordings are read, which takes minutes. Other processes leave that to the first."""
+    try:
+        from harmolab.training.folders import check_folder
+    except ModuleNotFoundError as error:
+        raise ValueError(f"training needs {error.name}; install it with: pip install 'harmolab[train]'") from None
+    if _is_first():
+        check_folder(out, resume=resume)
 
 
 def _settings(
@@ -58,10 +97,12 @@ def _settings(
     """The named settings with what the command line changes."""
     from harmolab.params import TrainParams
 
-    _check_choice("params", name, ("paper", "recommended"))
-    base = TrainParams.paper() if name == "paper" else TrainParams.recommended()
-    asked = {"harmony_weight": harmony_weight, "pretrain_epochs": pretrain, "adversarial_epochs": adversarial}
-    return replace(base, seed=seed, **{key: value for key, value in asked.items() if value is not None})
+    chosen = replace(TrainParams.paper() if name == "paper" else TrainParams.recommended(), seed=seed)
+    if harmony_weight is not None:
+        chosen = replace(chosen, harmony_weight=harmony_weight)
+    if pretrain is not None:
+        chosen = replace(chosen, pretrain_epochs=pretrain)
+    return chosen if adversarial is None else replace(chosen, adversarial_epochs=adversarial)
 
 
 def _split(data: list[Path], params: str, step: int, seed: int) -> Split:
@@ -71,9 +112,13 @@ def _split(data: list[Path], params: str, step: int, seed: int) -> Split:
     from harmolab.params import FeatureParams
 
     features = FeatureParams.paper() if params == "paper" else FeatureParams.recommended()
-    split = split_units(load_units(data, features, step=step, progress=progress), seed=seed)
-    counts = ", ".join(f"{len(getattr(split, side).units)} {side}" for side in ("train", "validation", "test"))
-    typer.echo(f"units: {counts}; data: {split.train.source}", err=True)
+    units = load_units([*data], features, step=step, progress=progress)
+    split = split_units(units, seed=seed)
+    if _is_first():
+        for note in units.notes:
+            typer.echo(f"harmolab: left out: {note}", err=True)
+        counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
+        typer.echo(f"units: {counts}; data: {split.train.source}", err=True)
     return split
 
 
@@ -93,32 +138,76 @@ def _train(
 
     model = ModelParams.paper() if preset == "paper" else ModelParams.small()
     fabric = make_fabric(accelerator=accelerator)
-    epochs = (0 if pretrained else params.pretrain_epochs) + params.adversarial_epochs
-    bar = EpochBar(epochs)
-    train_harmogan(
-        split, out, model=model, params=params, resume=resume, pretrained=pretrained, fabric=fabric, report=bar
-    )
-    bar.close()
+    first = 0 if pretrained else params.pretrain_epochs
+    ends = {"pose network": params.pose_epochs, "pretrain": first, "adversarial": first + params.adversarial_epochs}
+    with EpochBar(ends, shown=fabric.is_global_zero) as bar:
+        train_harmogan(
+            split, out, model=model, params=params, resume=resume, pretrained=pretrained, fabric=fabric, report=bar
+        )
     if fabric.is_global_zero:
         typer.echo(f"trained: {out}; dance with it: harmolab dance SONG --weights {out} --out dance.mp4")
 
 
 class EpochBar:
-    """Progress over epochs with the loss terms; lines of text where standard error is no terminal."""
+    """Progress over the epochs of each phase, with every loss term and the last validation below it.
 
-    def __init__(self, epochs: int) -> None:
-        from tqdm import tqdm
+    Where standard error is no terminal: a line for each validated epoch.
 
-        self.terminal = sys.stderr.isatty()
-        self.bar = tqdm(total=epochs, unit="epoch", disable=not self.terminal)
+    Parameters
+    ----------
+    ends : phase -> number of the epoch it ends at
+    shown : False draws nothing
+    """
 
-    def __call__(self, row: dict[str, Any]) -> None:
-        shown = " ".join(f"{name} {value:.3g}" for name, value in row.items() if isinstance(value, float))
-        self.bar.set_description(row["phase"])
-        self.bar.set_postfix_str(shown, refresh=False)
-        self.bar.update(row["epoch"] + 1 - self.bar.n)
-        if not self.terminal and "val_mse" in row:
-            typer.echo(f"{row['phase']} epoch {row['epoch'] + 1}: {shown}", err=True)
+    def __init__(self, ends: Mapping[str, int], *, shown: bool = True) -> None:
+        from rich.console import Console
+        from rich.live import Live
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    def close(self) -> None:
-        self.bar.close()
+        console = Console(stderr=True)
+        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        self.ends = ends
+        self.bar = Progress(*columns, console=console)
+        self.task = self.bar.add_task("preparing", total=None)
+        self.terms: dict[str, float] = {}
+        self.live = Live(self.bar, console=console) if shown and console.is_terminal else None
+
+    def __enter__(self) -> Callable[[Mapping[str, Any]], None]:
+        if self.live is not None:
+            self.live.start()
+        return self.show
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.live is not None:
+            self.live.stop()
+
+    def show(self, row: Mapping[str, Any]) -> None:
+        """One more epoch: a row of the history."""
+        values = {name: value for name, value in row.items() if isinstance(value, float)}
+        if self.live is None:
+            if "val_mse" in row:
+                typer.echo(f"{row['phase']} epoch {row['epoch'] + 1}: {_line(values)}", err=True)
+            return
+        kept = {name: value for name, value in self.terms.items() if name.startswith("val_")}
+        self.terms = kept | values
+        self.bar.update(self.task, description=row["phase"], total=self.ends[row["phase"]], completed=row["epoch"] + 1)
+        self.live.update(self._drawn(), refresh=True)
+
+    def _drawn(self) -> Any:
+        """The bar, the terms of the last epoch, the scores of the last validation."""
+        from rich.console import Group
+        from rich.text import Text
+
+        found = {name: value for name, value in self.terms.items() if name.startswith("val_")}
+        losses = {name: value for name, value in self.terms.items() if name not in found}
+        lines = [Text(_line(losses))]
+        if found:
+            lines.append(Text(f"validation: {_line({name[4:]: value for name, value in found.items()})}"))
+        return Group(self.bar, *lines)
+
+
+def _line(values: Mapping[str, float]) -> str:
+    """Names and values, three digits each."""
+    return "  ".join(f"{name} {value:.3g}" for name, value in values.items())

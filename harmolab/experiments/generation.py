@@ -26,7 +26,8 @@ from harmolab.models.pose_features import PoseNet
 from harmolab.models.weights import load_generator, load_pose_net
 from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
 from harmolab.training import make_fabric, train_harmogan
-from harmolab.training.loop import HISTORY, settings_of
+from harmolab.training.history import HISTORY
+from harmolab.training.loop import settings_of
 from harmolab.training.run import MODEL, POSE_NET
 
 __all__ = [
@@ -43,7 +44,8 @@ __all__ = [
 
 SYNTHETIC = "synthetic"
 SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
-UNIT_STEP = 2  # beats between the starts of training units
+UNIT_STEP = 3  # beats between the starts of training units
+MOST_CLIPS = 35  # synthetic clips: about as many units as the recordings have
 SWEEP = (0.0, 0.1, 0.3, 1.0, 3.0)  # harmony weights of the trade-off curve
 
 
@@ -96,8 +98,9 @@ def training_split(profile: RunProfile, corpus: str, features: FeatureParams) ->
         If there is no corpus of that name.
     """
     if corpus == SYNTHETIC:
-        root = _home() / f"dances_{profile.n_clips // 2}x{SECONDS:g}s_seed{profile.seed}"
-        write_corpus(root, clips=profile.n_clips // 2, seconds=SECONDS, seed=profile.seed)
+        clips = min(profile.n_clips // 2, MOST_CLIPS)
+        root = _home() / f"dances_{clips}x{SECONDS:g}s_seed{profile.seed}"
+        write_corpus(root, clips=clips, seconds=SECONDS, seed=profile.seed)
     elif corpus in corpus_folders(profile):
         root = corpus_folders(profile)[corpus]
     else:
@@ -112,7 +115,13 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Tr
     """
     split = training_split(profile, corpus, variant.features)
     epochs = profile.epochs or (variant.params.pretrain_epochs, variant.params.adversarial_epochs)
-    params = replace(variant.params, seed=seed, pretrain_epochs=epochs[0], adversarial_epochs=epochs[1])
+    params = replace(
+        variant.params,
+        seed=seed,
+        pose_epochs=profile.pose_epochs or variant.params.pose_epochs,
+        pretrain_epochs=epochs[0],
+        adversarial_epochs=epochs[1],
+    )
     base = _run(split, profile, _pretraining(params), None)
     folder = _run(split, profile, params, base)
     return Trained(
@@ -127,13 +136,15 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Tr
 def _pretraining(params: TrainParams) -> TrainParams:
     """The part of a training that all variants share: settings of the adversarial epochs at their defaults."""
     shared = [field.name for field in fields(params) if field.name.startswith("pretrain_")]
-    own = {name: getattr(params, name) for name in ("seed", "batch_size", "epsilon", *shared)}
+    own = {
+        name: getattr(params, name) for name in ("seed", "batch_size", "epsilon", "pose_epochs", "patience", *shared)
+    }
     return replace(TrainParams.paper(), adversarial_epochs=0, **own)
 
 
 def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
     """Folder of a finished training of these settings; waits for a process that is at it."""
-    model = ModelParams.small() if profile.hidden is None else replace(ModelParams.small(), hidden=profile.hidden)
+    model = _model(profile)
     about = settings_of(model=model, params=params, features=split.train.features, split=split.to_dict())
     name = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
     folder = _home() / "runs" / f"{'pretrained' if pretrained is None else 'run'}-{name}"
@@ -143,6 +154,17 @@ def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Pat
             fabric = make_fabric(accelerator="cpu")
             train_harmogan(split, folder, model=model, params=params, pretrained=pretrained, resume=True, fabric=fabric)
     return folder
+
+
+def _model(profile: RunProfile) -> ModelParams:
+    """The small preset, or one with as many units as the profile says in proportion."""
+    small = ModelParams.small()
+    if profile.hidden is None:
+        return small
+    share = profile.hidden / small.hidden
+    return ModelParams(
+        profile.hidden, small.layers, round(share * small.pose_features), max(round(share * small.critic), 4)
+    )
 
 
 def _home() -> Path:

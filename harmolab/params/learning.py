@@ -104,8 +104,15 @@ class TrainParams:
     Parameters
     ----------
     pretrain_epochs, adversarial_epochs : int
+    patience : int or None
+        Pretraining ends earlier when the error on the validation units has not fallen for so many epochs, and goes back
+        to the best one. None: all epochs, and the last one, whatever the validation units say.
     batch_size : int
         Over all processes together.
+    shards : int
+        Parts that each batch is computed in, one after the other or by several processes (as many as there are processes
+        at least). Equal parts give equal results to the last bit; other parts round otherwise, which adversarial epochs
+        blow up.
     pretrain_rate, adversarial_rate : float
         Initial learning rates of Adam.
     pretrain_drops : factors, one after every `pretrain_drop_epochs` epochs; the last one stays
@@ -120,15 +127,22 @@ class TrainParams:
         -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
     count_weight : float
         Weight of the count term inside the harmony loss.
+    other_music : bool
+        Take half of the harmony loss from the music of another unit of the batch: no dance to it was recorded, and the
+        harmony loss needs none. Keeps a generator from learning by heart which movement goes with which song.
     tau_start, tau_end : float
         Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
     epsilon : float, of the Charbonnier losses (Eq. 25-26)
+    pose_epochs : int
+        Of the pose network behind the feature loss (256 units each), before everything else.
     seed : int
     """
 
     pretrain_epochs: int = 225
     adversarial_epochs: int = 45
+    patience: int | None = 30
     batch_size: int = 10
+    shards: int = 1
     pretrain_rate: float = 1e-3
     pretrain_drops: tuple[float, ...] = (0.5, 0.2, 0.2, 0.5)
     pretrain_drop_epochs: int = 50
@@ -147,19 +161,26 @@ class TrainParams:
     foot_weight: float = 0.0
     harmony: Literal["paper", "above_chance"] = "paper"
     count_weight: float = 1.0
+    other_music: bool = False
     tau_start: float = 0.5
     tau_end: float = 0.05
     epsilon: float = 1e-3
+    pose_epochs: int = 40
     seed: int = 1
 
     def __post_init__(self) -> None:
-        rates = ("batch_size", "pretrain_rate", "adversarial_rate", "tau_start", "tau_end", "epsilon")
+        rates = ("batch_size", "shards", "pretrain_rate", "adversarial_rate", "tau_start", "tau_end", "epsilon")
         weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
         _check_numbers(
             self,
-            positive=(*rates, "pretrain_drop_epochs", "adversarial_drop_epochs"),
+            positive=(*rates, "pose_epochs", "pretrain_drop_epochs", "adversarial_drop_epochs"),
             not_negative=(*weights, "pretrain_epochs", "adversarial_epochs", "seed"),
         )
+        if self.patience is not None and self.patience < 1:
+            raise ValueError(f"patience must be a positive number of epochs or None, got {self.patience}")
+        for name in ("pretrain_drops", "adversarial_drops"):
+            if not all(0 < factor < math.inf for factor in getattr(self, name)):
+                raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
         if self.harmony not in ("paper", "above_chance"):
             raise ValueError(f"harmony must be paper or above_chance, got {self.harmony!r}")
 
@@ -178,5 +199,6 @@ class TrainParams:
             foot_weight=1.0,
             harmony="above_chance",
             count_weight=3.0,
+            other_music=True,
             adversarial_drops=(1.0,),
         )

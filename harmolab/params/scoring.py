@@ -201,8 +201,10 @@ class RunProfile:
     n_seeds : int, trainings of each generator, over which means and intervals are taken
     epochs : (pretraining, adversarial) or None
         Epochs of each training; None: the whole schedule.
+    pose_epochs : int or None
+        Epochs of the pose network; None: as many as ``TrainParams`` says.
     hidden : int or None
-        Recurrent units of the generators; None: those of ``ModelParams.small()``.
+        Recurrent units of the generators, everything else in proportion; None: those of ``ModelParams.small()``.
     """
 
     name: str
@@ -211,13 +213,16 @@ class RunProfile:
     n_rotations: int
     n_seeds: int = 3
     epochs: tuple[int, int] | None = None
+    pose_epochs: int | None = None
     hidden: int | None = None
     seed: int = 1
 
     @classmethod
     def quick(cls) -> RunProfile:
         """Under a minute a notebook on two cores; where generators are trained, about a minute for all of them."""
-        return cls("quick", n_clips=35, n_sequences=6, n_rotations=200, n_seeds=1, epochs=(12, 6), hidden=48)
+        return cls(
+            "quick", n_clips=35, n_sequences=6, n_rotations=200, n_seeds=1, epochs=(12, 6), pose_epochs=8, hidden=48
+        )
 
     @classmethod
     def full(cls) -> RunProfile:

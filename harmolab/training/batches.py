@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
@@ -14,7 +14,7 @@ __all__ = ["Tensors"]
 
 @dataclass(frozen=True, eq=False)
 class Tensors:
-    """A batch of units (or all of a set), padded to the longest: names and shapes as in `harmolab.data.clips.Batch`."""
+    """A batch of units (or all of a set), padded to the longest: names and shapes as in `harmolab.data.units.Batch`."""
 
     audio: Tensor
     motion: Tensor
@@ -33,6 +33,20 @@ class Tensors:
         """Every unit of a set as one padded batch on `device`."""
         batch = collate(units.units)
         return cls(**{field.name: torch.as_tensor(getattr(batch, field.name)).to(device) for field in fields(cls)})
+
+    def with_music_of(self, others: Tensors) -> Tensors:
+        """The same movements to the music of other units, clip by clip; what either lacks is padding.
+
+        Nobody danced that, so there is nothing to compare a motion with; but harmony needs music alone.
+        """
+        return replace(
+            self,
+            audio=others.audio,
+            beats=others.beats,
+            strengths=others.strengths,
+            beat_mask=others.beat_mask,
+            mask=self.mask * others.mask,
+        )
 
     def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Tensors:
         """The units at `indices` that fall to process `rank` of `world`, padded to the longest of all of `indices`.

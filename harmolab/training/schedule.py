@@ -1,5 +1,7 @@
-"""Learning rates, epoch by epoch, and the order of the units (paper Sec. 5.2). Functions of the epoch alone: a run that resumes
-needs no memory of them."""
+"""Learning rates, epoch by epoch, and the order of the units (paper Sec. 5.2).
+
+Functions of the epoch alone: a run that resumes needs no memory of them.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +36,11 @@ def adversarial_rate(epoch: int, params: TrainParams) -> float:
 
 
 def epoch_order(n_units: int, epoch: int, params: TrainParams) -> list[torch.Tensor]:
-    """Batches of unit indices of one epoch, the same in every process. The last, smaller one is left out.
+    """Batches of unit indices of one epoch, the same in every process: every unit once, in an order drawn by the seed.
 
-    A set smaller than one batch is one batch.
+    As few batches as hold `params.batch_size` units at most, of equal size to one unit, so that none is left with a
+    unit or two.
     """
     shuffle = torch.Generator().manual_seed(params.seed * 1_000_003 + epoch)
     order = torch.randperm(n_units, generator=shuffle)
-    whole = max(n_units // params.batch_size, 1) * params.batch_size
-    return list(order[:whole].split(params.batch_size))
+    return list(order.tensor_split(-(-n_units // params.batch_size)))

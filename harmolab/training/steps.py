@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import torch
 from torch import Tensor, nn
@@ -25,8 +26,18 @@ from harmolab.models.poses import local_joints
 from harmolab.models.soft_harmony import SoftHarmony, soft_harmony
 from harmolab.params import HarmonyParams, TrainParams
 from harmolab.training.batches import Tensors
+from harmolab.types import Skeleton
 
-__all__ = ["Networks", "critic_terms", "flat_poses", "generator_terms", "meter_span", "motion_error", "pretrain_terms", "score_batch"]
+__all__ = [
+    "Networks",
+    "critic_terms",
+    "flat_poses",
+    "generator_terms",
+    "meter_span",
+    "motion_error",
+    "pretrain_terms",
+    "score_batch",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,21 +109,22 @@ def pretrain_terms(generator: Generator, batch: Tensors, params: TrainParams) ->
 
 
 def critic_terms(networks: Networks, made: Tensor, batch: Tensors) -> dict[str, Tensor]:
-    """The discriminators' losses (Eq. 29-30) on recorded motion and on `made`, coded motion (N, T, C) of the generator."""
+    """The discriminators' losses (Eq. 29-30) on recorded motion and on the generator's `made` (N, T, C), both coded."""
     made = made.detach()
     cross, temporal = networks.cross_domain, networks.spatial_temporal
     return {
-        "critic_cd": critic_loss(
-            cross(batch.audio, batch.motion, batch.mask), cross(batch.audio, made, batch.mask)
-        ),
+        "critic_cd": critic_loss(cross(batch.audio, batch.motion, batch.mask), cross(batch.audio, made, batch.mask)),
         "critic_st": critic_loss(temporal(batch.motion, batch.mask), temporal(made, batch.mask)),
     }
 
 
 def generator_terms(
-    networks: Networks, made: GeneratorOutput, batch: Tensors, params: TrainParams, tau: float
+    networks: Networks, made: GeneratorOutput, batch: Tensors, others: Tensors | None, params: TrainParams, tau: float
 ) -> dict[str, Tensor]:
-    """Every term of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting."""
+    """Every term of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting.
+
+    `others` are the units whose music is danced to as well for half of the harmony loss; None: the own music alone.
+    """
     generator = networks.generator
     terms = _pose_terms(generator, made, batch, params)
     if params.feature_weight:
@@ -127,6 +139,10 @@ def generator_terms(
         )
     if params.harmony_weight:
         terms["harmony"] = _harmony_term(generator, made.motion, batch, params, tau)
+        if others is not None:
+            unheard = batch.with_music_of(others)
+            motion = generator(unheard.audio, unheard.initial).motion
+            terms["harmony"] = (terms["harmony"] + _harmony_term(generator, motion, unheard, params, tau)) / 2
     return terms | _natural_terms(generator, made.motion, batch, params)
 
 
@@ -140,13 +156,22 @@ def _harmony_term(generator: Generator, motion: Tensor, batch: Tensors, params: 
 
 
 def _natural_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
-    """Terms that keep movement natural while harmony pulls at it; none in paper mode."""
+    """Terms that keep movement natural while harmony pulls at it; none in paper mode, no "foot" for nameless feet."""
     terms: dict[str, Tensor] = {}
-    if params.smoothness_weight or params.foot_weight:
+    feet = _feet(generator.skeleton) if params.foot_weight else ()
+    if params.smoothness_weight or feet:
         made, target = generator.positions(motion), generator.positions(batch.motion)
         if params.smoothness_weight:
             terms["smoothness"] = jerk_loss(made, target, batch.mask, fps=generator.fps)
-        if params.foot_weight:
-            feet = [joint for foot in foot_joints(generator.skeleton) for joint in foot]
+        if feet:
             terms["foot"] = foot_loss(made, target, batch.mask, feet=feet, fps=generator.fps)
     return terms
+
+
+@cache
+def _feet(skeleton: Skeleton) -> tuple[int, ...]:
+    """All joints of feet; none where the names tell of none."""
+    try:
+        return tuple(joint for foot in foot_joints(skeleton) for joint in foot)
+    except ValueError:
+        return ()

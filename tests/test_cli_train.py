@@ -1,0 +1,310 @@
+"""`harmolab train`: help that teaches, a run from folders to weights, one line for a refusal, a bar to watch."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import typer
+from typer.testing import CliRunner, Result
+
+from harmolab.cli.training import EpochBar, train
+from harmolab.data.synthetic import write_corpus
+from harmolab.models.weights import load_generator
+from harmolab.params import ModelParams, TrainParams
+from harmolab.training import folders
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads only get in each other's way in a model this small."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight synthetic dances of ten seconds."""
+    return write_corpus(tmp_path_factory.mktemp("corpora") / "synth", clips=8, seconds=10.0, fps=30.0, seed=2)
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    """`run(arguments...)` of the command, with a model and a schedule for a second."""
+    app = typer.Typer(rich_markup_mode="markdown")
+    app.command()(train)
+    quick = {"pretrain_epochs": 2, "adversarial_epochs": 1, "pose_epochs": 1, "batch_size": 50}
+    tiny = ModelParams(hidden=8, layers=1, pose_features=8, critic=4)
+    kept = {name: replace(getattr(TrainParams, name)(), **quick) for name in ("paper", "recommended")}
+
+    def invoke(*arguments: object) -> Result:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(ModelParams, "small", lambda: tiny)
+            for name, params in kept.items():
+                patch.setattr(TrainParams, name, lambda params=params: params)
+            return CliRunner().invoke(app, [*map(str, arguments), "--accelerator", "cpu"], env={"COLUMNS": "200"})
+
+    return invoke
+
+
+def test_train_is_a_command_of_harmolab():
+    from harmolab.cli import app
+
+    assert any(command.callback is train for command in app.registered_commands)
+
+
+def test_help_teaches(run: Run):
+    shown = " ".join(run("--help").stdout.split())
+    for told in (
+        "225 epochs of pretraining, then 45 adversarial ones", "split.json says how", "history.csv has every loss term",
+        "tensorboard --logdir RUN", "--resume goes on where the run was, after a kill too", "0 is the ablation",
+        "harmolab train DATA --out without --harmony-weight 0 --pretrained with", "harmolab dance SONG --weights RUN",
+        "small (1 M parameters, a laptop) or paper (8 M)", "harmolab data check", "torchrun --nproc-per-node 2",
+    ):  # fmt: skip
+        assert told in shown, told
+
+
+@pytest.fixture(scope="module")
+def trained(run: Run, corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result]:
+    out = tmp_path_factory.mktemp("runs") / "run"
+    return out, run(corpus, "--out", out)
+
+
+def test_folders_become_a_generator(trained: tuple[Path, Result]):
+    out, result = trained
+    assert result.exit_code == 0, result.output
+    assert load_generator(out / "model").skeleton.joints[0] == "head L"
+    assert f"harmolab dance SONG --weights {out}" in result.stdout
+    settings = json.loads((out / "settings.json").read_text())
+    assert settings["train"]["harmony"] == "above_chance" and settings["features"]["beat_channels"]
+
+
+def test_without_a_terminal_there_is_a_line_for_each_validated_epoch(trained: tuple[Path, Result]):
+    lines = trained[1].stderr.splitlines()
+    assert lines[0].startswith("units: ") and "synth" in lines[0]
+    assert [line.split(":")[0] for line in lines[1:]] == ["pretrain epoch 2", "adversarial epoch 3"]
+    assert " val_harmony " in lines[2] and " critic_st " in lines[2]
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} if folder.is_dir() else {}
+
+
+def told(result: Result) -> str:
+    """The one line that a refusal prints; the bar and the count of units may stand before it."""
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    lines = [line for line in result.stderr.splitlines() if not line.startswith("units: ")]
+    assert len(lines) == 1, result.stderr
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "line"),
+    [
+        ("--preset", "large", "--preset must be small or paper, got 'large'"),
+        ("--params", "ours", "--params must be recommended or paper, got 'ours'"),
+        ("--harmony-weight", "-1", "harmony_weight must be zero or more, got -1.0"),
+        ("--harmony-weight", "nan", "harmony_weight must be zero or more, got nan"),
+    ],
+)
+def test_an_unknown_choice_is_named(option: str, value: str, line: str, run: Run, tmp_path: Path):
+    result = run(tmp_path / "nowhere", "--out", tmp_path / "run", option, value)
+    assert told(result) == f"harmolab: {line}" and not (tmp_path / "run").exists()
+
+
+def test_an_unknown_accelerator_is_named(corpus: Path, tmp_path: Path):
+    app = typer.Typer()
+    app.command()(train)
+    result = CliRunner().invoke(app, [str(corpus), "--out", str(tmp_path / "run"), "--accelerator", "tpu"])
+    assert told(result) == "harmolab: --accelerator must be auto or cpu or cuda, got 'tpu'"
+
+
+def test_a_missing_corpus_is_named(run: Run, tmp_path: Path):
+    assert str(tmp_path / "nowhere") in told(run(tmp_path / "nowhere", "--out", tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_empty_corpus_is_named(run: Run, tmp_path: Path):
+    (tmp_path / "empty").mkdir()
+    assert str(tmp_path / "empty") in told(run(tmp_path / "empty", "--out", tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_recordings_too_short_for_a_unit_are_told(run: Run, tmp_path: Path):
+    short = write_corpus(tmp_path / "short", clips=2, seconds=2.0, fps=30.0, seed=2)
+    line = told(run(short, "--out", tmp_path / "run"))
+    assert "no unit to train on" in line and str(short) in line and not (tmp_path / "run").exists()
+
+
+def test_recordings_too_few_to_split_are_told(run: Run, tmp_path: Path):
+    few = write_corpus(tmp_path / "few", clips=1, seconds=10.0, fps=30.0, seed=2)
+    line = told(run(few, "--out", tmp_path / "run"))
+    assert "more recordings" in line and not (tmp_path / "run").exists()
+
+
+def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[Path, Result], run: Run):
+    out, before = trained[0], files(trained[0])
+    line = told(run("/nowhere/at/all", "--out", out))
+    assert line == f"harmolab: {out}: is not empty; use --resume to go on with a run there, or choose another folder"
+    assert files(out) == before
+
+
+def test_resuming_with_other_settings_names_the_setting(trained: tuple[Path, Result], run: Run, corpus: Path):
+    out, before = trained[0], files(trained[0])
+    line = told(run(corpus, "--out", out, "--resume", "--harmony-weight", 0))
+    assert f"{out / 'settings.json'}: train.harmony_weight is 1.0, but 0.0 is asked for" in line
+    assert files(out) == before
+
+
+def test_resuming_with_another_split_names_the_file(trained: tuple[Path, Result], run: Run, corpus: Path):
+    out, before = trained[0], files(trained[0])
+    line = told(run(corpus, "--out", out, "--resume", "--split-seed", 1))
+    assert f"{out / 'split.json'}: " in line
+    assert files(out) == before
+
+
+def test_a_damaged_state_names_the_file(trained: tuple[Path, Result], run: Run, corpus: Path, tmp_path: Path):
+    out = tmp_path / "run"
+    out.mkdir()
+    for name, content in files(trained[0]).items():
+        (out / name).write_bytes(content)
+    (out / "state.safetensors").write_bytes((out / "state.safetensors").read_bytes()[:1000])
+    before = files(out)
+    assert told(run(corpus, "--out", out, "--resume")).startswith(f"harmolab: {out / 'state.safetensors'}: is damaged")
+    assert files(out) == before
+
+
+def test_pretraining_of_a_run_that_is_none_is_told(run: Run, corpus: Path, tmp_path: Path):
+    line = told(run(corpus, "--out", tmp_path / "run", "--pretrained", tmp_path / "nowhere"))
+    assert line == f"harmolab: {tmp_path / 'nowhere' / 'settings.json'}: no such file"
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_ablation_takes_over_pretraining(trained: tuple[Path, Result], run: Run, corpus: Path, tmp_path: Path):
+    out = tmp_path / "without"
+    result = run(corpus, "--out", out, "--harmony-weight", 0, "--pretrained", trained[0])
+    assert result.exit_code == 0, result.output
+    header, *rows = (out / "history.csv").read_text().splitlines()
+    assert len(rows) == 1 and "harmony" not in header.split(",")
+
+
+def test_without_the_libraries_training_says_what_to_install(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):
+    for name in [name for name in sys.modules if name.startswith("harmolab.training")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "lightning_fabric", None)
+    line = told(run(tmp_path, "--out", tmp_path / "run"))
+    assert line == "harmolab: training needs lightning_fabric; install it with: pip install 'harmolab[train]'"
+
+
+def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):
+    # The first may have made it already.
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "settings.json").write_text("{}")
+    monkeypatch.setenv("RANK", "1")
+    monkeypatch.setattr(folders, "check_folder", lambda *given, **more: pytest.fail("it looked"))
+    assert "nowhere" in told(run(tmp_path / "nowhere", "--out", tmp_path / "run"))
+
+
+# The bar
+
+
+TERMS = {"kl": 0.01, "mse": 250.0, "feature": 50.0, "gan": 1.41, "harmony": -0.25, "smoothness": 0.5, "foot": 0.1}
+CRITICS = {"critic_cd": 1.38, "critic_st": 1.37, "total": 3.25}
+SCORES = {
+    "val_mse": 260.0,
+    "val_harmony": 0.375,
+    "val_hit_rate": 0.5,
+    "val_above_chance": 0.125,
+    "val_count_ratio": 1.25,
+}
+
+
+def on_terminal(draw: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> str:
+    """What a function draws on a terminal of 80 columns that takes the place of standard error."""
+    ours, theirs = pty.openpty()
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("COLUMNS", "80")
+    for name in ("NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+        monkeypatch.delenv(name, raising=False)
+    with os.fdopen(theirs, "w") as terminal:
+        monkeypatch.setattr(sys, "stderr", terminal)
+        draw()
+        terminal.flush()
+        os.set_blocking(ours, False)
+        shown = b""
+        while True:
+            try:
+                shown += os.read(ours, 65536)
+            except BlockingIOError:
+                break
+    os.close(ours)
+    return shown.decode()
+
+
+def epoch(phase: str, number: int, values: dict[str, float]) -> dict[str, Any]:
+    return {"phase": phase, "epoch": number, "rate": 1e-4, "tau": 0.25, **values}
+
+
+ENDS = {"pose network": 40, "pretrain": 225, "adversarial": 270}
+
+
+def test_a_terminal_shows_every_term_and_the_validation(monkeypatch: pytest.MonkeyPatch):
+    def draw() -> None:
+        with EpochBar(ENDS) as report:
+            report(epoch("adversarial", 229, TERMS | CRITICS | SCORES))
+
+    shown = on_terminal(draw, monkeypatch)
+    assert "adversarial" in shown and "230/270" in shown
+    for name, value in (TERMS | CRITICS).items():
+        assert f"{name} {value:.3g}" in shown, name
+    assert "validation: mse 260  harmony 0.375  hit_rate 0.5  above_chance 0.125" in shown
+    assert shown.rfind("\x1b[?25h") > shown.rfind("\x1b[?25l")  # the cursor is back
+
+
+def test_the_last_validation_stays_in_sight(monkeypatch: pytest.MonkeyPatch):
+    def draw() -> None:
+        with EpochBar(ENDS) as report:
+            report(epoch("pretrain", 4, {"mse": 250.0} | SCORES))
+            report(epoch("pretrain", 5, {"mse": 249.0}))
+
+    last = on_terminal(draw, monkeypatch).split("mse 249")[1]
+    assert "harmony 0.375" in last
+
+
+def test_the_bar_leaves_the_terminal_usable_after_a_fault(monkeypatch: pytest.MonkeyPatch):
+    def draw() -> None:
+        with pytest.raises(ValueError, match="broken"), EpochBar(ENDS) as report:
+            report({"phase": "pose network", "epoch": 0, "train": 1.5, "validation": 2.5})
+            raise ValueError("broken")
+
+    shown = on_terminal(draw, monkeypatch)
+    assert "pose network" in shown and "1/40" in shown and "train 1.5" in shown
+    assert shown.rfind("\x1b[?25h") > shown.rfind("\x1b[?25l")
+
+
+def test_other_processes_draw_nothing(monkeypatch: pytest.MonkeyPatch):
+    def draw() -> None:
+        with EpochBar(ENDS, shown=False):
+            pass
+
+    assert on_terminal(draw, monkeypatch) == ""
+
+
+def test_numbers_are_shown_with_three_digits(capsys: pytest.CaptureFixture[str]):
+    with EpochBar(ENDS) as report:
+        report(epoch("pretrain", 4, {"mse": np.pi * 100, "val_mse": 1 / 3}))
+    assert capsys.readouterr().err == "pretrain epoch 5: rate 0.0001  tau 0.25  mse 314  val_mse 0.333\n"

@@ -1,0 +1,179 @@
+"""Trainings of the notebooks: done once, found again, shared where they are the same, one process at a time."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from filelock import FileLock
+
+from harmolab.experiments import generation
+from harmolab.experiments.generation import (
+    SWEEP,
+    SYNTHETIC,
+    VARIANTS,
+    all_trained,
+    generator_corpora,
+    histories,
+    trained,
+    training_split,
+    weight_sweep,
+)
+from harmolab.experiments.judging import generate, judge
+from harmolab.models.weights import read_about
+from harmolab.params import RunProfile
+
+PROFILE = RunProfile(
+    "quick", n_clips=20, n_sequences=1, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads only get in each other's way in a model this small."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cache folder of these tests' own, and no recordings."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("cache")
+        patch.setenv("HARMOLAB_CACHE", str(folder))
+        patch.delenv("HARMOLAB_DATA", raising=False)
+        patch.setattr(generation, "SECONDS", 10.0)
+        training_split.cache_clear()
+        yield folder
+        training_split.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def paper(cache: Path) -> generation.Trained:
+    return trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 1)
+
+
+def test_a_training_is_what_the_variant_says(paper: generation.Trained):
+    settings = read_about(paper.folder / "model")["meta"]["settings"]
+    assert (settings["train"]["harmony"], settings["train"]["harmony_weight"], settings["train"]["seed"]) == (
+        "paper",
+        1,
+        1,
+    )
+    assert paper.generator.params.hidden == 16 and paper.generator.features == VARIANTS["paper"].features
+    assert paper.generator.parameter_count() < 60_000  # small in every part
+
+
+def test_its_history_begins_with_pretraining(paper: generation.Trained):
+    assert paper.history["phase"].tolist() == ["pretrain", "adversarial"]
+
+
+def test_a_second_run_finds_it(paper: generation.Trained, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(generation, "train_harmogan", lambda *given, **more: pytest.fail("it was trained again"))
+    again = trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 1)
+    assert again.folder == paper.folder
+    for one, two in zip(again.generator.parameters(), paper.generator.parameters(), strict=True):
+        assert torch.equal(one, two)
+
+
+def test_the_ablation_shares_pretraining_and_pose_network(paper: generation.Trained, cache: Path):
+    before = set((cache / "runs").glob("pretrained-*"))
+    without = trained(PROFILE, SYNTHETIC, VARIANTS["paper, without"], 1)
+    folders = {path for path in (cache / "runs").iterdir() if path.is_dir() and path.name.startswith("pretrained-")}
+    assert folders == {path for path in before if path.is_dir()} and len(folders) == 1
+    assert without.folder != paper.folder
+    weights = [(run.folder / "pose_net.safetensors").read_bytes() for run in (without, paper)]
+    assert weights[0] == weights[1]
+    assert "harmony" not in without.history.columns
+
+
+def test_another_seed_is_another_training_on_the_same_split(paper: generation.Trained):
+    other = trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 2)
+    assert other.folder != paper.folder and other.split is paper.split
+    assert not torch.equal(next(other.generator.parameters()), next(paper.generator.parameters()))
+
+
+def test_a_training_that_was_cut_off_goes_on(paper: generation.Trained, monkeypatch: pytest.MonkeyPatch):
+    (paper.folder / "model.json").unlink()
+    again = trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 1)
+    assert again.folder == paper.folder and (again.folder / "model.json").is_file()
+    for one, two in zip(again.generator.parameters(), paper.generator.parameters(), strict=True):
+        assert torch.equal(one, two)
+
+
+def _look_up(folder: str, results: multiprocessing.Queue[str]) -> None:
+    os.environ["HARMOLAB_CACHE"] = folder
+    generation.SECONDS = 10.0
+    torch.set_num_threads(1)
+    results.put("started")
+    results.put(trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 1).folder.name)
+
+
+@pytest.mark.slow
+def test_a_process_waits_for_the_one_that_trains(paper: generation.Trained, cache: Path):
+    # The lock stands for a process that is at it; the other one may go on when it is let go.
+    context = multiprocessing.get_context("spawn")
+    results = context.Queue()
+    other = context.Process(target=_look_up, args=(str(cache), results))
+    with FileLock(paper.folder.with_suffix(".lock")):
+        other.start()
+        assert results.get(timeout=60) == "started"
+        other.join(timeout=3)
+        assert other.is_alive() and results.empty()
+    assert results.get(timeout=60) == paper.folder.name
+    other.join(timeout=60)
+    assert other.exitcode == 0
+
+
+def test_histories_name_their_variants():
+    table = histories(PROFILE, SYNTHETIC)
+    assert table.groupby("variant", sort=False).size().to_dict() == dict.fromkeys(VARIANTS, 2)
+
+
+def test_all_variants_are_trained_for_every_seed():
+    found = [(corpus, name, seed) for corpus, name, seed, _ in all_trained(PROFILE)]
+    assert found == [(SYNTHETIC, name, 1) for name in VARIANTS]
+
+
+def test_the_sweep_goes_from_no_harmony_loss_to_three_times_as_much():
+    runs = dict(weight_sweep(PROFILE, SYNTHETIC))
+    assert tuple(runs) == SWEEP and (min(SWEEP), max(SWEEP)) == (0.0, 3.0)
+    assert len({run.folder for run in runs.values()}) == len(SWEEP)
+    # Without the loss it is the training of the ablation.
+    assert runs[0.0].folder == trained(PROFILE, SYNTHETIC, VARIANTS["recommended, without"], 1).folder
+
+
+def test_without_recordings_there_is_the_synthetic_corpus_alone():
+    assert generator_corpora(PROFILE) == generator_corpora(replace(PROFILE, epochs=None)) == (SYNTHETIC,)
+
+
+def test_an_unknown_corpus_is_named():
+    with pytest.raises(ValueError, match="there is no corpus 'tango'; there are synthetic"):
+        training_split(PROFILE, "tango", VARIANTS["paper"].features)
+
+
+def test_the_split_shares_no_motion_group(paper: generation.Trained):
+    sides = [frozenset().union(*(unit.meter_groups for unit in units.units)) for units in (
+        paper.split.train, paper.split.validation, paper.split.test)]  # fmt: skip
+    assert not sides[0] & sides[1] and not sides[0] & sides[2] and not sides[1] & sides[2]
+
+
+def test_a_generator_is_judged_on_its_test_units(paper: generation.Trained):
+    units = paper.split.test
+    codes = generate(paper.generator, units)
+    assert [len(code) for code in codes] == [unit.n_frames for unit in units.units]
+    found = judge(codes, units, paper.pose_net)
+    assert found["units"] == len(units) and found["fid"] > 0 and 0 <= found["paper_hit_rate"] <= 1
+
+
+def test_recorded_motion_is_as_far_from_itself_as_nothing(paper: generation.Trained):
+    units = paper.split.test
+    found = judge([unit.motion for unit in units.units], units, paper.pose_net)
+    assert found["fid_raw"] == pytest.approx(0, abs=1e-3)

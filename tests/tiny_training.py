@@ -1,0 +1,140 @@
+"""Invented dances that a tiny generator learns in a second: what the tests of training share.
+
+`python tiny_training.py DESTINATION CASE...` trains in each DESTINATION/CASE, alone or as one of torchrun's processes;
+a case is a key of `CASES`. `python tiny_training.py DESTINATION --kills 10` kills trainings and lets them go on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from harmolab.data.splits import Split
+from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.features.poses import bone_lengths, encode_motion
+from harmolab.params import FeatureParams, ModelParams, TrainParams
+from harmolab.training import make_fabric, train_harmogan
+from harmolab.types import Skeleton
+
+FPS = 15.0
+DANCER = Skeleton(("hips", "left_hip", "right_hip", "left_toe", "right_toe"), (-1, 0, 0, 1, 2))
+MODEL = ModelParams(hidden=16, layers=1, pose_features=8, critic=4)
+SHORT: dict[str, Any] = {"pretrain_epochs": 3, "adversarial_epochs": 3, "pose_epochs": 1, "batch_size": 4}
+PAPER, RECOMMENDED = replace(TrainParams.paper(), **SHORT), replace(TrainParams.recommended(), **SHORT)
+# 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4; of 13.
+CASES = {
+    "paper": PAPER,
+    "recommended": RECOMMENDED,
+    "recommended_5": replace(RECOMMENDED, batch_size=5),
+    "paper_13": replace(PAPER, batch_size=13),
+    "other_music": replace(RECOMMENDED, other_music=True),
+}
+
+
+def dancing(phase: np.ndarray) -> np.ndarray:
+    """Positions (T, 5, 3): hips that sway with the phase, straight legs of 0.88 m that swing in turn."""
+    hips = np.stack([0.1 * np.sin(phase), 0.9 + 0.02 * np.cos(phase), np.zeros_like(phase)], axis=1)
+    joints = [hips, hips + np.array([0.1, -0.02, 0]), hips - np.array([0.1, 0.02, 0])]
+    for side in (1, 2):
+        swing = 0.4 * np.sin(phase) * (3 - 2 * side)
+        joints.append(joints[side] + 0.88 * np.stack([np.zeros_like(phase), -np.cos(swing), np.sin(swing)], axis=1))
+    return np.stack(joints, axis=1)
+
+
+def tiny_unit(number: int, features: FeatureParams) -> DanceUnit:
+    """Eight beats of 3 or 4 frames; the dancer sways and steps once in two beats."""
+    rng = np.random.default_rng(number)
+    period = int(rng.integers(3, 5))
+    time = np.arange(8 * period)
+    phase = 2 * np.pi * time / (2 * period) + rng.uniform(0, 0.5)
+    positions = dancing(phase)
+    audio = rng.normal(size=(len(time), features.n_audio))
+    audio[:, 0] = np.cos(phase)
+    return DanceUnit(
+        f"unit{number}", f"sequence{number}", "waltz", frozenset({f"figure{number % 3}"}),
+        frozenset({f"figure{number % 3}"}), 0.0, audio.astype(np.float32), encode_motion(positions, FPS, DANCER),
+        (time < 4 * period).astype(np.float32), np.arange(8) * period / FPS, rng.uniform(0.5, 1, 8), FPS,
+    )  # fmt: skip
+
+
+def tiny_split(*, beat_channels: bool = True, n_train: int = 13) -> Split:
+    """13 units to train on, three to validate, three to test; the same in every process."""
+    features = FeatureParams(fps=FPS, n_mfcc=4, beat_channels=beat_channels)
+    units = [tiny_unit(number, features) for number in range(n_train + 6)]
+    sides = (units[:n_train], units[n_train : n_train + 3], units[n_train + 3 :])
+    lengths = bone_lengths(dancing(np.zeros(1)), DANCER)
+    sets = [UnitSet(tuple(side), DANCER, lengths, features, "tiny") for side in sides]
+    return Split(*sets, {"train": [], "validation": [], "test": []}, {"seed": 0})
+
+
+def main(destination: Path, cases: list[str]) -> None:
+    torch.set_num_threads(1)
+    fabric = make_fabric(accelerator="cpu")
+    for case in cases:
+        train_harmogan(tiny_split(), destination / case, model=MODEL, params=CASES[case], fabric=fabric)
+
+
+# Kill -9. Processes are forked, so that not every one of them has to import torch first.
+
+LONGER = replace(RECOMMENDED, pretrain_epochs=12, adversarial_epochs=12, pose_epochs=3)
+
+
+def start(split: Split, folder: Path) -> int:
+    """Number of a process that trains in `folder`, going on where an earlier one was killed."""
+    if child := os.fork():
+        return child
+    train_harmogan(split, folder, model=MODEL, params=LONGER, resume=True, fabric=make_fabric(accelerator="cpu"))
+    os._exit(0)
+
+
+def ended(child: int, *, wait: bool) -> bool:
+    """Whether a process has ended by itself; SystemExit if it failed."""
+    done, status = os.waitpid(child, 0 if wait else os.WNOHANG)
+    if done and os.waitstatus_to_exitcode(status) != 0:
+        sys.exit(f"the training failed: {status}")
+    return done != 0
+
+
+def killed(destination: Path, kills: int, seed: int) -> None:
+    """An undisturbed run, and as many others as it takes to kill them `kills` times; all of them finished.
+
+    The first kill comes while the pose network learns, the others at random. Where each came is printed as JSON.
+    """
+    torch.set_num_threads(1)
+    split, rng = tiny_split(), random.Random(seed)
+    begin = time.monotonic()
+    ended(start(split, destination / "undisturbed"), wait=True)
+    longest = (time.monotonic() - begin) / 3
+    run, moments = 0, []
+    while len(moments) < kills:
+        folder = destination / f"run{run}"
+        child = start(split, folder)
+        if not moments:
+            while not (folder / "settings.json").exists():
+                time.sleep(0.001)
+        time.sleep(rng.uniform(0, longest) if moments else 0.1)
+        if ended(child, wait=False):
+            run += 1
+            continue
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        moments.append([run, sorted(path.name for path in folder.glob("*"))])
+    ended(start(split, destination / f"run{run}"), wait=True)
+    print(json.dumps(moments))
+
+
+if __name__ == "__main__":
+    if sys.argv[2] == "--kills":
+        killed(Path(sys.argv[1]), int(sys.argv[3]), seed=1)
+    else:
+        main(Path(sys.argv[1]), sys.argv[2:])
