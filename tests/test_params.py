@@ -61,6 +61,7 @@ def test_a_model_without_size_is_refused_by_name(name: str):
     [
         ("batch_size", 0, "positive"),
         ("pose_epochs", 0, "positive"),
+        ("shards", 0, "positive"),
         ("pretrain_rate", -0.001, "positive"),
         ("adversarial_rate", float("nan"), "positive"),
         ("tau_end", 0.0, "positive"),

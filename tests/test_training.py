@@ -256,6 +256,13 @@ def test_two_steps_change_generator_and_both_critics(split: Split, networks: Net
         assert changed > 0.95, name
 
 
+def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor]):
+    # 13 units in shards of 5, 4 and 4; rounding differs.
+    one, three = trained("one"), trained("three", shards=3)
+    assert not torch.equal(one, three)
+    torch.testing.assert_close(one, three, rtol=1e-4, atol=1e-5)
+
+
 def test_pretraining_leaves_the_critics_alone(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
     before = {name: weights(part) for name, part in networks.modules().items()}
     run(fabric, networks, split, replace(PAPER, pretrain_epochs=1, adversarial_epochs=0), tmp_path)

@@ -16,7 +16,7 @@ from harmolab.params import TrainParams
 from harmolab.training.run import _check_shares
 
 SCRIPT = Path(__file__).with_name("tiny_training.py")
-CASES = ("paper", "recommended", "recommended_5", "paper_13", "other_music")
+CASES = ("paper", "recommended", "recommended_5", "paper_13", "own_music", "paper_shards", "recommended_shards")
 
 
 def python(*arguments: object) -> str:
@@ -65,13 +65,22 @@ def test_two_processes_have_the_history_of_one(case: str, shared: Path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("case", ["paper_shards", "recommended_shards"])
+def test_with_the_same_shards_two_processes_do_the_same_to_the_last_bit(case: str, shared: Path):
+    for name in ("history.csv", "model.safetensors"):
+        assert (shared / "one" / case / name).read_bytes() == (shared / "two" / case / name).read_bytes(), name
+
+
+@pytest.mark.slow
 def test_only_the_first_process_writes_events(shared: Path):
     for case in CASES:
         assert len(list((shared / "two" / case).glob("events.out.tfevents.*"))) == 1
 
 
-def test_more_processes_than_units_in_a_batch_are_refused():
+def test_a_batch_that_cannot_be_shared_is_refused():
     params = replace(TrainParams.paper(), batch_size=10)
     _check_shares(11, params, 5)  # batches of six and five
-    with pytest.raises(ValueError, match="6 processes cannot share batches of 5; start at most 5 processes"):
+    with pytest.raises(ValueError, match="batches of 5 units cannot be cut into 6 shards; 5 at most"):
         _check_shares(11, params, 6)
+    with pytest.raises(ValueError, match="3 shards cannot be spread evenly over 2 processes"):
+        _check_shares(11, replace(params, shards=3), 2)

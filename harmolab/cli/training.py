@@ -40,6 +40,9 @@ def train(
     step: Annotated[int, typer.Option(help="Beats between the starts of training units.", min=1)] = 2,
     seed: Annotated[int, typer.Option(help="Of first weights, order of the units and the pose network.", min=0)] = 1,
     split_seed: Annotated[int, typer.Option(help="Of the split by motion group.", min=0)] = 0,
+    shards: Annotated[
+        int, typer.Option(help="Parts of a batch; as many as processes: the same result to the last bit.", min=1)
+    ] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
     accelerator: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
 ) -> None:
@@ -58,14 +61,17 @@ def train(
 
         harmolab train DATA --out without --harmony-weight 0 --pretrained with
 
-    **Several processes**, with the same result: `torchrun --nproc-per-node 2 -m harmolab.cli train DATA --out RUN`
+    **Several processes** share each batch: `torchrun --nproc-per-node 2 -m harmolab.cli train DATA --out RUN`. One
+    process with `--shards 2` has the same result to the last bit; without it they differ by rounding, which grows.
 
     **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
     """
     with plain_errors():
         for name, value in (("preset", preset), ("params", params), ("accelerator", accelerator)):
             _check_choice(name, value)
-        chosen = _settings(params, harmony_weight, pretrain_epochs, adversarial_epochs, seed)
+        changed = {"harmony_weight": harmony_weight, "pretrain_epochs": pretrain_epochs}
+        changed |= {"adversarial_epochs": adversarial_epochs, "seed": seed, "shards": shards}
+        chosen = _settings(params, changed)
         _check_out(out, resume=resume)
         split = _split(data, params, step, split_seed)
         _train(split, out, preset, chosen, resume=resume, pretrained=pretrained, accelerator=accelerator)
@@ -91,18 +97,12 @@ def _check_out(out: Path, *, resume: bool) -> None:
         check_folder(out, resume=resume)
 
 
-def _settings(
-    name: str, harmony_weight: float | None, pretrain: int | None, adversarial: int | None, seed: int
-) -> TrainParams:
-    """The named settings with what the command line changes."""
+def _settings(name: str, changed: Mapping[str, Any]) -> TrainParams:
+    """The named settings with what the command line changes; None changes nothing."""
     from harmolab.params import TrainParams
 
-    chosen = replace(TrainParams.paper() if name == "paper" else TrainParams.recommended(), seed=seed)
-    if harmony_weight is not None:
-        chosen = replace(chosen, harmony_weight=harmony_weight)
-    if pretrain is not None:
-        chosen = replace(chosen, pretrain_epochs=pretrain)
-    return chosen if adversarial is None else replace(chosen, adversarial_epochs=adversarial)
+    base = TrainParams.paper() if name == "paper" else TrainParams.recommended()
+    return replace(base, **{key: value for key, value in changed.items() if value is not None})
 
 
 def _split(data: list[Path], params: str, step: int, seed: int) -> Split:

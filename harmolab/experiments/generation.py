@@ -136,9 +136,8 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Tr
 def _pretraining(params: TrainParams) -> TrainParams:
     """The part of a training that all variants share: settings of the adversarial epochs at their defaults."""
     shared = [field.name for field in fields(params) if field.name.startswith("pretrain_")]
-    own = {
-        name: getattr(params, name) for name in ("seed", "batch_size", "epsilon", "pose_epochs", "patience", *shared)
-    }
+    others = ("seed", "batch_size", "shards", "epsilon", "pose_epochs", "patience")
+    own = {name: getattr(params, name) for name in (*others, *shared)}
     return replace(TrainParams.paper(), adversarial_epochs=0, **own)
 
 

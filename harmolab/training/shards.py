@@ -59,10 +59,12 @@ def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: tor
 
 
 def _added(fabric: Fabric, values: Tensor) -> Tensor:
-    """The sum (K,) of values (S, K) over this process's S shards and those of all others, in the order of the shards."""
+    """The sum (K,) of values (S, K) over the S shards of this process and those of all others, in the shards' order."""
     if fabric.world_size > 1:
-        gathered = torch.as_tensor(fabric.all_gather(values))  # (R, S, K)
-        values = gathered.transpose(0, 1).flatten(0, 1)
+        # Not fabric.all_gather, which keeps a gradient path in a way that torch calls outdated.
+        gathered = [torch.empty_like(values) for _ in range(fabric.world_size)]
+        torch.distributed.all_gather(gathered, values)
+        values = torch.stack(gathered, dim=1).flatten(0, 1)
     total = values[0]
     for each in values[1:]:
         total = total + each
