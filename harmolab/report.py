@@ -45,7 +45,7 @@ def build(
     *,
     profile: str = "quick",
     figures: Path | None = None,
-    timeout: float = 300.0,
+    timeout: float = 900.0,
     jobs: int = 2,
     progress: bool = True,
 ) -> Report:
@@ -95,7 +95,7 @@ def build(
     return Report(out / "index.html", tuple(runs))
 
 
-def run_notebook(path: Path, *, variables: Mapping[str, str] | None = None, timeout: float = 300.0) -> NotebookRun:
+def run_notebook(path: Path, *, variables: Mapping[str, str] | None = None, timeout: float = 900.0) -> NotebookRun:
     """A copy of one notebook, executed in a kernel of its own; the file itself is not changed.
 
     `variables` are added to the kernel's environment; `timeout` is in seconds per cell.
