@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -78,6 +77,7 @@ def show(value: Any) -> str:
 
 def write_text(path: Path, text: str) -> None:
     """Write aside, then rename."""
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".part", delete=False) as aside:
-        aside.write(text + "\n")
-    Path(aside.name).replace(path)
+    from harmolab.io.aside import written_aside
+
+    with written_aside(path) as aside:
+        aside.write_text(text + "\n", encoding="utf-8")

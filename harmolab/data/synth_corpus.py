@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import tempfile
@@ -18,6 +17,7 @@ import soundfile
 
 from harmolab.data.synth_clip import ClipSettings, PlantedClip, planted_clip
 from harmolab.data.synth_figures import figure_names
+from harmolab.io.aside import written_aside
 from harmolab.io.errors import PathLike
 from harmolab.io.motion import save_motion
 from harmolab.params import DANCES
@@ -203,9 +203,8 @@ def _rounded(values: Any) -> Any:
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
-    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    aside.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    aside.replace(path)
+    with written_aside(path) as aside:
+        aside.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def _read_json(path: Path) -> dict[str, Any]:

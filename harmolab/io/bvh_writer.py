@@ -15,7 +15,6 @@ Which frames are valid is not kept: BVH has no place for it.
 from __future__ import annotations
 
 import itertools
-import os
 import re
 import warnings
 from collections.abc import Iterator
@@ -25,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from harmolab.io.aside import written_aside
 from harmolab.io.errors import PathLike
 from harmolab.types import FloatArray, Motion, Skeleton
 
@@ -87,15 +87,10 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
     bones = _fitted(motion, order, depth)
     extent = np.ptp(_rest(bones.offsets, motion.skeleton, order), axis=0).max()
     scale = 100.0 if extent > CENTIMETRES_FROM else 1.0
-    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with aside.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.writelines(f"{line}\n" for line in _hierarchy(motion.skeleton, bones, scale))
-            stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
-            np.savetxt(stream, _table(bones, scale), fmt="%.6f")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with written_aside(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(f"{line}\n" for line in _hierarchy(motion.skeleton, bones, scale))
+        stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
+        np.savetxt(stream, _table(bones, scale), fmt="%.6f")
 
 
 def _branches(path: Path, skeleton: Skeleton) -> tuple[tuple[int, ...], tuple[int, ...]]:

@@ -36,7 +36,6 @@ a folder
 from __future__ import annotations
 
 import io
-import os
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -45,6 +44,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres, read_npy
+from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.errors import MAX_BYTES, PathLike, reading
@@ -189,18 +189,13 @@ def save_motion(path: PathLike, motion: Motion) -> None:
         return
     if suffix != ".npz":
         raise ValueError(f"{path}: motion is saved as .npz or .bvh; choose a name that ends so")
-    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with aside.open("wb") as stream:
-            np.savez(
-                stream,
-                positions=motion.positions,
-                fps=np.float64(motion.fps),
-                joints=np.array(motion.skeleton.joints),
-                parents=np.array(motion.skeleton.parents),
-                valid=motion.valid,
-                units=np.array("m" if motion.positions.shape[2] == 3 else "image"),
-            )
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with written_aside(path) as aside, aside.open("wb") as stream:
+        np.savez(
+            stream,
+            positions=motion.positions,
+            fps=np.float64(motion.fps),
+            joints=np.array(motion.skeleton.joints),
+            parents=np.array(motion.skeleton.parents),
+            valid=motion.valid,
+            units=np.array("m" if motion.positions.shape[2] == 3 else "image"),
+        )

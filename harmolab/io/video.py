@@ -19,6 +19,7 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.io.aside import written_aside
 from harmolab.io.errors import PathLike, reading
 from harmolab.types import Audio
 
@@ -236,13 +237,12 @@ def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: A
         raise ValueError(f"{path}: video is written as .mp4; choose a name that ends so")
     if not MIN_FPS <= fps <= MAX_FPS:
         raise ValueError(f"{path}: fps must lie between {MIN_FPS:g} and {MAX_FPS:g}, got {fps}")
-    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with av.open(f"file:{aside}", "w", format="mp4", container_options={"movflags": "+faststart"}) as container:
-            _encode(container, _checked(path, frames), Fraction(fps).limit_denominator(100_000), audio)
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    options = {"movflags": "+faststart"}
+    with (
+        written_aside(path) as aside,
+        av.open(f"file:{aside}", "w", format="mp4", container_options=options) as container,
+    ):
+        _encode(container, _checked(path, frames), Fraction(fps).limit_denominator(100_000), audio)
 
 
 def _checked(path: Path, frames: Iterable[Frame]) -> Iterator[Frame]:

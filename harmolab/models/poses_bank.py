@@ -7,7 +7,6 @@ each clip's dance in its header.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.io.aside import written_aside
 from harmolab.io.errors import PathLike, reading
 from harmolab.models.poses import PATH_CHANNELS
 from harmolab.models.weights import DEFAULT_STEM
@@ -130,13 +130,9 @@ def poses_path(weights: PathLike) -> Path:
 def save_poses(weights: PathLike, bank: PoseBank) -> None:
     """Write a bank beside the weights of that name; the file appears whole or not at all."""
     path = poses_path(weights)
-    aside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     about = {"format": _FORMAT, "dances": json.dumps(bank.dances)}
-    try:
+    with written_aside(path) as aside:
         aside.write_bytes(save({"poses": bank.poses.astype(np.float16)}, metadata=about))
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
 
 
 def load_poses(weights: PathLike, *, n_channels: int | None = None) -> PoseBank:
