@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import torch
 from filelock import FileLock
@@ -25,6 +26,7 @@ from harmolab.experiments.generation import (
     weight_sweep,
 )
 from harmolab.experiments.judging import generate, judge
+from harmolab.experiments.long_dances import dance_limits, long_dances
 from harmolab.models.weights import read_about
 from harmolab.params import RunProfile
 
@@ -177,3 +179,18 @@ def test_recorded_motion_is_as_far_from_itself_as_nothing(paper: generation.Trai
     units = paper.split.test
     found = judge([unit.motion for unit in units.units], units, paper.pose_net)
     assert found["fid_raw"] == pytest.approx(0, abs=1e-3)
+
+
+def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(paper: generation.Trained):
+    dances = long_dances(PROFILE)
+    songs = {unit.sequence.rpartition("/")[2] for unit in paper.split.test.units}
+    assert set(dances["song"]) <= songs and set(dances["variant"]) == set(VARIANTS)
+    assert (dances["seconds"] > 9).all() and dances["bones"].max() < 1e-6
+    assert (dances[["jump", "skating", "jerk", "count_ratio"]] > 0).all(axis=None)
+
+
+def test_a_dance_beyond_a_limit_is_counted():
+    dances = pd.DataFrame({"corpus": "c", "variant": "v", "bones": [0.0, 0.04], "jump": [1.0, 3.5], "skating": [3, 5]})
+    found = dance_limits(dances)
+    assert found["within"].tolist() == ["2 of 2", "1 of 2", "0 of 2"]
+    assert found["worst"].tolist() == [0.04, 3.5, 5.0] and found["most"].tolist() == [0.05, 3.0, 2.0]

@@ -35,6 +35,7 @@ __all__ = [
     "VARIANTS",
     "Trained",
     "Variant",
+    "corpus_root",
     "generator_corpora",
     "histories",
     "trained",
@@ -97,15 +98,25 @@ def training_split(profile: RunProfile, corpus: str, features: FeatureParams) ->
     ValueError
         If there is no corpus of that name.
     """
+    return split_units(load_units([corpus_root(profile, corpus)], features, step=UNIT_STEP), seed=profile.seed)
+
+
+def corpus_root(profile: RunProfile, corpus: str) -> Path:
+    """The folder of a corpus; the synthetic one is written if it is not there.
+
+    Raises
+    ------
+    ValueError
+        If there is no corpus of that name.
+    """
     if corpus == SYNTHETIC:
         clips = min(profile.n_clips // 2, MOST_CLIPS)
         root = _home() / f"dances_{clips}x{SECONDS:g}s_seed{profile.seed}"
         write_corpus(root, clips=clips, seconds=SECONDS, seed=profile.seed)
-    elif corpus in corpus_folders(profile):
-        root = corpus_folders(profile)[corpus]
-    else:
+        return root
+    if corpus not in corpus_folders(profile):
         raise ValueError(f"there is no corpus {corpus!r}; there are {', '.join(generator_corpora(profile))}")
-    return split_units(load_units([root], features, step=UNIT_STEP), seed=profile.seed)
+    return corpus_folders(profile)[corpus]
 
 
 def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Trained:

@@ -1,0 +1,123 @@
+"""Dances much longer than a unit: do bones keep their length, does nobody jump, do the feet stand? (notebook 08)
+
+Each test song is danced meter by meter, every meter from the end of the last, so that what one meter gets wrong the
+next has to live with. What is allowed is measured on the dancers who were recorded to the same songs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harmolab.data.beats import music_beats
+from harmolab.data.folders import Sequence, load_sequence
+from harmolab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
+from harmolab.harmony import score_motion
+from harmolab.metrics import bone_error, foot_skating, jerk, largest_step
+from harmolab.models.poses_bank import load_poses
+from harmolab.params import HarmonyParams, RunProfile
+from harmolab.synthesis import synthesize_dance
+from harmolab.training.run import MODEL
+
+__all__ = ["LIMITS", "dance_limits", "long_dances"]
+
+SONGS = 8  # of the test split, spread over it
+SECONDS = 30.0
+QUICK_SECONDS = 10.0
+
+# The most that a dance may have, and what the number is.
+LIMITS = MappingProxyType(
+    {
+        "bones": (0.05, "largest deviation of a bone's length"),
+        "jump": (3.0, "fastest step / 99.9th percentile recorded"),
+        "skating": (2.0, "sliding of standing feet / recorded"),
+    }
+)
+
+
+def long_dances(profile: RunProfile) -> pd.DataFrame:
+    """Every variant dances songs of the test units, 30 s each (10 s in the quick profile), as far as there is music.
+
+    Returns
+    -------
+    DataFrame, a row for each corpus, seed, variant and song: corpus, seed, variant, song, dance, seconds; bones, jump
+    and skating as in `LIMITS`; jerk in multiples of the recorded dancers' mean; above_chance and count_ratio for
+    valleys within 0.1 s
+    """
+    return pd.DataFrame(list(_rows(profile)))
+
+
+def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
+    seconds = QUICK_SECONDS if profile.epochs else SECONDS
+    for corpus in generator_corpora(profile):
+        for seed in range(1, profile.n_seeds + 1):
+            runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
+            songs = [load_sequence(corpus_root(profile, corpus) / name) for name in _songs(runs["paper"])]
+            recorded = _recorded(songs, seconds)
+            for song, (name, run) in product(songs, runs.items()):
+                about = {"corpus": corpus, "seed": seed, "variant": name}
+                yield {**about, **_measured(run, song, recorded, seconds)}
+
+
+def _songs(run: Trained) -> list[str]:
+    """Folder names of up to `SONGS` sequences with test units, spread over the test split."""
+    names = list(dict.fromkeys(unit.sequence.rpartition("/")[2] for unit in run.split.test.units))
+    count = min(SONGS, len(names))
+    return [names[place * len(names) // count] for place in range(count)]
+
+
+def _recorded(songs: list[Sequence], seconds: float) -> dict[str, float]:
+    """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
+    motions = [song.clip.motion.span(0.0, seconds) for song in songs]
+    return {
+        "peak": float(np.mean([largest_step(motion).percentile_999 for motion in motions])),
+        "skating": float(np.mean([foot_skating(motion) for motion in motions])),
+        "jerk": float(np.mean([jerk(motion) for motion in motions])),
+    }
+
+
+def _measured(run: Trained, song: Sequence, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
+    """One long dance, in multiples of what is `recorded`."""
+    clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
+    length = min(seconds, clip.motion.duration)
+    poses = load_poses(run.folder / MODEL)
+    made = synthesize_dance(
+        run.generator, clip.audio, beats=beats, start=clip.offset, seconds=length, seed=1, poses=poses, dance=clip.dance
+    )
+    score = score_motion(beats.span(clip.offset, made.duration), made, params=HarmonyParams.valleys(), n_rotations=0)
+    return {
+        "song": song.folder.name,
+        "dance": clip.dance,
+        "seconds": made.duration,
+        "bones": bone_error(made, run.generator.bone_lengths.double().numpy()),
+        "jump": largest_step(made).largest / recorded["peak"],
+        "skating": foot_skating(made) / recorded["skating"],
+        "jerk": jerk(made) / recorded["jerk"],
+        "above_chance": score.harmony_above_chance,
+        "count_ratio": score.n_visual / max(score.n_audio, 1),
+    }
+
+
+def dance_limits(dances: pd.DataFrame) -> pd.DataFrame:
+    """Which dances keep within `LIMITS`.
+
+    Parameters
+    ----------
+    dances : DataFrame, as `long_dances` returns it
+
+    Returns
+    -------
+    DataFrame with the columns corpus, variant, limit (in words), most (allowed), mean, worst, within ("8 of 8")
+    """
+    rows = []
+    for (corpus, variant), part in dances.groupby(["corpus", "variant"], sort=False):
+        for name, (most, words) in LIMITS.items():
+            values = part[name].to_numpy(np.float64)
+            row = {"corpus": corpus, "variant": variant, "limit": words, "most": most, "mean": values.mean()}
+            rows.append({**row, "worst": values.max(), "within": f"{(values <= most).sum()} of {values.size}"})
+    return pd.DataFrame(rows)
