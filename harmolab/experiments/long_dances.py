@@ -23,6 +23,7 @@ from harmolab.models.poses_bank import load_poses
 from harmolab.params import HarmonyParams, RunProfile
 from harmolab.synthesis import synthesize_dance
 from harmolab.training.run import MODEL
+from harmolab.types import Motion
 
 __all__ = ["LIMITS", "dance_limits", "long_dances"]
 
@@ -73,7 +74,7 @@ def _songs(run: Trained) -> list[str]:
 
 def _recorded(songs: list[Sequence], seconds: float) -> dict[str, float]:
     """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
-    motions = [song.clip.motion.span(0.0, seconds) for song in songs]
+    motions = [_dancer(song).span(0.0, seconds) for song in songs]
     return {
         "peak": float(np.mean([largest_step(motion).percentile_999 for motion in motions])),
         "skating": float(np.mean([foot_skating(motion) for motion in motions])),
@@ -81,10 +82,16 @@ def _recorded(songs: list[Sequence], seconds: float) -> dict[str, float]:
     }
 
 
+def _dancer(song: Sequence) -> Motion:
+    if song.clip.motion is None:
+        raise ValueError(f"{song.folder}: has no motion")
+    return song.clip.motion
+
+
 def _measured(run: Trained, song: Sequence, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
     """One long dance, in multiples of what is `recorded`."""
     clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
-    length = min(seconds, clip.motion.duration)
+    length = min(seconds, _dancer(song).duration)
     poses = load_poses(run.folder / MODEL)
     made = synthesize_dance(
         run.generator, clip.audio, beats=beats, start=clip.offset, seconds=length, seed=1, poses=poses, dance=clip.dance

@@ -221,7 +221,7 @@ class RunProfile:
     def quick(cls) -> RunProfile:
         """Under a minute a notebook on two cores; where generators are trained, about a minute for all of them."""
         return cls(
-            "quick", n_clips=35, n_sequences=6, n_rotations=200, n_seeds=1, epochs=(12, 6), pose_epochs=8, hidden=48
+            "quick", n_clips=35, n_sequences=6, n_rotations=200, n_seeds=1, epochs=(12, 16), pose_epochs=8, hidden=48
         )
 
     @classmethod
