@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import harmolab.beats.audio as listening
-from harmolab.beats.audio import audio_beats, beat_strengths, cache_folder, onset_envelope, tempo_range
+from harmolab.beats.audio import audio_beats, beat_strengths, onset_envelope, tempo_range
+from harmolab.io.cache import cache_folder
 from harmolab.types import Audio
 
 Clicks = Callable[..., Audio]
@@ -283,4 +284,4 @@ def test_two_processes_share_a_cache_without_reading_halves(cache: Path):
     ]
     errors = [rival.communicate(timeout=60)[1] for rival in rivals]
     assert [rival.returncode for rival in rivals] == [0, 0], errors
-    assert list(cache.glob("*.part")) == []
+    assert list(cache.glob(".*.tmp")) == []

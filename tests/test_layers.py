@@ -44,6 +44,7 @@ LAYERS = {
 TOP = 7  # may import anything
 ARROWS = {  # allowed inside a layer
     ("beats", "kinematics"),
+    ("beats", "io"),  # the cache
     ("harmony", "metrics"),
     ("harmony", "pattern"),
     ("harmony", "significance"),

@@ -1,6 +1,6 @@
 """Audio to beats by librosa onset strength and tempo (Eq. 2-3). The whole track is tracked once, then sliced.
 
-Analysis is cached on disk under a hash of the samples, so a song is listened to once; see `cache_folder`.
+Analysis is cached on disk under a hash of the samples, so a song is listened to once; see `harmolab.io.cache`.
 """
 
 from __future__ import annotations
@@ -8,8 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-import zipfile
-import zlib
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -20,28 +19,17 @@ from filelock import FileLock
 from numpy.typing import NDArray
 
 from harmolab.beats.meter import accented_places, cycle_of_meter
+from harmolab.io.cache import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack
 
-__all__ = ["audio_beats", "beat_strengths", "cache_folder", "compile_tracker", "onset_envelope", "tempo_range"]
+__all__ = ["audio_beats", "beat_strengths", "compile_tracker", "onset_envelope", "tempo_range"]
 
 FloatArray = NDArray[np.float64]
 
 HOP = 512  # samples between onset strengths
 CACHE_VERSION = 2  # raise when the analysis changes
 LOUDEST = 1e6  # amplitude above which squares might overflow in single precision
-
-
-def cache_folder() -> Path | None:
-    """Where analyses are kept: ``HARMOLAB_CACHE``, else the user's cache folder; None when the variable is "off"."""
-    named = os.environ.get("HARMOLAB_CACHE")
-    if named == "off":
-        return None
-    if named:
-        return Path(named)
-    from platformdirs import user_cache_path
-
-    return user_cache_path("harmolab")
 
 
 def tempo_range(tempo: str | tuple[float, float] | None) -> tuple[float, float] | None:
@@ -105,25 +93,21 @@ def beat_strengths(audio: Audio, times: FloatArray) -> FloatArray:
 
 def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
     """Envelope and beat frames, from the cache when they are there and sound."""
-    folder = cache_folder()
-    if folder is None:
-        return _analyse(audio, bounds)
-    path = folder / f"{_key(audio, bounds)}.npz"
-    stored = _stored(path)
+    key = _key(audio, bounds) if cache_folder() else ""
+    stored = _sound(cached_arrays(key))
     if stored is None:
         stored = _analyse(audio, bounds)
-        _store(path, *stored)
+        keep_arrays(key, {"envelope": stored[0], "beats": stored[1]})
     return stored
 
 
-def _stored(path: Path) -> tuple[FloatArray, NDArray[np.int64]] | None:
-    """What a cache file holds; None when it is absent, damaged or holds something else."""
+def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> tuple[FloatArray, NDArray[np.int64]] | None:
+    """What was kept; None when it is something else."""
+    if arrays is None:
+        return None
     try:
-        # numpy leaves a damaged file open unless somebody else closes it.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
-            envelope, beats = content["envelope"].astype(np.float64), content["beats"].astype(np.int64)
-    # A zip file with a flipped bit may claim any compression or encryption, a lone array is no context manager.
-    except (OSError, KeyError, TypeError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        envelope, beats = arrays["envelope"].astype(np.float64), arrays["beats"].astype(np.int64)
+    except (KeyError, ValueError):
         return None
     whole = envelope.ndim == beats.ndim == 1 and np.isfinite(envelope).all() and (envelope >= 0).all()
     return (envelope, beats) if whole and (beats >= 0).all() and (np.diff(beats) > 0).all() else None
@@ -140,20 +124,6 @@ def _samples(audio: Audio) -> NDArray[np.float32]:
     """Samples in single precision; absurdly loud ones are scaled down, which moves no onset."""
     peak = float(np.abs(audio.samples).max())
     return np.ascontiguousarray(audio.samples / peak if peak > LOUDEST else audio.samples, dtype=np.float32)
-
-
-def _store(path: Path, envelope: FloatArray, beats: NDArray[np.int64]) -> None:
-    """Write aside, then rename; a cache that cannot be written is no error."""
-    aside = None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-            aside = Path(file.name)
-            np.savez(file, envelope=envelope, beats=beats)
-        aside.replace(path)
-    except OSError:
-        if aside is not None:
-            aside.unlink(missing_ok=True)
 
 
 @cache

@@ -16,11 +16,11 @@ from pathlib import Path
 import pandas as pd
 from filelock import FileLock
 
-from harmolab.beats.audio import cache_folder
 from harmolab.data.clips import load_units
 from harmolab.data.splits import Split, split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.experiments.study import corpus_folders, data_root
+from harmolab.io.cache import cache_folder
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
 from harmolab.models.weights import load_generator, load_pose_net

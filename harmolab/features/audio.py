@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
-import zipfile
-import zlib
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import HOP, cache_folder, onset_envelope
+from harmolab.beats.audio import HOP, onset_envelope
+from harmolab.io.cache import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import FeatureParams
 from harmolab.types import Audio, BeatTrack
 
@@ -74,14 +73,11 @@ def mfcc(audio: Audio, count: int) -> SingleArray:
 
     Recordings at another rate than 22050 hertz are resampled first.
     """
-    folder = cache_folder()
-    if folder is None:
-        return _analyse(audio, count)
-    path = folder / f"{_key(audio, count)}.npz"
-    stored = _stored(path, count)
+    key = _key(audio, count) if cache_folder() else ""
+    stored = _sound(cached_arrays(key), count)
     if stored is None:
         stored = _analyse(audio, count)
-        _store(path, stored)
+        keep_arrays(key, {"mfcc": stored})
     return stored
 
 
@@ -114,27 +110,13 @@ def _key(audio: Audio, count: int) -> str:
     return digest.hexdigest()[:40]
 
 
-def _stored(path: Path, count: int) -> SingleArray | None:
-    """What a cache file holds; None when it is absent, damaged or holds something else."""
+def _sound(arrays: Mapping[str, NDArray[Any]] | None, count: int) -> SingleArray | None:
+    """What was kept; None when it is something else."""
+    if arrays is None:
+        return None
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
-            table: SingleArray = content["mfcc"].astype(np.float32)
-    # A zip file with a flipped bit may claim any compression or encryption, a lone array is no context manager.
-    except (OSError, KeyError, TypeError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        table: SingleArray = arrays["mfcc"].astype(np.float32)
+    except (KeyError, ValueError):
         return None
     whole = table.ndim == 2 and len(table) > 0 and table.shape[1] == count and bool(np.isfinite(table).all())
     return table if whole else None
-
-
-def _store(path: Path, table: SingleArray) -> None:
-    """Write aside, then rename; a cache that cannot be written is no error."""
-    aside = None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-            aside = Path(file.name)
-            np.savez(file, mfcc=table)
-        aside.replace(path)
-    except OSError:
-        if aside is not None:
-            aside.unlink(missing_ok=True)

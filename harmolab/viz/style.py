@@ -5,8 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -20,6 +19,7 @@ from filelock import FileLock
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
+from harmolab.io.aside import written_aside
 from harmolab.params import RunProfile
 
 __all__ = [
@@ -178,7 +178,8 @@ def save_table(
 ) -> Saved:
     """The CSV just written; arguments as for `save_figure`. The frame's index is left out."""
     path = _output(name, ".csv", profile)
-    _write_aside(path, lambda part: frame.to_csv(part, index=False))
+    with written_aside(path) as part:
+        frame.to_csv(part, index=False)
     _record(path, notebook, source, profile, seed, title)
     return Saved(path)
 
@@ -201,7 +202,8 @@ def write_figure(figure: Figure, path: Path) -> Path:
         raise ValueError(f"{path}: no picture format {suffix!r}; there are {', '.join(sorted(formats))}")
     # Without a software tag the same picture is the same bytes, so that git sees no change where there is none.
     metadata = {"Software": None} if suffix == "png" else None
-    _write_aside(path, lambda part: figure.savefig(part, format=suffix, bbox_inches="tight", metadata=metadata))
+    with written_aside(path) as part:
+        figure.savefig(part, format=suffix, bbox_inches="tight", metadata=metadata)
     return path
 
 
@@ -222,18 +224,6 @@ def _output(name: str, suffix: str, profile: RunProfile) -> Path:
     return folder / f"{name}{suffix}"
 
 
-def _write_aside(path: Path, write: Callable[[str], Any]) -> None:
-    """Lets `write` fill a neighbouring temporary file, then moves it into place."""
-    handle, part = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(handle)
-    try:
-        write(part)
-        Path(part).chmod(0o644)
-        Path(part).replace(path)
-    finally:
-        Path(part).unlink(missing_ok=True)
-
-
 def _record(path: Path, notebook: str, source: str, profile: RunProfile, seed: int | None, title: str) -> None:
     """Adds or replaces the manifest's entry for `path`; notebooks that run at the same time wait for each other."""
     entry = {
@@ -248,4 +238,5 @@ def _record(path: Path, notebook: str, source: str, profile: RunProfile, seed: i
     with FileLock(manifest.with_name(f".{MANIFEST}.lock"), timeout=60):
         entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
         text = json.dumps({**entries, path.name: entry}, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
-        _write_aside(manifest, lambda part: Path(part).write_text(text, "utf-8"))
+        with written_aside(manifest) as part:
+            part.write_text(text, "utf-8")
