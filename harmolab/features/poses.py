@@ -14,11 +14,10 @@ pi / 2 faces +x: a pose that faces heading a is the canonical one turned by a ab
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harmolab.io.joint_names import joint_part, joint_side
 from harmolab.kinematics import smooth
 from harmolab.types import Skeleton
 
@@ -38,7 +37,6 @@ FloatArray = NDArray[np.float64]
 HEADING_SMOOTHING = 0.1  # seconds; what is left follows turns, not the swing of single joints
 SHORTEST_ACROSS = 1e-6  # metres between left and right, seen from above, below which nobody can tell the heading
 _PAIRED = ("hip", "hipjoint", "shoulder", "upleg", "thigh", "femur", "upperarm", "humerus", "clavicle", "collar")
-_SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 
 
 def n_channels(skeleton: Skeleton) -> int:
@@ -172,22 +170,11 @@ def side_pairs(skeleton: Skeleton) -> tuple[tuple[int, int], ...]:
     """
     found: dict[tuple[str, str], int] = {}
     for joint, name in enumerate(skeleton.joints):
-        side, part = _side_and_part(name)
+        side, part = joint_side(name), joint_part(name)
         if side and part in _PAIRED:
             found.setdefault((side, part), joint)
     parts = [part for side, part in found if side == "left" and ("right", part) in found]
     return tuple((found["left", part], found["right", part]) for part in parts)
-
-
-def _side_and_part(name: str) -> tuple[str, str]:
-    """("left" or "right", part of the body) that a joint's name tells; ("", name) if it tells no side."""
-    plain = name.rpartition(":")[2]  # "mixamorig:LeftUpLeg"
-    words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", plain)]
-    if len(words) == 1 and words[0][:1] in _SIDES and words[0][1:] in _PAIRED:
-        words = [words[0][0], words[0][1:]]
-    sides = [_SIDES[word] for word in words if word in _SIDES]
-    part = "".join(word for word in words if word not in _SIDES)
-    return (sides[0], part) if len(sides) == 1 else ("", part)
 
 
 def _across(positions: FloatArray, skeleton: Skeleton) -> FloatArray:

@@ -11,7 +11,10 @@ __all__ = ["foot_joints", "joint_part", "joint_side"]
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 # The parts that AIST++ writes in one word with their side: lhip, rtoes.
-_PARTS = "hip|knee|ankle|toes?|foot|heel|(?:in)?shoulder|elbow|wrist|hand"
+_PARTS = (
+    "hip|hipjoint|upleg|thigh|femur|knee|ankle|toes?|foot|heel|"
+    "clavicle|collar|(?:in)?shoulder|upperarm|humerus|elbow|wrist|hand"
+)
 _FUSED = re.compile(rf"(left|right)(?=.)|([lr])(?=(?:{_PARTS})$)")
 _FOOT_PARTS = ("toe", "heel", "ankle", "foot")
 
