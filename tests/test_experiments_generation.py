@@ -14,6 +14,7 @@ import torch
 from filelock import FileLock
 
 from harmolab.experiments import generation
+from harmolab.experiments.ablation import RECORDED, ablation
 from harmolab.experiments.generation import (
     SWEEP,
     SYNTHETIC,
@@ -194,3 +195,9 @@ def test_a_dance_beyond_a_limit_is_counted():
     found = dance_limits(dances)
     assert found["within"].tolist() == ["2 of 2", "1 of 2", "0 of 2"]
     assert found["worst"].tolist() == [0.04, 3.5, 5.0] and found["most"].tolist() == [0.05, 3.0, 2.0]
+
+
+def test_recorded_motion_has_no_distance_from_itself_in_the_ablation(paper: generation.Trained):
+    table = ablation(PROFILE).set_index("variant")
+    assert table["fid"].isna().to_dict() == {**dict.fromkeys(VARIANTS, False), RECORDED: True}
+    assert table.loc[RECORDED, "jerk"] > 0

@@ -35,6 +35,7 @@ Seeds = dict[str, dict[str, FloatArray]]  # side of a comparison -> measure -> o
 RECORDED = "recorded"
 LOSSES = ("paper", "recommended")
 COVERAGE = 0.95
+DISTANCES = ("fid", "fid_raw", "fid_kinetic")  # from the recorded motion
 
 # What a harmony loss is asked for: (least, most) of each measure, compared as `TARGET_WORDS` says. Beats are speed
 # valleys within 0.1 s.
@@ -85,9 +86,10 @@ def _judged(run: Trained, seed: int) -> dict[str, float]:
 
 
 def _recorded(run: Trained, seed: int) -> dict[str, float]:
-    """The recorded motion of the test units, under the same measures."""
+    """The recorded motion of the test units, under the same measures; it has no distance from itself."""
     units = run.split.test
-    return judge([unit.motion.astype(np.float64) for unit in units.units], units, run.pose_net, seed=seed)
+    found = judge([unit.motion.astype(np.float64) for unit in units.units], units, run.pose_net, seed=seed)
+    return found | dict.fromkeys(DISTANCES, np.nan)
 
 
 def seed_means(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:

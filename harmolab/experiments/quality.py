@@ -39,8 +39,7 @@ def motion_quality(profile: RunProfile) -> pd.DataFrame:
     motion has no distance from itself: its Frechet distances are those of `recorded_distances`, whose intervals hold
     95 % of the draws.
     """
-    means = seed_means(ablation(profile), list(MEASURES)).drop(columns="paper")
-    means = means[~((means["variant"] == RECORDED) & means["measure"].isin(DISTANCES))]
+    means = seed_means(ablation(profile), list(MEASURES)).drop(columns="paper").dropna(subset="mean")
     floors = [
         recorded_distances(trained(profile, corpus, VARIANTS["paper"], seed), seed=seed).assign(corpus=corpus)
         for corpus in generator_corpora(profile)

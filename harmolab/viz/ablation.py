@@ -69,7 +69,7 @@ def draw_measure(
     """
     places = {name: place for place, name in enumerate(reversed(GENERATED))}
     mine = {row["variant"]: row for row in rows if row["measure"] == measure}
-    if RECORDED in mine:
+    if RECORDED in mine and np.isfinite(mine[RECORDED]["mean"]):
         ax.axvline(mine[RECORDED]["mean"], color=LOOKS[RECORDED].colour, linestyle="--", linewidth=1.3, zorder=1)
     low, high = _span(mine.values())
     for name, place in places.items():
