@@ -23,6 +23,7 @@ def test_training_settings_are_those_of_section_5_2():
     assert paper.pretrain_kl_weight == 0.1
     assert (paper.kl_weight, paper.harmony_weight) == (0.0001, 1)
     assert paper.mse_weight == paper.feature_weight == paper.gan_weight == 0.001
+    assert paper.cross_domain_weight == 1
     assert (paper.critic_decay, paper.generator_decay) == (0.001, 0.0001)
     assert paper.harmony == "paper"
 

@@ -25,7 +25,7 @@ from harmolab.training.batches import Tensors
 from harmolab.training.loop import fit
 from harmolab.training.run import _networks
 from harmolab.training.schedule import adversarial_rate, epoch_order, pretrain_rate
-from harmolab.training.steps import Networks, critic_terms, generator_terms, meter_span, pretrain_terms
+from harmolab.training.steps import Danced, Networks, critic_terms, danced, generator_terms, meter_span, pretrain_terms
 from harmolab.training.validation import validate
 
 tiny = runpy.run_path(str(Path(__file__).with_name("tiny_training.py")))
@@ -170,35 +170,35 @@ def test_the_span_of_a_unit_is_its_meter(split: Split):
 
 
 def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
-    made = networks.generator(batch.audio, batch.initial)
-    assert set(generator_terms(networks, made, batch, None, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
+    made = danced(networks.generator, batch)
+    assert set(generator_terms(networks, made, batch, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
     assert set(pretrain_terms(networks.generator, batch, PAPER)) == {"kl", "mse"}
-    assert set(critic_terms(networks, made.motion, batch)) == {"critic_cd", "critic_st"}
+    assert set(critic_terms(networks, made.own.motion, batch)) == {"critic_cd", "critic_st"}
 
 
 def test_the_ablation_has_no_harmony_term_and_ours_has_two_more(networks: Networks, batch: Tensors):
-    made = networks.generator(batch.audio, batch.initial)
-    without = generator_terms(networks, made, batch, None, replace(PAPER, harmony_weight=0.0), 0.5)
+    made = danced(networks.generator, batch)
+    without = generator_terms(networks, made, batch, replace(PAPER, harmony_weight=0.0), 0.5)
     assert set(without) == {"kl", "mse", "feature", "gan"}
-    ours = generator_terms(networks, made, batch, None, RECOMMENDED, 0.5)
+    ours = generator_terms(networks, made, batch, RECOMMENDED, 0.5)
     assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "foot"}
 
 
 def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
     skeleton = networks.generator.skeleton
     networks.generator.skeleton = replace(skeleton, joints=tuple(f"joint{joint}" for joint in range(5)))
-    made = networks.generator(batch.audio, batch.initial)
-    assert "foot" not in generator_terms(networks, made, batch, None, RECOMMENDED, 0.5)
+    made = danced(networks.generator, batch)
+    assert "foot" not in generator_terms(networks, made, batch, RECOMMENDED, 0.5)
 
 
 def test_half_of_the_harmony_may_come_from_other_music(networks: Networks, batch: Tensors, split: Split):
     others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
-    made = networks.generator(batch.audio, batch.initial)
+    made = danced(networks.generator, batch)
     unheard = batch.with_music_of(others)
-    theirs = networks.generator(others.audio, batch.initial)
-    own = generator_terms(networks, made, batch, None, PAPER, 0.5)["harmony"]
-    foreign = generator_terms(networks, theirs, unheard, None, PAPER, 0.5)["harmony"]
-    both = generator_terms(networks, made, batch, others, PAPER, 0.5)
+    theirs = danced(networks.generator, unheard)
+    own = generator_terms(networks, made, batch, PAPER, 0.5)["harmony"]
+    foreign = generator_terms(networks, theirs, unheard, PAPER, 0.5)["harmony"]
+    both = generator_terms(networks, danced(networks.generator, batch, others), batch, PAPER, 0.5)
     torch.testing.assert_close(both["harmony"], (own + foreign) / 2)
     assert set(both) == {"kl", "mse", "feature", "gan", "harmony"}
 
@@ -207,22 +207,22 @@ def test_half_of_the_harmony_may_come_from_other_music(networks: Networks, batch
 def test_other_music_may_end_before_the_meter_begins(params: TrainParams, networks: Networks, split: Split):
     batch = Tensors.of(split.train).take(torch.arange(2))
     short = replace(batch, mask=(torch.arange(batch.mask.shape[1]) < 9).float().expand_as(batch.mask))
-    made = networks.generator(batch.audio, batch.initial)
-    harmony = generator_terms(networks, made, batch, short, params, 0.5)["harmony"]
+    made = danced(networks.generator, batch, short)
+    harmony = generator_terms(networks, made, batch, params, 0.5)["harmony"]
     gradients = torch.autograd.grad(harmony, list(networks.generator.parameters()))
     assert harmony.isfinite() and all(bool(gradient.isfinite().all()) for gradient in gradients)
 
 
 def test_every_term_has_a_gradient_in_the_generator(networks: Networks, batch: Tensors):
-    names = generator_terms(networks, networks.generator(batch.audio, batch.initial), batch, None, RECOMMENDED, 0.5)
+    names = generator_terms(networks, danced(networks.generator, batch), batch, RECOMMENDED, 0.5)
     # A tremor gives the terms for jerk and feet something to say.
     torch.manual_seed(0)
     noise = 0.05 * torch.randn_like(batch.motion)
     for name in names:
         networks.generator.zero_grad()
-        made = networks.generator(batch.audio, batch.initial)
-        made = GeneratorOutput(made.motion + noise, made.flat)
-        generator_terms(networks, made, batch, None, RECOMMENDED, 0.5)[name].backward()
+        made = danced(networks.generator, batch)
+        made = Danced(GeneratorOutput(made.own.motion + noise, made.own.flat))
+        generator_terms(networks, made, batch, RECOMMENDED, 0.5)[name].backward()
         used = [part.grad.abs().max() for part in networks.generator.parameters() if part.grad is not None]
         assert used and torch.stack(used).max() > 0, name
 
@@ -297,8 +297,8 @@ def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, network
     optimiser = torch.optim.Adam(networks.generator.parameters(), lr=3e-3)
     losses = []
     for _ in range(40):
-        made = networks.generator(batch.audio, batch.initial)
-        loss = generator_terms(networks, made, batch, None, alone, 0.3)["harmony"]
+        made = danced(networks.generator, batch)
+        loss = generator_terms(networks, made, batch, alone, 0.3)["harmony"]
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

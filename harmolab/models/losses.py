@@ -164,9 +164,15 @@ def critic_loss(real: Tensor, fake: Tensor) -> Tensor:
     return -adversarial_value(real, fake)
 
 
-def generator_gan_loss(cross_domain: Tensor, spatial_temporal: Tensor) -> Tensor:
-    """``E[-log D_cd] + E[-log D_st]`` of generated motion, which the generator minimises (Eq. 31); from (N,) logits."""
-    return softplus(-cross_domain).mean() + softplus(-spatial_temporal).mean()
+def generator_gan_loss(cross_domain: Tensor, spatial_temporal: Tensor, *, cross_domain_weight: float = 1.0) -> Tensor:
+    """``w E[-log D_cd] + E[-log D_st]`` of generated motion, which the generator minimises (Eq. 31, w = 1).
+
+    Parameters
+    ----------
+    cross_domain, spatial_temporal : (N,) logits
+    cross_domain_weight : float, w; what other weights are for: `harmolab.params.TrainParams`
+    """
+    return cross_domain_weight * softplus(-cross_domain).mean() + softplus(-spatial_temporal).mean()
 
 
 def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:

@@ -120,6 +120,10 @@ class TrainParams:
     pretrain_kl_weight : float, L_pretrain = this * L_kl + L_mse
     kl_weight, mse_weight, feature_weight, harmony_weight, gan_weight : float
         The lambdas of Eq. 32.
+    cross_domain_weight : float
+        Weight of the cross-domain discriminator inside L_gan (Eq. 31). It learns from recorded pairs of music and
+        movement: where the recorded dancers do not rest on the beat, it teaches the generator not to, against the
+        harmony loss. 0 leaves the judgement of movement to the spatial-temporal discriminator.
     smoothness_weight, foot_weight : float
         Terms the paper does not have: jerk above the recorded motion's, and feet that slide; 0 in paper mode.
     harmony : "paper" or "above_chance"
@@ -156,6 +160,7 @@ class TrainParams:
     feature_weight: float = 1e-3
     harmony_weight: float = 1.0
     gan_weight: float = 1e-3
+    cross_domain_weight: float = 1.0
     smoothness_weight: float = 0.0
     foot_weight: float = 0.0
     harmony: Literal["paper", "above_chance"] = "paper"
@@ -194,6 +199,8 @@ class TrainParams:
         return cls(
             mse_weight=2e-3,
             feature_weight=1e-2,
+            gan_weight=0.1,
+            cross_domain_weight=0.0,
             smoothness_weight=0.5,
             foot_weight=1.0,
             harmony="above_chance",

@@ -17,7 +17,6 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
-from harmolab.models.harmogan import GeneratorOutput
 from harmolab.models.losses import total_loss
 from harmolab.models.soft_harmony import anneal
 from harmolab.models.weights import load_generator, save_weights
@@ -27,7 +26,7 @@ from harmolab.training.checkpoints import load_state, restore, save_state
 from harmolab.training.history import EventLog, Report, Row, write_history
 from harmolab.training.schedule import adversarial_rate, pretrain_rate
 from harmolab.training.shards import Means, Shard, Terms, epoch_shards, step
-from harmolab.training.steps import Networks, critic_terms, generator_terms, pretrain_terms
+from harmolab.training.steps import Danced, Networks, critic_terms, danced, generator_terms, pretrain_terms
 from harmolab.training.validation import validate
 
 __all__ = ["PRETRAINED", "fit", "settings_of"]
@@ -178,31 +177,28 @@ def _adversarial_optimisers(networks: Networks, params: TrainParams) -> Optimise
 
 def _adversarial_step(run: _Fit, optimisers: Optimisers, shards: list[Shard], tau: float) -> list[Terms]:
     """One update of the critics, one of the generator; all terms of each shard."""
-    networks = run.networks
+    networks, heard = run.networks, run.params.other_music and run.params.harmony_weight > 0
     with run.fabric.autocast():
-        made = [networks.generator(each.own.audio, each.own.initial) for each in shards]
+        made = [danced(networks.generator, each.own, each.others if heard else None) for each in shards]
     judged = _critics_step(run, optimisers["critics"], made, shards) if run.params.gan_weight else [{} for _ in shards]
     with run.fabric.autocast():
-        terms = [_generator_terms(run, motion, each, tau) for motion, each in zip(made, shards, strict=True)]
+        terms = [_generator_terms(run, dance, each, tau) for dance, each in zip(made, shards, strict=True)]
     step(run.fabric, terms, shards, optimisers["generator"])
     return [both | ours for both, ours in zip(judged, terms, strict=True)]
 
 
-def _critics_step(
-    run: _Fit, optimiser: torch.optim.Optimizer, made: list[GeneratorOutput], shards: list[Shard]
-) -> list[Terms]:
+def _critics_step(run: _Fit, optimiser: torch.optim.Optimizer, made: list[Danced], shards: list[Shard]) -> list[Terms]:
     """One update of the critics; their losses on each shard."""
     with run.fabric.autocast():
         pairs = zip(made, shards, strict=True)
-        losses = [critic_terms(run.networks, output.motion, each.own) for output, each in pairs]
+        losses = [critic_terms(run.networks, dance.own.motion, each.own) for dance, each in pairs]
     step(run.fabric, [_with_total(each, dict.fromkeys(each, 1.0)) for each in losses], shards, optimiser)
     return losses
 
 
-def _generator_terms(run: _Fit, made: GeneratorOutput, shard: Shard, tau: float) -> Terms:
+def _generator_terms(run: _Fit, made: Danced, shard: Shard, tau: float) -> Terms:
     """The terms of the hybrid loss and their weighted sum (Eq. 32)."""
-    others = shard.others if run.params.other_music else None
-    terms = generator_terms(run.networks, made, shard.own, others, run.params, tau)
+    terms = generator_terms(run.networks, made, shard.own, run.params, tau)
     return _with_total(terms, {name: getattr(run.params, f"{name}_weight") for name in terms})
 
 

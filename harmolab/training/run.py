@@ -24,6 +24,7 @@ from lightning_fabric import Fabric
 
 from harmolab.data.splits import Split
 from harmolab.data.units import UnitSet
+from harmolab.io.errors import PathLike
 from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic, Statistics
 from harmolab.models.pose_features import PoseNet, train_pose_net
 from harmolab.models.poses_bank import pose_bank, poses_path, save_poses
@@ -73,12 +74,12 @@ def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
 
 def train_harmogan(
     split: Split,
-    folder: Path,
+    folder: PathLike,
     *,
     model: ModelParams,
     params: TrainParams,
     resume: bool = False,
-    pretrained: Path | None = None,
+    pretrained: PathLike | None = None,
     fabric: Fabric | None = None,
     report: Report = lambda row: None,
 ) -> Generator:
@@ -102,7 +103,8 @@ def train_harmogan(
         If `folder` holds something and `resume` is off, holds a run with other settings or a damaged one, or another
         process trains in it; if `pretrained` is a run on other data; if a batch cannot be shared by so many processes.
     """
-    fabric = fabric or make_fabric()
+    fabric, folder = fabric or make_fabric(), Path(folder)
+    pretrained = None if pretrained is None else Path(pretrained)
     _check_shares(len(split.train), params, fabric.world_size)
     params = params if pretrained is None else replace(params, pretrain_epochs=0)
     settings = settings_of(

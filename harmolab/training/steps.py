@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -29,8 +30,10 @@ from harmolab.training.batches import Tensors
 from harmolab.types import Skeleton
 
 __all__ = [
+    "Danced",
     "Networks",
     "critic_terms",
+    "danced",
     "flat_poses",
     "generator_terms",
     "meter_span",
@@ -60,6 +63,30 @@ class Networks:
     def critics(self) -> list[nn.Parameter]:
         """Parameters of both discriminators."""
         return [*self.cross_domain.parameters(), *self.spatial_temporal.parameters()]
+
+
+class Danced(NamedTuple):
+    """What a generator makes of a batch, and, if asked, of the same movements to the music of other units.
+
+    Parameters
+    ----------
+    own : GeneratorOutput, to the batch's own music
+    unheard : the batch with other music, and the motion code (N, T, C) danced to it; None if nobody asked
+    """
+
+    own: GeneratorOutput
+    unheard: tuple[Tensors, Tensor] | None = None
+
+
+def danced(generator: Generator, batch: Tensors, others: Tensors | None = None) -> Danced:
+    """The generator's dance to a batch, and to the music of `others` (as many units, as many frames)."""
+    if others is None:
+        return Danced(generator(batch.audio, batch.initial))
+    unheard = batch.with_music_of(others)
+    # In one call: a recurrent layer takes its time for each frame, whether ten units take the step or twenty.
+    made = generator(torch.cat([batch.audio, unheard.audio]), torch.cat([batch.initial, unheard.initial]))
+    own, other = (GeneratorOutput(*pair) for pair in zip(*(part.chunk(2) for part in made), strict=True))
+    return Danced(own, (unheard, other.motion))
 
 
 def flat_poses(motion: Tensor) -> Tensor:
@@ -119,31 +146,31 @@ def critic_terms(networks: Networks, made: Tensor, batch: Tensors) -> dict[str, 
 
 
 def generator_terms(
-    networks: Networks, made: GeneratorOutput, batch: Tensors, others: Tensors | None, params: TrainParams, tau: float
+    networks: Networks, made: Danced, batch: Tensors, params: TrainParams, tau: float
 ) -> dict[str, Tensor]:
     """Every term of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting.
 
-    `others` are the units whose music is danced to as well for half of the harmony loss; None: the own music alone.
+    Where `made` holds dances to other music, half of the harmony loss is theirs.
     """
-    generator = networks.generator
-    terms = _pose_terms(generator, made, batch, params)
+    generator, motion = networks.generator, made.own.motion
+    terms = _pose_terms(generator, made.own, batch, params)
     if params.feature_weight:
         net = networks.pose_net
         terms["feature"] = feature_loss(
-            net.features(batch.motion, batch.mask), net.features(made.motion, batch.mask), epsilon=params.epsilon
+            net.features(batch.motion, batch.mask), net.features(motion, batch.mask), epsilon=params.epsilon
         )
     if params.gan_weight:
         terms["gan"] = generator_gan_loss(
-            networks.cross_domain(batch.audio, made.motion, batch.mask),
-            networks.spatial_temporal(made.motion, batch.mask),
+            networks.cross_domain(batch.audio, motion, batch.mask),
+            networks.spatial_temporal(motion, batch.mask),
+            cross_domain_weight=params.cross_domain_weight,
         )
     if params.harmony_weight:
-        terms["harmony"] = _harmony_term(generator, made.motion, batch, params, tau)
-        if others is not None:
-            unheard = batch.with_music_of(others)
-            motion = generator(unheard.audio, unheard.initial).motion
-            terms["harmony"] = (terms["harmony"] + _harmony_term(generator, motion, unheard, params, tau)) / 2
-    return terms | _natural_terms(generator, made.motion, batch, params)
+        terms["harmony"] = _harmony_term(generator, motion, batch, params, tau)
+        if made.unheard is not None:
+            unheard, other = made.unheard
+            terms["harmony"] = (terms["harmony"] + _harmony_term(generator, other, unheard, params, tau)) / 2
+    return terms | _natural_terms(generator, motion, batch, params)
 
 
 def _harmony_term(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, tau: float) -> Tensor:
