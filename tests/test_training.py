@@ -425,7 +425,7 @@ def test_pretraining_taken_over_gives_the_same_as_pretraining_at_once(
     at_once = train_harmogan(split, tmp_path / "only", model=MODEL, params=only, fabric=fabric)
     over = replace(PAPER, adversarial_epochs=0)
     taken = train_harmogan(
-        split, tmp_path / "over", model=MODEL, params=over, pretrained=tmp_path / "only", fabric=fabric
+        split, str(tmp_path / "over"), model=MODEL, params=over, pretrained=str(tmp_path / "only"), fabric=fabric
     )
     assert torch.equal(weights(taken), weights(at_once))
     nets = [load_pose_net(tmp_path / name / "pose_net") for name in ("only", "over")]
