@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -162,7 +162,15 @@ def test_training_shows_each_loss_with_its_equation_and_both_weights():
 
 def test_every_loss_weight_of_the_settings_is_in_the_picture():
     weights = {name for name in vars(TrainParams.paper()) if name.endswith("_weight")}
-    assert weights - {"pretrain_kl_weight", "count_weight"} == {f"{name}_weight" for name in LOSSES}
+    parts_of_terms = {"pretrain_kl_weight", "count_weight", "cross_domain_weight"}
+    assert weights - parts_of_terms == {f"{name}_weight" for name in LOSSES}
+
+
+def test_a_discriminator_that_is_not_heard_is_named_in_the_picture():
+    counts = {"generator": 1, "cross_domain": 1, "spatial_temporal": 1}
+    params = {"paper": TrainParams.paper(), "ours": replace(TrainParams.paper(), gan_weight=0.1, cross_domain_weight=0)}
+    ax = draw_training(inch_axes(Figure(figsize=TRAINING), (0, 0), TRAINING), counts, params)
+    assert any("paper 0.001, ours 0.1 ($D_{st}$ alone)" in text.get_text() for text in ax.texts)
 
 
 def test_last_beats_of_a_meter_lead_to_the_next_generator():

@@ -56,12 +56,18 @@ def draw_training(ax: Axes, counts: Mapping[str, int], params: Mapping[str, Trai
         if name == "gan":
             for word, network in (("CROSS", "cross_domain"), ("TEMPORAL", "spatial_temporal")):
                 what = what.replace(word, count_text(counts[network]))
-        weights = ", ".join(f"{key} {getattr(each, f'{name}_weight'):g}" for key, each in params.items())
+        weights = ", ".join(f"{key} {_weight(each, name)}" for key, each in params.items())
         draw_box(ax, (left + _WIDE / 2, y), [f"{title} ({equation})", what, f"weight: {weights}"], width=_WIDE)
         draw_arrow(ax, [(5.75, middle), (6.05, middle), (6.05, y), (left, y)])
         ax.plot([left + _WIDE, left + _WIDE + 0.25], [y, y], color=COLOURS["ink"], linewidth=1.1, zorder=1)
     _draw_feedback(ax, left + _WIDE + 0.25, middle)
     return ax
+
+
+def _weight(params: TrainParams, name: str) -> str:
+    """A loss term's weight, and which discriminator it is for where only one is heard."""
+    weight = f"{getattr(params, f'{name}_weight'):g}"
+    return f"{weight} ($D_{{st}}$ alone)" if name == "gan" and params.cross_domain_weight == 0 else weight
 
 
 def _draw_feedback(ax: Axes, x: float, middle: float) -> None:
