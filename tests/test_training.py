@@ -16,7 +16,7 @@ from lightning_fabric import Fabric
 
 from harmolab.data.splits import Split
 from harmolab.models.harmogan import GeneratorOutput
-from harmolab.models.losses import total_loss
+from harmolab.models.losses import critic_loss, total_loss
 from harmolab.models.pose_features import PoseNet
 from harmolab.models.weights import load_generator, load_pose_net, read_about
 from harmolab.params import ModelParams, TrainParams
@@ -173,7 +173,7 @@ def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
     made = danced(networks.generator, batch)
     assert set(generator_terms(networks, made, batch, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
     assert set(pretrain_terms(networks.generator, batch, PAPER)) == {"kl", "mse"}
-    assert set(critic_terms(networks, made.own.motion, batch)) == {"critic_cd", "critic_st"}
+    assert set(critic_terms(networks, made, batch)) == {"critic_cd", "critic_st"}
 
 
 def test_the_ablation_has_no_harmony_term_and_ours_has_two_more(networks: Networks, batch: Tensors):
@@ -191,24 +191,45 @@ def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batc
     assert "foot" not in generator_terms(networks, made, batch, RECOMMENDED, 0.5)
 
 
-def test_half_of_the_harmony_may_come_from_other_music(networks: Networks, batch: Tensors, split: Split):
+def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
     others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
     made = danced(networks.generator, batch)
-    unheard = batch.with_music_of(others)
-    theirs = danced(networks.generator, unheard)
-    own = generator_terms(networks, made, batch, PAPER, 0.5)["harmony"]
-    foreign = generator_terms(networks, theirs, unheard, PAPER, 0.5)["harmony"]
+    later = others.going_on_from(made.own.motion.detach(), batch.mask)
+    own = generator_terms(networks, made, batch, PAPER, 0.5)
+    after = generator_terms(networks, danced(networks.generator, later), later, PAPER, 0.5)
     both = generator_terms(networks, danced(networks.generator, batch, others), batch, PAPER, 0.5)
-    torch.testing.assert_close(both["harmony"], (own + foreign) / 2)
-    assert set(both) == {"kl", "mse", "feature", "gan", "harmony"}
+    for name in ("gan", "harmony"):
+        torch.testing.assert_close(both[name], (own[name] + after[name]) / 2)
+    for name in ("kl", "mse", "feature"):
+        torch.testing.assert_close(both[name], own[name])
+
+
+def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
+    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
+    both = danced(networks.generator, batch, others)
+    alone, seen = critic_terms(networks, Danced(both.own), batch), critic_terms(networks, both, batch)
+    later, after = both.later
+    judge = networks.spatial_temporal
+    more = critic_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
+    torch.testing.assert_close(seen, {**alone, "critic_st": (alone["critic_st"] + more) / 2})
+    assert not torch.equal(more, alone["critic_st"])
+
+
+def test_going_on_begins_with_the_last_frames_and_then_their_mean():
+    made = torch.arange(12.0).reshape(1, 12, 1)
+    mask = (torch.arange(12) < 10).float()[None]  # frames 10 and 11 are padding
+    index = torch.tensor([[1.0] * 3 + [0.0] * 5])
+    none = torch.zeros(1, 8, 1)
+    units = Tensors(none, none, index, torch.ones(1, 8), none, torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
+    found = units.going_on_from(made, mask).initial[0, :, 0]
+    assert found.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
 
 
 @pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
-def test_other_music_may_end_before_the_meter_begins(params: TrainParams, networks: Networks, split: Split):
+def test_going_on_from_less_than_the_beats_before_is_finite(params: TrainParams, networks: Networks, split: Split):
     batch = Tensors.of(split.train).take(torch.arange(2))
     short = replace(batch, mask=(torch.arange(batch.mask.shape[1]) < 9).float().expand_as(batch.mask))
-    made = danced(networks.generator, batch, short)
-    harmony = generator_terms(networks, made, batch, params, 0.5)["harmony"]
+    harmony = generator_terms(networks, danced(networks.generator, short, short), short, params, 0.5)["harmony"]
     gradients = torch.autograd.grad(harmony, list(networks.generator.parameters()))
     assert harmony.isfinite() and all(bool(gradient.isfinite().all()) for gradient in gradients)
 

@@ -37,7 +37,7 @@ CASES = {
     "recommended": RECOMMENDED,
     "recommended_5": replace(RECOMMENDED, batch_size=5),
     "paper_13": replace(PAPER, batch_size=13),
-    "own_music": replace(RECOMMENDED, other_music=False),
+    "own_music": replace(RECOMMENDED, goes_on=False),
     "paper_shards": replace(PAPER, shards=2),
     "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5),
 }

@@ -130,9 +130,10 @@ class TrainParams:
         -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
     count_weight : float
         Weight of the count term inside the harmony loss.
-    other_music : bool
-        Take half of the harmony loss from the music of another unit of the batch: no dance to it was recorded, and the
-        harmony loss needs none. Keeps a generator from learning by heart which movement goes with which song.
+    goes_on : bool
+        Let the generator go on from its own last frames to the music of another unit of the batch, as it does in a
+        song, and take half of L_gan and L_harmo from there. Else it only ever starts from recorded movement, and
+        learns by heart which movement goes with which song.
     tau_start, tau_end : float
         Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
     epsilon : float, of the Charbonnier losses (Eq. 25-26)
@@ -165,7 +166,7 @@ class TrainParams:
     foot_weight: float = 0.0
     harmony: Literal["paper", "above_chance"] = "paper"
     count_weight: float = 1.0
-    other_music: bool = False
+    goes_on: bool = False
     tau_start: float = 0.5
     tau_end: float = 0.05
     epsilon: float = 1e-3
@@ -205,6 +206,6 @@ class TrainParams:
             foot_weight=1.0,
             harmony="above_chance",
             count_weight=3.0,
-            other_music=True,
+            goes_on=True,
             adversarial_drops=(1.0,),
         )

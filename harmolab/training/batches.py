@@ -34,19 +34,24 @@ class Tensors:
         batch = collate(units.units)
         return cls(**{field.name: torch.as_tensor(getattr(batch, field.name)).to(device) for field in fields(cls)})
 
-    def with_music_of(self, others: Tensors) -> Tensors:
-        """The same movements to the music of other units, clip by clip; what either lacks is padding.
+    def going_on_from(self, made: Tensor, mask: Tensor) -> Tensors:
+        """These units, begun where another motion ended: V_f of Eq. 23 from its last frames, not from recorded ones.
 
-        Nobody danced that, so there is nothing to compare a motion with; but harmony needs music alone.
+        That is how a song is danced, meter by meter (Fig. 7b). Nobody danced that to this music, so there is nothing
+        to compare with; but harmony needs music alone, and a discriminator of movement needs none.
+
+        Parameters
+        ----------
+        made : (N, T, C) motion codes
+        mask : (N, T), 1 where `made` is real
         """
-        return replace(
-            self,
-            audio=others.audio,
-            beats=others.beats,
-            strengths=others.strengths,
-            beat_mask=others.beat_mask,
-            mask=self.mask * others.mask,
-        )
+        lengths, prior = mask.sum(dim=1).long(), self.index.sum(dim=1).long()
+        frames = torch.arange(self.index.shape[1], device=made.device)
+        at = ((lengths - prior)[:, None] + frames).clamp(min=0).minimum(lengths[:, None] - 1)
+        tail = made.gather(1, at[..., None].expand(-1, -1, made.shape[2]))
+        known = self.index[..., None]
+        mean = (tail * known).sum(dim=1, keepdim=True) / prior[:, None, None].clamp(min=1)
+        return replace(self, initial=torch.where(known > 0, tail, mean))
 
     def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Tensors:
         """The units at `indices` that fall to process `rank` of `world`, padded to the longest of all of `indices`.

@@ -177,9 +177,9 @@ def _adversarial_optimisers(networks: Networks, params: TrainParams) -> Optimise
 
 def _adversarial_step(run: _Fit, optimisers: Optimisers, shards: list[Shard], tau: float) -> list[Terms]:
     """One update of the critics, one of the generator; all terms of each shard."""
-    networks, heard = run.networks, run.params.other_music and run.params.harmony_weight > 0
+    networks, goes_on = run.networks, run.params.goes_on
     with run.fabric.autocast():
-        made = [danced(networks.generator, each.own, each.others if heard else None) for each in shards]
+        made = [danced(networks.generator, each.own, each.others if goes_on else None) for each in shards]
     judged = _critics_step(run, optimisers["critics"], made, shards) if run.params.gan_weight else [{} for _ in shards]
     with run.fabric.autocast():
         terms = [_generator_terms(run, dance, each, tau) for dance, each in zip(made, shards, strict=True)]
@@ -191,7 +191,7 @@ def _critics_step(run: _Fit, optimiser: torch.optim.Optimizer, made: list[Danced
     """One update of the critics; their losses on each shard."""
     with run.fabric.autocast():
         pairs = zip(made, shards, strict=True)
-        losses = [critic_terms(run.networks, dance.own.motion, each.own) for dance, each in pairs]
+        losses = [critic_terms(run.networks, dance, each.own) for dance, each in pairs]
     step(run.fabric, [_with_total(each, dict.fromkeys(each, 1.0)) for each in losses], shards, optimiser)
     return losses
 

@@ -66,27 +66,29 @@ class Networks:
 
 
 class Danced(NamedTuple):
-    """What a generator makes of a batch, and, if asked, of the same movements to the music of other units.
+    """What a generator makes of a batch, and, if asked, of other music from where that dance ended.
 
     Parameters
     ----------
-    own : GeneratorOutput, to the batch's own music
-    unheard : the batch with other music, and the motion code (N, T, C) danced to it; None if nobody asked
+    own : GeneratorOutput, to the batch's own music from recorded movement
+    later : the units danced to next, and the motion code (N, T, C) of that; None if nobody asked
     """
 
     own: GeneratorOutput
-    unheard: tuple[Tensors, Tensor] | None = None
+    later: tuple[Tensors, Tensor] | None = None
 
 
 def danced(generator: Generator, batch: Tensors, others: Tensors | None = None) -> Danced:
-    """The generator's dance to a batch, and to the music of `others` (as many units, as many frames)."""
+    """The generator's dance to a batch and, from there, to the music of `others` (as many units, as many frames)."""
     if others is None:
         return Danced(generator(batch.audio, batch.initial))
-    unheard = batch.with_music_of(others)
+    with torch.no_grad():
+        before = generator(batch.audio, batch.initial).motion
+    later = others.going_on_from(before, batch.mask)
     # In one call: a recurrent layer takes its time for each frame, whether ten units take the step or twenty.
-    made = generator(torch.cat([batch.audio, unheard.audio]), torch.cat([batch.initial, unheard.initial]))
-    own, other = (GeneratorOutput(*pair) for pair in zip(*(part.chunk(2) for part in made), strict=True))
-    return Danced(own, (unheard, other.motion))
+    made = generator(torch.cat([batch.audio, later.audio]), torch.cat([batch.initial, later.initial]))
+    own, after = (GeneratorOutput(*pair) for pair in zip(*(part.chunk(2) for part in made), strict=True))
+    return Danced(own, (later, after.motion))
 
 
 def flat_poses(motion: Tensor) -> Tensor:
@@ -135,14 +137,23 @@ def pretrain_terms(generator: Generator, batch: Tensors, params: TrainParams) ->
     return _pose_terms(generator, generator(batch.audio, batch.initial), batch, params)
 
 
-def critic_terms(networks: Networks, made: Tensor, batch: Tensors) -> dict[str, Tensor]:
-    """The discriminators' losses (Eq. 29-30) on recorded motion and on the generator's `made` (N, T, C), both coded."""
-    made = made.detach()
-    cross, temporal = networks.cross_domain, networks.spatial_temporal
-    return {
-        "critic_cd": critic_loss(cross(batch.audio, batch.motion, batch.mask), cross(batch.audio, made, batch.mask)),
-        "critic_st": critic_loss(temporal(batch.motion, batch.mask), temporal(made, batch.mask)),
+def critic_terms(networks: Networks, made: Danced, batch: Tensors) -> dict[str, Tensor]:
+    """The discriminators' losses (Eq. 29-30) on recorded and on generated motion, both coded.
+
+    The spatial-temporal one judges movement alone, so it also sees what was danced to other music.
+    """
+    motion = made.own.motion.detach()
+    real = networks.cross_domain(batch.audio, batch.motion, batch.mask)
+    recorded = networks.spatial_temporal(batch.motion, batch.mask)
+    terms = {
+        "critic_cd": critic_loss(real, networks.cross_domain(batch.audio, motion, batch.mask)),
+        "critic_st": critic_loss(recorded, networks.spatial_temporal(motion, batch.mask)),
     }
+    if made.later is not None:
+        later, after = made.later
+        more = critic_loss(recorded, networks.spatial_temporal(after.detach(), later.mask))
+        terms["critic_st"] = (terms["critic_st"] + more) / 2
+    return terms
 
 
 def generator_terms(
@@ -150,7 +161,7 @@ def generator_terms(
 ) -> dict[str, Tensor]:
     """Every term of the generator's hybrid loss (Eq. 32) whose weight is not zero, before weighting.
 
-    Where `made` holds dances to other music, half of the harmony loss is theirs.
+    Where `made` goes on to other music, half of the terms that need no recorded answer are of that part.
     """
     generator, motion = networks.generator, made.own.motion
     terms = _pose_terms(generator, made.own, batch, params)
@@ -159,6 +170,19 @@ def generator_terms(
         terms["feature"] = feature_loss(
             net.features(batch.motion, batch.mask), net.features(motion, batch.mask), epsilon=params.epsilon
         )
+    free = _free_terms(networks, motion, batch, params, tau)
+    if made.later is not None:
+        later, after = made.later
+        more = _free_terms(networks, after, later, params, tau)
+        free = {name: (value + more[name]) / 2 for name, value in free.items()}
+    return terms | free | _natural_terms(generator, motion, batch, params)
+
+
+def _free_terms(
+    networks: Networks, motion: Tensor, batch: Tensors, params: TrainParams, tau: float
+) -> dict[str, Tensor]:
+    """L_gan and L_harmo of coded motion (N, T, C): no recorded answer is needed for them."""
+    terms: dict[str, Tensor] = {}
     if params.gan_weight:
         terms["gan"] = generator_gan_loss(
             networks.cross_domain(batch.audio, motion, batch.mask),
@@ -166,11 +190,8 @@ def generator_terms(
             cross_domain_weight=params.cross_domain_weight,
         )
     if params.harmony_weight:
-        terms["harmony"] = _harmony_term(generator, motion, batch, params, tau)
-        if made.unheard is not None:
-            unheard, other = made.unheard
-            terms["harmony"] = (terms["harmony"] + _harmony_term(generator, other, unheard, params, tau)) / 2
-    return terms | _natural_terms(generator, motion, batch, params)
+        terms["harmony"] = _harmony_term(networks.generator, motion, batch, params, tau)
+    return terms
 
 
 def _harmony_term(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, tau: float) -> Tensor:
