@@ -213,6 +213,24 @@ def test_up_and_down_is_no_slide():
     assert number(foot_loss(bouncing, target, torch.ones(1, 8), feet=[0], fps=10.0)) == 0
 
 
+def test_in_another_dance_a_foot_stands_where_it_is_on_the_floor_itself():
+    def sliding(speed: float) -> torch.Tensor:  # metres per second, at 10 frames per second
+        motion = torch.zeros(1, 8, 1, 3)
+        motion[0, :, 0, 0] = 0.1 * speed * torch.arange(8.0)
+        return motion
+
+    def loss(ours: torch.Tensor, theirs: torch.Tensor) -> float:
+        return number(foot_loss(ours, theirs, torch.ones(1, 8), feet=[0], fps=10.0, same_dance=False))
+
+    assert loss(sliding(0.5), sliding(0.2)) == pytest.approx(0.3)
+    assert loss(sliding(0.2), sliding(0.5)) == 0
+    lifted, swung = sliding(0.2), sliding(0.5)
+    lifted[0, 4:, 0, 1] = swung[0, 4:, 0, 1] = 1.0  # in the air for the second half
+    swung[0, 4:, 0, 0] += torch.arange(4.0) * 2
+    assert loss(swung, lifted) == pytest.approx(0.3)  # what the foot does in the air is its own business
+    assert loss(sliding(0.5), lifted) == pytest.approx(0.3)  # and the recorded one's tells nothing
+
+
 # Refusals
 
 

@@ -193,15 +193,25 @@ def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batc
 
 def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
     others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
-    made = danced(networks.generator, batch)
-    later = others.going_on_from(made.own.motion.detach(), batch.mask)
-    own = generator_terms(networks, made, batch, PAPER, 0.5)
+    later = others.going_on_from(batch.motion, batch.mask)
+    own = generator_terms(networks, danced(networks.generator, batch), batch, PAPER, 0.5)
     after = generator_terms(networks, danced(networks.generator, later), later, PAPER, 0.5)
     both = generator_terms(networks, danced(networks.generator, batch, others), batch, PAPER, 0.5)
     for name in ("gan", "harmony"):
         torch.testing.assert_close(both[name], (own[name] + after[name]) / 2)
     for name in ("kl", "mse", "feature"):
         torch.testing.assert_close(both[name], own[name])
+
+
+def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks, batch: Tensors, split: Split):
+    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
+    first = danced(networks.generator, batch, others)
+    small, few = (Tensors.of(split.train).take(torch.tensor(numbers)) for numbers in ([0, 1], [2, 3]))
+    second = danced(networks.generator, small, few, first)
+    later, _ = second.later
+    expected = few.going_on_from(first.later[1][:2], first.later[0].mask[:2])
+    torch.testing.assert_close(later.initial, expected.initial)
+    assert not later.initial.requires_grad
 
 
 def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):

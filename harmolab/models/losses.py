@@ -55,7 +55,7 @@ def kl_loss(flat: Tensor, target: Tensor, mask: Tensor, *, spread: float = 0.1) 
     if not 0 < spread < float("inf"):
         raise ValueError(f"spread must be positive, got {spread}")
     divergence = (flat - target).square().sum(dim=-1).mean(dim=-1) / (2 * spread**2)
-    return _clip_mean(divergence, mask.to(flat.dtype))
+    return _means(divergence, mask.to(flat.dtype)).mean()
 
 
 def charbonnier_mse(
@@ -220,12 +220,19 @@ def _root_mean_square_jerk(positions: Tensor, real: Tensor, fps: float) -> Tenso
 
 
 def foot_loss(
-    positions: Tensor, target: Tensor, mask: Tensor, *, feet: Sequence[int], fps: float, height: float = 0.03
+    positions: Tensor,
+    target: Tensor,
+    mask: Tensor,
+    *,
+    feet: Sequence[int],
+    fps: float,
+    height: float = 0.03,
+    same_dance: bool = True,
 ) -> Tensor:
-    """How much faster the feet slide than the recorded ones, where those are on the floor.
+    """How much faster the feet slide than the recorded ones.
 
-    A foot is on the floor from one frame to the next when the recorded one is within `height` of its lowest place in
-    the clip in both.
+    A foot is on the floor from one frame to the next when it is within `height` of its lowest place in the clip in
+    both.
 
     Parameters
     ----------
@@ -234,6 +241,10 @@ def foot_loss(
     feet : indices of the joints of the feet
     fps : float, hertz
     height : float, metres
+    same_dance : bool
+        Whether the motion should do what the target does: then a foot has to stand where the recorded one is on the
+        floor, and may slide as that one does. If not, it has to stand where it is on the floor itself, and may slide
+        as the recorded ones do on average.
 
     Returns
     -------
@@ -244,13 +255,20 @@ def foot_loss(
         raise ValueError("foot_loss needs the indices of the feet, got none")
     chosen = torch.as_tensor(list(feet), device=positions.device)
     ours, theirs = positions.index_select(2, chosen), target.index_select(2, chosen)
-    with torch.no_grad():
-        real = mask.bool()[..., None]
-        altitude = theirs[..., 1]
-        lowest = altitude.masked_fill(~real, float("inf")).amin(dim=1, keepdim=True)
-        low = (altitude <= lowest + height) & real
-        contact = (low[:, 1:] & low[:, :-1]).to(positions.dtype)
-    return _clip_mean(relu(_sliding(ours, fps) - _sliding(theirs, fps)), contact)
+    contact, allowed = _contact(theirs, mask, height), _sliding(theirs, fps)
+    if not same_dance:
+        allowed = _means(allowed, contact)[:, None, None]
+        contact = _contact(ours, mask, height)
+    return _means(relu(_sliding(ours, fps) - allowed), contact).mean()
+
+
+@torch.no_grad()
+def _contact(feet: Tensor, mask: Tensor, height: float) -> Tensor:
+    """(N, T - 1, F), 1 where a foot is on the floor in two frames in a row."""
+    real, altitude = mask.bool()[..., None], feet[..., 1]
+    lowest = altitude.masked_fill(~real, float("inf")).amin(dim=1, keepdim=True)
+    low = (altitude <= lowest + height) & real
+    return (low[:, 1:] & low[:, :-1]).to(feet.dtype)
 
 
 def _sliding(feet: Tensor, fps: float) -> Tensor:
@@ -259,13 +277,14 @@ def _sliding(feet: Tensor, fps: float) -> Tensor:
     return torch.linalg.vector_norm(step[..., (0, 2)], dim=-1) * fps
 
 
-def _clip_mean(values: Tensor, counted: Tensor) -> Tensor:
-    """Mean over clips of the mean of (N, ...) values where `counted` is 1; a clip where nothing counts adds 0.
+def _means(values: Tensor, counted: Tensor) -> Tensor:
+    """(N,) means of (N, ...) values where `counted` is 1; 0 for a clip where nothing counts.
 
-    A mean over clips does not depend on how a batch is shared among processes; one over all frames would.
+    Losses are means over clips: that does not depend on how a batch is shared among processes; one over all frames
+    would.
     """
     sums, counts = ((part.flatten(1)).sum(dim=1) for part in (values * counted, counted))
-    return (sums / counts.clamp(min=1)).mean()
+    return sums / counts.clamp(min=1)
 
 
 def _check_shapes(motion: Tensor, target: Tensor, mask: Tensor) -> None:

@@ -131,9 +131,10 @@ class TrainParams:
     count_weight : float
         Weight of the count term inside the harmony loss.
     goes_on : bool
-        Let the generator go on from its own last frames to the music of another unit of the batch, as it does in a
-        song, and take half of L_gan and L_harmo from there. Else it only ever starts from recorded movement, and
-        learns by heart which movement goes with which song.
+        Beside the units as recorded, let the generator dance to other units' music from where it ended in the batch
+        before, as it does in a song, and take half of L_gan and L_harmo from there. Else it only ever starts from
+        recorded movement: it learns by heart which movement goes with which song, and in a song of many meters
+        loses its way.
     tau_start, tau_end : float
         Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
     epsilon : float, of the Charbonnier losses (Eq. 25-26)

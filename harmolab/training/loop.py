@@ -160,9 +160,10 @@ def _adversarial(run: _Fit, saved: dict[str, Tensor] | None) -> None:
         number = epoch - first
         rate = _set_rate(optimisers, adversarial_rate(number, params))
         tau = anneal(number, params.adversarial_epochs, params.tau_start, params.tau_end)
-        means = Means()
+        means, last = Means(), None  # a new epoch begins new dances, so that one that is resumed goes on the same
         for shards in epoch_shards(run.fabric, run.train, epoch, params):
-            means.add(_adversarial_step(run, optimisers, shards, tau), shards)
+            terms, last = _adversarial_step(run, optimisers, shards, tau, last)
+            means.add(terms, shards)
         row: Row = {"phase": ADVERSARIAL, "epoch": epoch, "rate": rate, "tau": tau, **means.over(run.fabric)}
         _end_epoch(run, row, modules, optimisers, validated=True)
 
@@ -175,16 +176,22 @@ def _adversarial_optimisers(networks: Networks, params: TrainParams) -> Optimise
     }
 
 
-def _adversarial_step(run: _Fit, optimisers: Optimisers, shards: list[Shard], tau: float) -> list[Terms]:
-    """One update of the critics, one of the generator; all terms of each shard."""
-    networks, goes_on = run.networks, run.params.goes_on
+def _adversarial_step(
+    run: _Fit, optimisers: Optimisers, shards: list[Shard], tau: float, last: list[Danced] | None
+) -> tuple[list[Terms], list[Danced]]:
+    """One update of the critics, one of the generator; all terms of each shard, and what was danced."""
+    earlier: list[Danced | None] = [*last] if last else [None] * len(shards)
     with run.fabric.autocast():
-        made = [danced(networks.generator, each.own, each.others if goes_on else None) for each in shards]
+        made = [_danced(run, each, before) for each, before in zip(shards, earlier, strict=True)]
     judged = _critics_step(run, optimisers["critics"], made, shards) if run.params.gan_weight else [{} for _ in shards]
     with run.fabric.autocast():
         terms = [_generator_terms(run, dance, each, tau) for dance, each in zip(made, shards, strict=True)]
     step(run.fabric, terms, shards, optimisers["generator"])
-    return [both | ours for both, ours in zip(judged, terms, strict=True)]
+    return [both | ours for both, ours in zip(judged, terms, strict=True)], made
+
+
+def _danced(run: _Fit, shard: Shard, last: Danced | None) -> Danced:
+    return danced(run.networks.generator, shard.own, shard.others if run.params.goes_on else None, last)
 
 
 def _critics_step(run: _Fit, optimiser: torch.optim.Optimizer, made: list[Danced], shards: list[Shard]) -> list[Terms]:

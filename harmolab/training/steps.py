@@ -66,25 +66,30 @@ class Networks:
 
 
 class Danced(NamedTuple):
-    """What a generator makes of a batch, and, if asked, of other music from where that dance ended.
+    """What a generator makes of a batch, and, if asked, of other music from where an earlier dance ended.
 
     Parameters
     ----------
     own : GeneratorOutput, to the batch's own music from recorded movement
-    later : the units danced to next, and the motion code (N, T, C) of that; None if nobody asked
+    later : the units whose music is danced to next, and the motion code (N, T, C) of that; None if nobody asked
     """
 
     own: GeneratorOutput
     later: tuple[Tensors, Tensor] | None = None
 
 
-def danced(generator: Generator, batch: Tensors, others: Tensors | None = None) -> Danced:
-    """The generator's dance to a batch and, from there, to the music of `others` (as many units, as many frames)."""
+def danced(generator: Generator, batch: Tensors, others: Tensors | None = None, last: Danced | None = None) -> Danced:
+    """The generator's dance to a batch; and to the music of `others`, from where its `last` one to others' music ended.
+
+    So batch by batch a dance grows as long as that of a song. Without `last` it begins where the batch's recorded
+    movement ends. `others` has as many units as the batch, `last` may have had more.
+    """
     if others is None:
         return Danced(generator(batch.audio, batch.initial))
-    with torch.no_grad():
-        before = generator(batch.audio, batch.initial).motion
-    later = others.going_on_from(before, batch.mask)
+    before, mask = batch.motion, batch.mask
+    if last is not None and last.later is not None:
+        before, mask = last.later[1][: len(others)].detach(), last.later[0].mask[: len(others)]
+    later = others.going_on_from(before, mask)
     # In one call: a recurrent layer takes its time for each frame, whether ten units take the step or twenty.
     made = generator(torch.cat([batch.audio, later.audio]), torch.cat([batch.initial, later.initial]))
     own, after = (GeneratorOutput(*pair) for pair in zip(*(part.chunk(2) for part in made), strict=True))
@@ -173,15 +178,15 @@ def generator_terms(
     free = _free_terms(networks, motion, batch, params, tau)
     if made.later is not None:
         later, after = made.later
-        more = _free_terms(networks, after, later, params, tau)
+        more = _free_terms(networks, after, later, params, tau, same_dance=False)
         free = {name: (value + more[name]) / 2 for name, value in free.items()}
-    return terms | free | _natural_terms(generator, motion, batch, params)
+    return terms | free
 
 
 def _free_terms(
-    networks: Networks, motion: Tensor, batch: Tensors, params: TrainParams, tau: float
+    networks: Networks, motion: Tensor, batch: Tensors, params: TrainParams, tau: float, *, same_dance: bool = True
 ) -> dict[str, Tensor]:
-    """L_gan and L_harmo of coded motion (N, T, C): no recorded answer is needed for them."""
+    """L_gan, L_harmo, jerk and feet of coded motion (N, T, C), which may be another dance than the recorded one."""
     terms: dict[str, Tensor] = {}
     if params.gan_weight:
         terms["gan"] = generator_gan_loss(
@@ -191,7 +196,7 @@ def _free_terms(
         )
     if params.harmony_weight:
         terms["harmony"] = _harmony_term(networks.generator, motion, batch, params, tau)
-    return terms
+    return terms | _natural_terms(networks.generator, motion, batch, params, same_dance=same_dance)
 
 
 def _harmony_term(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, tau: float) -> Tensor:
@@ -203,7 +208,9 @@ def _harmony_term(generator: Generator, motion: Tensor, batch: Tensors, params: 
     return above_chance_loss(score, count_weight=params.count_weight)
 
 
-def _natural_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+def _natural_terms(
+    generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, *, same_dance: bool
+) -> dict[str, Tensor]:
     """Terms that keep movement natural while harmony pulls at it; none in paper mode, no "foot" for nameless feet."""
     terms: dict[str, Tensor] = {}
     feet = _feet(generator.skeleton) if params.foot_weight else ()
@@ -212,7 +219,7 @@ def _natural_terms(generator: Generator, motion: Tensor, batch: Tensors, params:
         if params.smoothness_weight:
             terms["smoothness"] = jerk_loss(made, target, batch.mask, fps=generator.fps)
         if feet:
-            terms["foot"] = foot_loss(made, target, batch.mask, feet=feet, fps=generator.fps)
+            terms["foot"] = foot_loss(made, target, batch.mask, feet=feet, fps=generator.fps, same_dance=same_dance)
     return terms
 
 
