@@ -222,7 +222,8 @@ def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.Monk
 # The bar
 
 
-TERMS = {"kl": 0.01, "mse": 250.0, "feature": 50.0, "gan": 1.41, "harmony": -0.25, "smoothness": 0.5, "foot": 0.1}
+TERMS = {"kl": 0.01, "mse": 250.0, "feature": 50.0, "gan": 1.41, "harmony": -0.25, "smoothness": 0.5}
+TERMS |= {"energy": 0.2, "foot": 0.1}
 CRITICS = {"critic_cd": 1.38, "critic_st": 1.37, "total": 3.25}
 SCORES = {
     "val_mse": 260.0,

@@ -12,6 +12,7 @@ from harmolab.models.losses import (
     adversarial_value,
     charbonnier_mse,
     critic_loss,
+    energy_loss,
     feature_loss,
     foot_loss,
     generator_gan_loss,
@@ -181,6 +182,26 @@ def test_too_short_a_clip_has_no_jerk():
     loss.backward()
     assert number(loss) == 0
     assert torch.isfinite(motion.grad).all()
+
+
+def test_twice_as_much_movement_and_half_as_much_cost_the_same():
+    still = torch.zeros(1, 5, 2, 3)
+    moving = still.clone()
+    moving[0, :, :, 0] = 0.2 * torch.arange(5.0)[:, None]
+    mask = torch.ones(1, 5)
+    for factor in (0.5, 2.0):
+        assert number(energy_loss(factor * moving, moving, mask)) == pytest.approx(np.log(2), rel=1e-4)
+    assert number(energy_loss(moving, moving, mask)) == 0
+    assert number(energy_loss(still, still, mask)) == 0
+    cut = moving.clone()
+    cut[0, 3:] = 9.0  # padding
+    assert number(energy_loss(cut, moving, torch.tensor([[1.0, 1, 1, 0, 0]]))) == 0
+
+
+def test_standing_still_has_a_finite_gradient():
+    still = torch.zeros(1, 5, 2, 3, requires_grad=True)
+    energy_loss(still, torch.rand(1, 5, 2, 3), torch.ones(1, 5)).backward()
+    assert torch.isfinite(still.grad).all()
 
 
 def foot_on_the_floor() -> tuple[Tensor, Tensor]:

@@ -29,7 +29,8 @@ def test_training_settings_are_those_of_section_5_2():
 
 
 def test_the_paper_has_no_terms_of_ours():
-    assert (TrainParams.paper().smoothness_weight, TrainParams.paper().foot_weight) == (0, 0)
+    paper = TrainParams.paper()
+    assert (paper.smoothness_weight, paper.energy_weight, paper.foot_weight) == (0, 0, 0)
 
 
 def test_the_recommended_loss_is_corrected_for_chance():

@@ -31,6 +31,7 @@ from harmolab.training.validation import validate
 tiny = runpy.run_path(str(Path(__file__).with_name("tiny_training.py")))
 PAPER: TrainParams = tiny["PAPER"]
 RECOMMENDED: TrainParams = tiny["RECOMMENDED"]
+OTHERS = [f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot")]  # beside pose and harmony
 MODEL: ModelParams = tiny["MODEL"]
 
 
@@ -176,12 +177,12 @@ def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
     assert set(critic_terms(networks, made, batch)) == {"critic_cd", "critic_st"}
 
 
-def test_the_ablation_has_no_harmony_term_and_ours_has_two_more(networks: Networks, batch: Tensors):
+def test_the_ablation_has_no_harmony_term_and_ours_has_three_more(networks: Networks, batch: Tensors):
     made = danced(networks.generator, batch)
     without = generator_terms(networks, made, batch, replace(PAPER, harmony_weight=0.0), 0.5)
     assert set(without) == {"kl", "mse", "feature", "gan"}
     ours = generator_terms(networks, made, batch, RECOMMENDED, 0.5)
-    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "foot"}
+    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
 
 
 def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
@@ -324,7 +325,7 @@ def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batc
 
 @pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
 def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, batch: Tensors):
-    alone = replace(params, smoothness_weight=0.0, foot_weight=0.0, gan_weight=0.0, feature_weight=0.0)
+    alone = replace(params, **dict.fromkeys(OTHERS, 0.0))
     optimiser = torch.optim.Adam(networks.generator.parameters(), lr=3e-3)
     losses = []
     for _ in range(40):
@@ -403,7 +404,20 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
         *(("pretrain", str(epoch)) for epoch in range(3)),
         *(("adversarial", str(epoch)) for epoch in range(3, 6)),
     ]
-    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "foot", "critic_cd", "critic_st", "total"}
+    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
+    terms |= {"critic_cd", "critic_st", "total"}
+        "kl",
+        "mse",
+        "feature",
+        "gan",
+        "harmony",
+        "smoothness",
+        "energy",
+        "foot",
+        "critic_cd",
+        "critic_st",
+        "total",
+    }
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})
     assert rows[0]["harmony"] == rows[0]["val_mse"] == "" and rows[2]["val_mse"]  # the last pretraining epoch is
 

@@ -20,6 +20,7 @@ __all__ = [
     "adversarial_value",
     "charbonnier_mse",
     "critic_loss",
+    "energy_loss",
     "feature_loss",
     "foot_loss",
     "generator_gan_loss",
@@ -30,6 +31,7 @@ __all__ = [
     "total_loss",
 ]
 
+RESTING = 1e-3  # metres per frame: less movement than this counts as this much
 STILL = 1.0  # metres per second cubed: less jerk than this in a recording counts as this much
 
 
@@ -210,6 +212,26 @@ def jerk_loss(positions: Tensor, target: Tensor, mask: Tensor, *, fps: float) ->
     real = real[:, 3:] * real[:, 2:-1] * real[:, 1:-2] * real[:, :-3]
     ours, theirs = (_root_mean_square_jerk(each, real, fps) for each in (positions, target))
     return relu(ours / theirs.clamp(min=STILL) - 1).mean()
+
+
+def energy_loss(positions: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    """How far the dance is livelier or calmer than the recorded one: ``|log ratio of their root mean square speeds|``.
+
+    An answer that is wrong less often is a calm one, so pose losses alone teach to move less than anybody does.
+
+    Parameters
+    ----------
+    positions, target : (N, T, J, 3) tensors, metres
+    mask : (N, T) tensor, 1 at real frames
+
+    Returns
+    -------
+    Mean over clips; 0 for equal speeds.
+    """
+    _check_shapes(positions, target, mask)
+    real = (mask[:, 1:] * mask[:, :-1]).to(positions.dtype)
+    ours, theirs = (_means(each.diff(dim=1).square().sum(dim=-1).mean(dim=-1), real) for each in (positions, target))
+    return (0.5 * torch.log((ours + RESTING**2) / (theirs + RESTING**2))).abs().mean()
 
 
 def _root_mean_square_jerk(positions: Tensor, real: Tensor, fps: float) -> Tensor:

@@ -124,8 +124,9 @@ class TrainParams:
         Weight of the cross-domain discriminator inside L_gan (Eq. 31). It learns from recorded pairs of music and
         movement: where the recorded dancers do not rest on the beat, it teaches the generator not to, against the
         harmony loss. 0 leaves the judgement of movement to the spatial-temporal discriminator.
-    smoothness_weight, foot_weight : float
-        Terms the paper does not have: jerk above the recorded motion's, and feet that slide; 0 in paper mode.
+    smoothness_weight, foot_weight, energy_weight : float
+        Terms the paper does not have: jerk above the recorded motion's, feet that slide, and more or less movement than
+        recorded; 0 in paper mode.
     harmony : "paper" or "above_chance"
         -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
     count_weight : float
@@ -165,6 +166,7 @@ class TrainParams:
     cross_domain_weight: float = 1.0
     smoothness_weight: float = 0.0
     foot_weight: float = 0.0
+    energy_weight: float = 0.0
     harmony: Literal["paper", "above_chance"] = "paper"
     count_weight: float = 1.0
     goes_on: bool = False
@@ -205,6 +207,7 @@ class TrainParams:
             cross_domain_weight=0.0,
             smoothness_weight=0.5,
             foot_weight=1.0,
+            energy_weight=0.5,
             harmony="above_chance",
             count_weight=3.0,
             goes_on=True,

@@ -15,6 +15,7 @@ from harmolab.models.losses import (
     above_chance_loss,
     charbonnier_mse,
     critic_loss,
+    energy_loss,
     feature_loss,
     foot_loss,
     generator_gan_loss,
@@ -214,10 +215,12 @@ def _natural_terms(
     """Terms that keep movement natural while harmony pulls at it; none in paper mode, no "foot" for nameless feet."""
     terms: dict[str, Tensor] = {}
     feet = _feet(generator.skeleton) if params.foot_weight else ()
-    if params.smoothness_weight or feet:
+    if params.smoothness_weight or params.energy_weight or feet:
         made, target = generator.positions(motion), generator.positions(batch.motion)
         if params.smoothness_weight:
             terms["smoothness"] = jerk_loss(made, target, batch.mask, fps=generator.fps)
+        if params.energy_weight:
+            terms["energy"] = energy_loss(made, target, batch.mask)
         if feet:
             terms["foot"] = foot_loss(made, target, batch.mask, feet=feet, fps=generator.fps, same_dance=same_dance)
     return terms

@@ -22,6 +22,7 @@ LOSSES = {
     "gan": ("$L_{gan}$: discriminators", "Eq. 28-31", "$D_{cd}$ (CROSS) hears and sees, $D_{st}$ (TEMPORAL) sees $V'$"),
     "harmony": ("$L_{harmo}$: harmony", "Eq. 27", "beats of $V'$ against the music's; ours: above chance"),
     "smoothness": ("jerk", "not in the paper", "only what $V'$ has more than $V$"),
+    "energy": ("energy", "not in the paper", "as much movement as in $V$"),
     "foot": ("feet", "not in the paper", "sliding where those of $V$ stand"),
 }
 _ROW = 0.67  # inches

@@ -35,6 +35,7 @@ TERMS: tuple[tuple[str, str, tuple[str, ...] | None], ...] = (
     ("paper's harmony (Eq. 27)", "harmony", ("paper",)),
     ("our harmony", "harmony", ("recommended",)),
     ("jerk, ours only", "smoothness", None),
+    ("energy, ours only", "energy", None),
     ("sliding feet, ours only", "foot", None),
 )
 VALIDATED = MappingProxyType(
@@ -106,19 +107,18 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
     table = list(rows)
     names = _named(table)
     with figure_style():
-        figure = Figure(figsize=(11.0, 7.6), layout="constrained")
+        figure = Figure(figsize=(11.0, 8.2), layout="constrained")
         axes = figure.subplots(3, 4).ravel()
-        for ax, (title, column, shared) in zip(axes, TERMS, strict=False):
+        for ax, (title, column, shared) in zip(axes, TERMS, strict=True):
             has = [
                 name for name in names if any(np.isfinite(_column([r for r in table if r["variant"] == name], column)))
             ]
             draw_term(ax, table, column, [name for name in has if shared is None or name in shared]).set_title(title)
         figure.supxlabel("epoch", fontsize=10)
         figure.supylabel("mean over the epoch's batches, before the weight of the term", fontsize=10)
-        axes[len(TERMS)].axis("off")
         band = Patch(facecolor=COLOURS["faint"], alpha=0.5, label="pretraining")
         coin = Line2D([], [], color=COLOURS["chance"], linestyle=":", label="discriminators guess")
-        axes[len(TERMS)].legend(handles=[*_handles(names), band, coin], loc="center left", bbox_to_anchor=(-0.1, 0.5))
+        figure.legend(handles=[*_handles(names), band, coin], loc="outside upper center", ncols=3)
     return figure
 
 
