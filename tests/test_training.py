@@ -406,18 +406,6 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
     ]
     terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
     terms |= {"critic_cd", "critic_st", "total"}
-        "kl",
-        "mse",
-        "feature",
-        "gan",
-        "harmony",
-        "smoothness",
-        "energy",
-        "foot",
-        "critic_cd",
-        "critic_st",
-        "total",
-    }
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})
     assert rows[0]["harmony"] == rows[0]["val_mse"] == "" and rows[2]["val_mse"]  # the last pretraining epoch is
 
