@@ -207,7 +207,7 @@ class TrainParams:
             cross_domain_weight=0.0,
             smoothness_weight=0.5,
             foot_weight=1.0,
-            energy_weight=0.5,
+            energy_weight=2.0,
             harmony="above_chance",
             count_weight=3.0,
             goes_on=True,
