@@ -15,7 +15,7 @@ from harmolab.types import Audio, Clip, Motion, Skeleton
 
 os.environ["MPLBACKEND"] = "Agg"
 # Tests run side by side; small networks in several threads each would only fight over the cores.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ["OMP_NUM_THREADS"] = "1"
 
 ROOT = Path(__file__).resolve().parents[1]
 

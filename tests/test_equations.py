@@ -318,6 +318,7 @@ def test_equation_31_generator_wants_to_be_believed_by_both():
 def test_the_cross_domain_discriminator_may_have_no_say_in_equation_31():
     logits = torch.tensor([np.log(3.0)]), torch.tensor([-np.log(3.0)])
     assert generator_gan_loss(*logits, cross_domain_weight=0.0).item() == pytest.approx(-np.log(0.25))
+    assert generator_gan_loss(None, logits[1]).item() == pytest.approx(-np.log(0.25))
 
 
 def test_equation_32_weighted_sum_with_the_weights_of_section_5():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 import torch
@@ -29,13 +27,9 @@ LENGTHS = torch.tensor([0.0, 0.3, 0.25])
 
 
 @pytest.fixture(autouse=True)
-def seeded() -> Iterator[None]:
-    """The same numbers whichever tests run; one thread, since threads only wait for each other on tiny tensors."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
+def seeded() -> None:
+    """The same numbers whichever tests run."""
     torch.manual_seed(0)
-    yield
-    torch.set_num_threads(threads)
 
 
 def arm_generator(fps: float = 15.0) -> Generator:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,13 +21,9 @@ ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 
 
 @pytest.fixture(autouse=True)
-def seeded() -> Iterator[None]:
-    """The same numbers whichever tests run; one thread, since threads only wait for each other on tiny tensors."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
+def seeded() -> None:
+    """The same numbers whichever tests run."""
     torch.manual_seed(0)
-    yield
-    torch.set_num_threads(threads)
 
 
 def wave(hertz: float, phase: float, frames: int = 40, fps: float = 15.0) -> NDArray[np.float32]:

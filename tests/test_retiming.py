@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -41,15 +41,6 @@ def bone_lengths(motion: Motion) -> np.ndarray:
 
 def jerk(motion: Motion) -> float:
     return float(np.sqrt(np.mean(np.diff(motion.positions, n=3, axis=0) ** 2)))
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """Many small steps: threads would only wait for each other."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 @pytest.mark.parametrize(("seed", "fps", "seconds"), [(1, 15.0, 6.0), (2, 15.0, 6.0), (2, 60.0, 4.0)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import runpy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,15 +33,6 @@ PAPER: TrainParams = tiny["PAPER"]
 RECOMMENDED: TrainParams = tiny["RECOMMENDED"]
 OTHERS = [f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot")]  # beside pose and harmony
 MODEL: ModelParams = tiny["MODEL"]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_thread() -> Iterator[None]:
-    """Threads only get in each other's way in a model this small."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +165,7 @@ def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
     made = danced(networks.generator, batch)
     assert set(generator_terms(networks, made, batch, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
     assert set(pretrain_terms(networks.generator, batch, PAPER)) == {"kl", "mse"}
-    assert set(critic_terms(networks, made, batch)) == {"critic_cd", "critic_st"}
+    assert set(critic_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
 
 
 def test_the_ablation_has_no_harmony_term_and_ours_has_three_more(networks: Networks, batch: Tensors):
@@ -218,12 +209,20 @@ def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks
 def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
     others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
     both = danced(networks.generator, batch, others)
-    alone, seen = critic_terms(networks, Danced(both.own), batch), critic_terms(networks, both, batch)
+    alone, seen = (critic_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
     later, after = both.later
     judge = networks.spatial_temporal
     more = critic_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
     torch.testing.assert_close(seen, {**alone, "critic_st": (alone["critic_st"] + more) / 2})
     assert not torch.equal(more, alone["critic_st"])
+
+
+def test_a_discriminator_that_is_not_heard_is_not_trained(networks: Networks, batch: Tensors):
+    made = danced(networks.generator, batch)
+    assert set(critic_terms(networks, made, batch, RECOMMENDED)) == {"critic_st"}
+    heard = {id(parameter) for parameter in networks.critics(RECOMMENDED)}
+    assert heard == {id(parameter) for parameter in networks.spatial_temporal.parameters()}
+    assert len(networks.critics(PAPER)) > len(heard)
 
 
 def test_going_on_begins_with_the_last_frames_and_then_their_mean():
@@ -405,7 +404,8 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
         *(("adversarial", str(epoch)) for epoch in range(3, 6)),
     ]
     terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
-    terms |= {"critic_cd", "critic_st", "total"}
+    terms |= {"critic_st", "total"}
+    assert "critic_cd" not in rows[-1]  # its weight is 0
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})
     assert rows[0]["harmony"] == rows[0]["val_mse"] == "" and rows[2]["val_mse"]  # the last pretraining epoch is
 

@@ -39,15 +39,6 @@ class Stopped(Exception):
     """Stands for whatever ends a training before its time."""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def one_thread() -> Iterator[None]:
-    """Threads only get in each other's way in a model this small."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
-
-
 @pytest.fixture(scope="module")
 def split() -> Split:
     return tiny["tiny_split"]()

@@ -1,7 +1,7 @@
 """Loss terms of the generator and its discriminators (paper Sec. 4.3, Eq. 24-32), one function each.
 
-Every function returns one number, a mean over the clips of the batch. Padded frames never count. Two terms that the
-paper does not have follow at the end: jerk and sliding feet.
+Every function returns one number, a mean over the clips of the batch. Padded frames never count. Three terms that the
+paper does not have follow at the end: jerk, energy and sliding feet.
 """
 
 from __future__ import annotations
@@ -166,15 +166,18 @@ def critic_loss(real: Tensor, fake: Tensor) -> Tensor:
     return -adversarial_value(real, fake)
 
 
-def generator_gan_loss(cross_domain: Tensor, spatial_temporal: Tensor, *, cross_domain_weight: float = 1.0) -> Tensor:
+def generator_gan_loss(
+    cross_domain: Tensor | None, spatial_temporal: Tensor, *, cross_domain_weight: float = 1.0
+) -> Tensor:
     """``w E[-log D_cd] + E[-log D_st]`` of generated motion, which the generator minimises (Eq. 31, w = 1).
 
     Parameters
     ----------
-    cross_domain, spatial_temporal : (N,) logits
+    cross_domain, spatial_temporal : (N,) logits; None for the first leaves it out
     cross_domain_weight : float, w; what other weights are for: `harmolab.params.TrainParams`
     """
-    return cross_domain_weight * softplus(-cross_domain).mean() + softplus(-spatial_temporal).mean()
+    movement = softplus(-spatial_temporal).mean()
+    return movement if cross_domain is None else cross_domain_weight * softplus(-cross_domain).mean() + movement
 
 
 def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:

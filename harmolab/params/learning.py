@@ -133,9 +133,9 @@ class TrainParams:
         Weight of the count term inside the harmony loss.
     goes_on : bool
         Beside the units as recorded, let the generator dance to other units' music from where it ended in the batch
-        before, as it does in a song, and take half of L_gan and L_harmo from there. Else it only ever starts from
-        recorded movement: it learns by heart which movement goes with which song, and in a song of many meters
-        loses its way.
+        before, as it does in a song, and take half of each term that needs no recorded answer from there: L_gan,
+        L_harmo, smoothness, feet and energy. Else it only ever starts from recorded movement: it learns by heart
+        which movement goes with which song, and in a song of many meters loses its way.
     tau_start, tau_end : float
         Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
     epsilon : float, of the Charbonnier losses (Eq. 25-26)

@@ -172,7 +172,7 @@ def _adversarial_optimisers(networks: Networks, params: TrainParams) -> Optimise
     rate = params.adversarial_rate
     return {
         "generator": torch.optim.Adam(networks.generator.parameters(), lr=rate, weight_decay=params.generator_decay),
-        "critics": torch.optim.Adam(networks.critics(), lr=rate, weight_decay=params.critic_decay),
+        "critics": torch.optim.Adam(networks.critics(params), lr=rate, weight_decay=params.critic_decay),
     }
 
 
@@ -198,7 +198,7 @@ def _critics_step(run: _Fit, optimiser: torch.optim.Optimizer, made: list[Danced
     """One update of the critics; their losses on each shard."""
     with run.fabric.autocast():
         pairs = zip(made, shards, strict=True)
-        losses = [critic_terms(run.networks, dance, each.own) for dance, each in pairs]
+        losses = [critic_terms(run.networks, dance, each.own, run.params) for dance, each in pairs]
     step(run.fabric, [_with_total(each, dict.fromkeys(each, 1.0)) for each in losses], shards, optimiser)
     return losses
 

@@ -61,9 +61,10 @@ class Networks:
             "spatial_temporal": self.spatial_temporal,
         }
 
-    def critics(self) -> list[nn.Parameter]:
-        """Parameters of both discriminators."""
-        return [*self.cross_domain.parameters(), *self.spatial_temporal.parameters()]
+    def critics(self, params: TrainParams) -> list[nn.Parameter]:
+        """Parameters of the discriminators that the generator listens to."""
+        heard = [self.cross_domain, self.spatial_temporal] if params.cross_domain_weight else [self.spatial_temporal]
+        return [parameter for critic in heard for parameter in critic.parameters()]
 
 
 class Danced(NamedTuple):
@@ -143,18 +144,17 @@ def pretrain_terms(generator: Generator, batch: Tensors, params: TrainParams) ->
     return _pose_terms(generator, generator(batch.audio, batch.initial), batch, params)
 
 
-def critic_terms(networks: Networks, made: Danced, batch: Tensors) -> dict[str, Tensor]:
-    """The discriminators' losses (Eq. 29-30) on recorded and on generated motion, both coded.
+def critic_terms(networks: Networks, made: Danced, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+    """The losses (Eq. 29-30) of the discriminators that are heard, on recorded and on generated motion, both coded.
 
     The spatial-temporal one judges movement alone, so it also sees what was danced to other music.
     """
     motion = made.own.motion.detach()
-    real = networks.cross_domain(batch.audio, batch.motion, batch.mask)
     recorded = networks.spatial_temporal(batch.motion, batch.mask)
-    terms = {
-        "critic_cd": critic_loss(real, networks.cross_domain(batch.audio, motion, batch.mask)),
-        "critic_st": critic_loss(recorded, networks.spatial_temporal(motion, batch.mask)),
-    }
+    terms = {"critic_st": critic_loss(recorded, networks.spatial_temporal(motion, batch.mask))}
+    if params.cross_domain_weight:
+        real = networks.cross_domain(batch.audio, batch.motion, batch.mask)
+        terms["critic_cd"] = critic_loss(real, networks.cross_domain(batch.audio, motion, batch.mask))
     if made.later is not None:
         later, after = made.later
         more = critic_loss(recorded, networks.spatial_temporal(after.detach(), later.mask))
@@ -187,14 +187,13 @@ def generator_terms(
 def _free_terms(
     networks: Networks, motion: Tensor, batch: Tensors, params: TrainParams, tau: float, *, same_dance: bool = True
 ) -> dict[str, Tensor]:
-    """L_gan, L_harmo, jerk and feet of coded motion (N, T, C), which may be another dance than the recorded one."""
+    """L_gan, L_harmo, jerk, energy and feet of coded motion (N, T, C), which may be another dance than the recorded."""
     terms: dict[str, Tensor] = {}
     if params.gan_weight:
-        terms["gan"] = generator_gan_loss(
-            networks.cross_domain(batch.audio, motion, batch.mask),
-            networks.spatial_temporal(motion, batch.mask),
-            cross_domain_weight=params.cross_domain_weight,
-        )
+        weight = params.cross_domain_weight
+        together = networks.cross_domain(batch.audio, motion, batch.mask) if weight else None
+        movement = networks.spatial_temporal(motion, batch.mask)
+        terms["gan"] = generator_gan_loss(together, movement, cross_domain_weight=weight)
     if params.harmony_weight:
         terms["harmony"] = _harmony_term(networks.generator, motion, batch, params, tau)
     return terms | _natural_terms(networks.generator, motion, batch, params, same_dance=same_dance)
