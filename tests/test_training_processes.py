@@ -16,7 +16,7 @@ from harmolab.params import TrainParams
 from harmolab.training.run import _check_shares
 
 SCRIPT = Path(__file__).with_name("tiny_training.py")
-CASES = ("paper", "recommended", "recommended_5", "paper_13", "own_music", "paper_shards", "recommended_shards")
+CASES = ("paper", "recommended", "paper_13", "own_music", "paper_shards", "recommended_shards")
 
 
 def python(*arguments: object) -> str:

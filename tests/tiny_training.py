@@ -36,9 +36,8 @@ CASES = {
     "paper": PAPER,
     # Two shards: a dance that goes on from itself makes rounding grow, past 1e-4 within these few epochs.
     "recommended": replace(RECOMMENDED, shards=2),
-    "recommended_5": replace(RECOMMENDED, batch_size=5),
     "paper_13": replace(PAPER, batch_size=13),
-    "own_music": replace(RECOMMENDED, goes_on=False),
+    "own_music": replace(RECOMMENDED, goes_on=False, batch_size=5),
     "paper_shards": replace(PAPER, shards=2),
     "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5),
 }
