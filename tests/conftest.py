@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,6 +86,21 @@ def planted_clip() -> Clip:
     from harmolab.data.synthetic import synthetic_clip
 
     return synthetic_clip("cha-cha", seed=0)
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """A headless Chromium of Playwright, which may play sound unasked."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    with playwright.sync_playwright() as session:
+        if program is None and not Path(session.chromium.executable_path).is_file():
+            pytest.skip("no Chromium here: install chromium, or run `playwright install chromium`")
+        arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+        arguments += ["--autoplay-policy=no-user-gesture-required"]
+        browser = session.chromium.launch(executable_path=program, args=arguments)
+        yield browser
+        browser.close()
 
 
 @pytest.fixture(scope="session")

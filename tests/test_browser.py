@@ -12,6 +12,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,27 +84,20 @@ def wait_for(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def page(jupyterlab: str) -> Iterator[object]:
+def page(jupyterlab: str, chromium: Any) -> Iterator[object]:
     """A browser tab in which the whole notebook has been run."""
-    playwright = pytest.importorskip("playwright.sync_api")
-    chromium = shutil.which("chromium") or shutil.which("google-chrome")
-    with playwright.sync_playwright() as session:
-        if chromium is None and not Path(session.chromium.executable_path).is_file():
-            pytest.skip("no Chromium here: install chromium, or run `playwright install chromium`")
-        arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-        browser = session.chromium.launch(executable_path=chromium, args=arguments)
-        tab = browser.new_page(viewport={"width": 1400, "height": 1000})
-        tab.goto(f"{jupyterlab}/lab/tree/lab.ipynb?reset&token={TOKEN}")
-        tab.wait_for_selector(".jp-Notebook .jp-CodeCell", timeout=60_000)
-        # Run without a kernel, and JupyterLab asks for one.
-        tab.locator("#jp-main-statusbar").filter(has_text=re.compile(r"Python 3.*Idle")).wait_for(timeout=90_000)
-        tab.get_by_role("menuitem", name="Run", exact=True).click()
-        tab.locator('[data-command="runmenu:run-all"]').click()
-        tab.wait_for_selector("img.widget-image", timeout=180_000)
-        # The last cell's figure: everything has been run, and the kernel has nothing else to do.
-        tab.locator(".jp-CodeCell").last.locator("img").wait_for(timeout=180_000)
-        yield tab
-        browser.close()
+    tab = chromium.new_page(viewport={"width": 1400, "height": 1000})
+    tab.goto(f"{jupyterlab}/lab/tree/lab.ipynb?reset&token={TOKEN}")
+    tab.wait_for_selector(".jp-Notebook .jp-CodeCell", timeout=60_000)
+    # Run without a kernel, and JupyterLab asks for one.
+    tab.locator("#jp-main-statusbar").filter(has_text=re.compile(r"Python 3.*Idle")).wait_for(timeout=90_000)
+    tab.get_by_role("menuitem", name="Run", exact=True).click()
+    tab.locator('[data-command="runmenu:run-all"]').click()
+    tab.wait_for_selector("img.widget-image", timeout=180_000)
+    # The last cell's figure: everything has been run, and the kernel has nothing else to do.
+    tab.locator(".jp-CodeCell").last.locator("img").wait_for(timeout=180_000)
+    yield tab
+    tab.close()
 
 
 COUNT_PICTURES = """() => {

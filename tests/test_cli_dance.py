@@ -6,11 +6,11 @@ import base64
 import io
 import json
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -248,27 +248,33 @@ def test_page_refuses_image_coordinates() -> None:
 
 
 @pytest.mark.browser
-def test_page_plays_and_the_picture_follows_the_sound(clip: Clip, tmp_path: Path) -> None:
-    playwright = pytest.importorskip("playwright.sync_api")
+def test_page_plays_and_the_picture_follows_the_sound(clip: Clip, tmp_path: Path, chromium: Any) -> None:
     (tmp_path / "dance.html").write_text(page_of(clip.motion, clip.audio), "utf-8")
-    with playwright.sync_playwright() as session:
-        chromium = shutil.which("chromium") or shutil.which("google-chrome")
-        if chromium is None and not Path(session.chromium.executable_path).is_file():
-            pytest.skip("no Chromium here: install chromium, or run `playwright install chromium`")
-        arguments = ["--no-sandbox", "--disable-gpu", "--autoplay-policy=no-user-gesture-required"]
-        browser = session.chromium.launch(executable_path=chromium, args=arguments)
-        page = browser.new_page()
-        errors: list[str] = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto((tmp_path / "dance.html").as_uri())
-        first = page.eval_on_selector("#stage", "canvas => canvas.toDataURL()")
-        page.click("#play")
-        page.wait_for_function("document.getElementById('sound').currentTime > 0.6", timeout=20_000)
-        assert page.text_content("#play") == "Pause"
-        page.keyboard.press("Space")  # on the button that was clicked: its own action
-        page.wait_for_function("document.getElementById('sound').paused", timeout=5_000)
-        assert page.eval_on_selector("#stage", "canvas => canvas.toDataURL()") != first
-        page.eval_on_selector("#seek", "bar => { bar.value = 3; bar.dispatchEvent(new Event('input')); }")
-        page.wait_for_function("document.getElementById('time').textContent === '3.0 s'", timeout=5_000)
-        assert errors == []
-        browser.close()
+    page = chromium.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto((tmp_path / "dance.html").as_uri())
+    first = page.eval_on_selector("#stage", "canvas => canvas.toDataURL()")
+    page.click("#play")
+    page.wait_for_function("document.getElementById('sound').currentTime > 0.6", timeout=20_000)
+    assert page.text_content("#play") == "Pause"
+    page.keyboard.press("Space")  # on the button that was clicked: its own action
+    page.wait_for_function("document.getElementById('sound').paused", timeout=5_000)
+    assert page.eval_on_selector("#stage", "canvas => canvas.toDataURL()") != first
+    page.eval_on_selector("#seek", "bar => { bar.value = 3; bar.dispatchEvent(new Event('input')); }")
+    page.wait_for_function("document.getElementById('time').textContent === '3.0 s'", timeout=5_000)
+    assert errors == []
+
+
+@pytest.mark.browser
+def test_mp4_plays_with_its_sound(dance: Callable[..., Result], tmp_path: Path, chromium: Any) -> None:
+    assert dance(tmp_path / "dance.mp4").exit_code == 0
+    (tmp_path / "page.html").write_text('<video src="dance.mp4" autoplay></video>')
+    page = chromium.new_page()
+    page.goto((tmp_path / "page.html").as_uri())
+    page.wait_for_function("document.querySelector('video').currentTime > 1.5", timeout=20_000)
+    found = page.eval_on_selector(
+        "video",
+        "v => [v.videoWidth, v.videoHeight, v.webkitVideoDecodedByteCount > 0, v.webkitAudioDecodedByteCount > 0]",
+    )
+    assert found == [640, 480, True, True]

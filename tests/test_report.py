@@ -6,7 +6,6 @@ import base64
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -327,20 +326,13 @@ def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeyp
 
 @pytest.mark.browser
 @pytest.mark.slow
-def test_report_opens_offline_with_every_picture_in_place(built):
-    playwright = pytest.importorskip("playwright.sync_api")
+def test_report_opens_offline_with_every_picture_in_place(built, chromium):
     _, out, _ = built
-    with playwright.sync_playwright() as session:
-        if (chromium := shutil.which("chromium")) is None:
-            pytest.skip("no Chromium on this machine")
-        browser = session.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
-        context = browser.new_context(offline=True)
-        tab, asked = context.new_page(), []
-        tab.on("request", lambda request: asked.append(request.url))
-        for page in sorted(out.glob("*.html")):
-            tab.goto(page.as_uri())
-            widths = tab.eval_on_selector_all("img", "pictures => pictures.map(picture => picture.naturalWidth)")
-            assert all(width > 100 for width in widths), page.name
-        browser.close()
+    tab, asked = chromium.new_context(offline=True).new_page(), []
+    tab.on("request", lambda request: asked.append(request.url))
+    for page in sorted(out.glob("*.html")):
+        tab.goto(page.as_uri())
+        widths = tab.eval_on_selector_all("img", "pictures => pictures.map(picture => picture.naturalWidth)")
+        assert all(width > 100 for width in widths), page.name
     assert {url.partition(":")[0] for url in asked} <= {"file", "data"}
     assert any(url.endswith("fig01.png") for url in asked)
