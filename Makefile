@@ -63,9 +63,7 @@ figures: $(STAMP) ## run the notebooks in the full profile and replace figures/
 	$(BIN)/python -m harmolab.report --profile full --out report --jobs $(JOBS) --figures figures
 
 bench: $(STAMP) ## measure speed: ratios against named references
-	@if [ -f benchmarks/__main__.py ]; then $(BIN)/python -m benchmarks; else \
-	    set -- benchmarks/bench_*.py; [ -f "$$1" ] || { echo "no benchmarks/bench_*.py yet"; exit 0; }; \
-	    for file in "$$@"; do echo "== $$file"; $(BIN)/python "$$file" || exit 1; done; fi
+	$(BIN)/python -m benchmarks
 
 clean: ## remove reports and caches; your data, figures/ and .venv stay
 	rm -rf report .report-* figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks

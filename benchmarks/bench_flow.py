@@ -7,13 +7,13 @@ frames, one after the other in one process; only the ratio means something on an
 from __future__ import annotations
 
 import itertools
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.timing import best_of
 from harmolab.beats.flow import flow_beats
 from harmolab.beats.impacts import envelope_beats
 from harmolab.data.stage import render_skeleton
@@ -35,16 +35,6 @@ def farneback_beats(frames: Sequence[Frame]) -> int:
     return len(envelope_beats(impacts / impacts.max(), FPS))
 
 
-def milliseconds_per_frame(work: Callable[[], object], count: int, repeats: int) -> float:
-    """The fastest of `repeats` runs, so that other programs on the machine disturb little."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return 1e3 * min(times) / count
-
-
 def measure(repeats: int = 3) -> dict[str, float]:
     """Milliseconds a frame (240 x 427 pixels, one core) of ours and of the reference, and the ratio."""
     motion = synthetic_clip("cha-cha", seconds=4.0, fps=FPS, seed=0).motion
@@ -52,8 +42,8 @@ def measure(repeats: int = 3) -> dict[str, float]:
     threads = cv2.getNumThreads()
     try:
         cv2.setNumThreads(1)
-        ours = milliseconds_per_frame(lambda: flow_beats(frames, FPS), len(frames), repeats)
-        reference = milliseconds_per_frame(lambda: farneback_beats(frames[:25]), 25, repeats)
+        ours = best_of(lambda: flow_beats(frames, FPS), repeats) / len(frames)
+        reference = best_of(lambda: farneback_beats(frames[:25]), repeats) / 25
     finally:
         cv2.setNumThreads(threads)
     return {"flow_ms_per_frame": ours, "reference_ms_per_frame": reference, "times_faster": reference / ours}

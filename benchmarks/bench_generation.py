@@ -6,12 +6,12 @@ magnitude, not a ratio. The ratios at the end compare parts measured here, in on
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import torch
 from torch import Tensor
 
+from benchmarks.timing import best_of
 from harmolab.data.tang2018 import TANG_23
 from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic
 from harmolab.models.pose_features import PoseNet
@@ -21,16 +21,6 @@ N_AUDIO, FPS = 23, 15.0
 CLIPS, FRAMES = 64, 90
 TRAINING_CLIPS, TRAINING_FRAMES = 10, 64
 PUBLISHED = {"Dancing2Music": 2141.0, "Ren et al. 2020": 2287.0, "DanceNet": 61.0, "EDGE": 14.0}  # frames a second
-
-
-def best_of(work: Callable[[], object], rounds: int) -> float:
-    """Shortest of `rounds` runs, seconds."""
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def generator_of(params: ModelParams) -> Generator:

@@ -7,12 +7,10 @@ one thread; only the ratio means something on another machine.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.timing import best_of
 from harmolab.features.geometric import geometric_features
 from harmolab.features.kinetic import kinetic_features
 from harmolab.types import Motion, Skeleton
@@ -173,16 +171,6 @@ def loop_geometric(positions: FloatArray) -> FloatArray:
     """Geometric features frame by frame."""
     moments = [LoopBody(positions[t - 1], positions[t]).relations() for t in range(1, len(positions))]
     return np.mean(moments, axis=0)
-
-
-def best_of(work: Callable[[], object], rounds: int) -> float:
-    """Shortest of `rounds` runs, milliseconds."""
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return 1e3 * min(times)
 
 
 def measure(rounds: int = 200) -> dict[str, float]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import soundfile
 
+from benchmarks.timing import best_of
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.harmony import score_harmony
 from harmolab.io.motion import save_motion
@@ -21,16 +20,6 @@ from harmolab.types import BeatTrack
 
 N_CLIPS = 200
 BARE = "import sys, librosa; y, sr = librosa.load(sys.argv[1]); librosa.beat.beat_track(y=y, sr=sr)"
-
-
-def best_of(work: Callable[[], object], rounds: int) -> float:
-    """Shortest of `rounds` runs, milliseconds."""
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return 1000 * min(times)
 
 
 def beat_pairs(rng: np.random.Generator) -> list[tuple[BeatTrack, BeatTrack]]:

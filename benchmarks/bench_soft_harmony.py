@@ -7,12 +7,12 @@ upper bound. Both run one after the other in one process: only the share means s
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import torch
 from torch import Tensor
 
+from benchmarks.timing import best_of
 from harmolab.models.harmogan import Generator
 from harmolab.models.losses import charbonnier_mse
 from harmolab.models.soft_harmony import soft_harmony
@@ -21,16 +21,6 @@ from harmolab.types import Skeleton
 
 N_CLIPS, N_FRAMES, N_JOINTS, N_BEATS, FPS = 10, 60, 23, 10, 15.0
 MODES = {"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys()}
-
-
-def best_of(work: Callable[[], object], rounds: int) -> float:
-    """Shortest of `rounds` runs, milliseconds."""
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return 1000 * min(times)
 
 
 def harmony_pass(params: HarmonyParams, tau: float) -> Callable[[], object]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
+from benchmarks import bench_motion_features
 from harmolab.data.synth_body import DANCER
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.data.tang2018 import PAPER_21, TANG_23
@@ -19,23 +17,12 @@ from harmolab.features.geometric import GEOMETRIC_FEATURES, geometric_features
 from harmolab.io import COCO_17
 from harmolab.types import Motion, Skeleton
 
-
-def load_bench() -> ModuleType:
-    """The benchmark, for its body and its reference in plain loops."""
-    path = Path(__file__).resolve().parents[1] / "benchmarks" / "bench_motion_features.py"
-    spec = importlib.util.spec_from_file_location("bench_motion_features", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-BENCH = load_bench()
-SMPL_24: Skeleton = BENCH.SMPL_24
+SMPL_24: Skeleton = bench_motion_features.SMPL_24
 
 
 def body(places: dict[str, tuple[float, float, float]] | None = None, velocities: dict | None = None) -> Motion:
     """A tenth of a second of somebody who stands facing +z, some joints elsewhere or moving (metres per second)."""
-    standing, velocity = BENCH.STANDING.copy(), np.zeros((24, 3))
+    standing, velocity = bench_motion_features.STANDING.copy(), np.zeros((24, 3))
     for name, place in (places or {}).items():
         standing[SMPL_24.joints.index(name)] = place
     for name, way in (velocities or {}).items():
@@ -122,7 +109,7 @@ def test_somebody_who_is_carried_is_fast_but_moves_no_limb():
 
 
 def test_the_mirrored_dance_has_the_features_of_the_other_side():
-    dance = BENCH.moving_body(4.0)
+    dance = bench_motion_features.moving_body(4.0)
     features, other = (
         dict(zip(GEOMETRIC_FEATURES, geometric_features(m), strict=True)) for m in (dance, mirrored(dance))
     )
@@ -133,9 +120,9 @@ def test_the_mirrored_dance_has_the_features_of_the_other_side():
 
 
 def test_the_published_form_is_that_of_plain_loops():
-    dance = BENCH.moving_body(1.5)
+    dance = bench_motion_features.moving_body(1.5)
     np.testing.assert_allclose(
-        geometric_features(dance, form="aist++"), BENCH.loop_geometric(dance.positions), atol=1e-12
+        geometric_features(dance, form="aist++"), bench_motion_features.loop_geometric(dance.positions), atol=1e-12
     )
 
 
@@ -163,14 +150,14 @@ def test_the_published_form_takes_movements_for_others(velocities: dict, publish
 
 @pytest.mark.parametrize("form", ["fixed", "aist++"])
 def test_place_and_heading_do_not_matter(form: str):
-    dance = BENCH.moving_body(4.0)
+    dance = bench_motion_features.moving_body(4.0)
     turn = np.array([[np.cos(2), 0, np.sin(2)], [0, 1, 0], [-np.sin(2), 0, np.cos(2)]])
     moved = replace(dance, positions=dance.positions @ turn + np.array([5.0, 3.0, -2.0]))
     np.testing.assert_allclose(geometric_features(moved, form=form), geometric_features(dance, form=form), atol=5e-3)
 
 
 def test_the_size_of_the_dancer_does_not_matter():
-    dance = BENCH.moving_body(4.0)
+    dance = bench_motion_features.moving_body(4.0)
     child = replace(dance, positions=0.6 * dance.positions)
     np.testing.assert_allclose(geometric_features(child), geometric_features(dance), atol=5e-3)
 

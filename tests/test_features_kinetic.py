@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
+from benchmarks import bench_motion_features
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.features.kinetic import kinetic_features
 from harmolab.types import Motion, Skeleton
 
 TWO = Skeleton(("still", "moving"), (-1, 0))
 STEP = 1 / 60
-
-
-@pytest.fixture(scope="module")
-def bench() -> ModuleType:
-    """The benchmark, for its references in plain loops."""
-    path = Path(__file__).resolve().parents[1] / "benchmarks" / "bench_motion_features.py"
-    spec = importlib.util.spec_from_file_location("bench_motion_features", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def second_joint(x: np.ndarray, y: np.ndarray, z: np.ndarray, fps: float = 60.0) -> Motion:
@@ -64,8 +52,8 @@ def test_the_published_form_takes_a_place_for_an_acceleration():
     np.testing.assert_allclose(published, [0, 0, 0, 0, 0, 5 * (60**2 - 60)])
 
 
-def test_the_published_form_moves_with_the_place_in_the_room_and_ours_does_not(bench: ModuleType):
-    dance = bench.moving_body(2.0)
+def test_the_published_form_moves_with_the_place_in_the_room_and_ours_does_not():
+    dance = bench_motion_features.moving_body(2.0)
     moved = replace(dance, positions=dance.positions + np.array([4.0, 0.0, -3.0]))
     np.testing.assert_allclose(kinetic_features(moved), kinetic_features(dance), rtol=1e-8)
     expenditure = slice(2, None, 3)
@@ -74,9 +62,9 @@ def test_the_published_form_moves_with_the_place_in_the_room_and_ours_does_not(b
 
 
 @pytest.mark.parametrize("frames", [3, 4, 6, 7, 60])
-def test_both_forms_are_those_of_plain_loops(bench: ModuleType, frames: int):
-    dance = bench.moving_body(frames / 60)
-    published = bench.loop_kinetic(dance.positions)
+def test_both_forms_are_those_of_plain_loops(frames: int):
+    dance = bench_motion_features.moving_body(frames / 60)
+    published = bench_motion_features.loop_kinetic(dance.positions)
     np.testing.assert_allclose(kinetic_features(dance, form="aist++"), published, rtol=1e-9)
     np.testing.assert_allclose(
         np.delete(kinetic_features(dance), slice(2, None, 3)), np.delete(published, slice(2, None, 3))
