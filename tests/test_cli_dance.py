@@ -216,6 +216,13 @@ def data_of(page: str) -> dict:
     return json.loads(re.search(r"^const data = (.*);$", page, flags=re.MULTILINE)[1])
 
 
+def test_three_frames_are_a_dance_without_jerk(dance: Callable[..., Result], tmp_path: Path) -> None:
+    result = dance(tmp_path / "dance.npz", "--seconds", 0.2)
+    assert result.exit_code == 0, result.output
+    assert load_motion(tmp_path / "dance.npz").n_frames == 3
+    assert re.search(r"jerk, m/s³\W+-", result.output)
+
+
 def test_page_holds_the_movement_at_thirty_frames_a_second(clip: Clip) -> None:
     motion = resample_motion(clip.motion, FPS).span(0.0, 2.0)
     data = data_of(page_of(motion, clip.audio.span(0.0, 2.0)))

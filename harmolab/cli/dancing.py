@@ -12,6 +12,8 @@ import typer
 from harmolab.cli.common import plain_errors, progress, show, write_text
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from harmolab.models.harmogan import Generator
     from harmolab.models.poses_bank import PoseBank
     from harmolab.types import Audio, BeatTrack, Motion
@@ -135,7 +137,7 @@ def _danced(
 
 
 def dance_scores(motion: Motion, music: BeatTrack) -> dict[str, float | int | None]:
-    """What a dance is judged by, name -> number; None where the skeleton has no feet to judge.
+    """What a dance is judged by, name -> number; None where it is too short for that, or has no feet to judge.
 
     Parameters
     ----------
@@ -148,10 +150,6 @@ def dance_scores(motion: Motion, music: BeatTrack) -> dict[str, float | int | No
 
     valleys = score_motion(music, motion, params=HarmonyParams.valleys())
     paper = score_motion(music, motion, params=HarmonyParams.paper(), n_rotations=0)
-    try:
-        skating = foot_skating(motion)
-    except ValueError:
-        skating = None
     return {
         "harmony above chance": valleys.harmony_above_chance,
         "p value": valleys.p_value,
@@ -161,9 +159,17 @@ def dance_scores(motion: Motion, music: BeatTrack) -> dict[str, float | int | No
         "paper: hit rate": paper.hit_rate,
         "paper: chance": paper.chance,
         "paper: visual beats M": paper.n_visual,
-        "jerk, m/s³": jerk(motion),
-        "foot skating, m/s": skating,
+        "jerk, m/s³": _or_none(jerk, motion),
+        "foot skating, m/s": _or_none(foot_skating, motion),
     }
+
+
+def _or_none(measure: Callable[[Motion], float], motion: Motion) -> float | None:
+    """A measure, or None where it does not apply."""
+    try:
+        return measure(motion)
+    except ValueError:
+        return None
 
 
 def _write(
