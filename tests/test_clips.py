@@ -291,7 +291,7 @@ def test_where_nothing_can_be_read_the_reason_is_told(synthetic: Path, tmp_path:
     with pytest.raises(ValueError, match=r"no unit to train on below .*bad/motion\.npz"):
         load_units(tmp_path, PARAMS)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ValueError, match="no unit to train on"):
+    with pytest.raises(ValueError, match="empty: there is no sequence"):
         load_units(tmp_path / "empty", PARAMS)
     with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
         load_units(tmp_path / "nowhere", PARAMS)

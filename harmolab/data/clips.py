@@ -253,7 +253,8 @@ def load_units(
     FileNotFoundError, ValueError
         A root is missing, two sequences have different skeletons, or there is no unit at all; both name the folder.
     """
-    folders, notes = _folders(roots if isinstance(roots, list | tuple) else [roots])
+    roots = list(roots) if isinstance(roots, list | tuple) else [roots]
+    folders, notes = _folders(roots)
     read: list[_Read] = []
     for folder in progress(folders, "reading sequences") if progress else folders:
         try:
@@ -264,7 +265,8 @@ def load_units(
     segments = group_outlines([item.outline for item in read])
     units = [_grouped(unit, known) for item, known in zip(read, segments, strict=True) for unit in item.units]
     if not units:
-        raise ValueError(f"no unit to train on below {roots}: {notes[0] if notes else 'every sequence is too short'}")
+        why = "every sequence is too short" if folders else "there is no sequence (see `harmolab data check`)"
+        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else why}")
     lengths = np.average([item.bones for item in read], axis=0, weights=[item.n_frames for item in read])
     source = ", ".join(dict.fromkeys(item.outline.name.rpartition("/")[0] for item in read))
     return UnitSet(tuple(units), read[0].skeleton, lengths, params, source, tuple(notes))
