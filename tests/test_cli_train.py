@@ -156,7 +156,7 @@ def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[
 def test_resuming_with_other_settings_names_the_setting(trained: tuple[Path, Result], run: Run, corpus: Path):
     out, before = trained[0], files(trained[0])
     line = told(run(corpus, "--out", out, "--resume", "--harmony-weight", 0))
-    assert f"{out / 'settings.json'}: train.harmony_weight is 1.0, but 0.0 is asked for" in line
+    assert f"{out / 'settings.json'}: train.harmony_weight is 0.5, but 0.0 is asked for" in line
     assert files(out) == before
 
 

@@ -235,7 +235,7 @@ def _asked(least: float, most: float) -> str:
 
 
 def trade_off(profile: RunProfile, corpus: str) -> pd.DataFrame:
-    """The recommended losses with the harmony term weighted from nothing to three times as much (first seed).
+    """The recommended losses with the harmony term weighted from nothing to twice as much (first seed).
 
     Returns
     -------

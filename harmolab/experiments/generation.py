@@ -47,7 +47,7 @@ SYNTHETIC = "synthetic"
 SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
 UNIT_STEP = 3  # beats between the starts of training units
 MOST_CLIPS = 35  # synthetic clips: about as many units as the recordings have
-SWEEP = (0.0, 0.1, 0.3, 1.0, 3.0)  # harmony weights of the trade-off curve
+SWEEP = (0.0, 0.1, 0.3, 0.5, 1.0)  # harmony weights of the trade-off curve
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ def all_trained(profile: RunProfile) -> Iterator[tuple[str, str, int, Trained]]:
 
 
 def weight_sweep(profile: RunProfile, corpus: str) -> Iterator[tuple[float, Trained]]:
-    """(harmony weight, training) of the recommended losses from none to three times as much (first seed)."""
+    """(harmony weight, training) of the recommended losses from none to twice as much (first seed)."""
     for weight in SWEEP:
         variant = replace(_OURS, params=replace(_OURS.params, harmony_weight=weight))
         yield weight, trained(profile, corpus, variant, 1)

@@ -203,6 +203,7 @@ class TrainParams:
         return cls(
             mse_weight=2e-3,
             feature_weight=1e-2,
+            harmony_weight=0.5,
             gan_weight=0.1,
             cross_domain_weight=0.0,
             smoothness_weight=0.5,

@@ -23,6 +23,7 @@ CONTACT_HEIGHT = 0.02  # metres above its resting height at which a foot carries
 CONTACT_SPEED = 1.0  # metres per second at which it is rather swung than slides
 AIR = 0.02  # weight of "no foot carries"; against it the feet have to make their case
 BODY_SMOOTHING = 0.5  # seconds, about a beat
+BODY_SHARE = 0.5  # of the feet's slide that the body takes back
 LEG_SMOOTHING = 0.04  # seconds
 HOLD_TIME, FREE_TIME = 2.0, 0.15  # seconds in which a foot that carries, or does not, returns to its own way
 FARTHEST = 0.15  # metres that a foot is held back
@@ -45,10 +46,10 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
     """Positions (T, J, 3) with feet that do not slide while they carry: the body goes with them, the legs do the rest.
 
     A foot carries as far as one of its joints is near its resting height (low) and slow, which falls off smoothly. The
-    body is moved against the mean slide of the feet, but only slowly: a quick answer would undo what the dancer does on
-    the beat. What is left is done by the legs: a foot that carries is held back, one that does not returns to where it
-    would have been. No bone changes. Feet without a knee and a hip above them go with the body alone; a skeleton
-    without joints called toe, heel, ankle or foot is left alone.
+    body is moved against the mean slide of the feet, but slowly, and only half as far: more would undo what the dancer
+    does on the beat. What is left is done by the legs: a foot that carries is held back, one that does not returns to
+    where it would have been. No bone changes. If a foot has no knee and hip above it, the body goes all the way; a
+    skeleton without joints called toe, heel, ankle or foot is left alone.
     """
     try:
         feet = foot_joints(skeleton)
@@ -56,11 +57,12 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
         return positions
     if len(positions) < 2:
         return positions
+    legs = [find_leg(skeleton, foot) for foot in feet]
     slide, _ = _slide(positions, fps, [joint for foot in feet for joint in foot])
-    way = np.cumsum(smooth(slide, BODY_SMOOTHING, fps), axis=0) / fps
+    way = np.cumsum(smooth(slide, BODY_SMOOTHING, fps), axis=0) / fps * (BODY_SHARE if all(legs) else 1.0)
     planted = positions - _level(np.concatenate([np.zeros((1, 2)), way]))[:, None]
-    for foot in feet:
-        if (leg := find_leg(skeleton, foot)) is not None:
+    for foot, leg in zip(feet, legs, strict=True):
+        if leg is not None:
             planted = moved_foot(planted, leg, _level(_held_back(planted, fps, list(foot))))
     return planted
 
