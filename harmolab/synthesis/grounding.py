@@ -26,7 +26,7 @@ BODY_SMOOTHING = 0.5  # seconds, about a beat
 BODY_SHARE = 0.5  # of the feet's slide that the body takes back
 LEG_SMOOTHING = 0.04  # seconds
 HOLD_TIME, FREE_TIME = 2.0, 0.15  # seconds in which a foot that carries, or does not, returns to its own way
-FARTHEST = 0.15  # metres that a foot is held back
+FARTHEST = 0.25  # metres that a foot is held back
 
 
 def on_floor(positions: FloatArray, fps: float) -> FloatArray:
