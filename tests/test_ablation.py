@@ -95,6 +95,11 @@ def test_gain_is_taken_seed_by_seed():
     assert theirs[["change", "low", "high"]].tolist() == pytest.approx([0.1, 0.1, 0.1])
 
 
+def test_nothing_is_a_multiple_of_less_than_nothing():
+    table = gains(seeds().assign(above_chance=-0.1), ["above_chance"])
+    assert table["change"].eq(0).all() and table["factor"].isna().all()
+
+
 def test_papers_own_factor_stands_beside_ours():
     table = gains(seeds(), ["above_chance", "paper_harmony"]).set_index(["loss", "measure"])
     printed = ["paper without", "paper with", "paper factor"]

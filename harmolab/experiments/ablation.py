@@ -143,8 +143,8 @@ def gains(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
     Returns
     -------
     DataFrame with the columns corpus, loss ("paper" or "recommended"), measure, without, with, change, low, high (95 %
-    interval of the change; NaN for a single seed), factor, and the paper's own without, with and factor, NaN where it
-    prints none.
+    interval of the change; NaN for a single seed), factor (NaN where `without` is not above 0), and the paper's own
+    without, with and factor, NaN where it prints none.
     """
     rows = []
     for corpus, loss, seeds in _by_loss(table):
@@ -152,11 +152,16 @@ def gains(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
             change, low, high = mean_interval(seeds["with"][measure] - seeds["without"][measure])
             before, after = (float(seeds[side][measure].mean()) for side in ("without", "with"))
             row = {"corpus": corpus, "loss": loss, "measure": measure, "without": before, "with": after}
-            row |= {"change": change, "low": low, "high": high, "factor": _ratio(after, before)}
+            row |= {"change": change, "low": low, "high": high, "factor": _factor(after, before)}
             printed = _printed(f"{loss}, without", measure), _printed(loss, measure)
-            row |= {"paper without": printed[0], "paper with": printed[1], "paper factor": _ratio(*printed[::-1])}
+            row |= {"paper without": printed[0], "paper with": printed[1], "paper factor": _factor(*printed[::-1])}
             rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _factor(value: float, reference: float) -> float:
+    """How many times the reference; NaN unless that is above 0."""
+    return value / reference if reference > 0 else np.nan
 
 
 def _by_loss(table: pd.DataFrame) -> Iterator[tuple[str, str, Seeds]]:
