@@ -1,4 +1,4 @@
-"""Notebook 04 in a real JupyterLab: run all, move sliders by keyboard, see the picture change."""
+"""Labs in a real JupyterLab, notebook 04 first: run all, move sliders by keyboard, see the picture change."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import nbformat
 import numpy as np
 import pytest
 
@@ -42,12 +44,11 @@ def settings_folder(folder: Path) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def jupyterlab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Address of a JupyterLab on a copy of notebook 04."""
-    folder = tmp_path_factory.mktemp("lab")
+@contextmanager
+def running_jupyterlab(folder: Path, notebook: Path) -> Iterator[str]:
+    """Address of a JupyterLab on a copy of a notebook, called lab.ipynb."""
     (folder / "work").mkdir()
-    shutil.copy(ROOT / "notebooks" / "04_salience_and_scoring.ipynb", folder / "work" / "lab.ipynb")
+    shutil.copy(notebook, folder / "work" / "lab.ipynb")
     address = f"http://127.0.0.1:{(port := free_port())}"
     options = {
         "ServerApp.ip": "127.0.0.1",
@@ -71,6 +72,14 @@ def jupyterlab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
             server.wait(timeout=20)
 
 
+@pytest.fixture(scope="module")
+def jupyterlab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a JupyterLab on a copy of notebook 04."""
+    notebook = ROOT / "notebooks" / "04_salience_and_scoring.ipynb"
+    with running_jupyterlab(tmp_path_factory.mktemp("lab"), notebook) as address:
+        yield address
+
+
 def wait_for(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
     for _ in range(120):
         if server.poll() is not None:
@@ -83,11 +92,11 @@ def wait_for(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
     pytest.fail(f"JupyterLab did not start:\n{log.read_text()[-2000:]}")
 
 
-@pytest.fixture(scope="module")
-def page(jupyterlab: str, chromium: Any) -> Iterator[object]:
+@contextmanager
+def notebook_run(address: str, chromium: Any) -> Iterator[Any]:
     """A browser tab in which the whole notebook has been run."""
     tab = chromium.new_page(viewport={"width": 1400, "height": 1000})
-    tab.goto(f"{jupyterlab}/lab/tree/lab.ipynb?reset&token={TOKEN}")
+    tab.goto(f"{address}/lab/tree/lab.ipynb?reset&token={TOKEN}")
     tab.wait_for_selector(".jp-Notebook .jp-CodeCell", timeout=60_000)
     # Run without a kernel, and JupyterLab asks for one.
     tab.locator("#jp-main-statusbar").filter(has_text=re.compile(r"Python 3.*Idle")).wait_for(timeout=90_000)
@@ -100,29 +109,50 @@ def page(jupyterlab: str, chromium: Any) -> Iterator[object]:
     tab.close()
 
 
-COUNT_PICTURES = """() => {
+@pytest.fixture(scope="module")
+def page(jupyterlab: str, chromium: Any) -> Iterator[object]:
+    with notebook_run(jupyterlab, chromium) as tab:
+        yield tab
+
+
+# Of one lab; `at` counts the labs of the notebook from 0.
+COUNT_PICTURES = """at => {
     window.delays = [];
-    if (window.watched) return;
-    window.watched = true;
-    const picture = document.querySelector("img.widget-image");
+    window.watched ??= new Set();
+    if (window.watched.has(at)) return;
+    window.watched.add(at);
+    const picture = document.querySelectorAll("img.widget-image")[at];
     document.addEventListener("keydown", () => { window.pressed = performance.now(); }, true);
     picture.addEventListener("load", () => window.delays.push(performance.now() - window.pressed));
 }"""
 
 
-def pixels(page: object) -> str:
+def pixels(page: Any, at: int = 0) -> str:
     """The lab's picture as the browser shows it now, as base64."""
-    return page.evaluate("""async () => {
-        const blob = await (await fetch(document.querySelector("img.widget-image").src)).blob();
+    return page.evaluate(
+        """async at => {
+        const blob = await (await fetch(document.querySelectorAll("img.widget-image")[at].src)).blob();
         const bytes = new Uint8Array(await blob.arrayBuffer());
         return btoa(bytes.reduce((text, byte) => text + String.fromCharCode(byte), ""));
-    }""")
+    }""",
+        at,
+    )
 
 
-def press_arrows(page: object, label: str) -> np.ndarray:
+def slider(page: Any, label: str, at: int = 0) -> Any:
+    """The slider of that label."""
+    return lab_cell(page, at).locator(".widget-slider").filter(has_text=label)
+
+
+def lab_cell(page: Any, at: int = 0) -> Any:
+    """The notebook's cell that shows a lab."""
+    return page.locator(".jp-CodeCell").filter(has=page.locator("img.widget-image")).nth(at)
+
+
+def press_arrows(page: Any, label: str, at: int = 0) -> np.ndarray:
     """Milliseconds from each press of an arrow key on the slider of that label to the new picture."""
-    page.evaluate(COUNT_PICTURES)
-    page.locator(".widget-slider").filter(has_text=label).locator(".noUi-handle").focus()
+    page.evaluate(COUNT_PICTURES, at)
+    slider(page, label, at).locator(".noUi-handle").focus()
     for press in range(N_PRESSES):
         # There and back, so that the slider never arrives at its end.
         page.keyboard.press("ArrowLeft" if press % 20 < 10 else "ArrowRight")
@@ -130,10 +160,10 @@ def press_arrows(page: object, label: str) -> np.ndarray:
     return np.array(page.evaluate("window.delays"))
 
 
-def screenshot(page: object, name: str) -> None:
+def screenshot(page: Any, name: str, at: int = 0) -> None:
     """Kept where HARMOLAB_SCREENSHOTS says, for the eye."""
     if folder := os.environ.get("HARMOLAB_SCREENSHOTS"):
-        page.locator("img.widget-image").scroll_into_view_if_needed()
+        page.locator("img.widget-image").nth(at).scroll_into_view_if_needed()
         page.screenshot(path=Path(folder) / f"{name}.png")
 
 
@@ -158,9 +188,9 @@ def test_arrow_keys_on_a_slider_change_the_picture_of_the_paper_mode(page: objec
 
 def test_menu_changes_the_mode_its_sliders_follow_and_the_lag_moves_the_expected_speed(page: object) -> None:
     before = pixels(page)
-    page.evaluate(COUNT_PICTURES)
+    page.evaluate(COUNT_PICTURES, 0)
     page.locator(".widget-dropdown").filter(has_text="mode").locator("select").select_option("recommended")
-    delay = page.locator(".widget-slider").filter(has_text="T_delay").locator(".widget-readout")
+    delay = slider(page, "T_delay").locator(".widget-readout")
     page.wait_for_function("window.delays.length > 0", timeout=10_000)
     assert pixels(page) != before
     assert delay.inner_text() == "0.10"
@@ -170,11 +200,79 @@ def test_menu_changes_the_mode_its_sliders_follow_and_the_lag_moves_the_expected
 
 
 def test_fast_key_presses_end_at_the_last_value(page: object) -> None:
-    slider = page.locator(".widget-slider").filter(has_text="lag")
-    slider.locator(".noUi-handle").focus()
-    before, shown = float(slider.locator(".widget-readout").inner_text()), pixels(page)
+    lag = slider(page, "lag")
+    lag.locator(".noUi-handle").focus()
+    before, shown = float(lag.locator(".widget-readout").inner_text()), pixels(page)
     for _ in range(10):
         page.keyboard.press("ArrowRight")
     page.wait_for_timeout(1500)
-    assert float(slider.locator(".widget-readout").inner_text()) == pytest.approx(before + 10 * LAG_STEP)
+    assert float(lag.locator(".widget-readout").inner_text()) == pytest.approx(before + 10 * LAG_STEP)
     assert pixels(page) != shown
+
+
+# The other labs, one a cell, the corpus lab on 200 clips
+
+CELLS = (
+    """from dataclasses import replace
+from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
+from harmolab.widgets.labs import corpus_lab, detector_lab, meter_lab, saliency_lab
+planted = planted_clip(ClipSettings("cha-cha", seconds=8.0, jitter=0.03, seed=1))
+song = synthetic_clip("rumba", seconds=18.0, seed=2)
+kinds = ("cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz", "cha-cha")
+clips = [synthetic_clip(kind, seconds=6.0, jitter=0.1, seed=seed) for seed, kind in enumerate(kinds)] * 25
+clips = [replace(clip, name=f"{place}: {clip.dance}") for place, clip in enumerate(clips)]""",
+    "detector_lab(planted.clip, planted=planted.visual_beat_times, smoothing=0.15, position_smoothing=0.15)",
+    "saliency_lab(planted.clip, lambda1=2.0)",
+    "meter_lab(song, annotated=song.beats, error=0.5)",
+    "corpus_lab(clips, delay=0.15, clip=100)",
+    # A picture in the last cell tells that everything has been run.
+    "import matplotlib.pyplot as plt\nplt.plot([0, 1])",
+)
+LABS = ("detector", "saliency", "meter", "corpus")
+
+
+@pytest.fixture(scope="module")
+def labs(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Iterator[Any]:
+    """A browser tab with all four labs, one a cell."""
+    notebook = nbformat.v4.new_notebook(
+        cells=[nbformat.v4.new_code_cell(cell) for cell in CELLS],
+        metadata={"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},
+    )
+    path = Path(tmp_path_factory.mktemp("source")) / "labs.ipynb"
+    nbformat.write(notebook, path)
+    with (
+        running_jupyterlab(tmp_path_factory.mktemp("lab"), path) as address,
+        notebook_run(address, chromium) as tab,
+    ):
+        yield tab
+
+
+@pytest.mark.parametrize(
+    ("name", "label"),
+    [
+        ("detector", "speed σ"),
+        ("detector", "position σ"),
+        ("saliency", "λ1"),
+        ("saliency", "λ2"),
+        ("meter", "error"),
+        ("corpus", "T_delay"),
+        ("corpus", "lag"),
+        ("corpus", "late"),
+        ("corpus", "clip"),
+    ],
+)
+def test_arrow_keys_on_a_slider_change_picture_and_settings(labs: Any, name: str, label: str) -> None:
+    at = LABS.index(name)
+    before, line = pixels(labs, at), lab_cell(labs, at).locator("code").inner_text()
+    delays = press_arrows(labs, label, at)
+    labs.keyboard.press("ArrowRight")
+    labs.keyboard.press("ArrowRight")
+    labs.wait_for_function(f"window.delays.length > {N_PRESSES}", timeout=10_000)
+    labs.wait_for_timeout(300)
+    assert pixels(labs, at) != before
+    after = lab_cell(labs, at).locator("code").inner_text()
+    assert re.fullmatch(r"HarmonyParams(\.\w+)?\(.*\)", after)
+    is_setting = label not in ("error", "late", "clip")
+    assert (after != line) == is_setting
+    screenshot(labs, f"lab_{name}_{label}", at)
+    report(f"{name}, {label}", delays)

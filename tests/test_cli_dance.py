@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 import re
 import subprocess
@@ -21,7 +19,6 @@ from typer.testing import CliRunner, Result
 
 import harmolab
 from harmolab.cli import app
-from harmolab.cli.dance_page import dance_page
 from harmolab.cli.dancing import dance_scores
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.io import load_audio, load_motion
@@ -31,7 +28,7 @@ from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
 from harmolab.models.weights import load_generator, save_weights
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.synthesis import synthesize_dance
-from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from harmolab.types import BeatTrack, Clip, Motion
 
 FPS = 15.0
 
@@ -205,17 +202,6 @@ def test_scores_of_a_dancer_without_feet_have_none_for_skating(swinging_arm: Cal
     assert scores["visual beats M"] == 12
 
 
-# The page
-
-
-def page_of(motion: Motion, audio: Audio, title: str = "a song") -> str:
-    return dance_page(motion, audio, beats=BeatTrack([0.5], [1.0], 100.0, 2.0), title=title, facts={"M": "3"})
-
-
-def data_of(page: str) -> dict:
-    return json.loads(re.search(r"^const data = (.*);$", page, flags=re.MULTILINE)[1])
-
-
 def test_three_frames_are_a_dance_without_jerk(dance: Callable[..., Result], tmp_path: Path) -> None:
     result = dance(tmp_path / "dance.npz", "--seconds", 0.2)
     assert result.exit_code == 0, result.output
@@ -223,54 +209,14 @@ def test_three_frames_are_a_dance_without_jerk(dance: Callable[..., Result], tmp
     assert re.search(r"jerk, m/s³\W+-", result.output)
 
 
-def test_page_holds_the_movement_at_thirty_frames_a_second(clip: Clip) -> None:
-    motion = resample_motion(clip.motion, FPS).span(0.0, 2.0)
-    data = data_of(page_of(motion, clip.audio.span(0.0, 2.0)))
-    positions = np.frombuffer(base64.b64decode(data["positions"]), "<f4").reshape(data["frames"], data["joints"], 3)
-    assert data["fps"] == 30
-    np.testing.assert_allclose(positions[::2], motion.positions, atol=1e-5)
-    assert data["beats"] == [0.5]
-
-
-def test_page_holds_the_sound_sample_by_sample(clip: Clip) -> None:
-    audio = clip.audio.span(0.0, 1.0)
-    page = page_of(clip.motion, audio)
-    sound = base64.b64decode(re.search(r'src="data:audio/flac;base64,([^"]+)"', page)[1])
-    samples, rate = soundfile.read(io.BytesIO(sound))
-    assert rate == audio.sample_rate
-    np.testing.assert_allclose(samples, np.clip(audio.samples, -1, 1), atol=1 / 2**15)
-
-
-def test_page_asks_the_network_for_nothing_and_quotes_what_it_is_given(clip: Clip) -> None:
-    page = page_of(clip.motion, clip.audio.span(0.0, 1.0), title='<script>alert("1")</script>')
-    assert not re.search(r"https?://|//[a-z]+\.", page)
-    assert "<script>alert" not in page
-    assert page.count("<script>") == 1
-
-
-def test_page_refuses_image_coordinates() -> None:
-    flat = Motion(np.zeros((5, 2, 2)), 15.0, Skeleton(("a", "b"), (-1, 0)))
-    with pytest.raises(ValueError, match="image coordinates"):
-        page_of(flat, Audio(np.zeros(100), 8000))
-
-
-@pytest.mark.browser
-def test_page_plays_and_the_picture_follows_the_sound(clip: Clip, tmp_path: Path, chromium: Any) -> None:
-    (tmp_path / "dance.html").write_text(page_of(clip.motion, clip.audio), "utf-8")
-    page = chromium.new_page()
-    errors: list[str] = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto((tmp_path / "dance.html").as_uri())
-    first = page.eval_on_selector("#stage", "canvas => canvas.toDataURL()")
-    page.click("#play")
-    page.wait_for_function("document.getElementById('sound').currentTime > 0.6", timeout=20_000)
-    assert page.text_content("#play") == "Pause"
-    page.keyboard.press("Space")  # on the button that was clicked: its own action
-    page.wait_for_function("document.getElementById('sound').paused", timeout=5_000)
-    assert page.eval_on_selector("#stage", "canvas => canvas.toDataURL()") != first
-    page.eval_on_selector("#seek", "bar => { bar.value = 3; bar.dispatchEvent(new Event('input')); }")
-    page.wait_for_function("document.getElementById('time').textContent === '3.0 s'", timeout=5_000)
-    assert errors == []
+def test_html_is_the_player_with_the_scores(dance: Callable[..., Result], tmp_path: Path) -> None:
+    assert dance(tmp_path / "dance.html").exit_code == 0
+    page = (tmp_path / "dance.html").read_text("utf-8")
+    data = json.loads(re.search(r"^const data = (.*);$", page, flags=re.MULTILINE)[1])
+    assert data["duration"] == pytest.approx(2.0)
+    assert [dancer["name"] for dancer in data["dancers"]] == ["generated"]
+    assert '<th scope="row">harmony above chance</th>' in page
+    assert [file.name for file in tmp_path.iterdir()] == ["dance.html"]
 
 
 @pytest.mark.browser

@@ -28,6 +28,8 @@ NAMES = [
     "09_harmony_loss",
     "11_frame_by_frame",
     "12_cheating_the_score",
+    "13_your_own_dance",
+    "14_listening_study",
 ]
 TO_COME = {"10"}  # the comparison with other systems (Fig. 12, Tables 1 and 2)
 MOST_CELLS = 15

@@ -11,6 +11,8 @@ from harmolab import __version__
 from harmolab.cli.comparing import compare, learn
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
+from harmolab.cli.playing import play
+from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
 from harmolab.cli.training import train
 
@@ -27,6 +29,8 @@ app.command()(compare)
 app.command()(learn)
 app.command()(train)
 app.command()(dance)
+app.command()(play)
+app.command()(retime)
 app.add_typer(data_app, name="data")
 
 

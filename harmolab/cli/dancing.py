@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import plain_errors, progress, show, write_text
+from harmolab.cli.common import plain_errors, progress, show
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -190,10 +190,13 @@ def _write(
         return
     sound = load_audio(song, start=start, duration=motion.duration, sample_rate=None)
     if suffix == ".html":
-        from harmolab.cli.dance_page import dance_page
+        from harmolab.beats.visual import visual_beats
+        from harmolab.params import HarmonyParams
+        from harmolab.widgets.player import Dancer, Player
 
+        dancer = Dancer("generated", motion, visual_beats(motion, params=HarmonyParams.valleys()))
         shown = {name: show(value) for name, value in scores.items()}
-        write_text(path, dance_page(motion, sound, beats=music, title=song.stem, facts=shown))
+        Player(sound, [dancer], music=music, title=song.stem, facts=shown).save(path)
         return
     from harmolab.data.dance_floor import render_dance
     from harmolab.io.video import write_video

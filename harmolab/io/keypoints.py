@@ -23,10 +23,12 @@ __all__ = [
     "COCO_17",
     "OPENPOSE_18",
     "OPENPOSE_25",
+    "joint_indices",
     "keypoints_motion",
     "load_keypoints",
     "load_openpose",
     "named_skeleton",
+    "skeleton_part",
 ]
 
 COCO_17 = Skeleton(
@@ -102,8 +104,8 @@ def keypoints_motion(values: NDArray[Any], fps: float, *, joints: Sequence[str] 
     points = _with_joints(values)
     skeleton = named_skeleton(points.shape[1]) or Skeleton.unnamed(points.shape[1])
     if joints is not None:
-        keep = _indices(skeleton, joints)
-        points, skeleton = points[:, keep], _part(skeleton, keep)
+        keep = joint_indices(skeleton, joints)
+        points, skeleton = points[:, keep], skeleton_part(skeleton, keep)
     if points.shape[2] == 2:
         return checked_motion(points, fps, skeleton)
     seen = np.asarray(points[..., 2] > 0)
@@ -122,7 +124,7 @@ def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
     )
 
 
-def _indices(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
+def joint_indices(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
     """Where `joints` stand in the skeleton."""
     unknown = [name for name in joints if name not in skeleton.joints]
     if unknown or not joints:
@@ -130,7 +132,7 @@ def _indices(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
     return [skeleton.joints.index(name) for name in joints]
 
 
-def _part(skeleton: Skeleton, keep: list[int]) -> Skeleton:
+def skeleton_part(skeleton: Skeleton, keep: list[int]) -> Skeleton:
     """The skeleton of the joints `keep`; each hangs on its nearest ancestor that is kept."""
     parents = []
     for joint in keep:

@@ -1,4 +1,4 @@
-"""Video files to grey frames at a constant rate, and frames to H.264, both through PyAV (no ffmpeg program needed).
+"""Video files to grey or colour frames at a constant rate, and frames to H.264, both through PyAV (no ffmpeg needed).
 
 Nothing in a file is trusted: the picture size is checked before a picture is decoded, only formats that hold their own
 pictures are opened (no playlists, no network), and reading stops at a number of frames.
@@ -53,6 +53,8 @@ class VideoFrames:
     height, width : int, pixels, of the frames, upright
     max_frames : int
         More than this is an error.
+    colour : bool
+        Whether the frames have three channels.
     """
 
     path: Path
@@ -60,9 +62,10 @@ class VideoFrames:
     height: int
     width: int
     max_frames: int
+    colour: bool = False
 
     def __iter__(self) -> Iterator[Frame]:
-        """(H, W) uint8 arrays; ValueError names the file when it turns out to be damaged or cut off."""
+        """(H, W) or (H, W, 3) uint8 arrays; ValueError names the file when it turns out to be damaged or cut off."""
         with _opened(self.path) as (container, stream):
             held: av.VideoFrame | None = None
             index = 0  # of the next frame to come out
@@ -71,15 +74,25 @@ class VideoFrames:
                 if place >= self.max_frames:
                     raise ValueError(f"has more than max_frames={self.max_frames} frames; cut it into parts")
                 if held is not None and place > index:
-                    yield from itertools.repeat(_grey(held, self.height, self.width), place - index)
+                    yield from itertools.repeat(self._frame(held), place - index)
                     index = place
                 held = picture
             if held is not None:
-                yield _grey(held, self.height, self.width)
+                yield self._frame(held)
+
+    def _frame(self, picture: av.VideoFrame) -> Frame:
+        """A picture, small and upright."""
+        turns = _quarter_turns(picture)
+        height, width = (self.width, self.height) if turns % 2 else (self.height, self.width)
+        pixels = "rgb24" if self.colour else "gray"
+        small = picture.reformat(height=height, width=width, format=pixels, interpolation="AREA").to_ndarray()
+        return np.array(np.rot90(small, turns), dtype=np.uint8, order="C")
 
 
-def video_frames(path: PathLike, *, height: int = 240, max_frames: int = MAX_FRAMES) -> VideoFrames:
-    """The frames of a video file, small and grey, for optical flow.
+def video_frames(
+    path: PathLike, *, height: int = 240, max_frames: int = MAX_FRAMES, colour: bool = False
+) -> VideoFrames:
+    """The frames of a video file, small and grey (for optical flow) or in colour (to be shown).
 
     Parameters
     ----------
@@ -89,6 +102,8 @@ def video_frames(path: PathLike, *, height: int = 240, max_frames: int = MAX_FRA
         Of the frames that come out; the width follows. A smaller video keeps its size.
     max_frames : int
         A longer video is an error: at once if its header says so, else when that frame is reached.
+    colour : bool
+        RGB frames (H, W, 3) in place of grey ones (H, W).
 
     Returns
     -------
@@ -116,7 +131,7 @@ def video_frames(path: PathLike, *, height: int = 240, max_frames: int = MAX_FRA
         if len(pictures) < 2:
             raise ValueError(f"holds {len(pictures) or 'no'} frame, a video needs two or more; is it a picture?")
         first = _upright(pictures[0], height)
-        return VideoFrames(Path(path), fps, *first, max_frames)
+        return VideoFrames(Path(path), fps, *first, max_frames, colour)
 
 
 @contextmanager
@@ -206,13 +221,6 @@ def _upright(picture: av.VideoFrame, height: int) -> tuple[int, int]:
 def _quarter_turns(picture: av.VideoFrame) -> int:
     """How often a picture has to be turned left by 90 degrees to stand upright (a phone held on its side)."""
     return round(picture.rotation / 90) % 4
-
-
-def _grey(picture: av.VideoFrame, height: int, width: int) -> Frame:
-    turns = _quarter_turns(picture)
-    lying = (width, height) if turns % 2 else (height, width)
-    small = picture.reformat(height=lying[0], width=lying[1], format="gray", interpolation="AREA").to_ndarray()
-    return np.array(np.rot90(small, turns), dtype=np.uint8, order="C")
 
 
 def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: Audio | None = None) -> None:

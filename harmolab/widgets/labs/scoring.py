@@ -2,68 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from types import MappingProxyType
 from typing import Any
 
-import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import audio_beats
 from harmolab.beats.saliency import salient_audio, salient_visual, strength_steps
 from harmolab.beats.visual import motion_curve, visual_beats
-from harmolab.harmony import above_chance, harmony_from_hits, hit_pairs, hitting_score, overlap, score_harmony
+from harmolab.harmony import above_chance, harmony_from_hits, hit_pairs, hitting_score, score_harmony
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.pattern import PatternFit, beat_positions, evaluate_pattern, fit_of_speed, normalised_speed
 from harmolab.significance import p_value, rotated_shares, rotations
-from harmolab.types import BeatTrack, Clip, Motion
+from harmolab.types import BeatTrack, Clip
 from harmolab.viz.beats import draw_curve, draw_hits, draw_rotations, draw_shares, draw_stems, draw_threshold
 from harmolab.viz.style import COLOURS
-from harmolab.widgets.explorer import Explorer
+from harmolab.widgets.labs.lab import MODES, Lab, ModeLab, menu, slider, start_at
+from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
 
-__all__ = ["Stage", "draw_lab", "lab_params", "scoring_lab"]
+__all__ = ["N_ROTATIONS", "draw_lab", "lab_params", "scoring_lab"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MODES = MappingProxyType(
-    {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
-)
 # Under the pictures; a legend would be made and drawn anew each time a slider moves.
 HITS_KEY = (
     "pale blue: tolerance field   |   circle: hit   |   cross: missed, or left over   |   grey, dotted: not noticed"
 )
 RANKS_KEY = "rank of each music beat among all moments   |   wider if stronger   |   below, dashed: expected speed"
+# Hits over the whole width; below, the dance's curve and, at its right, the moved music.
+PLACES = ((0.085, 0.535, 0.895, 0.34), (0.085, 0.1, 0.57, 0.31), (0.735, 0.1, 0.245, 0.31))
 N_ROTATIONS = 200  # as fine as the eye can tell; more would make the sliders sluggish
 
 
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """What the lab plays with: music beats and motion on one time line, the recommended mode's pattern, the source."""
-
-    music: BeatTrack
-    motion: Motion
-    pattern: BarPattern
-    source: str = ""
-
-    @classmethod
-    def of(cls, clip: Clip, pattern: BarPattern | None = None) -> Stage:
-        """The part of a clip where music and motion overlap; its own beats, else those tracked in its audio.
-
-        Raises
-        ------
-        ValueError
-            If the clip has no motion.
-        """
-        track = audio_beats(clip.audio) if clip.beats is None else clip.beats
-        return cls(*overlap(clip, track), pattern or BarPattern.stop_on_the_beat(), clip.source)
-
-
-def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any) -> Explorer:
+def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any) -> Lab:
     """Sliders for λ1, λ2, T_delay, β and lag, menus for mode, detector and matching, above a picture of the score.
 
     Choosing a mode sets the other controls to what that mode uses; each can be moved away from there.
@@ -74,61 +49,31 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
     pattern : BarPattern, optional
         What the recommended mode expects of the dance; movements that stop on the beat when left out.
     **values
-        Where controls start instead of at the paper mode: ``delay=0.1``.
+        Where controls start instead of at the paper mode: ``delay=0.1``; a mode brings its own settings.
 
     Examples
     --------
     >>> lab = scoring_lab(synthetic_clip("cha-cha"))  # doctest: +SKIP
     >>> lab.controls["delay"].value = 0.1  # doctest: +SKIP
     """
-    controls = _controls()
-    unknown = set(values) - set(controls)
-    if unknown:
-        raise ValueError(f"no control {', '.join(sorted(unknown))}; there are {', '.join(controls)}")
-    for name, value in values.items():
-        controls[name].value = value
-    return _ModeExplorer(partial(draw_lab, Stage.of(clip, pattern)), **controls)
-
-
-class _ModeExplorer(Explorer):
-    """An Explorer whose other controls follow the mode, with one new picture for all of them."""
-
-    _following = False
-
-    def _redraw(self, change: Any = None) -> None:
-        if self._following:
-            return
-        if change is not None and change["owner"] is self._controls["mode"]:
-            self._following = True
-            try:
-                for name, value in _presets(change["new"]).items():
-                    self._controls[name].value = value
-            finally:
-                self._following = False
-        super()._redraw(change)
+    stage = Stage.of(clip, pattern)
+    controls = start_at(_controls(), values, _presets)
+    return ModeLab(partial(draw_lab, stage), partial(lab_params, pattern=stage.pattern), _presets, **controls)
 
 
 def _controls() -> dict[str, Any]:
     """The lab's widgets, at the paper mode."""
     start = _presets("paper")
-    look: dict[str, Any] = {"style": {"description_width": "5.5em"}, "layout": {"width": "22em"}}
-    menus = {"mode": tuple(MODES), "detector": CHOICES["detector"], "matching": CHOICES["matching"]}
-    sliders = {
-        "lambda1": ("λ1 (music)", 0.0, 8.0, 0.1),
-        "lambda2": ("λ2 (dance)", 0.0, 3.0, 0.1),
-        "delay": ("T_delay (s)", 0.0, 0.5, 0.01),
-        "beta": ("β", 0.25, 4.0, 0.25),
-        "lag": ("lag (s)", -0.4, 0.4, 0.02),
+    return {
+        "mode": menu("mode", tuple(MODES), "paper"),
+        "detector": menu("detector", CHOICES["detector"], start["detector"]),
+        "matching": menu("matching", CHOICES["matching"], start["matching"]),
+        "lambda1": slider("λ1 (music)", 0.0, 8.0, 0.1, start["lambda1"]),
+        "lambda2": slider("λ2 (dance)", 0.0, 3.0, 0.1, start["lambda2"]),
+        "delay": slider("T_delay (s)", 0.0, 0.5, 0.01, start["delay"]),
+        "beta": slider("β", 0.25, 4.0, 0.25, start["beta"]),
+        "lag": slider("lag (s)", -0.4, 0.4, 0.02, start["lag"]),
     }
-    made: dict[str, Any] = {
-        name: widgets.Dropdown(options=options, value=start.get(name, "paper"), description=name, **look)
-        for name, options in menus.items()
-    }
-    for name, (label, low, high, step) in sliders.items():
-        made[name] = widgets.FloatSlider(
-            value=start[name], min=low, max=high, step=step, description=label, readout_format=".2f", **look
-        )
-    return made
 
 
 def _presets(mode: str) -> dict[str, Any]:
@@ -184,39 +129,12 @@ def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None,
     """
     params = lab_params(mode, **{**_presets(mode), **values}, pattern=stage.pattern)
     shown = Figure() if figure is None else figure
-    above, below, right, board = shown.axes or _four_axes(shown)
+    above, below, right, board = shown.axes or placed_axes(shown, (10.0, 5.6), PLACES)
     draw = _draw_hit_score if params.measure == "hits" else _draw_pattern_score
-    _draw_board(board, draw(above, below, right, stage, params))
+    draw_board(board, draw(above, below, right, stage, params))
     below.set_xlim(above.get_xlim())
-    below.set_xlabel(f"time (s)   |   {stage.source} data" if stage.source else "time (s)")
+    below.set_xlabel(stage.time_label)
     return shown
-
-
-def _four_axes(figure: Figure) -> list[Axes]:
-    """Hits over the whole width; below, the dance's curve and, at its right, the moved music; on top, the score.
-
-    At fixed places, so that the same values give the same picture whatever was shown before.
-    """
-    figure.set_size_inches(10.0, 5.6)
-    places = (
-        *((0.085, 0.535, 0.895, 0.34), (0.085, 0.1, 0.57, 0.31), (0.735, 0.1, 0.245, 0.31)),
-        (0.085, 0.94, 0.895, 0.05),
-    )
-    axes = [figure.add_axes(place) for place in places]
-    axes[3].set(xlim=(0, 5), ylim=(0, 1), frame_on=False)
-    axes[3].yaxis.set_visible(False)
-    return axes
-
-
-def _draw_board(ax: Axes, score: dict[str, str]) -> None:
-    """The score's numbers over their names. The names are tick labels, which are kept; only numbers are drawn anew."""
-    names = ", ".join(score)
-    if ax.get_gid() != names:
-        ax.set_xticks(np.arange(len(score)) + 0.5, list(score))
-        ax.tick_params(axis="x", length=0, pad=2)
-        ax.set_gid(names)
-    for place, number in enumerate(score.values()):
-        ax.text(place + 0.5, 0.1, number, ha="center", va="bottom", fontsize=14, fontweight="bold")
 
 
 def _numbers(harmony: float, hits: BoolArray, chance: float, above: float, p: float, *, met: str) -> dict[str, str]:

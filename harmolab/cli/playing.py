@@ -1,0 +1,127 @@
+"""`harmolab play`: a motion and its music as one page that plays anywhere."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from math import ceil, inf, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harmolab.cli.common import plain_errors
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from harmolab.types import Audio, BeatTrack, Clip, Motion
+
+__all__ = ["play"]
+
+
+def play(
+    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3.")],
+    motion: Annotated[
+        Path, typer.Argument(help="The motion: npz, npy, bvh, AIST++ pkl, keypoints, or a Tang 2018 folder.")
+    ],
+    out: Annotated[Path, typer.Option(help="The page to write, .html.")],
+    other: Annotated[Path | None, typer.Option(help="A second motion to the same music, shown beside it.")] = None,
+    offset: Annotated[
+        float | None,
+        typer.Option(help="Audio time in seconds of the motions' first frame (default: what the folder says, else 0)."),
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option(help="Audio time in seconds at which the page begins (default: with the motion).")
+    ] = None,
+    seconds: Annotated[float | None, typer.Option(help="Show only so many seconds from there.")] = None,
+    dance: Annotated[str, typer.Option(help="Dance of the music: a prior for its tempo (waltz, ...).")] = "",
+    beats: Annotated[
+        Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
+    ] = None,
+    fps: Annotated[
+        float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, keypoints).")
+    ] = None,
+) -> None:
+    """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
+
+    Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
+    """
+    from harmolab.cli.scoring import read_clip
+    from harmolab.io.audio import load_audio
+
+    with plain_errors():
+        _check(out)
+        clip = read_clip(audio, motion, offset, None, fps, beats)
+        names, motions = _motions(clip, motion, other, fps)
+        motions, begins = _shown(motions, clip.offset, start, seconds)
+        sound = load_audio(audio, start=begins, duration=max(moves.duration for moves in motions), sample_rate=None)
+        _save(
+            out, f"{clip.name} to {audio.name}", sound, _beats(clip, dance).span(begins, sound.duration), names, motions
+        )
+    typer.echo(f"wrote {out}")
+
+
+def _check(out: Path) -> None:
+    """ValueError unless the page can be written, before any work is done."""
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"{out}: the player is a page; choose a name that ends in .html")
+    if not out.resolve().parent.is_dir():
+        raise ValueError(f"{out.parent}: no such folder")
+    if find_spec("jinja2") is None:
+        raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
+
+
+def _motions(clip: Clip, path: Path, other: Path | None, fps: float | None) -> tuple[list[str], list[Motion]]:
+    """Names and motions of the dancers, all at the rate of the first: one frame of each falls on the same moment."""
+    from harmolab.data.folders import load_any_motion
+    from harmolab.kinematics import resample_motion, upsample_motion
+
+    first = clip.motion or load_any_motion(path, fps=fps)
+    if other is None:
+        return [clip.name], [first]
+    second = upsample_motion(load_any_motion(other, fps=fps), first.fps)
+    return [clip.name, other.stem or other.name], [first, resample_motion(second, first.fps)]
+
+
+def _shown(
+    motions: list[Motion], offset: float, start: float | None, seconds: float | None
+) -> tuple[list[Motion], float]:
+    """The frames from audio time `start` on, and the audio time of the first of them."""
+    if seconds is not None and not 0 < seconds < inf:
+        raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
+    if start is not None and not isfinite(start):
+        raise ValueError(f"start must be a finite number of seconds, got {start:g}")
+    fps = motions[0].fps
+    # The first whole frame there, and the sound from that very moment: not up to half a frame apart.
+    skipped = max(ceil((max(offset if start is None else start, 0.0) - offset) * fps - 1e-9), 0)
+    return [motion.span(skipped / fps, seconds or motion.duration) for motion in motions], offset + skipped / fps
+
+
+def _beats(clip: Clip, dance: str) -> BeatTrack:
+    """The music's beats as annotated, else as found in the whole piece."""
+    from rich.console import Console
+
+    from harmolab.beats.audio import audio_beats
+
+    if clip.beats is not None:
+        return clip.beats
+    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
+        return audio_beats(clip.audio, tempo=dance or None)
+
+
+def _save(
+    out: Path, title: str, sound: Audio, track: BeatTrack, names: Sequence[str], motions: Sequence[Motion]
+) -> None:
+    """The page, with what each dancer scores."""
+    from harmolab.beats.visual import visual_beats
+    from harmolab.harmony import score_harmony
+    from harmolab.params import HarmonyParams
+    from harmolab.widgets.player import Dancer, Player
+
+    params, dancers, facts = HarmonyParams.valleys(), [], {}
+    for name, motion in zip(names, motions, strict=True):
+        dancer = Dancer(name, motion, visual_beats(motion, params=params))
+        score = score_harmony(track, dancer.visual, params=params)
+        facts[f"{name}: harmony above chance"] = f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
+        dancers.append(dancer)
+    Player(sound, dancers, music=track, title=title, facts=facts, params=params).save(out)

@@ -1,0 +1,186 @@
+"""`harmolab retime`: a motion or a video whose time is bent until its beats meet the music's."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypedDict
+
+import typer
+
+from harmolab.cli.common import plain_errors, progress, show
+
+if TYPE_CHECKING:
+    from harmolab.timewarp import Retimed, TimeWarp
+    from harmolab.types import Audio, BeatTrack, HarmonyScore, Motion
+
+__all__ = ["Method", "retime"]
+
+VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm")
+MOTION_SUFFIXES = (".npz", ".bvh", ".mp4")
+VIDEO_FPS = 30.0
+MEANINGS = (
+    "Above chance: speed valleys (in a video: impacts) within 0.1 s of the beats; 0 is a random moment, 1 every beat "
+    "met. Speed: source seconds a second."
+)
+
+
+class Method(StrEnum):
+    """How the warp is found."""
+
+    dp = "dp"
+    lee2019 = "lee2019"
+
+
+class _Wishes(TypedDict):
+    """What `harmolab.timewarp.warp_by` is told."""
+
+    phase: float
+    strength: float
+    slowest: float
+    fastest: float
+
+
+def retime(
+    motion: Annotated[Path, typer.Argument(help="The motion (npz, npy, bvh, AIST++ pkl, ...), or a video.")],
+    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3.")],
+    out: Annotated[Path, typer.Option(help="npz, bvh or mp4 (with sound); mp4 for a video.")],
+    strength: Annotated[float, typer.Option(help="Share of every shift that is made, 0 to 1.")] = 1.0,
+    phase: Annotated[float, typer.Option(help="Where in the beat to land: 0 on it, 0.5 half way to the next.")] = 0.0,
+    offset: Annotated[float, typer.Option(help="Audio time in seconds at which the motion begins.")] = 0.0,
+    slowest: Annotated[float, typer.Option(help="Lowest local speed, above 0 to 1.")] = 0.7,
+    fastest: Annotated[float, typer.Option(help="Highest local speed, 1 or more.")] = 1.4,
+    dance: Annotated[str, typer.Option(help="Dance of the music: a prior for its tempo (waltz, ...).")] = "",
+    method: Annotated[
+        Method, typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
+    ] = Method.dp,
+    fps: Annotated[
+        float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, keypoints).")
+    ] = None,
+) -> None:
+    """Bend a motion's time until it is in time with the music, and say how much was bent.
+
+    A motion that is in time already is left alone.
+
+    Example: `harmolab retime dance.bvh song.mp3 --out mended.mp4 --dance waltz`
+    """
+    with plain_errors():
+        is_video = motion.suffix.lower() in VIDEOS
+        _check_out(out, (".mp4",) if is_video else MOTION_SUFFIXES)
+        wishes = _Wishes(phase=phase, strength=strength, slowest=slowest, fastest=fastest)
+        if is_video:
+            before, after, warp = _retimed_video(motion, audio, out, offset, dance, wishes, method)
+        else:
+            retimed = _retimed_motion(motion, audio, out, offset, dance, wishes, method, fps)
+            before, after, warp = retimed.before, retimed.after, retimed.warp
+    _print(before, after, warp)
+    typer.echo(f"wrote {out}")
+
+
+def _check_out(out: Path, suffixes: tuple[str, ...]) -> None:
+    """Said before any work is done."""
+    if out.suffix.lower() not in suffixes:
+        raise ValueError(f"{out}: this is written as {', '.join(suffixes)}; choose a name that ends so")
+    if not out.resolve().parent.is_dir():
+        raise ValueError(f"{out.parent}: no such folder")
+
+
+def _retimed_motion(
+    path: Path,
+    song: Path,
+    out: Path,
+    offset: float,
+    dance: str,
+    wishes: _Wishes,
+    method: Method,
+    fps: float | None,
+) -> Retimed:
+    """The motion, retimed and written."""
+    from harmolab.data.folders import load_any_motion
+    from harmolab.timewarp import retime as bend
+
+    motion = load_any_motion(path, fps=fps)
+    music = _music(song, offset, motion.duration, dance)
+    retimed = bend(motion, music, method=method.value, **wishes)
+    _write(out, retimed.motion, music, song, offset)
+    return retimed
+
+
+def _music(song: Path, offset: float, duration: float, dance: str) -> BeatTrack:
+    """The song's beats on the motion's time line."""
+    from rich.console import Console
+
+    from harmolab.beats.audio import audio_beats
+    from harmolab.io.audio import load_audio
+    from harmolab.params import DANCES
+
+    audio = load_audio(song)
+    if not -duration < offset < audio.duration:
+        raise ValueError(f"{song}: motion from {offset:g} s does not meet audio of {audio.duration:.2f} s")
+    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
+        return audio_beats(audio, tempo=dance if dance in DANCES else None).span(offset, duration)
+
+
+def _sound(song: Path, offset: float, duration: float) -> Audio:
+    """The music from the motion's first frame to its last; silence where there is none yet."""
+    import numpy as np
+
+    from harmolab.io.audio import load_audio
+    from harmolab.types import Audio
+
+    silence = max(0.0, -offset)
+    sound = load_audio(song, start=max(0.0, offset), duration=duration - silence, sample_rate=None)
+    return Audio(np.pad(sound.samples, (round(silence * sound.sample_rate), 0)), sound.sample_rate)
+
+
+def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: float) -> None:
+    """The motion in the form that the name asks for."""
+    if path.suffix.lower() != ".mp4":
+        from harmolab.io.motion import save_motion
+
+        save_motion(path, motion)
+        return
+    from harmolab.data.dance_floor import render_dance
+    from harmolab.io.video import write_video
+
+    frames = progress(render_dance(motion, fps=VIDEO_FPS, beats=music), "drawing")
+    write_video(path, frames, VIDEO_FPS, audio=_sound(song, offset, motion.duration))
+
+
+def _retimed_video(
+    path: Path, song: Path, out: Path, offset: float, dance: str, wishes: _Wishes, method: Method
+) -> tuple[HarmonyScore, HarmonyScore, TimeWarp]:
+    """Scores before and after, and the warp. The beats after are those before, moved with their frames."""
+    from dataclasses import replace
+
+    from harmolab.beats.flow import flow_beats
+    from harmolab.harmony import score_harmony
+    from harmolab.io.video import video_frames
+    from harmolab.params import HarmonyParams
+    from harmolab.timewarp import warp_by, warp_video
+
+    video = video_frames(path)
+    visual = flow_beats(progress(video, "looking for movement"), video.fps)
+    music = _music(song, offset, visual.duration, dance)
+    warp = warp_by(method.value, visual, music, visual.duration - 1 / video.fps, **wishes)
+    warp_video(path, out, warp, _sound(song, offset, visual.duration))
+    moved = replace(visual, times=warp(visual.times))
+    scores = [score_harmony(music, t, params=HarmonyParams.valleys(), n_rotations=0) for t in (visual, moved)]
+    return scores[0], scores[1], warp
+
+
+def _print(before: HarmonyScore, after: HarmonyScore, warp: TimeWarp) -> None:
+    """What was won, and what it took."""
+    import numpy as np
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("", "before", "after", title="the motion and its music")
+    table.add_row("harmony above chance", show(before.harmony_above_chance), show(after.harmony_above_chance))
+    table.add_row("hit rate", show(before.hit_rate), show(after.hit_rate))
+    table.add_row("time bent, mean, ms", "0", f"{1000 * warp.bent:.0f}")
+    table.add_row("time bent, largest, ms", "0", f"{1000 * np.abs(warp.shifts()).max():.0f}")
+    table.add_row("local speed", "1", show(warp.speed_range()))
+    console = Console()
+    console.print(table)
+    console.print("Nothing was worth bending." if warp.is_identity else MEANINGS, highlight=False)

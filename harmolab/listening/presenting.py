@@ -1,0 +1,171 @@
+"""A study as a plain local page: no notebook, no script; the browser talks to this machine alone."""
+
+from __future__ import annotations
+
+import html
+import re
+import secrets
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs
+
+from harmolab.listening.answers import AnswerLog
+from harmolab.listening.trials import Trial, TrialSet
+
+__all__ = ["StudyServer", "trial_page"]
+
+HOST = "127.0.0.1"
+MOST_BYTES = 4096  # of a form
+IDLE_SECONDS = 30.0
+
+
+def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Trial], str], *, action: str) -> str:
+    """The page of the first waiting trial, or of thanks.
+
+    Parameters
+    ----------
+    trials : TrialSet
+    waiting : tuple of Trial, those without an answer
+    show : callable, ``show(trial)`` returns the HTML of a trial
+    action : str, address that the answer is sent to
+    """
+    if not waiting:
+        return _page(f"<p>Thank you. All {len(trials)} answers are saved; you can close this page.</p>")
+    trial, number = waiting[0], len(trials) - len(waiting) + 1
+    buttons = " ".join(f'<button name="choice" value="{choice}">{choice}</button>' for choice in trials.choices)
+    return _page(
+        f"<p>Trial {number} of {len(trials)}: {html.escape(trials.question)}</p>{show(trial)}"
+        f'<form method="post" action="{html.escape(action, quote=True)}">'
+        f'<input type="hidden" name="trial" value="{trial.id}">{buttons}</form>'
+    )
+
+
+def _page(body: str) -> str:
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Listening study</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        "<style>body{font:1.1rem sans-serif;max-width:60rem;margin:1rem auto;padding:0 1rem}"
+        "button{font-size:1.1rem;padding:.6rem 1.2rem;margin:.5rem .5rem 0 0}</style>"
+        f"</head><body>{body}</body></html>"
+    )
+
+
+class StudyServer:
+    """Asks the trials of one rater in a browser on this machine.
+
+    Parameters
+    ----------
+    trials : TrialSet
+    log : AnswerLog
+        An answer is written through before the next page is sent.
+    show : callable, ``show(trial)`` returns the HTML of a trial
+    port : int, 0 for any free one
+
+    Notes
+    -----
+    It listens on 127.0.0.1 only. Its address holds a secret, so that another page open in the browser can neither
+    read the trials nor answer them.
+
+    Examples
+    --------
+    >>> with StudyServer(trials, log, show).running() as address:  # doctest: +SKIP
+    ...     webbrowser.open(address)
+    ...     input("Press Enter when the rater is done. ")
+    """
+
+    def __init__(self, trials: TrialSet, log: AnswerLog, show: Callable[[Trial], str], *, port: int = 0) -> None:
+        self._trials, self._log, self._show = trials, log, show
+        self.path = f"/{secrets.token_urlsafe(16)}/"
+        self._since = time.monotonic()
+        self._answering = threading.Lock()
+        self._server = _Server(port, self)
+
+    @property
+    def address(self) -> str:
+        """What to open in the browser."""
+        return f"http://{HOST}:{self._server.server_port}{self.path}"
+
+    @contextmanager
+    def running(self) -> Iterator[str]:
+        """The address, served until the end of the ``with`` block."""
+        thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
+        thread.start()
+        try:
+            yield self.address
+        finally:
+            self._server.shutdown()
+            self._server.server_close()
+            thread.join()
+
+    def page(self) -> str:
+        """The page that the rater sees now."""
+        self._since = time.monotonic()
+        return trial_page(self._trials, self._log.resume(self._trials), self._show, action=self.path)
+
+    def answer(self, trial: str, choice: str) -> None:
+        """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""
+        with self._answering:
+            if trial in {one.id for one in self._log.resume(self._trials)}:
+                seconds = round(time.monotonic() - self._since, 3)
+                self._log.record(self._trials, trial, choice, seconds=seconds)
+
+
+class _Server(ThreadingHTTPServer):
+    """A server on this machine alone that knows its study."""
+
+    daemon_threads = True
+
+    def __init__(self, port: int, study: StudyServer) -> None:
+        self.study = study
+        super().__init__((HOST, port), _Handler)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """GET shows the trial, POST answers it."""
+
+    server: _Server
+    timeout = IDLE_SECONDS
+
+    def do_GET(self) -> None:
+        if self._is_ours():
+            self._reply(HTTPStatus.OK, self.server.study.page())
+
+    def do_POST(self) -> None:
+        if not self._is_ours():
+            return
+        try:
+            form = self._form()
+            self.server.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
+        except (ValueError, OSError) as error:
+            self._reply(HTTPStatus.BAD_REQUEST, _page(f"<p>The answer was not saved: {html.escape(str(error))}</p>"))
+        else:
+            self._reply(HTTPStatus.SEE_OTHER, "", Location=self.path)
+
+    def _form(self) -> dict[str, list[str]]:
+        length = self.headers.get("Content-Length", "")
+        if not re.fullmatch("[0-9]{1,9}", length) or int(length) > MOST_BYTES:
+            raise ValueError(f"an answer has at most {MOST_BYTES} bytes")
+        return parse_qs(self.rfile.read(int(length)).decode("utf-8", "replace"))
+
+    def _is_ours(self) -> bool:
+        if self.path == self.server.study.path:
+            return True
+        self._reply(HTTPStatus.NOT_FOUND, _page("<p>There is nothing here.</p>"))
+        return False
+
+    def _reply(self, status: HTTPStatus, text: str, **headers: str) -> None:
+        content = text.encode()
+        self.send_response(status)
+        fixed = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(content))}
+        for name, value in {**fixed, "Cache-Control": "no-store", **headers}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Says nothing: the rater's terminal is no place for requests."""

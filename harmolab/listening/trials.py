@@ -1,0 +1,296 @@
+"""Balanced, seeded, blind trials: what a rater is asked, and apart from it the key that says what was asked.
+
+Two kinds, after the paper's two studies. "pick" (Fig. 8): one clip at a time, with its own or with wrong music; is it
+harmonious? "choice" (Fig. 13): two dances to the same music side by side; which one fits better?
+
+All raters of a study get the same trials, each in an order of their own, so that they can be compared trial by trial.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+__all__ = [
+    "CHOICES",
+    "MOST_TRIALS",
+    "QUESTIONS",
+    "Asked",
+    "Item",
+    "Key",
+    "Trial",
+    "TrialSet",
+    "make_key",
+    "make_trials",
+]
+
+Kind = Literal["pick", "choice"]
+
+CHOICES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")}
+)
+QUESTIONS: Mapping[str, str] = MappingProxyType(
+    {"pick": "Does the dance fit its music?", "choice": "Which dance fits the music better?"}
+)
+ID = re.compile(r"[0-9a-f]{12}")
+MOST_TRIALS = 10_000
+
+
+@dataclass(frozen=True)
+class Item:
+    """One clip, or one piece of music, and the versions of it that may be shown.
+
+    Parameters
+    ----------
+    name : str
+    versions : mapping from condition or model to source
+        For "pick" the condition "true" and one or more wrong ones, such as ``{"true": ..., "lagged": ...}``; for
+        "choice" the models. A source is whatever text leads the caller to what is shown: a file, a clip's name.
+    """
+
+    name: str
+    versions: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        if len(self.versions) < 2:
+            raise ValueError(f"item {self.name!r} needs two or more versions, got {list(self.versions)}")
+        if not all(isinstance(text, str) and text for text in (self.name, *self.versions, *self.versions.values())):
+            raise ValueError(f"item {self.name!r}: name, versions and sources must be text that is not empty")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One question as the rater's side sees it: ids that say nothing.
+
+    Parameters
+    ----------
+    id : str, the same for all raters of the study
+    stimuli : tuple of str; one for "pick", (left, right) for "choice"
+    """
+
+    id: str
+    stimuli: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class TrialSet:
+    """What one rater is asked, in order; it holds no condition, no model and no source.
+
+    Parameters
+    ----------
+    study : str, the id that trials, key and answers share
+    kind : "pick" or "choice"
+    rater : str
+    trials : tuple of Trial
+    """
+
+    study: str
+    kind: Kind
+    rater: str
+    trials: tuple[Trial, ...]
+
+    def __post_init__(self) -> None:
+        _check_kind(self.kind)
+        _check_ids(self.study, *(name for trial in self.trials for name in (trial.id, *trial.stimuli)))
+        if not self.rater or not self.rater.isprintable() or len(self.rater) > 100:
+            raise ValueError(f"a rater needs a name of 1 to 100 printable characters, got {self.rater!r:.120}")
+        if not self.trials or len({trial.id for trial in self.trials}) != len(self.trials):
+            raise ValueError("a study needs one or more trials, each with an id of its own")
+        if any(len(trial.stimuli) != _n_shown(self.kind) for trial in self.trials):
+            raise ValueError(f"every trial of a {self.kind!r} study must have {_n_shown(self.kind)} stimuli")
+
+    def __len__(self) -> int:
+        return len(self.trials)
+
+    @property
+    def choices(self) -> tuple[str, str]:
+        """The two possible answers."""
+        return CHOICES[self.kind]
+
+    @property
+    def question(self) -> str:
+        """What the rater is asked."""
+        return QUESTIONS[self.kind]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What one trial really asks; not for the rater's eyes.
+
+    Parameters
+    ----------
+    item : str, name of the clip or the music
+    versions : tuple of str; the condition, or the models on the left and on the right
+    sources : tuple of str, what to show, in the same order
+    right : str or None, the right answer; None if there is none, as between two models
+    """
+
+    item: str
+    versions: tuple[str, ...]
+    sources: tuple[str, ...]
+    right: str | None
+
+
+@dataclass(frozen=True)
+class Key:
+    """What every trial of a study asks; the same for all raters.
+
+    Parameters
+    ----------
+    study : str
+    kind : "pick" or "choice"
+    trials : mapping from the id of a trial to Asked
+    """
+
+    study: str
+    kind: Kind
+    trials: Mapping[str, Asked]
+
+    def __post_init__(self) -> None:
+        _check_kind(self.kind)
+        _check_ids(self.study, *self.trials)
+        for name, asked in self.trials.items():
+            if not len(asked.versions) == len(asked.sources) == _n_shown(self.kind):
+                raise ValueError(f"trial {name} must have {_n_shown(self.kind)} versions and sources")
+            if asked.right not in (None, *CHOICES[self.kind]):
+                raise ValueError(f"trial {name}: right answer must be in {CHOICES[self.kind]}, got {asked.right!r}")
+        object.__setattr__(self, "trials", MappingProxyType(dict(self.trials)))
+
+
+def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: str, truth: str = "true") -> TrialSet:
+    """The blind trials of one rater; equal arguments give equal trials.
+
+    Parameters
+    ----------
+    items : sequence of Item, all with the same versions
+    kind : "pick" or "choice"
+        "pick": half of the trials are true, the other half is shared equally by the wrong conditions, and no clip comes
+        twice. "choice": every pair of versions comes equally often, each of the two equally often on the left.
+    n : int, number of trials; the balance has to come out even
+    seed : int, decides what is asked
+    rater : str, decides with the seed in which order
+    truth : str, the version that is right; models have none, and then no answer is wrong
+
+    Raises
+    ------
+    ValueError
+        For items that do not match each other, or an `n` that cannot be balanced; the message says which can.
+
+    Examples
+    --------
+    >>> clips = [Item(f"clip {i}", {"true": f"{i}.npz", "lagged": f"{i} late.npz"}) for i in range(4)]
+    >>> len(make_trials(clips, kind="pick", n=4, seed=1, rater="Ada"))
+    4
+    """
+    key = make_key(items, kind=kind, n=n, seed=seed, truth=truth)
+    ids = _random_ids(len(key.trials) * (1 + _n_shown(kind)), seed, 1)[len(key.trials) :]
+    shown = [tuple(ids[start :: len(key.trials)]) for start in range(len(key.trials))]
+    trials = [Trial(name, stimuli) for name, stimuli in zip(key.trials, shown, strict=True)]
+    order = _rng(seed, 2, *rater.encode()).permutation(len(trials))
+    return TrialSet(key.study, kind, rater, tuple(trials[place] for place in order))
+
+
+def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str = "true") -> Key:
+    """What the trials of `make_trials` with the same arguments ask."""
+    _check_kind(kind)
+    versions = _common_versions(items)
+    rng = _rng(seed, 0)
+    plan = (
+        _plan_pick(items, versions, n, truth, rng) if kind == "pick" else _plan_choice(items, versions, n, truth, rng)
+    )
+    asked = [plan[place] for place in rng.permutation(n)]
+    study = hashlib.sha256(json.dumps([kind, seed, [asdict(one) for one in asked]]).encode()).hexdigest()[:12]
+    return Key(study, kind, dict(zip(_random_ids(n, seed, 1), asked, strict=True)))
+
+
+def _plan_pick(
+    items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
+) -> list[Asked]:
+    """A clip for every trial, half of them true."""
+    if truth not in versions:
+        raise ValueError(f"items need a version {truth!r}, which is the right music; they have {list(versions)}")
+    wrong = [version for version in versions if version != truth]
+    _check_count(n, 2 * len(wrong), len(items), "clips")
+    conditions = [truth] * (n // 2) + wrong * (n // (2 * len(wrong)))
+    clips = [items[place] for place in rng.permutation(len(items))[:n]]
+    return [
+        Asked(clip.name, (one,), (clip.versions[one],), CHOICES["pick"][one != truth])
+        for clip, one in zip(clips, conditions, strict=True)
+    ]
+
+
+def _plan_choice(
+    items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
+) -> list[Asked]:
+    """Items for every pair of versions, half of them with the first on the left."""
+    pairs = list(combinations(versions, 2))
+    _check_count(n, 2 * len(pairs), len(items) * len(pairs), "pairs")
+    each = n // len(pairs)
+    plan = []
+    for pair in pairs:
+        for turn, place in enumerate(rng.permutation(len(items))[:each]):
+            sides = pair if turn % 2 else pair[::-1]
+            right = CHOICES["choice"][sides.index(truth)] if truth in sides else None
+            sources = tuple(items[place].versions[side] for side in sides)
+            plan.append(Asked(items[place].name, sides, sources, right))
+    return plan
+
+
+def _check_count(n: int, multiple: int, most: int, what: str) -> None:
+    """ValueError, with the numbers that would do, unless `n` trials come out even."""
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 or n % multiple:
+        raise ValueError(f"n must be a multiple of {multiple}, so that all conditions come equally often; got {n!r}")
+    if n > min(most, MOST_TRIALS):
+        raise ValueError(f"n = {n} trials, but there are only {most} {what} and none comes twice; give more items")
+
+
+def _common_versions(items: Sequence[Item]) -> tuple[str, ...]:
+    """The versions that all items have; ValueError if they differ or a name or source comes twice."""
+    if not items:
+        raise ValueError("a study needs items; got none")
+    versions = tuple(sorted(items[0].versions))
+    for item in items:
+        if tuple(sorted(item.versions)) != versions:
+            raise ValueError(f"item {item.name!r} has the versions {sorted(item.versions)}, others {list(versions)}")
+    names = [item.name for item in items]
+    sources = [source for item in items for source in item.versions.values()]
+    for texts, what in ((names, "name"), (sources, "source")):
+        if len(set(texts)) != len(texts):
+            twice = next(text for text in texts if texts.count(text) > 1)
+            raise ValueError(f"the {what} {twice!r} comes twice; each must be of its own")
+    return versions
+
+
+def _rng(seed: int, *stream: int) -> np.random.Generator:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"seed must be a whole number, not negative, got {seed!r}")
+    return np.random.default_rng([int(seed), *stream])
+
+
+def _random_ids(count: int, seed: int, stream: int) -> list[str]:
+    """Ids that follow from the seed alone: a longer list starts like a shorter one."""
+    rng = _rng(seed, stream)
+    return [rng.bytes(6).hex() for _ in range(count)]
+
+
+def _n_shown(kind: str) -> int:
+    return 1 if kind == "pick" else 2
+
+
+def _check_kind(kind: object) -> None:
+    if kind not in ("pick", "choice"):
+        raise ValueError(f"kind must be 'pick' or 'choice', got {kind!r:.60}")
+
+
+def _check_ids(*ids: object) -> None:
+    for one in ids:
+        if not isinstance(one, str) or not ID.fullmatch(one):
+            raise ValueError(f"an id must be twelve hexadecimal digits, got {one!r:.60}")

@@ -1,0 +1,13 @@
+"""Retiming by time-warp: a motion's own poses, struck when the music's beats come.
+
+`harmolab.retiming` is the other way to the same end: there joints move a little and time stays.
+"""
+
+from __future__ import annotations
+
+from harmolab.timewarp.beats import beat_warp, lee_warp, warp_by
+from harmolab.timewarp.retime import Retimed, retime
+from harmolab.timewarp.video import warp_video
+from harmolab.timewarp.warps import TimeWarp
+
+__all__ = ["Retimed", "TimeWarp", "beat_warp", "lee_warp", "retime", "warp_by", "warp_video"]

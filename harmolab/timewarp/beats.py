@@ -1,0 +1,199 @@
+"""Time-warps from two beat tracks: the bounded one by dynamic programming, and that of Lee et al. 2019."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.beats.saliency import salient_audio, salient_visual
+from harmolab.params import HarmonyParams
+from harmolab.timewarp.matching import best_path, capped_costs, meetings
+from harmolab.timewarp.warps import TimeWarp
+from harmolab.types import BeatTrack
+
+__all__ = ["METHODS", "beat_warp", "lee_warp", "warp_by"]
+
+FloatArray = NDArray[np.float64]
+
+METHODS = ("dp", "lee2019")
+
+KNOT = 0.02  # seconds between the knots of a warp
+ROUNDING = 0.12  # seconds over which a change of speed is spread
+STRETCH = 12  # music beats that are judged together
+WORTH = 0.4  # mean gain, in missed beats, from which on a stretch is worth bending
+SLACK = 1e-3  # of the bounds, which rounding off and interpolation may use up
+LONE_PERIOD = 0.5  # seconds: the beat period of music with a single beat
+CLOSEST = 1e-3  # seconds between beats that the warper of 2019 keeps apart
+
+
+def beat_warp(
+    visual: BeatTrack,
+    music: BeatTrack,
+    duration: float,
+    *,
+    phase: float = 0.0,
+    strength: float = 1.0,
+    slowest: float = 0.7,
+    fastest: float = 1.4,
+    params: HarmonyParams | None = None,
+) -> TimeWarp:
+    """The smooth warp that brings visual beats to music beats, and keeps its local speed within bounds everywhere.
+
+    Dynamic programming chooses which visual beat meets which music beat, and how far from it where the bounds leave no
+    better way; beats may be left out at a cost. The path's changes of speed are then spread over a tenth of a second.
+
+    A dance that is in time already is left alone: the identity comes back unless, in some stretch of 12 music beats,
+    the warp gains 0.4 a beat on average, where a missed beat counts 1 and one met at a distance d counts
+    (d / reaction_delay)^2. That is what makes a second run change nothing.
+
+    Parameters
+    ----------
+    visual, music : BeatTrack on one time line
+        All beats; saliency (Eq. 11-13) is applied inside.
+    duration : float, seconds
+        The warp maps [0, duration] onto itself.
+    phase : float, beat periods, -1 to 1
+        Visual beats are brought this much after the music's: 0.5 is half way to the next.
+    strength : float, 0 to 1
+        Share of every shift that is made.
+    slowest, fastest : float
+        Bounds on the local speed, source seconds per target second.
+    params : HarmonyParams, default ``HarmonyParams.valleys()``
+        ``reaction_delay`` is how far from its target a beat may end; ``lag`` is added to every target.
+
+    Returns
+    -------
+    TimeWarp; the identity when there are no beats on one side, or nothing is worth bending.
+
+    Raises
+    ------
+    ValueError
+        For a phase, strength or bound out of range, or a reaction delay of zero.
+    """
+    chosen = params or HarmonyParams.valleys()
+    _check(phase, strength, slowest, fastest, chosen.reaction_delay)
+    beats, targets, periods = _sides(visual, music, duration, phase, chosen)
+    identity = TimeWarp.identity(duration)
+    if beats.size == 0 or targets.size == 0:
+        return identity
+    found = meetings(beats, targets, periods, duration, chosen.reaction_delay)
+    path = best_path(found, min(1.0, slowest * (1 + SLACK)), max(1.0, fastest * (1 - SLACK)))
+    warp = _bounded(_rounded(found.source[path], found.target[path]), slowest, fastest)
+    if not _worth_it(warp, beats, targets, chosen.reaction_delay):
+        return identity
+    return warp if strength == 1 else warp.scaled(strength)
+
+
+def lee_warp(
+    visual: BeatTrack, music: BeatTrack, duration: float, *, phase: float = 0.0, params: HarmonyParams | None = None
+) -> TimeWarp:
+    """The warp of Lee et al. 2019 ("Dancing to Music"): each visual beat goes to its nearest music beat.
+
+    In between time is stretched linearly, as much as it takes: the local speed has no bounds. Of visual beats with the
+    same nearest music beat the closest one goes there. Parameters are those of `beat_warp`.
+    """
+    chosen = params or HarmonyParams.valleys()
+    _check(phase, 1.0, 1.0, 1.0, chosen.reaction_delay)
+    beats, targets, _ = _sides(visual, music, duration, phase, chosen)
+    if beats.size == 0 or targets.size == 0:
+        return TimeWarp.identity(duration)
+    distances = np.abs(beats[:, None] - targets[None])
+    nearest, best = distances.argmin(axis=1), distances.argmin(axis=0)
+    chosen_beats = [(beats[best[n]], targets[n]) for n in np.unique(nearest) if nearest[best[n]] == n]
+    source, target = np.array([(0.0, 0.0), *chosen_beats, (duration, duration)]).T
+    apart = np.append(True, (np.diff(source) > CLOSEST) & (np.diff(target) > CLOSEST))
+    apart[-1] = True
+    return _linear(source[apart], target[apart])
+
+
+def warp_by(
+    method: str,
+    visual: BeatTrack,
+    music: BeatTrack,
+    duration: float,
+    *,
+    phase: float = 0.0,
+    strength: float = 1.0,
+    slowest: float = 0.7,
+    fastest: float = 1.4,
+    params: HarmonyParams | None = None,
+) -> TimeWarp:
+    """`beat_warp` for the method "dp", `lee_warp` (to which the bounds mean nothing) for "lee2019"."""
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    if method == "lee2019":
+        return lee_warp(visual, music, duration, phase=phase, params=params).scaled(strength)
+    return beat_warp(
+        visual, music, duration, phase=phase, strength=strength, slowest=slowest, fastest=fastest, params=params
+    )
+
+
+def _check(phase: float, strength: float, slowest: float, fastest: float, tolerance: float) -> None:
+    if not -1 <= phase <= 1:
+        raise ValueError(f"phase must lie between -1 and 1 beat periods, got {phase}")
+    if not 0 <= strength <= 1:
+        raise ValueError(f"strength must lie between 0 and 1, got {strength}")
+    if not 0 < slowest <= 1:
+        raise ValueError(f"slowest must lie above 0 and not above 1, got {slowest}")
+    if not 1 <= fastest < float("inf"):
+        raise ValueError(f"fastest must be 1 or more, and finite, got {fastest}")
+    if tolerance <= 0:
+        raise ValueError("retiming needs params with a reaction_delay above 0 seconds")
+
+
+def _sides(
+    visual: BeatTrack, music: BeatTrack, duration: float, phase: float, params: HarmonyParams
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Visual beats (M,), where they should be (N,) and the beat periods there (N,), all strictly inside the clip."""
+    heard, seen = salient_audio(music, params).times, salient_visual(visual, params).times
+    periods = np.gradient(heard) if heard.size > 1 else np.full(heard.size, LONE_PERIOD)
+    targets = heard + phase * periods + params.lag
+    inside = (targets > 0) & (targets < duration)
+    return seen[(seen > 0) & (seen < duration)], targets[inside], periods[inside]
+
+
+def _worth_it(warp: TimeWarp, beats: FloatArray, targets: FloatArray, tolerance: float) -> bool:
+    """Whether some stretch of music gains enough."""
+    gain = capped_costs(beats, targets, tolerance) - capped_costs(warp(beats), targets, tolerance)
+    size = min(STRETCH, gain.size)
+    return bool(np.convolve(gain, np.full(size, 1 / size), mode="valid").max() > WORTH)
+
+
+def _rounded(source: FloatArray, target: FloatArray) -> TimeWarp:
+    """The path with its corners rounded off.
+
+    Each speed becomes a weighted mean of speeds nearby, so the bounds of the path hold.
+    """
+    duration = target[-1]
+    times = np.linspace(0.0, duration, max(2, round(duration / KNOT) + 1))
+    shifts = np.interp(times, target, source) - times
+    half = min(round(ROUNDING / 2 / times[1]), times.size - 2)
+    window = np.hanning(2 * half + 3)
+    # Mirrored through its ends, which therefore stay where they are.
+    mirrored = np.pad(shifts, half + 1, mode="reflect", reflect_type="odd")
+    smooth = np.convolve(mirrored, window / window.sum(), mode="valid")
+    smooth[[0, -1]] = 0.0
+    return TimeWarp(times + smooth, times)
+
+
+def _bounded(warp: TimeWarp, slowest: float, fastest: float) -> TimeWarp:
+    """The warp, its shifts made smaller where interpolation between the knots has broken a bound.
+
+    The slopes at the knots do not scale with the shifts, hence a little less each time, and the loop.
+    """
+    low, high = warp.speed_range()
+    while not warp.is_identity and (low < slowest or high > fastest):
+        share = min(1.0, (1 - slowest) / max(1 - low, SLACK), (fastest - 1) / max(high - 1, SLACK))
+        warp = warp.scaled(share * (1 - SLACK))
+        low, high = warp.speed_range()
+    return warp
+
+
+def _linear(source: FloatArray, target: FloatArray) -> TimeWarp:
+    """The warp that is linear between its knots: so many more knots that the cubic pieces are straight.
+
+    Corners remain a little round, with speeds up to a tenth beyond those on either side.
+    """
+    dense = np.union1d(target, np.arange(0.0, target[-1], KNOT))
+    close = np.append(np.diff(dense) > CLOSEST / 2, True) | np.isin(dense, target)
+    return TimeWarp(np.interp(dense[close], target, source), dense[close])

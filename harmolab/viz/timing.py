@@ -1,0 +1,104 @@
+"""Early or late: the offset of the dance from each music beat, along time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from harmolab.beats.saliency import salient_audio, salient_visual
+from harmolab.harmony import EDGE
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack
+from harmolab.viz.beats import draw_marks
+from harmolab.viz.style import COLOURS, figure_style
+
+__all__ = ["draw_means", "draw_timing", "signed_offsets", "timing_figure"]
+
+FloatArray = NDArray[np.float64]
+Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
+
+FEWEST_ROOM = 1.6  # tolerances that the y axis shows at least
+
+
+def signed_offsets(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
+    """How late the visual beat nearest to each music beat is: (N,) seconds, early is negative; NaN without any.
+
+    >>> signed_offsets(np.array([1.0, 2.0]), np.array([1.1, 1.75]))
+    array([ 0.1 , -0.25])
+    """
+    if visual_times.size == 0:
+        return np.full(audio_times.size, np.nan)
+    late = visual_times[None, :] - audio_times[:, None]
+    offsets: FloatArray = late[np.arange(audio_times.size), np.abs(late).argmin(axis=1)]
+    return offsets
+
+
+def draw_timing(ax: Axes, music: BeatTrack, visual: BeatTrack, *, params: HarmonyParams | None = None) -> Axes:
+    """Each music beat's offset to its nearest visual beat, in milliseconds; early lies below zero, late above.
+
+    A green circle lies inside the tolerance, a red cross outside. Without visual beats only the band is drawn.
+
+    Parameters
+    ----------
+    ax : Axes
+    music, visual : BeatTrack on one time line
+    params : HarmonyParams, default ``HarmonyParams.valleys()``
+        Its saliency, reaction delay and lag are used.
+    """
+    chosen = params or HarmonyParams.valleys()
+    heard, seen = salient_audio(music, chosen), salient_visual(visual, chosen)
+    offsets = 1000 * signed_offsets(heard.times, seen.times - chosen.lag)
+    delay = 1000 * chosen.reaction_delay
+    ax.axhspan(-delay, delay, color=COLOURS["audio"], alpha=0.13, linewidth=0, zorder=0, label="tolerance field")
+    ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
+    there = np.isfinite(offsets)
+    good = np.abs(offsets[there]) <= delay + 1000 * EDGE
+    draw_marks(ax, heard.times[there], offsets[there], good, labels=("hit", "missed"))
+    room = 1.15 * max(float(np.abs(offsets[there]).max(initial=0.0)), FEWEST_ROOM * delay, 1.0)
+    ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel="early (ms)  |  late (ms)")
+    return ax
+
+
+def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
+    """The mean offset of each stretch of time as an orange line, with a pale field for its interval.
+
+    Parameters
+    ----------
+    ax : Axes with milliseconds on the y axis
+    means : (start, end, mean, (low, high)) for each stretch, seconds
+    """
+    for place, (start, end, mean, (low, high)) in enumerate(means):
+        field = "mean and 95 % interval" if place == 0 else None
+        ax.plot([start, end], [1000 * mean] * 2, color=COLOURS["visual"], linewidth=2.2, zorder=4, label=field)
+        if np.isfinite([low, high]).all():
+            ax.fill_between([start, end], 1000 * low, 1000 * high, color=COLOURS["visual"], alpha=0.35, lw=0, zorder=3)
+    return ax
+
+
+def timing_figure(
+    music: BeatTrack,
+    visual: BeatTrack,
+    *,
+    params: HarmonyParams | None = None,
+    means: Sequence[Mean] = (),
+    title: str = "How early or late each music beat is met",
+) -> Figure:
+    """`draw_timing` and `draw_means` as one picture with a legend.
+
+    Parameters
+    ----------
+    music, visual : BeatTrack on one time line
+    params : HarmonyParams, default ``HarmonyParams.valleys()``
+    means : as in `draw_means`; the stretches of an explanation fit
+    title : str
+    """
+    with figure_style():
+        figure = Figure(figsize=(9.0, 3.6))
+        ax = draw_means(draw_timing(figure.subplots(), music, visual, params=params), means)
+        ax.set_title(title)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
+    return figure

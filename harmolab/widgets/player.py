@@ -1,0 +1,232 @@
+"""A dance and its music as one page that plays anywhere: in a notebook, in the offline report, as a file."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import jinja2
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+
+from harmolab.beats.saliency import salient_audio, salient_visual
+from harmolab.beats.visual import motion_curve
+from harmolab.features.poses import side_pairs
+from harmolab.harmony import hit_pairs
+from harmolab.io.aside import written_aside
+from harmolab.kinematics import resample_motion, smooth, upsample_motion
+from harmolab.params import HarmonyParams
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+
+__all__ = ["Dancer", "Player", "player_page"]
+
+TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
+SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
+FOLLOW = 0.8  # seconds over which the camera's way is smoothed
+LONGEST = 600.0  # seconds; a page of more is too large to open
+RATES = (3000, 192000)  # hertz
+LEVELS = 65535  # steps of a number in the page
+BLOCK = 65536  # samples; libsndfile's Vorbis coder overflows its stack on long ones
+NO_FACTS: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class Dancer:
+    """One dancer of a player.
+
+    Parameters
+    ----------
+    name : str
+    motion : Motion, (T, J, 3) metres or (T, J, 2) image coordinates; frame 0 is at audio time 0
+    visual : BeatTrack, the dancer's beats on the motion's time line
+    """
+
+    name: str
+    motion: Motion
+    visual: BeatTrack
+
+
+class Player:
+    """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
+
+    >>> Player(audio, [Dancer("one", motion, beats)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        audio: Audio,
+        dancers: Sequence[Dancer],
+        *,
+        music: BeatTrack,
+        title: str,
+        facts: Mapping[str, str] = NO_FACTS,
+        params: HarmonyParams | None = None,
+    ) -> None:
+        self.title = title
+        self.page = player_page(audio, dancers, music=music, title=title, facts=facts, params=params)
+
+    def _repr_html_(self) -> str:
+        # The page sets the frame's height itself; the one given here is for readers that run no script.
+        return (
+            f'<iframe title="{html.escape(self.title)}: player" srcdoc="{html.escape(self.page)}" '
+            'style="width: 100%; height: 880px; border: 0" loading="lazy"></iframe>'
+        )
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the page to a file, aside first."""
+        with written_aside(Path(path)) as aside:
+            aside.write_text(self.page, encoding="utf-8")
+
+
+def player_page(
+    audio: Audio,
+    dancers: Sequence[Dancer],
+    *,
+    music: BeatTrack,
+    title: str,
+    facts: Mapping[str, str] = NO_FACTS,
+    params: HarmonyParams | None = None,
+) -> str:
+    """One HTML page that holds sound, movement and player, and asks the network for nothing.
+
+    The sound is the page's only clock. It is cut, or filled with silence, to the length of the longest motion, and
+    coded as Ogg Vorbis, which puts no delay before the first sample.
+
+    Parameters
+    ----------
+    audio : Audio that starts with the motions' first frame
+    dancers : one Dancer, or two side by side
+    music : BeatTrack on the same time line; beats after the last frame are left out
+    title : str
+    facts : name -> text, shown as a table
+    params : HarmonyParams, default ``HarmonyParams.valleys()``
+        Decides what is salient, what is a hit, and the speed curve.
+
+    Raises
+    ------
+    ValueError
+        Unless there are one or two dancers, of ten minutes at most; for a sample rate outside 3 to 192 kHz.
+    """
+    if len(dancers) not in (1, 2):
+        raise ValueError(f"the player shows one dancer or two, got {len(dancers)}")
+    duration = max(dancer.motion.duration for dancer in dancers)
+    if duration > LONGEST:
+        raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
+    chosen = params or HarmonyParams.valleys()
+    heard = music.span(0.0, duration)
+    data = {
+        "duration": duration,
+        "sound": _sound(audio, duration),
+        "music": _music(heard, chosen),
+        "delay": chosen.reaction_delay,
+        "lag": chosen.lag,
+        "dancers": [_dancer(dancer, heard, chosen) for dancer in dancers],
+    }
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
+    return environment.get_template("player.html.j2").render(title=title, facts=facts, data=data)
+
+
+def _music(music: BeatTrack, params: HarmonyParams) -> list[dict[str, Any]]:
+    """The music's beats: time, whether they are salient, and whether they begin a bar."""
+    salient = set(salient_audio(music, params).times)
+    places = np.full(len(music), -1) if music.bar_places is None else music.bar_places
+    return [
+        {"time": _seconds(time), "salient": time in salient, "first": bool(place == 0)}
+        for time, place in zip(music.times, places, strict=True)
+    ]
+
+
+def _dancer(dancer: Dancer, music: BeatTrack, params: HarmonyParams) -> dict[str, Any]:
+    """What the page knows of one dancer."""
+    motion, skeleton = dancer.motion, dancer.motion.skeleton
+    skull = [joint for joint, name in enumerate(skeleton.joints) if "head" in name.lower()]
+    across = side_pairs(skeleton) if skeleton.bones else ()
+    shown = resample_motion(upsample_motion(motion, SLOWEST), min(max(motion.fps, SLOWEST), FASTEST))
+    flat = motion.positions.shape[2] == 2
+    positions, way, size = _on_wall(shown.positions) if flat else _on_floor(shown.positions, shown.fps)
+    return {
+        "name": dancer.name,
+        "flat": flat,
+        "fps": shown.fps,
+        "frames": shown.n_frames,
+        "joints": len(skeleton.joints),
+        "bones": [[a, b] for a, b in (*skeleton.bones, *across) if not (a in skull and b in skull)],
+        "skull": skull,
+        "size": size,
+        "positions": _quantised(positions),
+        "way": _quantised(way),
+        "speed": _speed(motion, params),
+        "visual": [_seconds(time) for time in dancer.visual.times],
+        "marks": _marks(music, dancer.visual, params),
+    }
+
+
+def _on_floor(positions: FloatArray, fps: float) -> tuple[FloatArray, FloatArray, float]:
+    """(positions with the floor at y = 0, the camera's way over it (T, 2), the dancer's height)."""
+    low = float(np.percentile(positions[..., 1].min(axis=1), 2))
+    height = float(np.percentile(np.ptp(positions[..., 1], axis=1), 90))
+    way = smooth(positions.mean(axis=1)[:, [0, 2]], FOLLOW, fps)
+    size = max(height, 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
+    return positions - np.array([0.0, low, 0.0]), way, size
+
+
+def _on_wall(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Image coordinates hung up in space, y up: (positions with z = 0, a camera that rests, the picture's size)."""
+    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    upright = np.stack([points[..., 0] - (low[0] + high[0]) / 2, high[1] - points[..., 1]], axis=-1)
+    positions = np.concatenate([upright, np.zeros_like(upright[..., :1])], axis=-1)
+    return positions, np.zeros((len(points), 2)), max(float((high - low).max()), 1e-6)
+
+
+def _speed(motion: Motion, params: HarmonyParams) -> dict[str, Any]:
+    """The curve that visual beats are read from, at a rate that shows it smooth."""
+    curve, fps = motion_curve(motion, params)
+    seconds = (np.arange(curve.size) - 0.5 * params.subframe) / fps
+    times = np.arange(0.0, motion.duration, 1.0 / FASTEST)
+    return {"fps": FASTEST, **_quantised(np.interp(times, seconds, curve)[:, None])}
+
+
+def _marks(music: BeatTrack, visual: BeatTrack, params: HarmonyParams) -> list[dict[str, float | None]]:
+    """Each salient music beat, and the dancer's beat that met it; None for a miss."""
+    heard, seen = salient_audio(music, params), salient_visual(visual, params)
+    pairs = hit_pairs(heard.times, seen.times - params.lag, delay=params.reaction_delay, matching=params.matching)
+    return [
+        {"time": _seconds(time), "met": _seconds(seen.times[pair]) if pair >= 0 else None}
+        for time, pair in zip(heard.times, pairs, strict=True)
+    ]
+
+
+def _seconds(time: float) -> float:
+    return round(float(time), 4)
+
+
+def _quantised(values: FloatArray) -> dict[str, Any]:
+    """(T, ..., K) numbers as base64 of 16-bit steps: value = low[k] + step[k] * number."""
+    columns = values.reshape(-1, values.shape[-1])
+    low = columns.min(axis=0)
+    step = np.maximum((columns.max(axis=0) - low) / LEVELS, 1e-12)
+    numbers: NDArray[np.uint16] = np.rint((columns - low) / step).astype("<u2")
+    return {"low": low.tolist(), "step": step.tolist(), "numbers": base64.b64encode(numbers.tobytes()).decode()}
+
+
+def _sound(audio: Audio, duration: float) -> dict[str, Any]:
+    """The sound of `duration` seconds as base64 of Ogg Vorbis."""
+    rate = round(audio.sample_rate)
+    if not RATES[0] <= rate <= RATES[1]:  # above, the coder crashes; below, browsers refuse
+        raise ValueError(f"the player takes sound of {RATES[0]} to {RATES[1]} Hz, got {rate}; load it at 44100 Hz")
+    samples = np.zeros(max(round(duration * rate), 1), dtype=np.float32)
+    given = np.clip(audio.samples[: samples.size], -1.0, 1.0)
+    samples[: given.size] = given
+    stream = io.BytesIO()
+    with soundfile.SoundFile(stream, "w", rate, 1, format="OGG", subtype="VORBIS") as file:
+        for first in range(0, samples.size, BLOCK):
+            file.write(samples[first : first + BLOCK])
+    return {"rate": rate, "ogg": base64.b64encode(stream.getvalue()).decode()}

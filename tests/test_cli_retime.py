@@ -1,0 +1,130 @@
+"""`harmolab retime`: files that are in time, a small table, one line for what cannot be done."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import soundfile
+import typer
+from typer.testing import CliRunner, Result
+
+from harmolab.cli.retiming import retime
+from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.io import load_motion, save_motion
+from harmolab.io.video import write_video
+from harmolab.types import Clip
+
+app = typer.Typer()
+app.command()(retime)
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return planted_clip(ClipSettings("rumba", seconds=10.0, jitter=0.15, seed=3)).clip
+
+
+@pytest.fixture(scope="module")
+def song(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("music") / "song.wav"
+    soundfile.write(path, clip.audio.samples, round(clip.audio.sample_rate))
+    return path
+
+
+@pytest.fixture(scope="module")
+def dance(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("motion") / "dance.npz"
+    assert clip.motion is not None
+    save_motion(path, clip.motion)
+    return path
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "120"})
+
+
+def row(result: Result, name: str) -> list[str]:
+    """The cells of a row of the printed table."""
+    line = next(line for line in result.output.splitlines() if name in line)
+    return [cell.strip() for cell in line.strip("│ ").split("│")][1:]
+
+
+def test_a_jittered_dance_is_mended_and_the_table_says_how(dance: Path, song: Path, tmp_path: Path):
+    result = call(dance, song, "--out", tmp_path / "x.npz", "--dance", "rumba")
+    assert result.exit_code == 0, result.output
+    before, after = map(float, row(result, "above chance"))
+    assert after > before + 0.3
+    assert 10 < float(row(result, "mean, ms")[1]) < float(row(result, "largest, ms")[1]) < 500
+    low, high = map(float, row(result, "local speed")[1].split(" to "))
+    assert 0.7 <= low < 1 < high <= 1.4
+    assert load_motion(tmp_path / "x.npz").n_frames == load_motion(dance).n_frames
+    assert f"wrote {tmp_path / 'x.npz'}" in result.output.replace("\n", "")
+
+
+def test_no_strength_writes_the_same_motion(dance: Path, song: Path, tmp_path: Path):
+    result = call(dance, song, "--out", tmp_path / "x.npz", "--strength", 0)
+    assert "Nothing was worth bending." in result.output
+    np.testing.assert_array_equal(load_motion(tmp_path / "x.npz").positions, load_motion(dance).positions)
+
+
+def test_the_warper_of_2019_can_be_asked_for(dance: Path, song: Path, tmp_path: Path):
+    result = call(dance, song, "--out", tmp_path / "x.npz", "--method", "lee2019")
+    low, high = map(float, row(result, "local speed")[1].split(" to "))
+    assert low < 0.7 or high > 1.4
+
+
+def test_an_mp4_has_pictures_and_the_song_from_the_offset_on(dance: Path, song: Path, tmp_path: Path):
+    result = call(dance, song, "--out", tmp_path / "x.mp4", "--offset", -0.5)
+    assert result.exit_code == 0, result.output
+    with av.open(str(tmp_path / "x.mp4")) as container:
+        assert {stream.type for stream in container.streams} == {"video", "audio"}
+        assert container.streams.video[0].frames == 300
+        sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
+    assert np.abs(sound[: int(0.45 * 48_000)]).max() < 1e-3 < np.abs(sound[int(0.5 * 48_000) :]).max()
+
+
+def test_a_video_is_retimed_with_its_song(song: Path, tmp_path: Path):
+    frames = []
+    for place in 24 + 16 * np.cos(np.pi * np.arange(150) / 30):  # a square that turns round every second
+        picture = np.full((64, 64, 3), 30, np.uint8)
+        picture[24:40, round(place) : round(place) + 16] = (250, 200, 0)
+        frames.append(picture)
+    write_video(tmp_path / "in.mp4", frames, 30.0)
+    result = call(tmp_path / "in.mp4", song, "--out", tmp_path / "out.mp4")
+    assert result.exit_code == 0, result.output
+    with av.open(str(tmp_path / "out.mp4")) as container:
+        assert container.streams.video[0].frames == 150
+        assert len(container.streams.audio) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--out", "x.wav"], "written as .npz, .bvh, .mp4"),
+        (["--out", "nowhere/x.npz"], "no such folder"),
+        (["--out", "x.npz", "--strength", "2"], "strength must lie between 0 and 1"),
+        (["--out", "x.npz", "--slowest", "0"], "slowest must lie above 0"),
+        (["--out", "x.npz", "--offset", "99"], "does not meet audio"),
+        (["--out", "x.npz", "--offset", "nan"], "does not meet audio"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(
+    dance: Path, song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
+):
+    monkeypatch.chdir(tmp_path)
+    result = call(dance, song, *arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.output.split())
+    assert "Traceback" not in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_files_that_are_no_motion_or_no_video_are_named(song: Path, tmp_path: Path):
+    for name in ("x.npz", "x.mp4", "x.bvh"):
+        (tmp_path / name).write_bytes(b"not this")
+        result = call(tmp_path / name, song, "--out", tmp_path / "out.mp4")
+        assert result.exit_code == 2
+        assert name in result.output
+        assert not (tmp_path / "out.mp4").exists()

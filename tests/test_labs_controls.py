@@ -1,0 +1,219 @@
+"""What all labs have in common: controls that change the picture, the picture in reports, the settings to copy."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from PIL import Image
+
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.params import CHOICES, BarPattern, HarmonyParams
+from harmolab.types import BeatTrack, Clip, Motion, Skeleton
+from harmolab.viz.style import figure_style
+from harmolab.widgets.labs import Lab, corpus_lab, detector_lab, meter_lab, params_line, saliency_lab, scoring_lab
+from harmolab.widgets.quickdraw import plain
+
+PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())
+PNG = b"\x89PNG\r\n"
+
+
+def holding_dancer(fps: float = 30.0) -> Motion:
+    """A hand that speeds up, keeps its speed for four frames and slows down, over and over."""
+    speed = np.tile([1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 4.0, 3.0, 2.0, 1.0, 0.5], 16)
+    positions = np.zeros((speed.size, 1, 3))
+    positions[:, 0, 0] = np.cumsum(speed) / 32  # exact in binary, so that a plateau is a tie
+    return Motion(positions, fps, Skeleton.unnamed(1))
+
+
+@pytest.fixture(scope="module")
+def human_clip() -> Clip:
+    """An inexact dancer, and beats of very different strength, so that every control has something to act on."""
+    clip = synthetic_clip("cha-cha", seconds=8.0, fps=30.0, jitter=0.06, omission=0.2, redundancy=0.3, seed=2)
+    assert clip.beats is not None
+    count = len(clip.beats)
+    strengths = np.where(np.arange(count) % 3 == 0, 1.0, 0.2) + np.arange(count) % 2
+    return replace(clip, beats=replace(clip.beats, strengths=strengths, bar_places=np.arange(count) % 4))
+
+
+def make_lab(name: str, clip: Clip) -> Lab:
+    """The lab of that name on a clip, some of its controls away from where they usually start."""
+    if name == "corpus":
+        return corpus_lab([clip, synthetic_clip("rumba", seconds=6.0, fps=30.0, jitter=0.08, seed=3)], delay=0.15)
+    makers: dict[str, Callable[..., Lab]] = {"scoring": scoring_lab, "detector": detector_lab, "saliency": saliency_lab}
+    if name == "meter":
+        return meter_lab(clip, annotated=replace(clip.beats, strengths=1.0 + np.arange(len(clip.beats)) % 2))
+    return makers[name](clip)
+
+
+MOVES = [
+    ("detector", "detector", "valleys"),
+    ("detector", "fps", 25.0),
+    ("detector", "smoothing", 0.1),
+    ("detector", "position_smoothing", 0.1),
+    ("detector", "subframe", True),
+    ("saliency", "lambda1", 1.5),
+    ("saliency", "lambda2", 2.5),
+    ("saliency", "normalisation", "mean"),
+    ("saliency", "saliency", "literal"),
+    ("saliency", "visual_saliency", "strength"),
+    ("saliency", "first_beat", "drop"),
+    ("meter", "beats", "annotated"),
+    ("meter", "lambda1", 1.0),
+    ("meter", "every", 2),
+    ("meter", "first", 3),
+    ("meter", "error", 0.5),
+    ("corpus", "mode", "valleys"),
+    ("corpus", "score", "above chance"),
+    ("corpus", "late", 0.3),
+    ("corpus", "lambda1", 1.5),
+    ("corpus", "lambda2", 2.0),
+    ("corpus", "delay", 0.05),
+    ("corpus", "beta", 0.5),
+    ("corpus", "lag", 0.1),
+    ("corpus", "clip", 1),
+]
+
+
+@pytest.mark.parametrize(("name", "control", "value"), MOVES)
+def test_each_control_changes_the_picture(human_clip: Clip, name: str, control: str, value: object):
+    lab = make_lab(name, human_clip)
+    before = lab.png
+    lab.controls[control].value = value
+    assert lab.error == ""
+    assert lab.png.startswith(PNG)
+    assert lab.png != before
+
+
+def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(human_clip: Clip):
+    clip = replace(human_clip, motion=holding_dancer())
+    lab = detector_lab(clip, detector="peaks", fps=None)
+    before = lab.png
+    lab.controls["plateau"].value = "middle"
+    assert lab.error == ""
+    assert lab.png != before
+
+
+@pytest.mark.parametrize("name", ["detector", "saliency", "meter", "corpus"])
+def test_every_control_is_tried_by_some_test(human_clip: Clip, name: str):
+    tried = {control for lab, control, _ in MOVES if lab == name} | ({"plateau"} if name == "detector" else set())
+    assert tried == set(make_lab(name, human_clip).controls)
+
+
+@pytest.mark.parametrize("name", ["scoring", "detector", "saliency", "meter", "corpus"])
+def test_report_gets_the_picture_that_is_drawn_when_called_directly(human_clip: Clip, name: str):
+    lab = make_lab(name, human_clip)
+    for control in [control for lab_name, control, _ in MOVES if lab_name == name][:2]:
+        value = next(value for lab_name, moved, value in MOVES if (lab_name, moved) == (name, control))
+        lab.controls[control].value = value
+    bundle = lab._repr_mimebundle_()
+    figure = Figure(dpi=90)
+    with figure_style():
+        drawn = plain(lab._draw(**lab.values, figure=figure))
+    shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(bundle["image/png"]))))
+    assert bundle["text/plain"] == params_line(lab.params)
+    assert shown.shape == (*drawn.shape[:2], 3)
+    # Kept layers are blended once more, which rounds a few pixels differently.
+    np.testing.assert_allclose(shown.astype(int), drawn[..., :3], atol=3)
+
+
+@pytest.mark.parametrize("name", ["scoring", "detector", "saliency", "meter", "corpus"])
+def test_lab_that_comes_back_shows_its_first_picture_again(human_clip: Clip, name: str):
+    lab = make_lab(name, human_clip)
+    first, start = np.asarray(Image.open(io.BytesIO(lab.png))).astype(int), lab.values
+    for control, value in [(moved, value) for lab_name, moved, value in MOVES if lab_name == name]:
+        lab.controls[control].value = value
+    for control, value in start.items():
+        lab.controls[control].value = value
+    np.testing.assert_allclose(np.asarray(Image.open(io.BytesIO(lab.png))).astype(int), first, atol=1)
+
+
+@pytest.mark.parametrize("name", ["scoring", "detector", "saliency", "meter", "corpus"])
+def test_unknown_control_is_refused_by_name(human_clip: Clip, name: str):
+    makers = {"scoring": scoring_lab, "detector": detector_lab, "saliency": saliency_lab, "meter": meter_lab}
+    make = makers.get(name, lambda clip, **values: corpus_lab([clip], **values))
+    with pytest.raises(ValueError, match="no control tolerance; there are "):
+        make(human_clip, tolerance=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "control", "value", "line"),
+    [
+        ("scoring", "delay", 0.1, "HarmonyParams(reaction_delay=0.1)"),
+        ("scoring", "mode", "valleys", "HarmonyParams.valleys()"),
+        ("detector", "smoothing", 0.05, "HarmonyParams(smoothing=0.05)"),
+        ("detector", "fps", None, "HarmonyParams(fps=None)"),
+        ("saliency", "lambda2", 0.0, "HarmonyParams(visual_threshold=None)"),
+        ("saliency", "first_beat", "drop", "HarmonyParams(first_beat='drop')"),
+        ("meter", "lambda1", 1.0, "HarmonyParams(audio_threshold=1.0)"),
+        ("meter", "first", 2, "HarmonyParams.paper()"),
+        ("corpus", "lag", 0.1, "HarmonyParams(reaction_delay=0.15, lag=0.1)"),
+    ],
+)
+def test_line_under_the_picture_follows_the_controls(
+    human_clip: Clip, name: str, control: str, value: object, line: str
+):
+    lab = make_lab(name, human_clip)
+    lab.controls[control].value = value
+    assert lab.line == line
+    assert lab.children[-1].value == f'<code style="user-select: all">{line}</code>'
+    assert eval(line) == lab.params
+
+
+def test_line_stays_with_the_picture_when_a_control_causes_an_error(human_clip: Clip):
+    lab = detector_lab(human_clip)
+    lab.controls["detector"].options = ("turns", "tea leaves")
+    lab.controls["detector"].value = "tea leaves"
+    assert "detector must be one of" in lab.error
+    assert "HarmonyParams.paper()" in lab.children[-1].value
+
+
+@pytest.mark.parametrize("params", PRESETS)
+def test_preset_is_written_by_its_name(params: HarmonyParams):
+    assert params_line(params) in ("HarmonyParams.paper()", "HarmonyParams.recommended()", "HarmonyParams.valleys()")
+    assert eval(params_line(params)) == params
+
+
+def test_numbers_of_numpy_and_a_learnt_pattern_are_written_as_plain_python():
+    pattern = BarPattern(2, (np.float64(-0.5), np.float64(0.25)), (np.float64(0.1), np.float64(0.0)), 'it\'s "learnt"')
+    params = HarmonyParams(lag=np.float64(0.1), pattern=pattern)
+    assert "np." not in params_line(params)
+    assert eval(params_line(params)) == params
+
+
+numbers = st.floats(0.0, 10.0, allow_nan=False)
+any_params = st.builds(
+    replace,
+    st.sampled_from(PRESETS),
+    audio_threshold=numbers,
+    visual_threshold=st.none() | numbers,
+    lag=st.floats(-1.0, 1.0),
+    fps=st.none() | st.floats(1.0, 120.0),
+    subframe=st.booleans(),
+    **{name: st.sampled_from(choices) for name, choices in CHOICES.items()},
+    pattern=st.builds(lambda values: BarPattern(1, tuple(values), tuple(values)), st.lists(numbers, min_size=1)),
+)
+
+
+@given(any_params)
+def test_any_settings_come_back_from_their_line(params: HarmonyParams):
+    assert eval(params_line(params)) == params
+
+
+def test_silence_and_a_dancer_who_stands_still_draw_too(human_clip: Clip):
+    still = Motion(np.zeros((180, 1, 3)), 30.0, Skeleton.unnamed(1))
+    clip = replace(human_clip, motion=still, beats=BeatTrack([], [], fps=43.0, duration=6.0))
+    labs = [detector_lab(clip, planted=[]), saliency_lab(clip), meter_lab(clip, annotated=clip.beats)]
+    labs += [scoring_lab(clip), corpus_lab([clip])]
+    for lab in labs:
+        for control, value in [("lambda1", 1.0), ("detector", "valleys"), ("score", "hit rate"), ("every", 2)]:
+            if control in lab.controls:
+                lab.controls[control].value = value
+                assert lab.error == ""

@@ -1,0 +1,338 @@
+"""The player's page: what it holds, what it refuses, and the command that writes it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+import typer
+from typer.testing import CliRunner, Result
+
+import harmolab
+from harmolab.beats.visual import visual_beats
+from harmolab.cli.playing import play
+from harmolab.harmony import score_harmony
+from harmolab.io import save_motion
+from harmolab.kinematics import resample_motion
+from harmolab.params import HarmonyParams
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from harmolab.widgets.player import Dancer, Player, player_page
+
+VALLEYS = HarmonyParams.valleys()
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return harmolab.synthetic_clip("cha-cha", seconds=6.0, seed=1)
+
+
+def dancer_of(motion: Motion, name: str = "dancer") -> Dancer:
+    return Dancer(name, motion, visual_beats(motion, params=VALLEYS))
+
+
+def page_of(clip: Clip, **options: Any) -> str:
+    return player_page(clip.audio, [dancer_of(clip.motion)], music=clip.beats, title="a song", **options)
+
+
+def data_of(page: str) -> dict[str, Any]:
+    return json.loads(re.search(r"^const data = (.*);$", page, flags=re.MULTILINE)[1])
+
+
+def values_of(packed: dict[str, Any]) -> np.ndarray:
+    numbers = np.frombuffer(base64.b64decode(packed["numbers"]), "<u2").reshape(-1, len(packed["low"]))
+    return np.array(packed["low"]) + np.array(packed["step"]) * numbers
+
+
+def positions_of(dancer: dict[str, Any]) -> np.ndarray:
+    return values_of(dancer["positions"]).reshape(dancer["frames"], dancer["joints"], 3)
+
+
+def sound_of(page: str) -> tuple[np.ndarray, int]:
+    return soundfile.read(io.BytesIO(base64.b64decode(data_of(page)["sound"]["ogg"])))
+
+
+def still(fps: float, frames: int, joints: int = 2, axes: int = 3) -> Motion:
+    """Joints that rest, one a metre above the other."""
+    positions = np.zeros((frames, joints, axes))
+    positions[:, 1, 1] = 1.0
+    return Motion(positions, fps, Skeleton.unnamed(joints))
+
+
+def beats_at(*times: float, duration: float = 4.0) -> BeatTrack:
+    return BeatTrack(times, np.ones(len(times)), 100.0, duration)
+
+
+# What the page holds
+
+
+def test_movement_is_the_motion_to_a_tenth_of_a_millimetre(clip: Clip) -> None:
+    shown = data_of(page_of(clip))["dancers"][0]
+    assert shown["fps"] == clip.motion.fps
+    moved = positions_of(shown) - clip.motion.positions
+    np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=2e-4)  # put on the floor
+    assert positions_of(shown)[..., 1].min() == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("given", "shown"), [(15.0, 30.0), (30.0, 30.0), (50.0, 50.0), (120.0, 60.0)])
+def test_page_shows_between_thirty_and_sixty_frames_a_second(given: float, shown: float) -> None:
+    page = player_page(Audio(np.zeros(8000), 8000), [dancer_of(still(given, 120))], music=beats_at(), title="")
+    assert data_of(page)["dancers"][0]["fps"] == shown
+
+
+def test_sound_is_where_it_was(clip: Clip) -> None:
+    samples, rate = sound_of(page_of(clip))
+    given = clip.audio.samples
+    assert (rate, samples.size) == (clip.audio.sample_rate, given.size)
+    lags = np.fft.irfft(np.fft.rfft(samples, 2 * given.size) * np.conj(np.fft.rfft(given, 2 * given.size)))
+    assert np.argmax(lags) == 0
+    assert np.corrcoef(samples, given)[0, 1] > 0.95
+
+
+@pytest.mark.parametrize("seconds", [1.0, 3.0])
+def test_sound_is_cut_or_filled_to_the_longest_motion(seconds: float) -> None:
+    dancers = [dancer_of(still(30.0, 45), "short"), dancer_of(still(30.0, 60), "long")]
+    page = player_page(Audio(np.full(round(8000 * seconds), 0.5), 8000), dancers, music=beats_at(1.9, 3.9), title="")
+    samples, rate = sound_of(page)
+    assert samples.size == 2 * rate
+    assert data_of(page)["duration"] == 2.0
+    assert [beat["time"] for beat in data_of(page)["music"]] == [1.9]
+    assert np.abs(samples[rate + 1000 :]).max() < 0.05 or seconds == 3.0
+
+
+def test_hits_are_those_of_the_score(clip: Clip) -> None:
+    moved = Dancer("late", clip.motion, visual_beats(clip.motion.span(0.35, 5.0), params=VALLEYS))
+    page = player_page(clip.audio, [dancer_of(clip.motion), moved], music=clip.beats, title="")
+    for dancer, shown in zip([dancer_of(clip.motion), moved], data_of(page)["dancers"], strict=True):
+        score = score_harmony(clip.beats, dancer.visual, params=VALLEYS, n_rotations=0)
+        assert [mark["met"] is not None for mark in shown["marks"]] == score.hits.tolist()
+        off = [abs(mark["met"] - mark["time"]) for mark in shown["marks"] if mark["met"] is not None]
+        np.testing.assert_allclose(off, score.intervals[score.hits], atol=2e-4)
+
+
+def test_planted_hit_and_miss() -> None:
+    dancer = Dancer("", still(30.0, 120), beats_at(1.08, 2.12))
+    shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(1.0, 2.0), title=""))
+    assert shown["dancers"][0]["marks"] == [{"time": 1.0, "met": 1.08}, {"time": 2.0, "met": None}]
+    assert shown["dancers"][0]["visual"] == [1.08, 2.12]
+    assert shown["delay"] == 0.1
+
+
+def test_an_expected_lag_is_taken_off() -> None:
+    dancer = Dancer("", still(30.0, 120), beats_at(1.08, 2.12))
+    params = HarmonyParams(visual_threshold=None, reaction_delay=0.05, lag=0.1, detector="valleys")
+    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(1.0, 2.0), title="", params=params)
+    assert [mark["met"] for mark in data_of(page)["dancers"][0]["marks"]] == [1.08, 2.12]
+
+
+def test_first_beats_of_bars_are_marked() -> None:
+    music = BeatTrack([1.0, 2.0], [1.0, 1.0], 100.0, 4.0, [3, 0])
+    shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer_of(still(30.0, 120))], music=music, title=""))
+    assert [beat["first"] for beat in shown["music"]] == [False, True]
+
+
+def test_speed_curve_is_that_of_the_visual_beats(swinging_arm: Callable[..., Motion]) -> None:
+    motion = swinging_arm(1.0, 30.0)
+    dancer = dancer_of(motion)
+    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(), title="")
+    speed = data_of(page)["dancers"][0]["speed"]
+    curve, inner = (
+        values_of(speed)[:, 0],
+        dancer.visual.times[(dancer.visual.times > 0.5) & (dancer.visual.times < 5.5)],
+    )
+    valleys = 1 + np.flatnonzero((curve[1:-1] < curve[:-2]) & (curve[1:-1] <= curve[2:]))
+    assert inner.size == 10
+    assert all(np.abs(valleys / speed["fps"] - time).min() < 0.02 for time in inner)
+
+
+def test_image_coordinates_hang_upright(clip: Clip) -> None:
+    points = clip.motion.positions[..., :2] * [100.0, -100.0] + [320.0, 400.0]
+    page = player_page(
+        clip.audio, [dancer_of(Motion(points, clip.motion.fps, clip.motion.skeleton))], music=clip.beats, title=""
+    )
+    shown = data_of(page)["dancers"][0]
+    assert shown["flat"]
+    height = np.ptp(points[..., 1])
+    np.testing.assert_allclose(positions_of(shown)[..., 1], points[..., 1].max() - points[..., 1], atol=height / 5e4)
+    np.testing.assert_array_equal(positions_of(shown)[..., 2], 0.0)
+
+
+def test_thirty_seconds_fit_into_a_megabyte() -> None:
+    clip = harmolab.synthetic_clip("cha-cha", seconds=30.0, seed=1)
+    motion = resample_motion(clip.motion, 30.0)
+    page = player_page(clip.audio, [dancer_of(motion)], music=clip.beats, title="")
+    assert (motion.n_frames, len(motion.skeleton.joints)) == (900, 21)
+    assert len(page.encode()) <= 1_000_000
+
+
+def test_page_asks_the_network_for_nothing_and_quotes_what_it_is_given(clip: Clip) -> None:
+    bad = '</script><script>alert("1")</script>'
+    page = player_page(
+        clip.audio.span(0.0, 1.0), [dancer_of(clip.motion, bad)], music=clip.beats, title=bad, facts={bad: bad}
+    )
+    assert not re.search(r"https?:|src=|href=|@import|url\(", re.sub(r'"[A-Za-z0-9+/=]{200,}"', '""', page))
+    assert "<script>alert" not in page
+    assert page.count("<script>") == 1
+
+
+def test_facts_are_a_table(clip: Clip) -> None:
+    page = page_of(clip, facts={"above chance": "0.91"})
+    assert '<tr><th scope="row">above chance</th><td>0.91</td></tr>' in page
+    assert "<table>" not in page_of(clip)
+
+
+# What it refuses
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_one_or_two_dancers(clip: Clip, count: int) -> None:
+    with pytest.raises(ValueError, match=f"one dancer or two, got {count}"):
+        player_page(clip.audio, [dancer_of(clip.motion)] * count, music=clip.beats, title="")
+
+
+def test_an_hour_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"600 s at most, got 3600\.0 s; cut"):
+        player_page(Audio(np.zeros(9), 8000), [Dancer("", still(1.0, 3600), beats_at())], music=beats_at(), title="")
+
+
+@pytest.mark.parametrize("rate", [100, 384_000])
+def test_sound_that_no_browser_plays_is_refused(rate: int) -> None:
+    with pytest.raises(ValueError, match=f"got {rate}; load it at 44100 Hz"):
+        player_page(Audio(np.zeros(rate), rate), [dancer_of(still(30.0, 30))], music=beats_at(), title="")
+
+
+def test_two_frames_of_one_joint_are_enough() -> None:
+    motion = Motion(np.zeros((2, 1, 3)), 30.0, Skeleton.unnamed(1))
+    shown = data_of(player_page(Audio(np.ones(1), 8000), [Dancer("", motion, beats_at())], music=beats_at(), title=""))
+    np.testing.assert_allclose(positions_of(shown["dancers"][0]), 0.0, atol=1e-6)
+
+
+# In a notebook, as a file
+
+
+def test_notebook_shows_the_page_in_a_frame(clip: Clip) -> None:
+    player = Player(clip.audio, [dancer_of(clip.motion)], music=clip.beats, title='"quoted"')
+    shown = player._repr_html_()
+    assert html.unescape(re.search(r' srcdoc="([^"]*)"', shown)[1]) == player.page
+    assert 'title="&quot;quoted&quot;: player"' in shown
+
+
+def test_saved_whole(clip: Clip, tmp_path: Path) -> None:
+    player = Player(clip.audio, [dancer_of(clip.motion)], music=clip.beats, title="a song")
+    player.save(tmp_path / "x.html")
+    assert (tmp_path / "x.html").read_text("utf-8") == player.page
+    assert [file.name for file in tmp_path.iterdir()] == ["x.html"]
+
+
+def test_player_needs_no_widget_library() -> None:
+    code = "import sys, harmolab.widgets.player; print({'ipywidgets', 'matplotlib', 'torch'} & set(sys.modules) or '')"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
+
+
+# The command
+
+
+@pytest.fixture(scope="module")
+def files(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """song.wav, dance.npz (60 frames per second) and other.npz (25)."""
+    folder = tmp_path_factory.mktemp("files")
+    soundfile.write(folder / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))
+    save_motion(folder / "dance.npz", clip.motion)
+    save_motion(folder / "other.npz", resample_motion(clip.motion, 25.0))
+    return folder
+
+
+@pytest.fixture
+def command(files: Path, tmp_path: Path) -> Callable[..., Result]:
+    app = typer.Typer()
+    app.command()(play)
+
+    def call(*options: object, out: str = "x.html") -> Result:
+        arguments = [files / "song.wav", files / "dance.npz", "--out", tmp_path / out, *options]
+        return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+    return call
+
+
+def test_command_writes_the_page(command: Callable[..., Result], tmp_path: Path) -> None:
+    result = command()
+    assert result.exit_code == 0, result.output
+    assert f"wrote {tmp_path / 'x.html'}" in result.output.replace("\n", "")
+    page = (tmp_path / "x.html").read_text("utf-8")
+    assert data_of(page)["duration"] == pytest.approx(6.0)
+    assert "dance: harmony above chance" in page
+    assert len(data_of(page)["music"]) > 8
+
+
+def test_offset_and_start_cut_sound_and_motion_at_the_same_moment(
+    command: Callable[..., Result], tmp_path: Path, clip: Clip
+) -> None:
+    result = command("--offset", 0.5, "--start", 2.01, "--seconds", 2)
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "x.html").read_text("utf-8")
+    skipped = 91  # the first frame at or after 1.51 s
+    shown = positions_of(data_of(page)["dancers"][0])
+    moved = shown - clip.motion.positions[skipped : skipped + 120]
+    np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=2e-4)
+    samples, rate = sound_of(page)
+    begins = round((0.5 + skipped / 60) * rate)
+    assert np.corrcoef(samples, clip.audio.samples[begins : begins + samples.size])[0, 1] > 0.95
+
+
+def test_motion_that_starts_before_the_sound_is_cut(command: Callable[..., Result], tmp_path: Path) -> None:
+    assert command("--offset", -1.0).exit_code == 0
+    assert data_of((tmp_path / "x.html").read_text("utf-8"))["duration"] == pytest.approx(5.0)
+
+
+def test_annotated_beats_are_taken(command: Callable[..., Result], tmp_path: Path) -> None:
+    (tmp_path / "song.beats").write_text("1.0 1\n2.0 2\n3.0 3\n")
+    result = command("--beats", tmp_path / "song.beats", "--start", 1.5)
+    assert result.exit_code == 0, result.output
+    assert [beat["time"] for beat in data_of((tmp_path / "x.html").read_text("utf-8"))["music"]] == [0.5, 1.5]
+
+
+def test_second_motion_keeps_the_frames_of_the_first(
+    command: Callable[..., Result], tmp_path: Path, files: Path
+) -> None:
+    result = command("--other", files / "other.npz", "--start", 1)
+    assert result.exit_code == 0, result.output
+    one, other = data_of((tmp_path / "x.html").read_text("utf-8"))["dancers"]
+    assert (one["name"], other["name"]) == ("dance", "other")
+    assert one["fps"] == other["fps"] == 60
+    count = min(one["frames"], other["frames"])
+    apart = positions_of(one)[:count, :, [0, 2]] - positions_of(other)[:count, :, [0, 2]]
+    assert np.median(np.abs(apart)) < 0.002
+
+
+@pytest.mark.parametrize(
+    ("options", "out", "fault"),
+    [
+        ((), "x.mp4", "x.mp4: the player is a page; choose a name that ends in .html"),
+        ((), "none/x.html", "none: no such folder"),
+        (("--start", 60), "x.html", "no motion from 60.0 s"),
+        (("--offset", 60), "x.html", "song.wav"),
+        (("--seconds", -1), "x.html", "seconds must be positive and finite, got -1"),
+        (("--seconds", "inf"), "x.html", "seconds must be positive and finite, got inf"),
+        (("--start", "nan"), "x.html", "start must be a finite number of seconds, got nan"),
+        (("--dance", "polka"), "x.html", "polka"),
+        (("--other", "nowhere.npz"), "x.html", "nowhere.npz: no such file"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_no_file(
+    command: Callable[..., Result], tmp_path: Path, options: tuple[object, ...], out: str, fault: str
+) -> None:
+    result = command(*options, out=out)
+    assert result.exit_code == 2
+    assert fault in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
