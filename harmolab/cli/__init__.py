@@ -12,6 +12,7 @@ from harmolab.cli.comparing import compare, learn
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
 from harmolab.cli.playing import play
+from harmolab.cli.rendering import render
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
 from harmolab.cli.training import train
@@ -30,6 +31,7 @@ app.command()(learn)
 app.command()(train)
 app.command()(dance)
 app.command()(play)
+app.command()(render)
 app.command()(retime)
 app.add_typer(data_app, name="data")
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 import typer
 
 from harmolab.cli.common import plain_errors, progress, show
+from harmolab.cli.rendering import music_of, sound_of, write_dance
 
 if TYPE_CHECKING:
     from harmolab.timewarp import Retimed, TimeWarp
-    from harmolab.types import Audio, BeatTrack, HarmonyScore, Motion
+    from harmolab.types import BeatTrack, HarmonyScore, Motion
 
 __all__ = ["Method", "retime"]
 
@@ -100,37 +101,10 @@ def _retimed_motion(
     from harmolab.timewarp import retime as bend
 
     motion = load_any_motion(path, fps=fps)
-    music = _music(song, offset, motion.duration, dance)
+    music = music_of(song, offset, motion.duration, dance)
     retimed = bend(motion, music, method=method.value, **wishes)
     _write(out, retimed.motion, music, song, offset)
     return retimed
-
-
-def _music(song: Path, offset: float, duration: float, dance: str) -> BeatTrack:
-    """The song's beats on the motion's time line."""
-    from rich.console import Console
-
-    from harmolab.beats.audio import audio_beats
-    from harmolab.io.audio import load_audio
-    from harmolab.params import DANCES
-
-    audio = load_audio(song)
-    if not -duration < offset < audio.duration:
-        raise ValueError(f"{song}: motion from {offset:g} s does not meet audio of {audio.duration:.2f} s")
-    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
-        return audio_beats(audio, tempo=dance if dance in DANCES else None).span(offset, duration)
-
-
-def _sound(song: Path, offset: float, duration: float) -> Audio:
-    """The music from the motion's first frame to its last; silence where there is none yet."""
-    import numpy as np
-
-    from harmolab.io.audio import load_audio
-    from harmolab.types import Audio
-
-    silence = max(0.0, -offset)
-    sound = load_audio(song, start=max(0.0, offset), duration=duration - silence, sample_rate=None)
-    return Audio(np.pad(sound.samples, (round(silence * sound.sample_rate), 0)), sound.sample_rate)
 
 
 def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: float) -> None:
@@ -140,11 +114,7 @@ def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: flo
 
         save_motion(path, motion)
         return
-    from harmolab.data.dance_floor import render_dance
-    from harmolab.io.video import write_video
-
-    frames = progress(render_dance(motion, fps=VIDEO_FPS, beats=music), "drawing")
-    write_video(path, frames, VIDEO_FPS, audio=_sound(song, offset, motion.duration))
+    write_dance(path, motion, song, offset, music, rate=VIDEO_FPS)
 
 
 def _retimed_video(
@@ -161,9 +131,9 @@ def _retimed_video(
 
     video = video_frames(path)
     visual = flow_beats(progress(video, "looking for movement"), video.fps)
-    music = _music(song, offset, visual.duration, dance)
+    music = music_of(song, offset, visual.duration, dance)
     warp = warp_by(method.value, visual, music, visual.duration - 1 / video.fps, **wishes)
-    warp_video(path, out, warp, _sound(song, offset, visual.duration))
+    warp_video(path, out, warp, sound_of(song, offset, visual.duration))
     moved = replace(visual, times=warp(visual.times))
     scores = [score_harmony(music, t, params=HarmonyParams.valleys(), n_rotations=0) for t in (visual, moved)]
     return scores[0], scores[1], warp
