@@ -289,6 +289,8 @@ def _encode_audio(container: Any, sound: Any, audio: Audio) -> None:
     samples = np.clip(audio.samples, -1, 1).astype(np.float32)[None]
     block = av.AudioFrame.from_ndarray(samples, format="fltp", layout="mono")
     block.sample_rate = round(audio.sample_rate)
+    # Without times the file would not say that the coder starts with a block of silence: all sound 21 ms late.
+    block.pts, block.time_base = 0, Fraction(1, block.sample_rate)
     resampler = av.AudioResampler(format="fltp", layout="mono", rate=AUDIO_RATE, frame_size=1024)
     for part in [*resampler.resample(block), *resampler.resample(None)]:
         container.mux(sound.encode(part))

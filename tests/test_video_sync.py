@@ -1,0 +1,71 @@
+"""The sound is where the mark is, and the pose is that of the moment, from the first second to the last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from harmolab.data.dance_floor import render_dance
+from harmolab.io.video import write_video
+from harmolab.types import Audio, BeatTrack, Motion
+
+RATE, FPS, SECONDS = 22050, 30.0, 60.0
+
+
+def sounding(path: Path) -> tuple[np.ndarray, int]:
+    """The sound of a video on its own time line: silence where the stream starts late, cut where it starts early."""
+    with av.open(str(path)) as container:
+        stream = container.streams.audio[0]
+        pieces = [(frame.time, frame.to_ndarray()) for frame in container.decode(stream)]
+        rate = stream.codec_context.sample_rate
+    sound = np.zeros(round((SECONDS + 1) * rate))
+    for time, piece in pieces:
+        first, samples = round(time * rate), piece.mean(axis=0)
+        samples = samples[max(-first, 0) :]
+        sound[max(first, 0) : max(first, 0) + samples.size] = samples[: sound.size - max(first, 0)]
+    return sound, rate
+
+
+@pytest.mark.slow
+def test_a_minute_of_video_keeps_sound_mark_and_pose_together(
+    swinging_arm: Callable[..., Motion], tmp_path: Path
+) -> None:
+    beats = np.arange(0.4, SECONDS - 0.5, 0.613)
+    motion = swinging_arm(0.7, FPS, seconds=SECONDS)
+    samples = np.zeros(round(SECONDS * RATE))
+    click = np.hanning(round(0.02 * RATE)) * np.sin(2 * np.pi * 1500 * np.arange(round(0.02 * RATE)) / RATE)
+    for beat in beats:
+        samples[round(beat * RATE) : round(beat * RATE) + click.size] = click
+    track = BeatTrack(beats, np.ones(beats.size), 100.0, SECONDS)
+    drawn = list(render_dance(motion, height=120, fps=FPS, beats=track))
+    write_video(tmp_path / "x.mp4", drawn, FPS, audio=Audio(samples, RATE))
+
+    sound, rate = sounding(tmp_path / "x.mp4")
+    for beat in beats:
+        around = sound[round((beat - 0.1) * rate) : round((beat + 0.2) * rate)] ** 2
+        middle = beat - 0.1 + (around * np.arange(around.size)).sum() / around.sum() / rate
+        assert middle == pytest.approx(beat + 0.01, abs=0.01), beat  # the click is 20 ms long
+
+    with av.open(str(tmp_path / "x.mp4")) as container:
+        shown = [(frame.time, frame.to_ndarray(format="rgb24")) for frame in container.decode(video=0)]
+    assert len(shown) == len(drawn) == SECONDS * FPS
+    lit = np.array([picture[8:10, 8:10, 0].mean() < 128 for _, picture in shown])  # the middle of the disc is blue
+    times = np.array([time for time, _ in shown])
+    starts = times[1:][lit[1:] & ~lit[:-1]]
+    assert starts.size == beats.size
+    assert (np.abs(starts - beats) <= 1 / FPS + 1e-6).all()
+    change = {i: _difference(drawn[i - 1], drawn[i + 1]) for i in range(10, len(shown) - 10, 7)}
+    moving = [i for i in change if change[i] > 0.5 * max(change.values())]  # not where the arm turns back
+    assert len(moving) > 20 and moving[-1] > 0.9 * len(shown)
+    for index in moving:
+        errors = [_difference(shown[index][1], drawn[near]) for near in range(index - 1, index + 2)]
+        assert np.argmin(errors) == 1 and times[index] == pytest.approx(index / FPS, abs=0.5 / FPS), index
+
+
+def _difference(one: np.ndarray, other: np.ndarray) -> float:
+    """Mean absolute difference of two pictures."""
+    return float(np.abs(one.astype(float) - other.astype(float)).mean())
