@@ -12,8 +12,9 @@ import typer
 
 if TYPE_CHECKING:
     from harmolab.data.folders import Sequence
+    from harmolab.types import Audio, BeatTrack
 
-__all__ = ["CountBar", "plain_errors", "progress", "sequences_of", "show", "write_text"]
+__all__ = ["CountBar", "check_out", "plain_errors", "progress", "sequences_of", "show", "track_beats", "write_text"]
 
 
 @contextmanager
@@ -64,6 +65,24 @@ def sequences_of(corpus: Path, dances: tuple[str, ...] = ()) -> Iterator[Sequenc
             yield sequence
     for problem in problems:
         typer.echo(f"harmolab: left out: {problem.message}", err=True)
+
+
+def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
+    """ValueError unless `out` ends in one of the suffixes and its folder is there; to be asked before any work."""
+    if out.suffix.lower() not in suffixes:
+        raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
+    if not out.resolve().parent.is_dir():
+        raise ValueError(f"{out.parent}: no such folder")
+
+
+def track_beats(audio: Audio, dance: str) -> BeatTrack:
+    """`audio_beats` with a prior for the tempo of `dance` ("": none); tells why the first on a machine takes long."""
+    from rich.console import Console
+
+    from harmolab.beats.audio import audio_beats
+
+    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
+        return audio_beats(audio, tempo=dance or None)
 
 
 def show(value: Any) -> str:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import plain_errors, progress, show
+from harmolab.cli.common import check_out, plain_errors, progress, show, track_beats
+from harmolab.cli.rendering import write_dance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["dance", "dance_scores"]
 
 SUFFIXES = (".mp4", ".html", ".bvh", ".npz")
-VIDEO_FPS = 30.0
 MEANINGS = (
     "Above chance: speed valleys within 0.1 s of the beats; 0 is a random moment, 1 every beat met. "
     "The paper's numbers (T_delay 0.25 s) mean little without their chance level."
@@ -71,10 +71,7 @@ def dance(
 
 def _wanted(out: Path, seed: int, samples: int) -> list[_Sample]:
     """The files to write, checked before any work is done."""
-    if out.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"{out}: a dance is written as {', '.join(SUFFIXES)}; choose a name that ends so")
-    if not out.resolve().parent.is_dir():
-        raise ValueError(f"{out.parent}: no such folder")
+    check_out(out, "a dance", SUFFIXES)
     if out.suffix.lower() == ".html" and find_spec("jinja2") is None:
         raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
     if samples == 1:
@@ -105,15 +102,11 @@ def _generator(weights: Path | None) -> tuple[Generator, PoseBank | None]:
 
 def _music(song: Path, dance: str) -> tuple[Audio, BeatTrack]:
     """The song and its beats."""
-    from rich.console import Console
-
-    from harmolab.beats.audio import audio_beats
     from harmolab.io.audio import load_audio
     from harmolab.params import DANCES
 
     audio = load_audio(song)
-    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
-        return audio, audio_beats(audio, tempo=dance if dance in DANCES else None)
+    return audio, track_beats(audio, dance if dance in DANCES else "")
 
 
 def _danced(
@@ -181,28 +174,24 @@ def _write(
     scores: dict[str, float | int | None],
 ) -> None:
     """The dance in the form that the name asks for."""
-    from harmolab.io.audio import load_audio
     from harmolab.io.motion import save_motion
 
     suffix = path.suffix.lower()
     if suffix in (".npz", ".bvh"):
         save_motion(path, motion)
         return
-    sound = load_audio(song, start=start, duration=motion.duration, sample_rate=None)
-    if suffix == ".html":
-        from harmolab.beats.visual import visual_beats
-        from harmolab.params import HarmonyParams
-        from harmolab.widgets.player import Dancer, Player
-
-        dancer = Dancer("generated", motion, visual_beats(motion, params=HarmonyParams.valleys()))
-        shown = {name: show(value) for name, value in scores.items()}
-        Player(sound, [dancer], music=music, title=song.stem, facts=shown).save(path)
+    if suffix == ".mp4":
+        write_dance(path, motion, song, start, music)
         return
-    from harmolab.data.dance_floor import render_dance
-    from harmolab.io.video import write_video
+    from harmolab.beats.visual import visual_beats
+    from harmolab.io.audio import load_audio
+    from harmolab.params import HarmonyParams
+    from harmolab.widgets.player import Dancer, Player
 
-    frames = progress(render_dance(motion, fps=VIDEO_FPS, beats=music), "drawing")
-    write_video(path, frames, VIDEO_FPS, audio=sound)
+    sound = load_audio(song, start=start, duration=motion.duration, sample_rate=None)
+    dancer = Dancer("generated", motion, visual_beats(motion, params=HarmonyParams.valleys()))
+    shown = {name: show(value) for name, value in scores.items()}
+    Player(sound, [dancer], music=music, title=song.stem, facts=shown).save(path)
 
 
 def _print(table: dict[str, dict[str, float | int | None]]) -> None:

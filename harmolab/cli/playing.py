@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import plain_errors
+from harmolab.cli.common import plain_errors, track_beats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -99,14 +99,7 @@ def _shown(
 
 def _beats(clip: Clip, dance: str) -> BeatTrack:
     """The music's beats as annotated, else as found in the whole piece."""
-    from rich.console import Console
-
-    from harmolab.beats.audio import audio_beats
-
-    if clip.beats is not None:
-        return clip.beats
-    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
-        return audio_beats(clip.audio, tempo=dance or None)
+    return track_beats(clip.audio, dance) if clip.beats is None else clip.beats
 
 
 def _save(

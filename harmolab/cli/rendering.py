@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import plain_errors, progress
+from harmolab.cli.common import check_out, plain_errors, progress, track_beats
 
 if TYPE_CHECKING:
     from harmolab.types import Audio, BeatTrack, Motion
@@ -46,10 +46,7 @@ def render(
 
 def _check(out: Path, seconds: float | None) -> None:
     """ValueError unless the video can be written, before any work is done."""
-    if out.suffix.lower() != ".mp4":
-        raise ValueError(f"{out}: a video is written as .mp4; choose a name that ends so")
-    if not out.resolve().parent.is_dir():
-        raise ValueError(f"{out.parent}: no such folder")
+    check_out(out, "a video", (".mp4",))
     if seconds is not None and not 0 < seconds < float("inf"):
         raise ValueError(f"seconds must be positive, got {seconds:g}")
 
@@ -61,30 +58,25 @@ def write_dance(
     offset: float,
     music: BeatTrack | None,
     *,
-    rate: float,
+    rate: float = 30.0,
     height: int = 480,
 ) -> None:
     """The motion as mp4 with its part of the song; with a disc that lights up at each beat of `music`."""
     from harmolab.data.dance_floor import render_dance
     from harmolab.io.video import write_video
 
-    frames = render_dance(motion, fps=rate, height=2 * (height // 2), width=2 * round(height * 2 / 3), beats=music)
-    write_video(path, progress(frames, "drawing"), rate, audio=sound_of(song, offset, motion.duration))
+    frames = progress(render_dance(motion, fps=rate, height=height, beats=music), "drawing")
+    write_video(path, frames, rate, audio=sound_of(song, offset, motion.duration))
 
 
 def music_of(song: Path, offset: float, duration: float, dance: str) -> BeatTrack:
     """The song's beats on the motion's time line."""
-    from rich.console import Console
-
-    from harmolab.beats.audio import audio_beats
     from harmolab.io.audio import load_audio
-    from harmolab.params import DANCES
 
     audio = load_audio(song)
     if not -duration < offset < audio.duration:
         raise ValueError(f"{song}: motion from {offset:g} s does not meet audio of {audio.duration:.2f} s")
-    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
-        return audio_beats(audio, tempo=dance if dance in DANCES else None).span(offset, duration)
+    return track_beats(audio, dance).span(offset, duration)
 
 
 def sound_of(song: Path, offset: float, duration: float) -> Audio:

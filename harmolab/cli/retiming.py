@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
-from harmolab.cli.common import plain_errors, progress, show
+from harmolab.cli.common import check_out, plain_errors, progress, show
 from harmolab.cli.rendering import music_of, sound_of, write_dance
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ __all__ = ["Method", "retime"]
 
 VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm")
 MOTION_SUFFIXES = (".npz", ".bvh", ".mp4")
-VIDEO_FPS = 30.0
 MEANINGS = (
     "Above chance: speed valleys (in a video: impacts) within 0.1 s of the beats; 0 is a random moment, 1 every beat "
     "met. Speed: source seconds a second."
@@ -67,7 +66,7 @@ def retime(
     """
     with plain_errors():
         is_video = motion.suffix.lower() in VIDEOS
-        _check_out(out, (".mp4",) if is_video else MOTION_SUFFIXES)
+        check_out(out, "this", (".mp4",) if is_video else MOTION_SUFFIXES)
         wishes = _Wishes(phase=phase, strength=strength, slowest=slowest, fastest=fastest)
         if is_video:
             before, after, warp = _retimed_video(motion, audio, out, offset, dance, wishes, method)
@@ -76,14 +75,6 @@ def retime(
             before, after, warp = retimed.before, retimed.after, retimed.warp
     _print(before, after, warp)
     typer.echo(f"wrote {out}")
-
-
-def _check_out(out: Path, suffixes: tuple[str, ...]) -> None:
-    """Said before any work is done."""
-    if out.suffix.lower() not in suffixes:
-        raise ValueError(f"{out}: this is written as {', '.join(suffixes)}; choose a name that ends so")
-    if not out.resolve().parent.is_dir():
-        raise ValueError(f"{out.parent}: no such folder")
 
 
 def _retimed_motion(
@@ -114,7 +105,7 @@ def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: flo
 
         save_motion(path, motion)
         return
-    write_dance(path, motion, song, offset, music, rate=VIDEO_FPS)
+    write_dance(path, motion, song, offset, music)
 
 
 def _retimed_video(

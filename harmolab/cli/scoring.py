@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab import __version__
-from harmolab.cli.common import plain_errors, show
+from harmolab.cli.common import plain_errors, show, track_beats
 
 if TYPE_CHECKING:
     from harmolab.params import BarPattern, HarmonyParams
-    from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore
+    from harmolab.types import Clip, HarmonyScore
 
 __all__ = ["Mode", "score"]
 
@@ -131,17 +131,12 @@ def read_pattern(path: Path, dance: str) -> BarPattern:
 
 
 def score_one(clip: Clip, params: HarmonyParams, dance: str) -> HarmonyScore:
-    """One score; tells the user why the first one on a machine takes long."""
-    from rich.console import Console
+    """One score, of the beats that are annotated or else tracked."""
+    from functools import partial
 
-    from harmolab.beats.audio import audio_beats
     from harmolab.harmony import score_clip
 
-    def tracker(audio: Audio) -> BeatTrack:
-        with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
-            return audio_beats(audio, tempo=dance or None)
-
-    return score_clip(clip, params, tracker=tracker)
+    return score_clip(clip, params, tracker=partial(track_beats, dance=dance))
 
 
 def print_scores(results: dict[str, HarmonyScore]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.data.stage import FRACTION_BITS
-from harmolab.features.poses import side_pairs
+from harmolab.features.poses import skull_and_limbs
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.types import BeatTrack, Motion
 
@@ -113,7 +113,7 @@ def render_dance(
 def _frames(motion: Motion, height: int, width: int, beats: BeatTrack | None) -> Iterator[Frame]:
     size = _standing_height(motion.positions)
     camera = _following(motion, size, height, width)
-    skull, limbs = _skull_and_limbs(motion)
+    skull, limbs = skull_and_limbs(motion.skeleton)
     flashes = np.zeros(0) if beats is None else beats.times
     for index, joints in enumerate(motion.positions):
         frame = np.full((height, width, 3), WALL, np.uint8)
@@ -136,17 +136,6 @@ def _following(motion: Motion, size: float, height: int, width: int) -> _Camera:
     way[:, 1] = TARGET * size
     eye = way + size * np.array([0.0, EYE - TARGET, DISTANCE])
     return _Camera(eye, way, FILL * height * DISTANCE, height, width)
-
-
-def _skull_and_limbs(motion: Motion) -> tuple[list[int], list[tuple[int, int]]]:
-    """The joints of the head, which is drawn as one ball, and the bones but for those inside it.
-
-    Hips and shoulders are joined across, which makes the trunk a body.
-    """
-    skeleton = motion.skeleton
-    skull = [joint for joint, name in enumerate(skeleton.joints) if "head" in name.lower()]
-    limbs = [*skeleton.bones, *(side_pairs(skeleton) if skeleton.bones else ())]
-    return skull, [limb for limb in limbs if not (limb[0] in skull and limb[1] in skull)]
 
 
 def _draw_floor(frame: Frame, camera: _Camera, index: int) -> None:

@@ -30,6 +30,7 @@ __all__ = [
     "root_path",
     "root_position",
     "side_pairs",
+    "skull_and_limbs",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -175,6 +176,19 @@ def side_pairs(skeleton: Skeleton) -> tuple[tuple[int, int], ...]:
             found.setdefault((side, part), joint)
     parts = [part for side, part in found if side == "left" and ("right", part) in found]
     return tuple((found["left", part], found["right", part]) for part in parts)
+
+
+def skull_and_limbs(skeleton: Skeleton) -> tuple[list[int], list[tuple[int, int]]]:
+    """What to draw of a body: joints of the head, which is one ball, and the bones but for those inside it.
+
+    Hips and shoulders are joined across, which makes the trunk a body.
+
+    >>> skull_and_limbs(Skeleton(("neck", "head L", "head R", "hip L", "hip R"), (-1, 0, 1, 0, 0)))
+    ([1, 2], [(0, 1), (0, 3), (0, 4), (3, 4)])
+    """
+    skull = [joint for joint, name in enumerate(skeleton.joints) if "head" in name.lower()]
+    limbs = [*skeleton.bones, *(side_pairs(skeleton) if skeleton.bones else ())]
+    return skull, [limb for limb in limbs if not (limb[0] in skull and limb[1] in skull)]
 
 
 def _across(positions: FloatArray, skeleton: Skeleton) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harmolab.models.poses import ancestors
 from harmolab.types import FloatArray, Skeleton
 
 __all__ = ["Leg", "find_leg", "moved_foot"]
@@ -46,10 +47,7 @@ def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
 
 def _below(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     """The joint and all that hangs on it, in order of their numbers."""
-    found = {joint}
-    while more := {each for each, parent in enumerate(skeleton.parents) if parent in found} - found:
-        found |= more
-    return tuple(sorted(found))
+    return tuple(other for other, above in enumerate(ancestors(skeleton.parents)) if above[joint])
 
 
 def moved_foot(positions: FloatArray, leg: Leg, shift: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import motion_curve
-from harmolab.features.poses import side_pairs
+from harmolab.features.poses import skull_and_limbs
 from harmolab.harmony import hit_pairs
 from harmolab.io.aside import written_aside
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
@@ -147,8 +147,7 @@ def _music(music: BeatTrack, params: HarmonyParams) -> list[dict[str, Any]]:
 def _dancer(dancer: Dancer, music: BeatTrack, params: HarmonyParams) -> dict[str, Any]:
     """What the page knows of one dancer."""
     motion, skeleton = dancer.motion, dancer.motion.skeleton
-    skull = [joint for joint, name in enumerate(skeleton.joints) if "head" in name.lower()]
-    across = side_pairs(skeleton) if skeleton.bones else ()
+    skull, limbs = skull_and_limbs(skeleton)
     shown = resample_motion(upsample_motion(motion, SLOWEST), min(max(motion.fps, SLOWEST), FASTEST))
     flat = motion.positions.shape[2] == 2
     positions, way, size = _on_wall(shown.positions) if flat else _on_floor(shown.positions, shown.fps)
@@ -158,7 +157,7 @@ def _dancer(dancer: Dancer, music: BeatTrack, params: HarmonyParams) -> dict[str
         "fps": shown.fps,
         "frames": shown.n_frames,
         "joints": len(skeleton.joints),
-        "bones": [[a, b] for a, b in (*skeleton.bones, *across) if not (a in skull and b in skull)],
+        "bones": limbs,
         "skull": skull,
         "size": size,
         "positions": _quantised(positions),

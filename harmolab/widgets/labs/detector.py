@@ -18,6 +18,7 @@ from harmolab.params import CHOICES, HarmonyParams
 from harmolab.types import BeatTrack, Clip
 from harmolab.viz.beats import draw_curve, draw_marks, draw_stems
 from harmolab.viz.style import COLOURS
+from harmolab.viz.timing import signed_offsets
 from harmolab.widgets.labs.lab import Lab, menu, slider, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
 
@@ -127,8 +128,7 @@ def _draw_distances(ax: Axes, music: BeatTrack, found: BeatTrack) -> None:
     """Histogram of how long after its nearest music beat each visual beat comes; beats at random would lie flat."""
     tall = 0
     if len(music) and len(found):
-        nearest = np.abs(found.times[:, None] - music.times[None, :]).argmin(axis=1)
-        counts, edges = np.histogram(found.times - music.times[nearest], BINS)
+        counts, edges = np.histogram(-signed_offsets(found.times, music.times), BINS)
         ax.stairs(counts, edges, fill=True, color=COLOURS["visual"])
         tall = int(counts.max())
     ax.axvline(0.0, color=COLOURS["audio"], linewidth=1.6)
