@@ -10,7 +10,7 @@ moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,11 +27,14 @@ from harmolab.types import BeatTrack, Motion
 __all__ = [
     "PatternFit",
     "PatternSums",
+    "beat_curve",
+    "beat_moments",
     "beat_positions",
     "evaluate_pattern",
     "fit_of_motion",
     "fit_of_speed",
     "fit_pattern",
+    "joint_fits",
     "moment_ranks",
     "normalised_speed",
     "pattern_sums",
@@ -109,9 +112,12 @@ def beat_positions(times: FloatArray, track: BeatTrack) -> FloatArray:
     beats = track.times
     if beats.size < 2:
         raise ValueError(f"a pattern needs two music beats at least, got {beats.size}")
-    index = np.interp(times, beats, np.arange(beats.size))
-    index = np.where(times < beats[0], (times - beats[0]) / (beats[1] - beats[0]), index)
-    index = np.where(times > beats[-1], beats.size - 1 + (times - beats[-1]) / (beats[-1] - beats[-2]), index)
+    first, last = beats[1] - beats[0], beats[-1] - beats[-2]
+    # A knot more at either end, behind everything that is asked for.
+    start, end = np.min(times, initial=beats[0]) - first, np.max(times, initial=beats[-1]) + last
+    numbers = np.arange(-1.0, beats.size + 1)
+    numbers[0], numbers[-1] = (start - beats[0]) / first, beats.size - 1 + (end - beats[-1]) / last
+    index: FloatArray = np.interp(times, np.concatenate([[start], beats, [end]]), numbers)
     return index + (0 if track.bar_places is None else track.bar_places[0])
 
 
@@ -171,19 +177,40 @@ def fit_of_speed(
     if len(audio) == 0 or len(audio_track) < 2 or not speed.any():
         return neutral
     # All beats make the time line, or each one that is too weak to count would move those after it in the bar.
-    positions = beat_positions(times - params.lag, audio_track)
-    first, last = int(np.ceil(positions[0] * GRID)), int(np.floor(positions[-1] * GRID))
-    if last < first:
+    curve, first = beat_curve(times - params.lag, speed, audio_track)
+    if curve.size == 0:
         return neutral
-    if last - first > MOST_MOMENTS:
-        closest = float(np.diff(audio_track.times).min())
-        raise ValueError(f"music beats lie {closest:.2g} s apart: are there doubles among them?")
-    curve = np.interp(np.arange(first, last + 1) / GRID, positions, speed)
     ranks = moment_ranks(curve, params.pattern)
     beats = np.round(beat_positions(audio.times, audio_track)).astype(np.int64)
-    moments = np.clip(beats * GRID - first, 0, curve.size - 1)
+    moments = beat_moments(beats, first, curve.size)
     known = audio_track.bar_places is not None or params.pattern.beats == 1
     return _best_places(ranks, moments, beats, audio.strengths, n_rotations, known)
+
+
+def beat_curve(times: FloatArray, speed: FloatArray, track: BeatTrack) -> tuple[FloatArray, int]:
+    """The speed at every moment of the beat grid: (G,) array, empty if there is none, and the first moment's number.
+
+    Parameters
+    ----------
+    times, speed : (T,) arrays, seconds and normalised speed
+    track : BeatTrack of two beats at least
+
+    Raises
+    ------
+    ValueError
+        If the beats lie so close together that there are millions of moments, or are fewer than two.
+    """
+    positions = beat_positions(times, track)
+    first, last = int(np.ceil(positions[0] * GRID)), int(np.floor(positions[-1] * GRID))
+    if last - first > MOST_MOMENTS:
+        closest = float(np.diff(track.times).min())
+        raise ValueError(f"music beats lie {closest:.2g} s apart: are there doubles among them?")
+    return np.interp(np.arange(first, last + 1) / GRID, positions, speed), first
+
+
+def beat_moments(beats: IntArray, first: int, size: int) -> IntArray:
+    """Where beats of these numbers lie in a `beat_curve` of `size` moments; those outside at its ends."""
+    return np.minimum(np.maximum(beats * GRID - first, 0), size - 1)
 
 
 def moment_ranks(curve: FloatArray, pattern: BarPattern) -> FloatArray:
@@ -198,16 +225,35 @@ def moment_ranks(curve: FloatArray, pattern: BarPattern) -> FloatArray:
     -------
     (beats, G) array: row k ranks the moments as candidates for place k.
     """
+    return (rankdata(joint_fits([curve], pattern)[0], axis=1) - 0.5) / curve.size
+
+
+def joint_fits(curves: Sequence[FloatArray], pattern: BarPattern) -> FloatArray:
+    """How well each curve around each moment fits each place of the pattern: many curves in one go.
+
+    Parameters
+    ----------
+    curves : C arrays (G_i,) of `beat_curve`
+    pattern : BarPattern
+
+    Returns
+    -------
+    (C, beats, G) array, G the largest G_i; infinite behind the end of a shorter curve
+    """
     half = pattern.beats * GRID // 2
     offsets = np.arange(-half, half + 1) / GRID
     window = 0.5 + 0.5 * np.cos(np.pi * offsets * GRID / half)
-    padded = np.pad(curve, half)
-    rows = []
+    sizes = np.array([curve.size for curve in curves], np.int64)
+    # One after the other, with as many zeros between as a template reaches.
+    joined = np.concatenate([np.zeros(half), *(part for curve in curves for part in (curve, np.zeros(half)))])
+    inside = np.arange(sizes.max(initial=0)) < sizes[:, None]
+    moments = ((np.cumsum(sizes + half) - sizes - half)[:, None] + np.arange(inside.shape[1]))[inside]
+    fits = np.full((sizes.size, pattern.beats, inside.shape[1]), np.inf)
     for place in range(pattern.beats):
         template = window * evaluate_pattern(pattern, offsets + place)
         template -= window * template.sum() / window.sum()
-        rows.append(np.convolve(padded, template[::-1], mode="valid"))
-    return (rankdata(rows, axis=1) - 0.5) / curve.size
+        fits[:, place][inside] = np.convolve(joined, template[::-1], mode="valid")[moments]
+    return fits
 
 
 def _best_places(

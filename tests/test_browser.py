@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import os
 import re
 import shutil
@@ -18,10 +20,12 @@ from typing import Any
 import nbformat
 import numpy as np
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 TOKEN = "a-token-for-this-test"
 N_PRESSES = 40
+HIT_COLOUR = (0, 158, 115)  # of the dots where true music wins
 LAG_STEP = 0.02  # seconds, of the lab's lag slider
 
 pytestmark = pytest.mark.browser
@@ -276,3 +280,67 @@ def test_arrow_keys_on_a_slider_change_picture_and_settings(labs: Any, name: str
     assert (after != line) == is_setting
     screenshot(labs, f"lab_{name}_{label}", at)
     report(f"{name}, {label}", delays)
+
+
+def test_recommended_mode_of_the_corpus_lab_greys_out_what_it_does_not_use(labs: Any) -> None:
+    at = LABS.index("corpus")
+    cell = lab_cell(labs, at)
+    choose_mode(labs, "recommended")
+    assert cell.locator("code").inner_text() == "HarmonyParams.recommended()"
+    assert "widget-disabled" in slider_state(labs, "T_delay", at)
+    assert "widget-disabled" not in slider_state(labs, "lag", at)
+    for label in ("lag", "late"):
+        report(f"corpus, recommended, {label}", press_arrows(labs, label, at))
+    screenshot(labs, "lab_corpus_recommended", at)
+
+
+def choose_mode(page: Any, mode: str) -> None:
+    """The corpus lab in that mode, its picture drawn."""
+    at = LABS.index("corpus")
+    page.evaluate(COUNT_PICTURES, at)
+    modes = lab_cell(page, at).locator(".widget-dropdown").filter(has_text="mode")
+    modes.locator("select").select_option(mode)
+    page.wait_for_function("window.delays.length > 0", timeout=10_000)
+
+
+def slider_state(page: Any, label: str, at: int) -> str:
+    """Whether the page lets the slider of that label be moved."""
+    handle = slider(page, label, at).locator(".noUi-target")
+    return "widget-disabled" if handle.get_attribute("disabled") is not None else "enabled"
+
+
+@pytest.mark.parametrize("width", [1400, 700])
+def test_click_on_a_dot_opens_its_clip_in_a_player_that_plays(labs: Any, width: int) -> None:
+    labs.set_viewport_size({"width": width, "height": 1000})
+    cell = lab_cell(labs, LABS.index("corpus"))
+    button = cell.locator(".jupyter-button")
+    picture = cell.locator("img.widget-image")
+    before = button.inner_text()
+    click_lowest_dot(labs, picture)
+    labs.wait_for_function("([button, before]) => button.innerText !== before", arg=[button.element_handle(), before])
+    name = button.inner_text().strip().removeprefix("Play ")
+    opened = cell.locator(f'iframe[title="{name}: player"]')
+    opened.wait_for(timeout=20_000)
+    player = opened.element_handle().content_frame()
+    player.wait_for_selector("#play")
+    player.evaluate("harmolabPlayer.ready")
+    assert player.locator("h1").inner_text() == name
+    player.click("#play")
+    player.wait_for_function("harmolabPlayer.time() > 0.3", timeout=20_000)
+    screenshot(labs, f"lab_corpus_player_{width}", LABS.index("corpus"))
+    shown = cell.locator("iframe").get_attribute("srcdoc")
+    histogram = picture.bounding_box()
+    picture.click(position={"x": 0.3 * histogram["width"], "y": 0.5 * histogram["height"]})
+    press_arrows(labs, "clip", LABS.index("corpus"))
+    assert cell.locator("iframe").get_attribute("srcdoc") == shown
+    player.evaluate("harmolabPlayer.pause()")
+
+
+def click_lowest_dot(page: Any, picture: Any) -> None:
+    """Clicks the middle of the lowest green circle of the picture, whatever size it is shown at."""
+    drawn = Image.open(io.BytesIO(base64.b64decode(pixels(page, LABS.index("corpus"))))).convert("RGB")
+    off = np.abs(np.asarray(drawn).astype(int) - HIT_COLOUR).sum(axis=2)
+    rows, columns = np.nonzero(off < 60)
+    x, y = columns[rows == rows.max()].mean(), rows.max() - 5.0  # half a circle above its lowest point
+    scale = picture.bounding_box()["width"] / drawn.width
+    picture.click(position={"x": x * scale, "y": y * scale})

@@ -197,7 +197,9 @@ def test_corpus_whose_parts_do_not_fit_is_refused():
     pairs = [(metronome(12), metronome(12))]
     with pytest.raises(ValueError, match="as many clips as names and periods; got paper with 1, 2 clips"):
         Corpus(("a", "b"), {"paper": BeatBatch.of(pairs)}, np.array([0.5]))
-    with pytest.raises(ValueError, match="a batch for some of paper, valleys"):
+    with pytest.raises(ValueError, match="a batch for some of paper, recommended, valleys"):
+        Corpus(("a",), {"literal": BeatBatch.of(pairs)}, np.array([0.5]))
+    with pytest.raises(ValueError, match="the recommended mode cannot score a BeatBatch"):
         Corpus(("a",), {"recommended": BeatBatch.of(pairs)}, np.array([0.5]))
 
 

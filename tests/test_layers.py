@@ -42,6 +42,7 @@ LAYERS = {
     "listening": 6,
     "widgets": 6,
     "pages": 7,
+    "own_dance": 7,
     "report": 7,
     "cli": 7,
 }
@@ -53,6 +54,7 @@ ARROWS = {  # allowed inside a layer
     ("harmony", "pattern"),
     ("harmony", "significance"),
     ("rescoring", "harmony"),
+    ("rescoring", "pattern"),
     ("corpus", "parts"),
     ("discrimination", "corpus"),
     ("experiments", "parts"),
@@ -64,10 +66,11 @@ LIBRARIES = {
     "torch": ("models", "training", "synthesis", "retiming", "experiments"),
     "matplotlib": ("viz", "widgets"),
     "ipywidgets": ("widgets",),
+    "anywidget": ("widgets",),
     "librosa": ("io", "beats.audio", "features"),
     "pandas": ("experiments", "discrimination", "corpus", "viz.results", "report", "cli"),
 }
-HEAVY = {"torch", "matplotlib", "ipywidgets", "dask"}
+HEAVY = {"torch", "matplotlib", "ipywidgets", "anywidget", "dask"}
 LONGEST_FUNCTION = 60
 LONGEST_MODULE = 350
 

@@ -7,10 +7,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from harmolab.harmony import score_harmony
-from harmolab.params import HarmonyParams
-from harmolab.rescoring import BatchScores, BeatBatch, rescore
-from harmolab.types import BeatTrack
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.harmony import score_harmony, score_motion
+from harmolab.params import BarPattern, HarmonyParams
+from harmolab.rescoring import BatchScores, BeatBatch, PatternBatch, rescore, rescore_patterns
+from harmolab.types import BeatTrack, Motion, Skeleton
 
 SETTINGS = {
     "paper": HarmonyParams.paper(),
@@ -53,3 +54,82 @@ def test_other_readings_are_refused_by_name() -> None:
 def test_an_empty_batch_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one clip"):
         BeatBatch.of([])
+
+
+# The recommended mode
+
+PATTERNS = {
+    "recommended": HarmonyParams.recommended(),
+    "sliders moved": replace(HarmonyParams.recommended(), lag=0.03, audio_threshold=1.0, beta=2.0),
+    "two beats, places known": replace(
+        HarmonyParams.recommended(), pattern=BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def dances() -> list[tuple[BeatTrack, Motion]]:
+    """Dances of several lengths and tempi, one who stands still, music with one beat and with none."""
+    rng = np.random.default_rng(3)
+    pairs = []
+    for seed, kind in enumerate(["cha-cha", "jive", "waltz", "rumba", "cha-cha", "tango"]):
+        clip = synthetic_clip(kind, seconds=4.0 + seed, fps=25.0 + seed, jitter=0.08, seed=seed)
+        beats = clip.beats
+        assert beats is not None and clip.motion is not None
+        places = (np.arange(len(beats)) + seed) % 4
+        pairs.append((replace(beats, strengths=rng.uniform(0, 5, len(beats)), bar_places=places), clip.motion))
+    still = Motion(np.zeros((100, 1, 3)), 25.0, Skeleton.unnamed(1))
+    few = [BeatTrack(times, np.ones(len(times)), 43.0, 5.0, np.arange(len(times))) for times in ([], [2.0])]
+    return [*pairs, (pairs[0][0], still), *((track, pairs[1][1]) for track in few)]
+
+
+def assert_as_score_motion(batch: BatchScores, pairs: list[tuple[BeatTrack, Motion]], params: HarmonyParams) -> None:
+    for field in fields(BatchScores):
+        single = [getattr(score_motion(*pair, params=params, n_rotations=0), field.name) for pair in pairs]
+        np.testing.assert_allclose(getattr(batch, field.name), single, atol=1e-9, err_msg=field.name)
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_pattern_batch_agrees_with_score_motion(dances: list[tuple[BeatTrack, Motion]], name: str) -> None:
+    batch = PatternBatch.of(dances, PATTERNS[name])
+    assert_as_score_motion(rescore_patterns(batch, PATTERNS[name]), dances, PATTERNS[name])
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_pattern_batch_of_moved_music_agrees_with_score_motion(
+    dances: list[tuple[BeatTrack, Motion]], name: str
+) -> None:
+    late = np.linspace(0.0, 0.9, len(dances))
+    moved = []
+    for (track, motion), seconds in zip(dances, late, strict=True):
+        times = np.mod(track.times + seconds, track.duration)
+        order = np.argsort(times)
+        assert track.bar_places is not None
+        music = replace(track, times=times[order], strengths=track.strengths[order], bar_places=track.bar_places[order])
+        moved.append((music, motion))
+    batch = PatternBatch.of(dances, PATTERNS[name]).moved(late)
+    assert_as_score_motion(rescore_patterns(batch, PATTERNS[name]), moved, PATTERNS[name])
+
+
+def test_music_that_comes_home_scores_as_before(dances: list[tuple[BeatTrack, Motion]]) -> None:
+    params = HarmonyParams.recommended()
+    batch = PatternBatch.of(dances[:3], params)
+    # Times of 0.1 to 10 s keep 12 digits on the way round: no rank changes by that.
+    home = batch.moved(batch.durations)
+    np.testing.assert_allclose(
+        rescore_patterns(home, params).harmony_above_chance,
+        rescore_patterns(batch, params).harmony_above_chance,
+        atol=1e-2,
+    )
+
+
+def test_pattern_of_a_bar_is_refused_where_places_are_unknown(dances: list[tuple[BeatTrack, Motion]]) -> None:
+    track, motion = dances[0]
+    batch = PatternBatch.of([(replace(track, bar_places=None), motion)], HarmonyParams.recommended())
+    with pytest.raises(ValueError, match="bar places of all beats; use score_motion"):
+        rescore_patterns(batch, PATTERNS["two beats, places known"])
+
+
+def test_an_empty_pattern_batch_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one clip"):
+        PatternBatch.of([], HarmonyParams.recommended())

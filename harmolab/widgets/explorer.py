@@ -24,6 +24,7 @@ from harmolab.widgets.quickdraw import QuickDraw, plain
 
 __all__ = ["Explorer"]
 
+NARROWEST, WIDEST = "640px", "900px"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
@@ -62,9 +63,13 @@ class Explorer(widgets.VBox):
         self._controls = {name: _control(name, spec) for name, spec in controls.items()}
         self._drawing = self._stale = False
         self._message = widgets.HTML(layout={"display": "none"})
-        self._image = widgets.Image(value=self._render(), format="png", layout={"max_width": "100%"})
+        self._image = self._picture(self._render())
+        # On a phone the picture goes on beyond the screen's edge, or nobody could read it.
+        self._image.layout.min_width, self._image.layout.max_width = NARROWEST, "none"
+        self._image.layout.width = "100%"
+        shown = widgets.Box([self._image], layout={"overflow": "auto", "max_width": WIDEST})
         panel = widgets.Box(list(self._controls.values()), layout={"flex_flow": "row wrap"})
-        super().__init__([panel, self._message, self._image])
+        super().__init__([panel, self._message, shown])
         for control in self._controls.values():
             control.observe(self._redraw, names="value")
 
@@ -88,6 +93,10 @@ class Explorer(widgets.VBox):
         """What went wrong in the latest drawing; empty if nothing did."""
         return html.unescape(self._message.value.removeprefix("<pre>").removesuffix("</pre>"))
 
+    def _picture(self, png: bytes) -> Any:
+        """The widget that shows the picture; its ``value`` is the PNG."""
+        return widgets.Image(value=png, format="png")
+
     def _redraw(self, _change: object = None) -> None:
         """Draws the current values; changes that arrive meanwhile lead to one more picture, not to one each."""
         self._stale = True
@@ -105,11 +114,15 @@ class Explorer(widgets.VBox):
         try:
             self._image.value = self._render()
         except Exception as error:  # noqa: BLE001  # whatever draw() raises, the reader has to see it
-            self._message.value = f"<pre>{html.escape(_where(error))}</pre>"
-            self._message.layout.display = "block"
+            self._complain(error)
         else:
             self._message.value = ""
             self._message.layout.display = "none"
+
+    def _complain(self, error: Exception) -> None:
+        """Shows above the picture what went wrong."""
+        self._message.value = f"<pre>{html.escape(_where(error))}</pre>"
+        self._message.layout.display = "block"
 
     def _render(self) -> bytes:
         """The picture of the current values, as PNG."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -17,83 +17,113 @@ from numpy.typing import NDArray
 
 from harmolab.beats.visual import visual_beats
 from harmolab.params import HarmonyParams
-from harmolab.rescoring import BeatBatch, rescore
 from harmolab.significance import auc
-from harmolab.types import Clip
+from harmolab.types import Audio, Clip
 from harmolab.viz.beats import draw_marks
 from harmolab.viz.style import COLOURS
-from harmolab.widgets.labs.lab import LOOK, MODES, Lab, ModeLab, menu, slider, start_at
+from harmolab.widgets.labs.clips import Corpus, corpus_scores
+from harmolab.widgets.labs.lab import LOOK, MODES, ModeLab, menu, slider, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
+from harmolab.widgets.picture import ClickPicture
+from harmolab.widgets.player import Dancer, Player
 
-__all__ = ["Corpus", "corpus_lab", "corpus_params", "draw_corpus_lab"]
+__all__ = ["CorpusLab", "corpus_lab", "corpus_params", "draw_corpus_lab"]
 
 FloatArray = NDArray[np.float64]
 
 PLACES = ((0.085, 0.12, 0.4, 0.7), (0.59, 0.12, 0.39, 0.7))
-KINDS = ("paper", "valleys")  # the modes that `rescore` knows
+EDGE = 0.02  # of the picture, round the dots' panel
+REACH = 12.0  # pixels of the screen: a click this far from a dot still means it
+IDLE = MappingProxyType({"recommended": ("lambda2", "delay")})  # it asks for no hits
 SCORES = MappingProxyType({"harmony h": "harmony", "above chance": "harmony_above_chance", "hit rate": "hit_rate"})
 LOWEST = MappingProxyType({"harmony": 0.0, "harmony_above_chance": -1.0, "hit_rate": 0.0})
 
 
-@dataclass(frozen=True, eq=False)
-class Corpus:
-    """Beats of C clips, ready to be scored again and again.
+class CorpusLab(ModeLab):
+    """The corpus lab: a ModeLab in which a click on a dot chooses its clip, and opens it where there is something to.
 
     Parameters
     ----------
-    names : C names
-    batches : mode ("paper", "valleys") -> BeatBatch of C clips, whose visual beats depend on the mode
-    periods : (C,) array, seconds between music beats
-    source : str, what the data are
+    corpus : Corpus
+    play : callable, optional
+        ``play(number, params)`` returns the page element (HTML) that plays a clip; called on a click only.
+    **controls
+        As `corpus_lab` makes them.
     """
 
-    names: tuple[str, ...]
-    batches: Mapping[str, BeatBatch]
-    periods: FloatArray
-    source: str = ""
+    def __init__(
+        self, corpus: Corpus, play: Callable[[int, HarmonyParams], str] | None = None, /, **controls: Any
+    ) -> None:
+        self._corpus, self._play = corpus, play
+        super().__init__(partial(draw_corpus_lab, corpus), corpus_params, _presets, IDLE, **controls)
+        self._player = widgets.HTML(layout={"width": "100%", "display": "none"})
+        hint = widgets.HTML(f"{self._image.hint}, or choose it with the clip slider.")
+        # The name stands here in full; the slider would cut it off.
+        self._button = widgets.Button(icon="play", layout={"width": "auto", "max_width": "100%"})
+        self._button.on_click(lambda _: self.play())
+        self._controls["clip"].observe(lambda _: self._name_button(), names="value")
+        self._name_button()
+        line = [hint] if play is None else [self._button, hint]
+        self.children = (*self.children, widgets.Box(line, layout={"flex_flow": "row wrap"}), self._player)
 
-    def __post_init__(self) -> None:
-        counts = {len(self.names), len(self.periods), *(batch.durations.size for batch in self.batches.values())}
-        if not self.batches or set(self.batches) - set(KINDS) or len(counts) != 1:
-            raise ValueError(
-                f"a corpus needs a batch for some of {', '.join(KINDS)}, with as many clips as names and periods; "
-                f"got {', '.join(self.batches) or 'none'} with {', '.join(map(str, sorted(counts)))} clips"
-            )
+    def _name_button(self) -> None:
+        self._button.description = f"Play {self._corpus.names[self.values['clip']]}"
 
-    @classmethod
-    def of(cls, clips: Sequence[Clip]) -> Corpus:
-        """The beats of clips with motion, read once for each mode.
+    def _picture(self, png: bytes) -> ClickPicture:
+        left, bottom, width, height = PLACES[1]
+        area = [left - EDGE, 1 - bottom - height - EDGE, left + width + EDGE, 1 - bottom + EDGE]
+        hint = "Click a dot to choose its clip" if self._play is None else "Click a dot to see and hear it"
+        return ClickPicture(self.click, value=png, area=area, hint=hint)
 
-        Raises
-        ------
-        ValueError
-            Without clips, or if one has no motion.
+    def click(self, x: float, y: float, width: float) -> None:
+        """What a click does: the clip of the nearest dot is ringed and opened; nothing where no dot is near.
+
+        Parameters
+        ----------
+        x, y : float, shares of the picture's width and height, from its top left corner
+        width : float, pixels of the screen that the picture is wide
         """
-        stages = [Stage.of(clip) for clip in clips]
-        batches = {
-            kind: BeatBatch.of([(one.music, visual_beats(one.motion, params=MODES[kind])) for one in stages])
-            for kind in KINDS
-        }
-        periods = [float(np.median(np.diff(one.music.times))) if len(one.music) > 1 else 0.0 for one in stages]
-        sources = sorted({one.source for one in stages if one.source})
-        return cls(tuple(clip.name for clip in clips), batches, np.array(periods), " + ".join(sources))
+        clip = self.clip_at(x, y, width)
+        if clip is not None:
+            self._controls["clip"].value = clip
+            self.play()
 
-    def late(self, kind: str, beats: float) -> BeatBatch:
-        """The batch with each clip's music moved by `beats` beats, round its end."""
-        batch = self.batches[kind]
-        origin, length = batch.audio_clip * batch.gap, batch.durations[batch.audio_clip]
-        moved = np.mod(batch.audio - origin + beats * self.periods[batch.audio_clip], length)
-        return replace(batch, audio=np.asarray(origin + moved, np.float64))
+    def clip_at(self, x: float, y: float, width: float) -> int | None:
+        """Number of the clip whose dot is shown there, or None; clips on one spot take turns. As for `click`."""
+        values = self.values
+        points = _dots(self._corpus, self.params, values["mode"], values["score"], values["late"])[:2]
+        figure: Any = self._figure
+        ax, size = figure.axes[1], figure.bbox.size
+        away = ax.transData.transform(np.column_stack(points[::-1])) - size * np.array([x, 1.0 - y])
+        distance = np.hypot(*away.T) * width / size[0]
+        if not distance.min() <= REACH:
+            return None
+        nearest = np.flatnonzero(distance <= distance.min() + 1e-6)
+        return int(nearest[np.argmax(nearest > values["clip"])])
+
+    def play(self) -> None:
+        """Open the chosen clip in the player under the picture."""
+        if self._play is None:
+            return
+        try:
+            self._player.value = self._play(self.values["clip"], self.params)
+        except ValueError as error:
+            self._complain(error)
+        else:
+            self._player.layout.display = "block"
 
 
-def corpus_lab(clips: Corpus | Sequence[Clip], *, on_clip: Callable[[str], object] | None = None, **values: Any) -> Lab:
+def corpus_lab(
+    clips: Corpus | Sequence[Clip], *, on_clip: Callable[[str], object] | None = None, **values: Any
+) -> CorpusLab:
     """Sliders for the score's settings above the scores of a whole corpus, with the AUC of true against wrong music.
 
     Parameters
     ----------
     clips : clips with motion, or a Corpus of their beats
+        A click on a dot opens its clip in a player under the picture; of a Corpus it only rings the dot.
     on_clip : callable, optional
-        Called with a clip's name whenever another is chosen, to open it in a player, say.
+        Called with a clip's name whenever another is chosen.
     **values
         Where controls start instead of at the first mode's settings: ``delay=0.1``; a mode brings its own.
 
@@ -115,12 +145,30 @@ def corpus_lab(clips: Corpus | Sequence[Clip], *, on_clip: Callable[[str], objec
         "delay": slider("T_delay (s)", 0.0, 0.5, 0.01, start["delay"]),
         "beta": slider("β", 0.25, 4.0, 0.25, start["beta"]),
         "lag": slider("lag (s)", -0.4, 0.4, 0.02, start["lag"]),
-        "clip": widgets.SelectionSlider(options=numbered, value=0, description="clip", **LOOK),
+        "clip": widgets.SelectionSlider(options=numbered, value=0, description="clip", readout=False, **LOOK),
     }
-    lab = ModeLab(partial(draw_corpus_lab, corpus), corpus_params, _presets, **start_at(controls, values, _presets))
+    play = None if isinstance(clips, Corpus) else partial(_played, clips)
+    lab = CorpusLab(corpus, play, **start_at(controls, values, _presets))
     if on_clip is not None:
         controls["clip"].observe(lambda change: on_clip(corpus.names[change["new"]]), names="value")
     return lab
+
+
+def _played(clips: Sequence[Clip], number: int, params: HarmonyParams) -> str:
+    """The player of one clip, with its true music, as an element of a page."""
+    clip = clips[number]
+    stage = Stage.of(clip)
+    dancer = Dancer(clip.dance or "dancer", stage.motion, visual_beats(stage.motion, params=params))
+    return Player(_sound(clip), [dancer], music=stage.music, title=clip.name, params=params)._repr_html_()
+
+
+def _sound(clip: Clip) -> Audio:
+    """The clip's sound from where its Stage begins."""
+    if clip.motion is None:
+        raise ValueError(f"{clip.name}: there is no motion to play")
+    skipped = max(0, int(np.ceil(-clip.offset * clip.motion.fps - 1e-9)))
+    start = max(clip.offset + skipped / clip.motion.fps, 0.0)
+    return clip.audio.span(start, clip.audio.duration - start)
 
 
 def _presets(mode: str) -> dict[str, Any]:
@@ -164,7 +212,7 @@ def draw_corpus_lab(
     Parameters
     ----------
     corpus : Corpus
-    mode : "paper" or "valleys"
+    mode : "paper", "recommended" or "valleys"
     score : "harmony h", "above chance" or "hit rate"
     late : float, beats by which the wrong music is moved
     clip : int, the dot that is ringed
@@ -175,18 +223,29 @@ def draw_corpus_lab(
     params = corpus_params(mode=mode, **{**_presets(mode), **values})
     shown = Figure() if figure is None else figure
     left, right, board = shown.axes or placed_axes(shown, (10.0, 5.4), PLACES)
-    name = SCORES[score]
-    true, wrong = (getattr(rescore(batch, params), name) for batch in (corpus.batches[mode], corpus.late(mode, late)))
-    low = LOWEST[name]
-    _draw_spread(left, np.maximum(true, low), np.maximum(wrong, low), low)
+    true, wrong, low = _dots(corpus, params, mode, score, late)
+    _draw_spread(left, true, wrong, low)
     note = "   |   lower ones at -1" if low < 0 else ""
     left.set_xlabel(score + note + (f"   |   {corpus.source} data" if corpus.source else ""))
-    _draw_clips(right, np.maximum(true, low), np.maximum(wrong, low), low, clip)
-    label = f"{corpus.names[clip]}: {true[clip]:.2f} true, {wrong[clip]:.2f} wrong"
+    _draw_clips(right, true, wrong, low, clip)
+    exact = [getattr(corpus_scores(corpus, mode, params, by), SCORES[score]) for by in (None, late)]
+    label = f"{corpus.names[clip]}: {exact[0][clip]:.2f} true, {exact[1][clip]:.2f} wrong"
     right.text(0.0, 1.02, label, transform=right.transAxes, va="bottom")
-    right.set(xlabel=f"{score}, music {late:g} beat late", ylabel=f"{score}, true music")
-    draw_board(board, _numbers(true, wrong))
+    right.set(xlabel=f"{score}, wrong music", ylabel=f"{score}, true music")
+    wrong_music = f"wrong: {late:g} beat late (outline)"
+    left.text(1.0, 1.02, wrong_music, transform=left.transAxes, color=COLOURS["ink"], ha="right", va="bottom")
+    draw_board(board, _numbers(*exact))
     return shown
+
+
+def _dots(
+    corpus: Corpus, params: HarmonyParams, mode: str, score: str, late: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Every clip's score with true and with wrong music as shown, and the lowest that is shown."""
+    name = SCORES[score]
+    low = LOWEST[name]
+    true, wrong = (np.maximum(getattr(corpus_scores(corpus, mode, params, by), name), low) for by in (None, late))
+    return true, wrong, low
 
 
 def _draw_spread(ax: Axes, true: FloatArray, wrong: FloatArray, low: float) -> None:
@@ -203,13 +262,10 @@ def _draw_spread(ax: Axes, true: FloatArray, wrong: FloatArray, low: float) -> N
         tall = max(tall, int(counts.max()))
     for values, colour, line in ((true, "audio", "-"), (wrong, "ink", "--")):
         ax.axvline(float(values.mean()), color=COLOURS[colour], linestyle=line, linewidth=1.4)
-    for side, words, colour in (("left", "true music", "audio"), ("right", "wrong music (outline)", "ink")):
-        ax.text(
-            float(side == "right"), 1.02, words, transform=ax.transAxes, color=COLOURS[colour], ha=side, va="bottom"
-        )
+    ax.text(0.0, 1.02, "true music", transform=ax.transAxes, color=COLOURS["audio"], va="bottom")
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    top = 5 * np.ceil(1.25 * tall / 5)  # in steps, so that the axis seldom changes
+    top = 10 * 2 ** np.ceil(np.log2(max(1.1 * tall / 10, 1)))  # in steps, so that the axis seldom changes
     ax.set(xlim=(low, 1.02), ylim=(0, top), ylabel="clips")
 
 

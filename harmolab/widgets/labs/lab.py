@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
@@ -21,7 +21,7 @@ MODES = MappingProxyType(
     {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
 )
 LOOK: Mapping[str, Any] = MappingProxyType(
-    {"style": {"description_width": "7.5em"}, "layout": {"width": "23em"}}  # three columns of controls on a desktop
+    {"style": {"description_width": "8.5em"}, "layout": {"width": "23em"}}  # three columns of controls on a desktop
 )
 
 
@@ -73,6 +73,7 @@ class ModeLab(Lab):
         As for `Lab`.
     presets : callable
         ``presets(mode)`` returns what a mode sets the other controls to, by name.
+    idle : mode -> names of controls that mean nothing in it, and are greyed out
     """
 
     _following = False
@@ -82,11 +83,17 @@ class ModeLab(Lab):
         draw: Callable[..., Figure],
         params: Callable[..., HarmonyParams],
         presets: Callable[[str], Mapping[str, Any]],
+        idle: Mapping[str, Collection[str]] = MappingProxyType({}),
         /,
         **controls: Any,
     ) -> None:
         super().__init__(draw, params, **controls)
-        self._presets = presets
+        self._presets, self._idle = presets, idle
+        self._grey_out(self.values["mode"])
+
+    def _grey_out(self, mode: str) -> None:
+        for name, control in self._controls.items():
+            control.disabled = name in self._idle.get(mode, ())
 
     def _redraw(self, change: Any = None) -> None:
         if self._following:
@@ -96,6 +103,7 @@ class ModeLab(Lab):
             try:
                 for name, value in self._presets(change["new"]).items():
                     self._controls[name].value = value
+                self._grey_out(change["new"])
             finally:
                 self._following = False
         super()._redraw(change)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ HITS_KEY = (
 RANKS_KEY = "rank of each music beat among all moments   |   wider if stronger   |   below, dashed: expected speed"
 # Hits over the whole width; below, the dance's curve and, at its right, the moved music.
 PLACES = ((0.085, 0.535, 0.895, 0.34), (0.085, 0.1, 0.57, 0.31), (0.735, 0.1, 0.245, 0.31))
+IDLE = MappingProxyType({"recommended": ("matching", "lambda2", "delay")})  # it asks for no hits
 N_ROTATIONS = 200  # as fine as the eye can tell; more would make the sliders sluggish
 
 
@@ -58,7 +60,8 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
     """
     stage = Stage.of(clip, pattern)
     controls = start_at(_controls(), values, _presets)
-    return ModeLab(partial(draw_lab, stage), partial(lab_params, pattern=stage.pattern), _presets, **controls)
+    settings = partial(lab_params, pattern=stage.pattern)
+    return ModeLab(partial(draw_lab, stage), settings, _presets, IDLE, **controls)
 
 
 def _controls() -> dict[str, Any]:
