@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -12,6 +13,7 @@ from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
 from harmolab.io.motion import save_motion
+from harmolab.io.video import write_video
 from harmolab.types import Clip
 
 
@@ -43,6 +45,77 @@ def test_video_has_the_length_size_and_sound_asked_for(files: tuple[Path, Path],
         assert float(sound.duration * sound.time_base) == pytest.approx(2.0, abs=0.1)
 
 
+def test_webm_has_the_free_codings(files: tuple[Path, Path], tmp_path: Path):
+    result = render(*files, "--seconds", 1, "--height", 240, "--out", tmp_path / "x.webm")
+    assert result.exit_code == 0, result.output
+    with av.open(str(tmp_path / "x.webm")) as container:
+        assert [stream.codec_context.name for stream in container.streams] == ["vp9", "opus"]
+    assert frames(tmp_path / "x.webm").shape == (30, 240, 320, 3)
+
+
+@pytest.fixture
+def take(planted_clip: Clip, tmp_path: Path) -> tuple[Path, Path]:
+    """A grey video of 2 s at 25 fps with the song's sound, and the points of a dancer in it who walks to the right."""
+    video, points = tmp_path / "take.mp4", tmp_path / "points.npy"
+    write_video(video, [np.full((240, 320, 3), 90, np.uint8)] * 50, 25.0, audio=planted_clip.audio.span(0, 2))
+    places = np.stack(np.broadcast_arrays(np.arange(100, 200, 2)[:, None], np.linspace(40, 200, 17)), axis=-1)
+    np.save(points, places.astype(float))
+    return video, points
+
+
+def test_skeleton_goes_over_the_video_it_was_found_in(take: tuple[Path, Path], tmp_path: Path):
+    video, points = take
+    out = tmp_path / "x.mp4"
+    result = render(video, points, "--fps", 25, "--over", video, "--no-marks", "--out", out)
+    assert result.exit_code == 0, result.output
+    shown = frames(out)
+    assert shown.shape == (50, 240, 320, 3)
+    columns = [np.flatnonzero(picture[100, :, 0] > 180).mean() for picture in shown]
+    np.testing.assert_allclose(columns, 100 + 2 * np.arange(50), atol=2)
+    with av.open(str(out)) as container:
+        sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
+    assert np.abs(sound).max() > 0.05  # the video's own
+
+
+def test_points_without_their_video_are_told_what_is_missing(take: tuple[Path, Path], tmp_path: Path):
+    result = render(*take, "--fps", 25, "--out", tmp_path / "x.mp4")
+    assert result.exit_code == 2 and "name the video to draw them over with --over" in result.output
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [(b"", "over.mp4: the file is empty"), (b"no video at all" * 99, "over.mp4: cannot be read as video")],
+)
+def test_an_unreadable_video_to_draw_over_is_one_line(
+    content: bytes, told: str, take: tuple[Path, Path], tmp_path: Path
+):
+    (tmp_path / "over.mp4").write_bytes(content)
+    result = render(*take, "--fps", 25, "--over", tmp_path / "over.mp4", "--no-marks", "--out", tmp_path / "x.mp4")
+    assert result.exit_code == 2 and told in result.output.replace("\n", "")
+    assert not (tmp_path / "x.mp4").exists()
+
+
+def test_the_video_to_draw_over_is_not_written_over(take: tuple[Path, Path]):
+    before = take[0].read_bytes()
+    result = render(*take, "--fps", 25, "--over", take[0], "--out", take[0])
+    assert result.exit_code == 2 and "is the video to draw over; choose another name" in result.output.replace("\n", "")
+    assert take[0].read_bytes() == before
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_webm_plays_with_its_sound(files: tuple[Path, Path], tmp_path: Path, chromium: Any):
+    assert render(*files, "--seconds", 2, "--height", 240, "--out", tmp_path / "x.webm").exit_code == 0
+    (tmp_path / "page.html").write_text('<video src="x.webm" autoplay></video>')
+    page = chromium.new_page()
+    page.goto((tmp_path / "page.html").as_uri())
+    page.wait_for_function("document.querySelector('video').currentTime > 0.5")
+    counts = "(({videoWidth, webkitAudioDecodedByteCount}) => [videoWidth, webkitAudioDecodedByteCount])"
+    width, sound_bytes = page.evaluate(f"{counts}(document.querySelector('video'))")
+    page.close()
+    assert width == 320 and sound_bytes > 0
+
+
 def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
     shown = {}
     for option in ("--marks", "--no-marks"):
@@ -55,7 +128,9 @@ def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (("--out", "x.gif"), "a video is written as .mp4"),
+        (("--out", "x.gif"), "a video is written as .mp4, .webm"),
+        (("--out", "x.mp4", "--over", "none.mp4"), "is movement in space; over a video go points of its pictures"),
+        (("--out", "x.mp4", "--over", "none.mp4", "--rate", "25"), "is drawn at its own frame rate; leave out --rate"),
         (("--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
         (("--out", "x.mp4", "--seconds", "-1"), "seconds must be positive, got -1"),
         (("--out", "x.mp4", "--offset", "99"), "motion from 99 s does not meet audio"),

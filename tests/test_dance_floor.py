@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harmolab.data.dance_floor import BEAT, FLOOR, WALL, render_dance
+from harmolab.data.beat_marks import DANCER, HIT, MUSIC, hit_times
+from harmolab.data.dance_floor import FLOOR, WALL, render_dance
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.viz.style import COLOURS
 
 MAN = Skeleton(("foot", "hip", "head"), (-1, 0, 1))
 STANDING = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.7, 0.0]])
@@ -91,10 +93,43 @@ def test_slow_motion_is_interpolated_to_the_pictures_rate() -> None:
 def test_disc_lights_up_at_each_beat_only_where_beats_are_given() -> None:
     motion = dance(*[STANDING] * 30)
     lit = [
-        bool((frame[21, 21] == BEAT).all()) for frame in render_dance(motion, beats=BeatTrack([0.5], [1.0], 30.0, 1.0))
+        bool((frame[21, 21] == MUSIC).all()) for frame in render_dance(motion, beats=BeatTrack([0.5], [1.0], 30.0, 1.0))
     ]
     assert [index for index, on in enumerate(lit) if on] == [15, 16, 17, 18, 19]
-    assert not any((frame[:60, :60] == BEAT).all(axis=2).any() for frame in render_dance(motion))
+    assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in render_dance(motion))
+
+
+def beats(*times: float) -> BeatTrack:
+    return BeatTrack(list(times), [1.0] * len(times), 30.0, 2.0)
+
+
+def test_dancer_and_hits_have_marks_of_their_own() -> None:
+    frames = render_dance(dance(*[STANDING] * 60), beats=beats(0.5, 1.5), dancer_beats=beats(0.566, 1.0))
+    lit = {"music": [], "dancer": [], "hit": []}
+    for index, frame in enumerate(frames):
+        for name, colour in (("music", MUSIC), ("dancer", DANCER), ("hit", HIT)):
+            if (frame[:120, :160] == colour).all(axis=2).sum() > 60:  # an outline has fewer
+                lit[name].append(index)
+    assert lit["music"] == [*range(15, 20), *range(45, 50)]
+    assert lit["dancer"] == [*range(17, 22), *range(30, 35)]
+    assert lit["hit"] == [*range(17, 22)]
+
+
+def test_marks_have_the_projects_colours() -> None:
+    for mark, name in ((MUSIC, "audio"), (DANCER, "visual"), (HIT, "hit")):
+        assert "#{:02X}{:02X}{:02X}".format(*mark) == COLOURS[name]
+
+
+def test_hit_falls_on_the_later_beat_of_the_two() -> None:
+    np.testing.assert_allclose(hit_times(beats(0.5, 1.0, 1.5), beats(0.4, 1.05, 1.65)), [0.5, 1.05])
+    assert hit_times(beats(0.5), beats()).size == hit_times(beats(), beats(0.5)).size == 0
+    np.testing.assert_allclose(hit_times(beats(0.5), beats(0.55)), [0.55])
+
+
+def test_floor_in_front_of_a_small_dancer_is_not_drawn_from_behind_the_camera() -> None:
+    small = next(render_dance(dance(0.3 * STANDING, 0.3 * STANDING)))
+    assert (small[:100, :250] == WALL).all() and (small[:100, 390:] == WALL).all()
+    assert (small[150:, :100] != FLOOR).any()
 
 
 def test_real_skeleton_and_one_without_bones_are_drawn() -> None:

@@ -193,10 +193,17 @@ def test_jittered_dances_come_into_harmony(dances: list[tuple[Motion, BeatTrack]
 
 
 def test_jitter_of_each_movement_by_itself_is_mended_too():
-    clips = [planted_clip(ClipSettings("cha-cha", seconds=SECONDS, jitter=0.15, seed=seed)).clip for seed in SEEDS]
+    dances = ("cha-cha", "jive", "rumba", "tango", "waltz")
+    clips = [
+        planted_clip(ClipSettings(dance, seconds=SECONDS, jitter=0.15, seed=seed)).clip
+        for dance in dances
+        for seed in range(5)
+    ]
     retimed = [retime(clip.motion, clip.beats) for clip in clips]
-    assert np.mean([r.before.harmony_above_chance for r in retimed]) < 0.45
-    assert np.mean([r.after.harmony_above_chance for r in retimed]) > 0.8
+    lost = [one for one in retimed if one.before.harmony_above_chance < 0.2]
+    assert len(lost) >= 8  # many a dance has beats in time by luck
+    assert np.mean([one.after.harmony_above_chance for one in lost]) > 0.8
+    assert np.mean([one.after.harmony_above_chance for one in retimed]) > 0.8
 
 
 def test_the_speed_stays_in_bounds_everywhere(dances: list[tuple[Motion, BeatTrack]]):

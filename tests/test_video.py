@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from harmolab.io.video import video_frames, write_video
+from harmolab.io.video_sound import video_sound
 from harmolab.types import Audio
 
 HEIGHT, WIDTH = 48, 64
@@ -60,6 +61,46 @@ def test_every_frame_comes_back_once_and_in_order(tmp_path: Path, fps: float) ->
     video = video_frames(tmp_path / "v.mp4")
     assert video.fps == pytest.approx(fps, rel=1e-4)
     assert numbers(video) == list(range(50))
+
+
+def test_webm_brings_every_frame_back_once_and_in_order(tmp_path: Path) -> None:
+    write_video(tmp_path / "v.webm", grey_levels(50), 29.97)
+    video = video_frames(tmp_path / "v.webm")
+    assert video.fps == pytest.approx(29.97, rel=1e-3)
+    assert numbers(video) == list(range(50))
+
+
+@pytest.mark.parametrize("name", ["v.mp4", "v.webm"])
+def test_colours_come_back_and_the_file_says_how_they_are_coded(tmp_path: Path, name: str) -> None:
+    orange = np.full((48, 64, 3), (230, 159, 0), np.uint8)
+    write_video(tmp_path / name, [orange] * 3, 25.0)
+    back = next(iter(video_frames(tmp_path / name, colour=True)))
+    np.testing.assert_allclose(back.mean(axis=(0, 1)), (230, 159, 0), atol=4)
+    with av.open(str(tmp_path / name)) as container:
+        context = container.streams.video[0].codec_context
+        assert (context.colorspace, context.color_range) == (5, 1)  # BT.601, 16 to 235
+
+
+@pytest.mark.parametrize("name", ["v.mp4", "v.webm"])
+@pytest.mark.parametrize("start", [0.0, 0.4])
+def test_sound_of_a_video_is_where_it_was(tmp_path: Path, name: str, start: float) -> None:
+    samples = np.zeros(22050)
+    samples[round((start + 0.1) * 22050) :][:220] = 0.8
+    write_video(tmp_path / name, grey_levels(30), 30.0, audio=Audio(samples, 22050))
+    sound = video_sound(tmp_path / name)
+    assert sound.sample_rate == 22050
+    assert sound.duration == pytest.approx(1.0, abs=0.05)
+    assert np.flatnonzero(np.abs(sound.samples) > 0.4)[0] / 22050 == pytest.approx(start + 0.1, abs=0.003)
+
+
+def test_video_without_sound_says_so_and_too_much_is_refused(sample: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"sample\.mp4: holds no sound; name the music's own file"):
+        video_sound(sample)
+    write_video(tmp_path / "v.mp4", grey_levels(30), 30.0, audio=Audio(np.zeros(22050), 22050))
+    with pytest.raises(ValueError, match=r"v\.mp4: has more than 0.5 s of sound"):
+        video_sound(tmp_path / "v.mp4", max_seconds=0.5)
+    with pytest.raises(FileNotFoundError, match=r"none\.mp4: no such file"):
+        video_sound(tmp_path / "none.mp4")
 
 
 def test_a_video_can_be_read_twice(sample: Path) -> None:
@@ -166,7 +207,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(sample: Path) -> No
 @pytest.mark.parametrize(
     ("name", "frames", "fps", "message"),
     [
-        ("v.avi", grey_levels(2), 25.0, "v.avi: video is written as .mp4"),
+        ("v.avi", grey_levels(2), 25.0, "v.avi: video is written as .mp4 or .webm"),
         ("v.mp4", [], 25.0, "v.mp4: a video needs at least one frame"),
         ("v.mp4", grey_levels(2), 0.0, "v.mp4: fps must lie between 1 and 1000, got 0"),
         ("v.mp4", grey_levels(2), float("nan"), "v.mp4: fps must lie between"),
@@ -298,6 +339,21 @@ def test_damaged_files_give_frames_or_one_error_that_names_them(
             for frame in video_frames(path, max_frames=5000):
                 assert frame.dtype == np.uint8
                 assert frame.ndim == 2
+        except ValueError as error:
+            assert str(error).startswith(str(path))
+
+
+@pytest.mark.parametrize("ending", ["mp4", "webm"])
+def test_damaged_files_give_sound_or_one_error_that_names_them(
+    tmp_path: Path, rng: np.random.Generator, ending: str
+) -> None:
+    tone = Audio(np.sin(np.arange(22050) / 5), 22050)
+    write_video(tmp_path / f"whole.{ending}", grey_levels(25), 25.0, audio=tone)
+    data, path = (tmp_path / f"whole.{ending}").read_bytes(), tmp_path / f"damaged.{ending}"
+    for _ in range(100):
+        path.write_bytes(mutated(data, rng))
+        try:
+            assert np.isfinite(video_sound(path, max_seconds=100).samples).all()
         except ValueError as error:
             assert str(error).startswith(str(path))
 

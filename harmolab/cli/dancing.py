@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab.cli.common import check_out, plain_errors, progress, show, track_beats
-from harmolab.cli.rendering import write_dance
+from harmolab.cli.rendering import VIDEOS_OUT, write_dance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["dance", "dance_scores"]
 
-SUFFIXES = (".mp4", ".html", ".bvh", ".npz")
+SUFFIXES = (*VIDEOS_OUT, ".html", ".bvh", ".npz")
 MEANINGS = (
     "Above chance: speed valleys within 0.1 s of the beats; 0 is a random moment, 1 every beat met. "
     "The paper's numbers (T_delay 0.25 s) mean little without their chance level."
@@ -37,8 +37,8 @@ class _Sample:
 
 
 def dance(
-    song: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3.")],
-    out: Annotated[Path, typer.Option(help="mp4 (with sound), html (a player), bvh (Blender) or npz.")],
+    song: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],
+    out: Annotated[Path, typer.Option(help="mp4 or webm (with sound), html (a player), bvh (Blender) or npz.")],
     weights: Annotated[
         Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file (default: those shipped).")
     ] = None,
@@ -102,10 +102,10 @@ def _generator(weights: Path | None) -> tuple[Generator, PoseBank | None]:
 
 def _music(song: Path, dance: str) -> tuple[Audio, BeatTrack]:
     """The song and its beats."""
-    from harmolab.io.audio import load_audio
+    from harmolab.io.video_sound import load_sound
     from harmolab.params import DANCES
 
-    audio = load_audio(song)
+    audio = load_sound(song)
     return audio, track_beats(audio, dance if dance in DANCES else "")
 
 
@@ -180,15 +180,15 @@ def _write(
     if suffix in (".npz", ".bvh"):
         save_motion(path, motion)
         return
-    if suffix == ".mp4":
+    if suffix in VIDEOS_OUT:
         write_dance(path, motion, song, start, music)
         return
     from harmolab.beats.visual import visual_beats
-    from harmolab.io.audio import load_audio
+    from harmolab.io.video_sound import load_sound
     from harmolab.params import HarmonyParams
     from harmolab.widgets.player import Dancer, Player
 
-    sound = load_audio(song, start=start, duration=motion.duration, sample_rate=None)
+    sound = load_sound(song, start=start, duration=motion.duration, sample_rate=None)
     dancer = Dancer("generated", motion, visual_beats(motion, params=HarmonyParams.valleys()))
     shown = {name: show(value) for name, value in scores.items()}
     Player(sound, [dancer], music=music, title=song.stem, facts=shown).save(path)

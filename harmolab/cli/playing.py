@@ -20,7 +20,7 @@ __all__ = ["play"]
 
 
 def play(
-    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3.")],
+    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],
     motion: Annotated[
         Path, typer.Argument(help="The motion: npz, npy, bvh, AIST++ pkl, keypoints, or a Tang 2018 folder.")
     ],
@@ -47,14 +47,14 @@ def play(
     Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
     """
     from harmolab.cli.scoring import read_clip
-    from harmolab.io.audio import load_audio
+    from harmolab.io.video_sound import load_sound
 
     with plain_errors():
         _check(out)
         clip = read_clip(audio, motion, offset, None, fps, beats)
         names, motions = _motions(clip, motion, other, fps)
         motions, begins = _shown(motions, clip.offset, start, seconds)
-        sound = load_audio(audio, start=begins, duration=max(moves.duration for moves in motions), sample_rate=None)
+        sound = load_sound(audio, start=begins, duration=max(moves.duration for moves in motions), sample_rate=None)
         _save(
             out, f"{clip.name} to {audio.name}", sound, _beats(clip, dance).span(begins, sound.duration), names, motions
         )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 import typer
 
 from harmolab.cli.common import check_out, plain_errors, progress, show
-from harmolab.cli.rendering import music_of, sound_of, write_dance
+from harmolab.cli.rendering import VIDEOS_OUT, music_of, sound_of, write_dance
 
 if TYPE_CHECKING:
     from harmolab.timewarp import Retimed, TimeWarp
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Method", "retime"]
 
-VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm")
-MOTION_SUFFIXES = (".npz", ".bvh", ".mp4")
+MOTION_SUFFIXES = (".npz", ".bvh", *VIDEOS_OUT)
 MEANINGS = (
     "Above chance: speed valleys (in a video: impacts) within 0.1 s of the beats; 0 is a random moment, 1 every beat "
     "met. Speed: source seconds a second."
@@ -43,8 +42,8 @@ class _Wishes(TypedDict):
 
 def retime(
     motion: Annotated[Path, typer.Argument(help="The motion (npz, npy, bvh, AIST++ pkl, ...), or a video.")],
-    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3.")],
-    out: Annotated[Path, typer.Option(help="npz, bvh or mp4 (with sound); mp4 for a video.")],
+    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],
+    out: Annotated[Path, typer.Option(help="npz, bvh, or mp4 or webm (with sound); mp4 or webm for a video.")],
     strength: Annotated[float, typer.Option(help="Share of every shift that is made, 0 to 1.")] = 1.0,
     phase: Annotated[float, typer.Option(help="Where in the beat to land: 0 on it, 0.5 half way to the next.")] = 0.0,
     offset: Annotated[float, typer.Option(help="Audio time in seconds at which the motion begins.")] = 0.0,
@@ -64,11 +63,13 @@ def retime(
 
     Example: `harmolab retime dance.bvh song.mp3 --out mended.mp4 --dance waltz`
     """
+    from harmolab.io.video import is_video
+
     with plain_errors():
-        is_video = motion.suffix.lower() in VIDEOS
-        check_out(out, "this", (".mp4",) if is_video else MOTION_SUFFIXES)
+        is_film = is_video(motion)
+        check_out(out, "this", VIDEOS_OUT if is_film else MOTION_SUFFIXES)
         wishes = _Wishes(phase=phase, strength=strength, slowest=slowest, fastest=fastest)
-        if is_video:
+        if is_film:
             before, after, warp = _retimed_video(motion, audio, out, offset, dance, wishes, method)
         else:
             retimed = _retimed_motion(motion, audio, out, offset, dance, wishes, method, fps)
@@ -100,7 +101,7 @@ def _retimed_motion(
 
 def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: float) -> None:
     """The motion in the form that the name asks for."""
-    if path.suffix.lower() != ".mp4":
+    if path.suffix.lower() not in VIDEOS_OUT:
         from harmolab.io.motion import save_motion
 
         save_motion(path, motion)

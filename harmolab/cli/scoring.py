@@ -28,7 +28,7 @@ class Mode(StrEnum):
 
 
 def score(
-    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3.")],
+    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],
     motion: Annotated[
         Path,
         typer.Argument(help="The motion: npz, npy, bvh, AIST++ pkl, keypoints, or a Tang 2018 folder."),
@@ -81,11 +81,11 @@ def read_clip(
     """The clip that the arguments of `score` describe."""
     from harmolab.data.folders import load_any_motion
     from harmolab.data.tang2018 import FPS, load_config
-    from harmolab.io.audio import load_audio
     from harmolab.io.beats import load_annotation
+    from harmolab.io.video_sound import load_sound
     from harmolab.types import Clip
 
-    sound, moves = load_audio(audio), load_any_motion(motion, fps=fps)
+    sound, moves = load_sound(audio), load_any_motion(motion, fps=fps)
     folder = motion if motion.is_dir() else motion.parent
     if start is None and (folder / "config.json").is_file() and not (folder / "motion.npz").is_file():
         start = load_config(folder / "config.json").start / FPS

@@ -2,81 +2,89 @@
 
 The camera stands in front of the dancer (on the positive z side) and walks along; the grid stands still, so that
 travelling is seen. Near limbs are darker and drawn over far ones. Needs OpenCV and numpy only.
+
+The camera never turns. So where everything lies is computed for many frames at once, and only drawing is left for each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.stage import FRACTION_BITS
 from harmolab.features.poses import skull_and_limbs
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import BeatTrack, Motion, Skeleton
 
 __all__ = ["render_dance"]
 
 Frame = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.signedinteger]
 
 WALL, FLOOR, LINE, SHADOW = (246, 246, 246), (232, 232, 228), (196, 196, 192), (205, 205, 200)
 NEAR, FAR = np.array([30.0, 34.0, 42.0]), np.array([140.0, 146.0, 156.0])  # of limbs
-BEAT = (0, 114, 178)  # the project's blue for music
 GRID = 0.5  # metres between lines of the floor
-REACH = 9  # lines on either side of the dancer
+REACH = 4.5  # metres of floor with lines, on every side of the dancer
 FADES = 5  # shades of a line
-NEAREST = 0.05  # metres from the camera; what is nearer is not drawn
 FARTHEST = 2.0**20  # pixels that OpenCV's fixed-point coordinates can hold
 FOLLOW = 0.8  # seconds over which the camera's way is smoothed
-FLASH = 0.15  # seconds for which a beat is shown
+BLOCK = 64  # frames that are laid out together
 # In heights of the dancer: how far away the camera stands, how high, and how high it looks.
 DISTANCE, EYE, TARGET = 3.4, 0.85, 0.47
+FLOOR_SEEN = 1.0  # heights of the dancer: floor nearer to the camera lies far below the picture
 FILL = 0.58  # share of the picture's height that a standing dancer fills
 LIMB, JOINT, HEAD = 0.036, 0.02, 0.072  # thickness and radii in heights of the dancer
 
 
 @dataclass(frozen=True, eq=False)
 class _Camera:
-    """Where the camera stands and looks for each frame; everything in metres, one picture size.
+    """Where the camera stands in each frame; it looks the same way in all. Everything in metres, one picture size.
 
     Parameters
     ----------
-    eye, target : (T, 3)
+    eye : (T, 3)
+    axes : (3, 3), rows: right, up and forward
     focal : float, pixels
     height, width : int, pixels
+    size : float, height of the dancer
     """
 
     eye: FloatArray
-    target: FloatArray
+    axes: FloatArray
     focal: float
     height: int
     width: int
+    size: float
 
-    def pictured(self, points: FloatArray, frame: int) -> FloatArray:
-        """(..., 3) pixel x, pixel y (down) and distance from the camera's plane (metres) of points (..., 3)."""
-        forward = self.target[frame] - self.eye[frame]
-        forward = forward / np.linalg.norm(forward)
-        right = np.array([-forward[2], 0.0, forward[0]])
-        right = right / np.linalg.norm(right)
-        seen = points - self.eye[frame]
-        distance = np.maximum(seen @ forward, 1e-3)
-        across, up = seen @ right, seen @ np.cross(right, forward)
-        return np.stack(
-            [
-                self.width / 2 + self.focal * across / distance,
-                self.height / 2 - self.focal * up / distance,
-                distance,
-            ],
-            axis=-1,
-        )
+    def seen(self, points: FloatArray, frames: slice) -> FloatArray:
+        """Points (F, N, 3) of some frames as the camera has them: to its right, above it, in front of it."""
+        return (points - self.eye[frames, None]) @ self.axes.T
+
+    def pictured(self, seen: FloatArray) -> FloatArray:
+        """(..., 2) pixel x and pixel y (down) of seen points (..., 3)."""
+        plane = self.focal * seen[..., :2] / np.maximum(seen[..., 2:], 1e-3)
+        return np.array([self.width / 2, self.height / 2]) + plane * np.array([1.0, -1.0])
+
+    def pixels(self, metres: float, distance: FloatArray) -> IntArray:
+        """How many pixels a length takes at distances; one at least."""
+        return np.maximum(1, np.rint(self.focal * metres / np.maximum(distance, 0.1))).astype(np.int64)
 
 
 def render_dance(
-    motion: Motion, *, height: int = 480, width: int | None = None, fps: float = 30.0, beats: BeatTrack | None = None
+    motion: Motion,
+    *,
+    height: int = 480,
+    width: int | None = None,
+    fps: float = 30.0,
+    beats: BeatTrack | None = None,
+    dancer_beats: BeatTrack | None = None,
 ) -> Iterator[Frame]:
     """Frames of a dancer on a floor, seen from the front by a camera that walks along.
 
@@ -87,8 +95,9 @@ def render_dance(
         `width` defaults to 4/3 of the height.
     fps : float, hertz
         Rate of the pictures; a slower motion is interpolated by cubic splines.
-    beats : BeatTrack, optional
-        Beats on the motion's time line; a disc in the corner lights up at each.
+    beats, dancer_beats : BeatTrack, optional
+        Beats of the music and of the dancer on the motion's time line; each lights its mark in the corner, and a ring
+        shows where both meet (`harmolab.data.beat_marks`).
 
     Yields
     ------
@@ -107,22 +116,25 @@ def render_dance(
     if not (np.isfinite(fps) and fps > 0):
         raise ValueError(f"fps must be positive and finite, got {fps}")
     danced = resample_motion(upsample_motion(motion, fps), fps)
-    return _frames(danced, height, width, beats)
+    return _frames(danced, height, width, BeatMarks(height, beats, dancer_beats))
 
 
-def _frames(motion: Motion, height: int, width: int, beats: BeatTrack | None) -> Iterator[Frame]:
-    size = _standing_height(motion.positions)
-    camera = _following(motion, size, height, width)
-    skull, limbs = skull_and_limbs(motion.skeleton)
-    flashes = np.zeros(0) if beats is None else beats.times
-    for index, joints in enumerate(motion.positions):
-        frame = np.full((height, width, 3), WALL, np.uint8)
-        _draw_floor(frame, camera, index)
-        _draw_shadow(frame, camera, index, joints, limbs, size)
-        _draw_dancer(frame, camera, index, joints, limbs, skull, size)
-        since = index / motion.fps - flashes
-        _draw_beat(frame, bool(((since >= 0) & (since < FLASH)).any()), beats is not None)
-        yield frame
+def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:
+    camera = _following(motion, height, width)
+    body = _Body.of(motion.skeleton)
+    empty = _room(camera)
+    for start in range(0, motion.n_frames, BLOCK):
+        frames = slice(start, start + BLOCK)
+        joints = motion.positions[frames]
+        grids, shadows = _grid(camera, frames), body.shadow(camera, frames, joints)
+        figures = body.strokes(camera, frames, joints)
+        for index, (grid, shadow, figure) in enumerate(zip(grids, shadows, figures, strict=True), start):
+            frame = empty.copy()
+            _draw_grid(frame, grid)
+            _draw(frame, shadow)
+            _draw(frame, figure, rim=WALL)
+            marks.draw(frame, index / motion.fps)
+            yield frame
 
 
 def _standing_height(positions: FloatArray) -> float:
@@ -130,114 +142,156 @@ def _standing_height(positions: FloatArray) -> float:
     return max(float(np.percentile(np.ptp(positions[..., 1], axis=1), 90)), 0.1)
 
 
-def _following(motion: Motion, size: float, height: int, width: int) -> _Camera:
+def _following(motion: Motion, height: int, width: int) -> _Camera:
     """The camera in front of the dancer, its way smoothed so that it never jerks."""
-    way = smooth(motion.positions.mean(axis=1), FOLLOW, motion.fps)
-    way[:, 1] = TARGET * size
-    eye = way + size * np.array([0.0, EYE - TARGET, DISTANCE])
-    return _Camera(eye, way, FILL * height * DISTANCE, height, width)
+    size = _standing_height(motion.positions)
+    eye = smooth(motion.positions.mean(axis=1), FOLLOW, motion.fps) + size * np.array([0.0, 0.0, DISTANCE])
+    eye[:, 1] = EYE * size
+    forward = np.array([0.0, TARGET - EYE, -DISTANCE])
+    forward = forward / np.linalg.norm(forward)
+    right = np.array([1.0, 0.0, 0.0])
+    axes = np.stack([right, np.cross(right, forward), forward])
+    return _Camera(eye, axes, FILL * height * DISTANCE, height, width, size)
 
 
-def _draw_floor(frame: Frame, camera: _Camera, index: int) -> None:
-    """The floor up to the horizon, and its grid, which fades with the distance."""
-    here = camera.target[index, [0, 2]]
-    far = camera.pictured(np.array([here[0], 0.0, here[1] - 1000.0]), index)
-    frame[int(np.clip(far[1], 0, len(frame))) :] = FLOOR
-    pieces, middles = _grid(np.round(here / GRID) * GRID)
-    places = camera.pictured(pieces, index)
-    visible = np.clip(1.15 - np.linalg.norm(middles - here, axis=1) / (REACH * GRID), 0.0, 1.0)
-    levels = np.where((places[..., 2] > NEAREST).all(axis=1), np.ceil(visible * FADES), 0)
-    points = np.clip(places[..., :2] * 2**FRACTION_BITS, -FARTHEST, FARTHEST).round().astype(np.int32)
+def _room(camera: _Camera) -> Frame:
+    """The wall, and below the horizon the floor."""
+    frame = np.full((camera.height, camera.width, 3), WALL, np.uint8)
+    far = camera.pictured(camera.axes @ np.array([0.0, -camera.eye[0, 1], -1000.0]))
+    frame[int(np.clip(far[1], 0, camera.height)) :] = FLOOR
+    return frame
+
+
+def _grid(camera: _Camera, frames: slice) -> Iterator[list[list[IntArray]]]:
+    """For each frame and shade of line, from the faintest on: the ends (2, 2) of its pieces."""
+    points, there = _pieces(camera, frames)
+    shades = np.minimum(np.arange(2 * FADES - 1), np.arange(2 * FADES - 1)[::-1])
+    for ends, drawn in zip(points, there, strict=True):
+        yield [list(ends[:, shades == shade][drawn[:, shades == shade]]) for shade in range(FADES)]
+
+
+def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Every line of the floor cut where it changes its shade, on circles round the dancer.
+
+    Returns
+    -------
+    points : (F, lines, pieces, 2 ends, 2), fixed-point pixels
+    there : (F, lines, pieces) bool, False for pieces without length
+    """
+    here = camera.eye[frames][:, [0, 2]] - np.array([0.0, DISTANCE * camera.size])
+    count = int(np.ceil(REACH / GRID))
+    aside = (np.round(here / GRID)[..., None] + np.arange(-count, count + 1)) * GRID - here[..., None]  # (F, 2, lines)
+    radii = REACH * np.minimum(1.15 - np.arange(FADES) / FADES, 1.0)
+    halves = np.sqrt(np.maximum(radii**2 - aside[..., None] ** 2, 0.0))
+    along = np.concatenate([-halves, halves[..., ::-1]], axis=-1)  # (F, 2, lines, cuts)
+    across = np.broadcast_to(aside[..., None], along.shape)
+    nearest = _nearest_floor(camera)
+    # Lines that go away from the camera (x stays), then lines from left to right (z stays).
+    x = np.concatenate([across[:, 0], along[:, 1]], axis=1)
+    z = np.concatenate([np.minimum(along[:, 0], nearest), across[:, 1]], axis=1)
+    places = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(len(here), -1, 3)
+    ground = np.stack([here[:, 0], np.zeros(len(here)), here[:, 1]], axis=-1)[:, None]
+    cuts = _fixed(camera.pictured(camera.seen(places + ground, frames))).reshape(*x.shape, 2)
+    there = (np.abs(np.diff(x)) + np.abs(np.diff(z)) > 1e-6) & (z[..., :-1] <= nearest)
+    return np.stack([cuts[..., :-1, :], cuts[..., 1:, :]], axis=-2), there
+
+
+def _nearest_floor(camera: _Camera) -> float:
+    """How far in front of the dancer (metres along z) the floor is drawn; nearer it would be behind the camera."""
+    _, down, forward = camera.axes[2]
+    return float(DISTANCE * camera.size - (FLOOR_SEEN * camera.size + down * camera.eye[0, 1]) / -forward)
+
+
+def _draw_grid(frame: Frame, pieces: list[list[IntArray]]) -> None:
     # One call for each shade: a call for each piece would take longer than the rest of the picture.
-    for level in range(1, FADES + 1):
-        colour = _mixed(FLOOR, LINE, level / FADES)
-        cv2.polylines(frame, list(points[levels == level]), False, colour, 1, cv2.LINE_AA, FRACTION_BITS)
+    for shade, ends in enumerate(pieces, start=1):
+        cv2.polylines(frame, ends, False, _mixed(FLOOR, LINE, shade / FADES), 1, cv2.LINE_AA, FRACTION_BITS)
 
 
-def _grid(middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The pieces of the floor's lines around a crossing: ends (P, 2, 3), and middles (P, 2: x, z)."""
-    steps = GRID * np.arange(-REACH, REACH + 1)
-    fixed, start = (values.ravel() for values in np.meshgrid(steps, steps[:-1], indexing="ij"))
-    along = np.stack([np.stack([fixed, start], axis=1), np.stack([fixed, start + GRID], axis=1)], axis=1)
-    flat = middle + np.concatenate([along, along[..., ::-1]])
-    return np.stack([flat[..., 0], np.zeros(flat.shape[:2]), flat[..., 1]], axis=-1), flat.mean(axis=1)
+class _Stroke(NamedTuple):
+    """A limb (a line of a thickness from start to end), or a ball (a circle of a radius, without an end)."""
+
+    start: Sequence[int]
+    end: Sequence[int] | None
+    size: int
+    colour: Sequence[float]
 
 
-def _draw_shadow(
-    frame: Frame, camera: _Camera, index: int, joints: FloatArray, limbs: list[tuple[int, int]], size: float
-) -> None:
-    """Every limb once more, flat on the floor."""
-    flat = camera.pictured(joints * np.array([1.0, 0.0, 1.0]), index)
-    for parent, child in limbs:
-        thickness = _pixels(1.3 * LIMB * size, flat[[parent, child], 2].mean(), camera)
-        _line(frame, flat[parent], flat[child], SHADOW, thickness)
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """What is drawn of a skeleton: limbs first, then joints, then the head if there is one.
+
+    Parameters
+    ----------
+    limbs : (L, 2) joints
+    shares : (P, J), share of each joint in the middle of each part; L of the P parts are limbs
+    radii : (P - L,) of the balls, heights of the dancer
+    nudge : (P,) metres by which a part counts as farther away: the head lies before the neck, whatever the neck does
+    """
+
+    limbs: IntArray
+    shares: FloatArray
+    radii: FloatArray
+    nudge: FloatArray
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> _Body:
+        skull, limbs = skull_and_limbs(skeleton)
+        joints = [(joint,) for joint in range(len(skeleton.joints)) if joint not in skull]
+        balls = [*joints, *([tuple(skull)] if skull else [])]
+        shares = np.zeros((len(limbs) + len(balls), len(skeleton.joints)))
+        for part, members in enumerate([*limbs, *balls]):
+            shares[part, list(members)] = 1 / len(members)
+        necks = [0.1 * (not set(limb).isdisjoint(skull)) for limb in limbs]
+        heads = [HEAD] if skull else []
+        nudge = np.array([*necks, *[0.0] * len(joints), *[-0.1] * len(heads)])
+        return cls(np.array(limbs, int).reshape(-1, 2), shares, np.array([*[JOINT] * len(joints), *heads]), nudge)
+
+    def strokes(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[_Stroke]]:
+        """Limbs, joints and head of each frame, from far to near; near ones are darker."""
+        seen = camera.seen(joints, frames)
+        flat, depth = camera.pictured(seen), np.maximum(seen[..., 2], 1e-3)
+        span = np.maximum(np.ptp(depth, axis=1), 0.3 * camera.size)[:, None]
+        distance = depth @ self.shares.T
+        far = np.clip((distance - depth.min(axis=1)[:, None]) / span, 0.0, 1.0)
+        colours = (NEAR + far[..., None] * (FAR - NEAR)).tolist()
+        limbs, balls = np.split(distance, [len(self.limbs)], axis=1)
+        radii = np.rint(camera.focal * camera.size * self.radii / balls * 2**FRACTION_BITS).clip(1, FARTHEST)
+        sizes = np.concatenate([camera.pixels(LIMB * camera.size, limbs), radii.astype(int)], axis=1).tolist()
+        middles = self.shares[len(self.limbs) :] @ flat
+        starts = _fixed(np.concatenate([flat[:, self.limbs[:, 0]], middles], axis=1)).tolist()
+        ends = [[*row, *[None] * middles.shape[1]] for row in _fixed(flat[:, self.limbs[:, 1]]).tolist()]
+        order = np.argsort(-(distance + self.nudge), axis=1, kind="stable").tolist()
+        for parts, *looks in zip(order, starts, ends, sizes, colours, strict=True):
+            strokes = list(map(_Stroke, *looks))
+            yield [strokes[part] for part in parts]
+
+    def shadow(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[_Stroke]]:
+        """Every limb of each frame once more, flat on the floor."""
+        seen = camera.seen(joints * np.array([1.0, 0.0, 1.0]), frames)
+        flat = _fixed(camera.pictured(seen))
+        thick = camera.pixels(1.3 * LIMB * camera.size, seen[:, self.limbs, 2].mean(axis=2)).tolist()
+        for ends, sizes in zip(flat[:, self.limbs].tolist(), thick, strict=True):
+            yield [_Stroke(start, end, size, SHADOW) for (start, end), size in zip(ends, sizes, strict=True)]
 
 
-def _draw_dancer(
-    frame: Frame,
-    camera: _Camera,
-    index: int,
-    joints: FloatArray,
-    limbs: list[tuple[int, int]],
-    skull: list[int],
-    size: float,
-) -> None:
-    """Limbs, joints and head from far to near; limbs with a light rim that sets them off from what lies behind."""
-    places = camera.pictured(joints, index)
-    nearest, depth = places[:, 2].min(), max(float(np.ptp(places[:, 2])), 0.3 * size)
-    parts = [
-        *limbs,
-        *((joint,) for joint in range(len(joints)) if joint not in skull),
-        *([tuple(skull)] if skull else []),
-    ]
-    for part in sorted(parts, key=lambda part: -_distance(places, part, skull)):
-        members = list(part)
-        distance = places[members, 2].mean()
-        colour = _mixed(NEAR, FAR, (distance - nearest) / depth)
-        if part in limbs:
-            thickness = _pixels(LIMB * size, distance, camera)
-            _line(frame, places[part[0]], places[part[1]], WALL, thickness + 2)
-            _line(frame, places[part[0]], places[part[1]], colour, thickness)
-        else:
-            radius = (HEAD if members == skull else JOINT) * size
-            scaled = camera.focal * radius / distance * 2**FRACTION_BITS
-            centre = _fixed(places[members].mean(axis=0))
-            cv2.circle(frame, centre, max(1, round(scaled)), colour, -1, cv2.LINE_AA, FRACTION_BITS)
+def _draw(frame: Frame, strokes: list[_Stroke], rim: Sequence[float] | None = None) -> None:
+    """Strokes one over the other; limbs with a rim of that colour, which sets them off from what lies behind."""
+    for start, end, size, colour in strokes:
+        if end is None:
+            cv2.circle(frame, start, size, colour, -1, cv2.LINE_AA, FRACTION_BITS)
+            continue
+        if rim is not None:
+            cv2.line(frame, start, end, rim, size + 2, cv2.LINE_AA, FRACTION_BITS)
+        cv2.line(frame, start, end, colour, size, cv2.LINE_AA, FRACTION_BITS)
 
 
-def _distance(places: FloatArray, part: tuple[int, ...], skull: list[int]) -> float:
-    """How far away a part counts as lying: the head in front of the neck, whatever the neck does."""
-    distance = float(places[list(part), 2].mean())
-    if part == tuple(skull):
-        return distance - 0.1
-    return distance + 0.1 if len(part) == 2 and not set(part).isdisjoint(skull) else distance
-
-
-def _draw_beat(frame: Frame, lit: bool, shown: bool) -> None:
-    """The disc in the upper left corner: a ring, filled at a beat."""
-    if not shown:
-        return
-    radius = max(4.0, 0.02 * len(frame))
-    centre = _fixed(np.array([2.2 * radius, 2.2 * radius]))
-    cv2.circle(frame, centre, round(radius * 2**FRACTION_BITS), BEAT, -1 if lit else 1, cv2.LINE_AA, FRACTION_BITS)
-
-
-def _mixed(one: object, other: object, share: float) -> tuple[float, ...]:
+def _mixed(one: object, other: object, share: float) -> Sequence[float]:
     """The colour that lies `share` of the way from one to another."""
     start, end = np.asarray(one, float), np.asarray(other, float)
-    return tuple((start + (end - start) * float(np.clip(share, 0.0, 1.0))).tolist())
+    return tuple((start + (end - start) * share).tolist())
 
 
-def _pixels(metres: float, distance: float, camera: _Camera) -> int:
-    """How many pixels a length takes at a distance; one at least."""
-    return max(1, round(camera.focal * metres / max(distance, 0.1)))
-
-
-def _line(frame: Frame, start: FloatArray, end: FloatArray, colour: tuple[float, ...], thickness: int) -> None:
-    cv2.line(frame, _fixed(start), _fixed(end), colour, thickness, cv2.LINE_AA, FRACTION_BITS)
-
-
-def _fixed(point: FloatArray) -> tuple[int, int]:
-    """A pixel position in OpenCV's fixed-point coordinates, kept within what they can hold."""
-    x, y = np.clip(np.asarray(point[:2], float) * 2**FRACTION_BITS, -FARTHEST, FARTHEST)
-    return round(float(x)), round(float(y))
+def _fixed(points: FloatArray) -> IntArray:
+    """Pixel positions in OpenCV's fixed-point coordinates, kept within what they can hold."""
+    return np.rint(np.clip(points * 2**FRACTION_BITS, -FARTHEST, FARTHEST)).astype(np.int32)

@@ -1,0 +1,101 @@
+"""Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they meet.
+
+Shapes and words tell the marks apart, colour only helps. Needs OpenCV and numpy only.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.data.stage import FRACTION_BITS
+from harmolab.harmony import EDGE
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack
+
+__all__ = ["DANCER", "FLASH", "HIT", "MUSIC", "BeatMarks", "hit_times"]
+
+Frame = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+
+# The project's colours for music, dancer and hits.
+MUSIC, DANCER, HIT = (0, 114, 178), (230, 159, 0), (0, 158, 115)
+PLATE, INK = (246, 246, 246), (34, 34, 34)
+FLASH = 0.15  # seconds for which a beat is shown
+RADIUS, LEAST_RADIUS = 0.02, 4.0  # of a mark: share of the picture's height, pixels
+ROW, TEXT_AT, WORD_WIDTH = 2.9, 4.2, 7.5  # in radii
+LEAST_WORDS = 200  # pixels of height from which the words can be read
+
+
+class BeatMarks:
+    """The marks of every moment, drawn once and then only copied into the pictures.
+
+    Parameters
+    ----------
+    height : int, pixels of the pictures
+    music, dancer : BeatTrack or None
+        Beats on the pictures' time line. A mark that has no track is left out; hits need both.
+    """
+
+    def __init__(self, height: int, music: BeatTrack | None, dancer: BeatTrack | None) -> None:
+        tracks = {"music": music, "dancer": dancer}
+        self.times = {name: track.times for name, track in tracks.items() if track is not None}
+        if music is not None and dancer is not None:
+            self.times["hit"] = hit_times(music, dancer)
+        states = product((False, True), repeat=len(self.times))
+        self.plates = {lit: _plate(height, dict(zip(self.times, lit, strict=True))) for lit in states}
+
+    def draw(self, frame: Frame, seconds: float) -> None:
+        """Put the marks into the upper left corner of `frame` (H, W, 3), lit as they are at that moment."""
+        if not self.times:
+            return
+        since = {name: seconds - times for name, times in self.times.items()}
+        plate = self.plates[tuple(bool(((past >= 0) & (past < FLASH)).any()) for past in since.values())]
+        rows, columns = np.minimum(plate.shape[:2], frame.shape[:2])
+        frame[:rows, :columns] = plate[:rows, :columns]
+
+
+def hit_times(music: BeatTrack, dancer: BeatTrack) -> FloatArray:
+    """Seconds, in order, at which music beats with a dancer's beat within 0.1 s are met: the later beat of the two."""
+    if not len(music) or not len(dancer):
+        return np.zeros(0)
+    after = np.searchsorted(dancer.times, music.times).clip(1, max(1, len(dancer) - 1))
+    around = dancer.times[np.stack([after - 1, np.minimum(after, len(dancer) - 1)])]
+    nearest = np.take_along_axis(around, np.abs(around - music.times).argmin(axis=0)[None], axis=0)[0]
+    met = np.abs(nearest - music.times) <= HarmonyParams.valleys().reaction_delay + EDGE
+    return np.sort(np.maximum(music.times, nearest)[met])
+
+
+def _plate(height: int, lit: dict[str, bool]) -> Frame:
+    """The corner of a picture with one row for each mark."""
+    radius = max(LEAST_RADIUS, RADIUS * height)
+    worded = height >= LEAST_WORDS
+    width = (TEXT_AT + WORD_WIDTH if worded else TEXT_AT) * radius
+    plate = np.full((round((2.2 + ROW * (len(lit) - 1) + 2.0) * radius), round(width), 3), PLATE, np.uint8)
+    for row, (name, on) in enumerate(lit.items()):
+        middle = np.array([2.2, 2.2 + ROW * row]) * radius
+        _draw_mark(plate, name, middle, radius, on)
+        if worded:
+            at = (round(TEXT_AT * radius), round(middle[1] + 0.62 * radius))
+            cv2.putText(plate, name, at, cv2.FONT_HERSHEY_SIMPLEX, radius / 17, INK, max(1, height // 480), cv2.LINE_AA)
+    return plate
+
+
+def _draw_mark(plate: Frame, name: str, middle: FloatArray, radius: float, on: bool) -> None:
+    """An outline, filled when `on`; the ring of a hit stays open and grows thick."""
+    centre = tuple(np.round(middle * 2**FRACTION_BITS).astype(int).tolist())
+    if name == "music":
+        size = round(radius * 2**FRACTION_BITS)
+        cv2.circle(plate, centre, size, MUSIC, -1 if on else 1, cv2.LINE_AA, FRACTION_BITS)
+    elif name == "hit":
+        size, thickness = round(0.85 * radius * 2**FRACTION_BITS), max(2, round(0.5 * radius)) if on else 1
+        cv2.circle(plate, centre, size, HIT, thickness, cv2.LINE_AA, FRACTION_BITS)
+    else:
+        corners = middle + 1.15 * radius * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]])
+        points = np.round(corners * 2**FRACTION_BITS).astype(np.int32)
+        cv2.polylines(plate, [points], True, DANCER, 1, cv2.LINE_AA, FRACTION_BITS)
+        if on:
+            cv2.fillPoly(plate, [points], DANCER, cv2.LINE_AA, FRACTION_BITS)

@@ -1,0 +1,151 @@
+"""A dancer's skeleton over the video it was found in. Needs OpenCV and numpy only (and PyAV for the video's frames)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.data.beat_marks import BeatMarks
+from harmolab.data.folders import load_any_motion
+from harmolab.data.stage import FRACTION_BITS
+from harmolab.features.poses import skull_and_limbs
+from harmolab.io.errors import PathLike, read_json
+from harmolab.io.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25
+from harmolab.io.landmarks import is_landmarks, load_landmarks
+from harmolab.io.video import VideoFrames
+from harmolab.kinematics import resample_motion
+from harmolab.types import BeatTrack, Motion
+
+__all__ = ["load_points", "overlay_skeleton", "points_in_picture"]
+
+Frame = NDArray[np.uint8]
+FloatArray = NDArray[np.float64]
+
+CORE, RIM = (255, 255, 255), (20, 20, 20)  # a light line in a dark one is seen on any picture
+THICKNESS = 1 / 110  # of a limb, in picture heights
+SHARES_UP_TO = 2.0  # points whose median is below are shares of the picture: no body fits into two pixels
+LEAST_INSIDE = 0.5  # share of the points that must lie in the picture
+FARTHEST = 2.0**20  # pixels that OpenCV's fixed-point coordinates can hold
+IN_SPACE = "is movement in space; over a video go points of its pictures (OpenPose, COCO, MediaPipe)"
+
+
+def load_points(path: PathLike, *, fps: float | None = None, joints: tuple[str, ...] | None = None) -> Motion:
+    """A dancer's points in a picture, from a file of key points or landmarks.
+
+    Parameters
+    ----------
+    path : str or path
+        COCO-17, OpenPose or MediaPipe, or our own `.npz`, as `load_any_motion` reads them.
+    fps : float, frames per second, where the file holds no rate
+    joints : names to keep, optional
+        When left out, eyes and ears of COCO and OpenPose go where they were not always seen: a turn of the head hides
+        one, and the whole frame would count as not valid.
+
+    Returns
+    -------
+    Motion with (T, J, 2) positions, as the file has them: pixels, or shares of the picture
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; a motion in space is an error.
+    """
+    motion = load_any_motion(path, fps=fps, joints=joints)
+    if motion.positions.shape[2] != 2:
+        raise ValueError(f"{path}: {IN_SPACE}")
+    if Path(path).suffix.lower() == ".json" and is_landmarks(read_json(Path(path))):
+        # As shares of both sides, whatever proportions of the picture the file notes.
+        motion = load_landmarks(path, fps=fps, aspect=1.0, joints=joints)
+    if joints is None and motion.skeleton in (COCO_17, OPENPOSE_18, OPENPOSE_25) and not motion.valid.all():
+        body = tuple(name for name in motion.skeleton.joints if not name.endswith(("_eye", "_ear")))
+        motion = load_any_motion(path, fps=fps, joints=body)
+    return motion
+
+
+def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
+    """The points in pixels of the frames that `video` gives.
+
+    Points between 0 and 1 (MediaPipe) are taken as shares of the picture's width and height, others as pixels of the
+    video's own pictures.
+
+    Raises
+    ------
+    ValueError
+        For a motion in space, and where most points lie outside the picture: they were found in another one.
+    """
+    if motion.positions.shape[2] != 2:
+        raise ValueError(f"the motion {IN_SPACE}")
+    height, width = video.source_size
+    shown = motion.positions[motion.valid]
+    are_shares = shown.size and np.median(np.abs(shown)) <= SHARES_UP_TO
+    unit = np.array([1.0, 1.0] if are_shares else [width, height])
+    inside = float(((shown >= 0) & (shown <= unit)).all(axis=-1).mean()) if shown.size else 1.0
+    if inside < LEAST_INSIDE:
+        raise ValueError(
+            f"{video.path}: {1 - inside:.0%} of the points lie outside its pictures of {width} x {height} pixels; "
+            "were they found in this video, at this size?"
+        )
+    places = motion.positions * (np.array([video.width, video.height]) / unit)
+    return Motion(places, motion.fps, motion.skeleton, motion.valid)
+
+
+def overlay_skeleton(
+    frames: Iterable[Frame],
+    fps: float,
+    motion: Motion,
+    *,
+    beats: BeatTrack | None = None,
+    dancer_beats: BeatTrack | None = None,
+) -> Iterator[Frame]:
+    """The frames with the skeleton over them, as long as both last; the motion's first frame lies on the first frame.
+
+    Parameters
+    ----------
+    frames : iterable of (H, W, 3) uint8 RGB arrays; they are not changed
+    fps : float, hertz, of the frames
+        A motion of another rate is interpolated.
+    motion : Motion
+        (T, J, 2) pixels of the frames, as from `points_in_picture`. Frames that are not valid are left undrawn.
+    beats, dancer_beats : BeatTrack, optional
+        Beats of the music and of the dancer on the motion's time line, as in `render_dance`.
+
+    Yields
+    ------
+    (H, W, 3) uint8 arrays, frame i at i / fps seconds
+    """
+    if motion.positions.shape[2] != 2:
+        raise ValueError(f"the motion {IN_SPACE}")
+    if not (np.isfinite(fps) and fps > 0):
+        raise ValueError(f"fps must be positive and finite, got {fps}")
+    return _overlaid(frames, resample_motion(motion, fps), beats, dancer_beats)
+
+
+def _overlaid(
+    frames: Iterable[Frame], motion: Motion, beats: BeatTrack | None, dancer_beats: BeatTrack | None
+) -> Iterator[Frame]:
+    _, limbs = skull_and_limbs(motion.skeleton)
+    marks: BeatMarks | None = None
+    # The motion first: zip would else read one frame too many.
+    for index, (places, seen, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
+        marks = marks or BeatMarks(len(frame), beats, dancer_beats)
+        drawn = frame.copy()
+        if seen:
+            _draw_points(drawn, places, limbs)
+        marks.draw(drawn, index / motion.fps)
+        yield drawn
+
+
+def _draw_points(frame: Frame, places: FloatArray, limbs: list[tuple[int, int]]) -> None:
+    """Limbs and joints twice: thick and dark, then thinner and light."""
+    points = np.rint(np.clip(places * 2**FRACTION_BITS, -FARTHEST, FARTHEST)).astype(int).tolist()
+    thickness = max(2, round(THICKNESS * len(frame)))
+    for colour, width in ((RIM, 2 * thickness + 2), (CORE, thickness)):
+        for start, end in limbs:
+            cv2.line(frame, points[start], points[end], colour, width, cv2.LINE_AA, FRACTION_BITS)
+        radius = round((0.3 * thickness + width / 2) * 2**FRACTION_BITS)
+        for point in points:
+            cv2.circle(frame, point, radius, colour, -1, cv2.LINE_AA, FRACTION_BITS)
