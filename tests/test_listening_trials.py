@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from harmolab.listening.folders import read_key, read_trials, write_study
+from harmolab.listening.folders import (
+    answer_files,
+    answer_log,
+    read_key,
+    read_page,
+    read_scores,
+    read_trials,
+    write_page,
+    write_scores,
+    write_study,
+)
 from harmolab.listening.trials import Item, Key, Trial, TrialSet, make_key, make_trials
 
 CLIPS = [Item(f"waltz {n}", {v: f"waltz {n} {v}" for v in ("true", "lagged", "other")}) for n in range(12)]
@@ -61,6 +72,14 @@ def test_raters_get_the_same_trials_in_orders_of_their_own():
     assert set(ada.trials) == set(bob.trials)
     assert ada.trials != bob.trials
     assert {trial.id for trial in ada.trials} == set(make_key(CLIPS, **PICK).trials)
+
+
+@pytest.mark.parametrize(("items", "settings"), [(CLIPS, PICK), (MODELS, CHOICE)])
+def test_blind_trials_alone_give_every_rater_their_order(items: list[Item], settings: dict[str, object]):
+    anyone = make_trials(items, **settings, rater="anyone")
+    for name in ("Ada", "Zoë"):
+        assert anyone.ordered_for(name) == make_trials(items, **settings, rater=name)
+        assert anyone.ordered_for("Bob").ordered_for(name) == anyone.ordered_for(name)
 
 
 @pytest.mark.parametrize(("items", "settings"), [(CLIPS, PICK), (MODELS, CHOICE)])
@@ -191,3 +210,44 @@ def test_damaged_key_is_refused_by_name(tmp_path: Path, old: str, new: str, mess
 def test_missing_trials_are_a_missing_file(tmp_path: Path):
     with pytest.raises(FileNotFoundError, match=r"t\.json: no such file"):
         read_trials(tmp_path / "t.json")
+
+
+def test_pages_are_read_back_and_a_missing_one_is_named(tmp_path: Path):
+    write_page(tmp_path, "1" * 12, "<p>Zoë</p>")
+    assert read_page(tmp_path, "1" * 12) == "<p>Zoë</p>"
+    with pytest.raises(FileNotFoundError, match=rf"{'2' * 12}\.html: no such file"):
+        read_page(tmp_path, "2" * 12)
+
+
+def test_scores_are_read_back_with_those_that_do_not_exist(tmp_path: Path):
+    write_scores(tmp_path, {"h": {"a": 0.5, "b": math.nan}})
+    assert json.loads((tmp_path / "scores.json").read_text()) == {"h": {"a": 0.5, "b": None}}
+    found = read_scores(tmp_path / "scores.json")
+    assert found["h"]["a"] == 0.5
+    assert math.isnan(found["h"]["b"])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [("[]", "from score to source"), ('{"h": 1}', "from score to source"), ('{"h": {"a": "1"}}', "a number or null")],
+)
+def test_damaged_scores_are_refused_by_name(tmp_path: Path, content: str, message: str):
+    path = tmp_path / "scores.json"
+    path.write_text(content)
+    with pytest.raises(ValueError, match=message) as caught:
+        read_scores(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize("name", ["Ada", "Zoë", "../../etc/passwd", ".", "a/b", "x" * 100, "é" * 100])
+def test_every_rater_has_a_file_inside_the_study(tmp_path: Path, name: str):
+    log = answer_log(tmp_path, name)
+    trials = make_trials(CLIPS, **PICK, rater=name)
+    log.record(trials, trials.trials[0].id, "harmonious")
+    assert log.path.resolve().parent == tmp_path.resolve() / "answers"
+    assert answer_files(tmp_path) == [log.path]
+
+
+def test_study_that_nobody_answered_says_so(tmp_path: Path):
+    with pytest.raises(FileNotFoundError, match="nobody has answered yet"):
+        answer_files(tmp_path)

@@ -27,7 +27,7 @@ from harmolab.io import save_motion
 from harmolab.kinematics import resample_motion
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from harmolab.widgets.player import Dancer, Player, player_page
+from harmolab.widgets.player import BlindPlayer, Dancer, Player, blind_page, framed, player_page
 
 VALLEYS = HarmonyParams.valleys()
 
@@ -167,6 +167,17 @@ def test_image_coordinates_hang_upright(clip: Clip) -> None:
     np.testing.assert_array_equal(positions_of(shown)[..., 2], 0.0)
 
 
+@pytest.mark.parametrize("angle", [0.0, 1.0, np.pi / 2, -2.5])
+def test_dancer_is_seen_from_where_she_faces(angle: float) -> None:
+    """Left hip and shoulder lie a quarter turn to the left of the front, which is (sin, cos) of the angle in x, z."""
+    left = np.array([np.cos(angle), 0.0, -np.sin(angle)])
+    body = np.array([0.2 * left, -0.2 * left, [0, 0.5, 0] + 0.3 * left, [0, 0.5, 0] - 0.3 * left])
+    skeleton = Skeleton(("left_hip", "right_hip", "left_shoulder", "right_shoulder"), (-1, 0, 0, 1))
+    motion = Motion(np.repeat(body[None], 30, axis=0), 30.0, skeleton)
+    page = blind_page(Audio(np.zeros(22050), 22050), [motion])
+    assert data_of(page)["dancers"][0]["front"] == pytest.approx(angle)
+
+
 def test_thirty_seconds_fit_into_a_megabyte() -> None:
     clip = harmolab.synthetic_clip("cha-cha", seconds=30.0, seed=1)
     motion = resample_motion(clip.motion, 30.0)
@@ -215,6 +226,56 @@ def test_two_frames_of_one_joint_are_enough() -> None:
     motion = Motion(np.zeros((2, 1, 3)), 30.0, Skeleton.unnamed(1))
     shown = data_of(player_page(Audio(np.ones(1), 8000), [Dancer("", motion, beats_at())], music=beats_at(), title=""))
     np.testing.assert_allclose(positions_of(shown["dancers"][0]), 0.0, atol=1e-6)
+
+
+# For raters
+
+
+def test_blind_page_holds_the_movement_and_sound_of_the_page_and_nothing_that_tells(clip: Clip) -> None:
+    page, open_page = blind_page(clip.audio, [clip.motion]), page_of(clip)
+    data, known = data_of(page), data_of(open_page)
+    drawn = {"flat", "front", "fps", "frames", "joints", "bones", "skull", "size", "positions", "way"}
+    assert set(data) == {"duration", "sound", "dancers"}
+    assert set(data["dancers"][0]) == {"name", *drawn}
+    assert {name: data["dancers"][0][name] for name in drawn} == {name: known["dancers"][0][name] for name in drawn}
+    np.testing.assert_array_equal(sound_of(page)[0], sound_of(open_page)[0])
+
+
+def test_source_of_the_blind_page_has_no_beat_time_and_no_word_for_one(clip: Clip) -> None:
+    page, open_page = blind_page(clip.audio, [clip.motion] * 2), page_of(clip, facts={"harmony": "0.93"})
+    without_bulk = re.compile(r'"(numbers|ogg)": "[^"]*"')
+    times = {beat["time"] for beat in data_of(open_page)["music"]} | set(data_of(open_page)["dancers"][0]["visual"])
+    text, known = without_bulk.sub("", page), without_bulk.sub("", open_page)
+    assert all(f"{time}" in known for time in times)
+    assert [time for time in times if re.search(rf"(?<![\d.]){time}(?!\d)", text)] == []
+    for word in ("beat", "hit", "miss", "met", "mark", "tick", "speed", "0.93", "a song", clip.name):
+        assert re.search(rf"\b{word}s?\b", without_css(text)) is None, word
+
+
+def without_css(page: str) -> str:
+    return re.sub(r"<style>.*</style>", "", page, flags=re.DOTALL)
+
+
+def test_two_blind_dancers_are_called_left_and_right(clip: Clip) -> None:
+    data = data_of(blind_page(clip.audio, [clip.motion, clip.motion]))
+    assert [dancer["name"] for dancer in data["dancers"]] == ["left", "right"]
+
+
+def test_blind_trial_of_ten_seconds_with_two_dancers_is_small() -> None:
+    clip = harmolab.synthetic_clip("jive", seconds=10.0, seed=1)
+    assert len(BlindPlayer(clip.audio, [clip.motion] * 2)._repr_html_()) < 600_000
+
+
+def test_blind_page_of_three_dancers_is_refused(clip: Clip) -> None:
+    with pytest.raises(ValueError, match="one dancer or two, got 3"):
+        blind_page(clip.audio, [clip.motion] * 3)
+
+
+def test_frame_holds_the_page_whatever_is_in_it() -> None:
+    shown = framed('<p title="a">&amp;</p>', title='"x"', height=300)
+    assert html.unescape(re.search(r' srcdoc="([^"]*)"', shown)[1]) == '<p title="a">&amp;</p>'
+    assert 'title="&quot;x&quot;"' in shown
+    assert "height: 300px" in shown
 
 
 # In a notebook, as a file

@@ -11,10 +11,12 @@ from harmolab import __version__
 from harmolab.cli.comparing import compare, learn
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
+from harmolab.cli.explaining import explain
 from harmolab.cli.playing import play
 from harmolab.cli.rendering import render
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
+from harmolab.cli.studying import study_app
 from harmolab.cli.training import train
 
 __all__ = ["app", "main"]
@@ -33,7 +35,9 @@ app.command()(dance)
 app.command()(play)
 app.command()(render)
 app.command()(retime)
+app.command()(explain)
 app.add_typer(data_app, name="data")
+app.add_typer(study_app, name="study")
 
 
 @app.command()

@@ -1,20 +1,45 @@
-"""A study on disk: the blind trials, and in a file of its own the key, which no rater should open."""
+"""A study on disk, in a folder that needs no corpus any more.
+
+=====================  ============================================================
+trials.json            the blind trials
+pages/TRIAL.html       what each of them shows: a blind player
+answers/RATER.jsonl    the answers, a file for each rater
+key.json, scores.json  what was asked, and how it scores; no rater should open them
+=====================  ============================================================
+"""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from harmolab.io.aside import written_aside
-from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, read_json, reading
+from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading
+from harmolab.listening.answers import AnswerLog
 from harmolab.listening.trials import MOST_TRIALS, Asked, Key, Trial, TrialSet
 
-__all__ = ["KEY_FILE", "TRIALS_FILE", "read_key", "read_trials", "write_study"]
+__all__ = [
+    "KEY_FILE",
+    "SCORES_FILE",
+    "TRIALS_FILE",
+    "answer_files",
+    "answer_log",
+    "read_key",
+    "read_page",
+    "read_scores",
+    "read_trials",
+    "write_page",
+    "write_scores",
+    "write_study",
+]
 
-TRIALS_FILE, KEY_FILE = "trials.json", "key.json"
+TRIALS_FILE, KEY_FILE, SCORES_FILE = "trials.json", "key.json", "scores.json"
+PAGES, ANSWERS = "pages", "answers"
 
 
 def write_study(folder: PathLike, trials: TrialSet, key: Key) -> Path:
@@ -29,9 +54,9 @@ def write_study(folder: PathLike, trials: TrialSet, key: Key) -> Path:
         raise ValueError(f"trials of study {trials.study} do not go with the key of study {key.study}")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    _write_json(folder / TRIALS_FILE, asdict(trials))
     asked = {name: asdict(one) for name, one in key.trials.items()}
     _write_json(folder / KEY_FILE, {"study": key.study, "kind": key.kind, "trials": asked})
+    _write_json(folder / TRIALS_FILE, asdict(trials))  # last: a study that has it is whole
     return folder
 
 
@@ -58,6 +83,77 @@ def read_key(path: PathLike) -> Key:
             raise ValueError("trials must be an object from trial to what it asks")
         trials = {name: _asked(row) for name, row in content["trials"].items()}
         return Key(content["study"], content["kind"], trials)
+
+
+def write_page(folder: PathLike, trial: str, page: str) -> None:
+    """Writes what a trial shows; `trial` is its id."""
+    path = _page_path(folder, trial)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_aside(path) as aside:
+        aside.write_text(page, "utf-8")
+
+
+def read_page(folder: PathLike, trial: str) -> str:
+    """What a trial shows, as HTML.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Naming the file.
+    """
+    with reading(_page_path(folder, trial), "the page of a trial", max_bytes=MAX_TEXT_BYTES) as file:
+        return read_text(file)
+
+
+def _page_path(folder: PathLike, trial: str) -> Path:
+    return Path(folder) / PAGES / f"{trial}.html"
+
+
+def answer_log(folder: PathLike, rater: str) -> AnswerLog:
+    """The log of one rater, in a file named after them."""
+    answers = Path(folder) / ANSWERS
+    answers.mkdir(exist_ok=True)
+    return AnswerLog(answers / f"{quote(rater, safe=' ')[:200]}.jsonl")
+
+
+def answer_files(folder: PathLike) -> list[Path]:
+    """The answer files of all raters.
+
+    Raises
+    ------
+    FileNotFoundError
+        If nobody has answered yet.
+    """
+    files = sorted((Path(folder) / ANSWERS).glob("*.jsonl"))
+    if not files:
+        raise FileNotFoundError(f"{Path(folder) / ANSWERS}: nobody has answered yet")
+    return files
+
+
+def write_scores(folder: PathLike, scores: Mapping[str, Mapping[str, float]]) -> None:
+    """Writes the value of every score for every source: ``{score: {source: value}}``, null where there is none."""
+    plain = {
+        name: {source: float(value) if math.isfinite(value) else None for source, value in values.items()}
+        for name, values in scores.items()
+    }
+    _write_json(Path(folder) / SCORES_FILE, plain)
+
+
+def read_scores(path: PathLike) -> dict[str, dict[str, float]]:
+    """The scores in a ``scores.json``, NaN where there is none; raises as `read_trials` does."""
+    with reading(path, "the scores of a study", max_bytes=MAX_TEXT_BYTES) as file:
+        content = read_json(file)
+        if not isinstance(content, dict) or not all(isinstance(values, dict) for values in content.values()):
+            raise ValueError("must be an object from score to source to number")
+        return {name: {source: _number(value) for source, value in row.items()} for name, row in content.items()}
+
+
+def _number(value: Any) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"a score must be a number or null, got {value!r:.60}")
+    return float(value)
 
 
 def _asked(content: Any) -> Asked:

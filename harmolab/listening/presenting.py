@@ -1,4 +1,4 @@
-"""A study as a plain local page: no notebook, no script; the browser talks to this machine alone."""
+"""A study as a plain local page, without a notebook; the browser talks to this machine alone."""
 
 from __future__ import annotations
 
@@ -37,21 +37,33 @@ def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Tri
     if not waiting:
         return _page(f"<p>Thank you. All {len(trials)} answers are saved; you can close this page.</p>")
     trial, number = waiting[0], len(trials) - len(waiting) + 1
-    buttons = " ".join(f'<button name="choice" value="{choice}">{choice}</button>' for choice in trials.choices)
+    buttons = "".join(f'<button name="choice" value="{choice}">{choice}</button>' for choice in trials.choices)
     return _page(
-        f"<p>Trial {number} of {len(trials)}: {html.escape(trials.question)}</p>{show(trial)}"
+        f'<p class="count">Trial {number} of {len(trials)}</p>'
+        f'<progress max="{len(trials)}" value="{number - 1}"></progress>'
+        f"<h1>{html.escape(trials.question)}</h1>{show(trial)}"
         f'<form method="post" action="{html.escape(action, quote=True)}">'
         f'<input type="hidden" name="trial" value="{trial.id}">{buttons}</form>'
     )
 
 
+STYLE = """
+  body { font: 1.1rem/1.4 system-ui, sans-serif; max-width: 48rem; margin: 0.5rem auto; padding: 0 0.7rem;
+    color: #222; }
+  h1 { font-size: 1.5rem; text-align: center; margin: 0.6rem 0; } .count { margin: 0; color: #555; font-size: 0.95rem; }
+  progress { display: block; width: 100%; height: 0.5rem; accent-color: #0072b2; }
+  form { display: grid; grid-template-columns: 1fr 1fr; gap: 0.7rem; max-width: 40rem; margin: 0.6rem auto; }
+  button { font: inherit; font-size: 1.25rem; min-height: 3.6rem; border: 2px solid #222; border-radius: 8px;
+    background: #fff; color: inherit; cursor: pointer; }
+  button:hover { background: #e8f1f7; } button:focus-visible { outline: 3px solid #0072b2; outline-offset: 2px; }
+"""
+
+
 def _page(body: str) -> str:
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Listening study</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        "<style>body{font:1.1rem sans-serif;max-width:60rem;margin:1rem auto;padding:0 1rem}"
-        "button{font-size:1.1rem;padding:.6rem 1.2rem;margin:.5rem .5rem 0 0}</style>"
-        f"</head><body>{body}</body></html>"
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
+        f"<style>{STYLE}</style></head><body>{body}</body></html>"
     )
 
 
@@ -73,9 +85,14 @@ class StudyServer:
 
     Examples
     --------
-    >>> with StudyServer(trials, log, show).running() as address:  # doctest: +SKIP
+    >>> server = StudyServer(trials, log, show)  # doctest: +SKIP
+    >>> with server.running() as address:  # doctest: +SKIP
     ...     webbrowser.open(address)
-    ...     input("Press Enter when the rater is done. ")
+    ...     server.finished.wait()
+
+    Attributes
+    ----------
+    finished : threading.Event, set when the rater has seen the page of thanks
     """
 
     def __init__(self, trials: TrialSet, log: AnswerLog, show: Callable[[Trial], str], *, port: int = 0) -> None:
@@ -83,6 +100,7 @@ class StudyServer:
         self.path = f"/{secrets.token_urlsafe(16)}/"
         self._since = time.monotonic()
         self._answering = threading.Lock()
+        self.finished = threading.Event()
         self._server = _Server(port, self)
 
     @property
@@ -106,6 +124,11 @@ class StudyServer:
         """The page that the rater sees now."""
         self._since = time.monotonic()
         return trial_page(self._trials, self._log.resume(self._trials), self._show, action=self.path)
+
+    def sent(self) -> None:
+        """To be called when a page has gone out: after that of thanks nothing is left to do."""
+        if not self._log.resume(self._trials):
+            self.finished.set()
 
     def answer(self, trial: str, choice: str) -> None:
         """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""
@@ -132,8 +155,13 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = IDLE_SECONDS
 
     def do_GET(self) -> None:
-        if self._is_ours():
+        if not self._is_ours():
+            return
+        try:
             self._reply(HTTPStatus.OK, self.server.study.page())
+            self.server.study.sent()
+        except ValueError as error:  # a damaged file of answers or pages
+            self._reply(HTTPStatus.INTERNAL_SERVER_ERROR, _page(f"<p>{html.escape(str(error))}</p>"))
 
     def do_POST(self) -> None:
         if not self._is_ours():

@@ -120,6 +120,12 @@ class TrialSet:
         """What the rater is asked."""
         return QUESTIONS[self.kind]
 
+    def ordered_for(self, rater: str) -> TrialSet:
+        """The same trials in the order of another rater, which follows from the study and the rater's name alone."""
+        rng = _rng(int(self.study, 16), *rater.encode())
+        trials = sorted(self.trials, key=lambda trial: trial.id)
+        return TrialSet(self.study, self.kind, rater, tuple(trials[place] for place in rng.permutation(len(trials))))
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -175,8 +181,8 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
         "pick": half of the trials are true, the other half is shared equally by the wrong conditions, and no clip comes
         twice. "choice": every pair of versions comes equally often, each of the two equally often on the left.
     n : int, number of trials; the balance has to come out even
-    seed : int, decides what is asked
-    rater : str, decides with the seed in which order
+    seed : int, decides what is asked; who knows it and the items can work out the answers
+    rater : str, decides in which order
     truth : str, the version that is right; models have none, and then no answer is wrong
 
     Raises
@@ -194,8 +200,7 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
     ids = _random_ids(len(key.trials) * (1 + _n_shown(kind)), seed, 1)[len(key.trials) :]
     shown = [tuple(ids[start :: len(key.trials)]) for start in range(len(key.trials))]
     trials = [Trial(name, stimuli) for name, stimuli in zip(key.trials, shown, strict=True)]
-    order = _rng(seed, 2, *rater.encode()).permutation(len(trials))
-    return TrialSet(key.study, kind, rater, tuple(trials[place] for place in order))
+    return TrialSet(key.study, kind, rater, tuple(trials)).ordered_for(rater)
 
 
 def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str = "true") -> Key:

@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import motion_curve
-from harmolab.features.poses import skull_and_limbs
+from harmolab.features.poses import root_path, skull_and_limbs
 from harmolab.harmony import hit_pairs
 from harmolab.io.aside import written_aside
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
-__all__ = ["Dancer", "Player", "player_page"]
+__all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
 
 TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
@@ -54,11 +54,29 @@ class Dancer:
     visual: BeatTrack
 
 
-class Player:
+class _Framed:
+    """A page that shows itself in a frame, and can be saved."""
+
+    title: str
+    page: str
+    height: int
+
+    def _repr_html_(self) -> str:
+        return framed(self.page, title=f"{self.title}: player", height=self.height)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the page to a file, aside first."""
+        with written_aside(Path(path)) as aside:
+            aside.write_text(self.page, encoding="utf-8")
+
+
+class Player(_Framed):
     """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
 
     >>> Player(audio, [Dancer("one", motion, beats)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
     """
+
+    height = 880
 
     def __init__(
         self,
@@ -73,17 +91,29 @@ class Player:
         self.title = title
         self.page = player_page(audio, dancers, music=music, title=title, facts=facts, params=params)
 
-    def _repr_html_(self) -> str:
-        # The page sets the frame's height itself; the one given here is for readers that run no script.
-        return (
-            f'<iframe title="{html.escape(self.title)}: player" srcdoc="{html.escape(self.page)}" '
-            'style="width: 100%; height: 880px; border: 0" loading="lazy"></iframe>'
-        )
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the page to a file, aside first."""
-        with written_aside(Path(path)) as aside:
-            aside.write_text(self.page, encoding="utf-8")
+class BlindPlayer(_Framed):
+    """The player of `blind_page`, as it shows itself to a rater in a notebook and in the offline report.
+
+    >>> BlindPlayer(audio, [motion])  # doctest: +SKIP
+    """
+
+    title = "Dance"
+    height = 520
+
+    def __init__(self, audio: Audio, motions: Sequence[Motion]) -> None:
+        self.page = blind_page(audio, motions)
+
+
+def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
+    """A player's page in a frame, as HTML to stand in another page.
+
+    The page sets the frame's height itself; `height`, in pixels, is for readers that run no script.
+    """
+    return (
+        f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}" '
+        f'style="width: 100%; height: {height}px; border: 0" loading="lazy"></iframe>'
+    )
 
 
 def player_page(
@@ -115,11 +145,7 @@ def player_page(
     ValueError
         Unless there are one or two dancers, of ten minutes at most; for a sample rate outside 3 to 192 kHz.
     """
-    if len(dancers) not in (1, 2):
-        raise ValueError(f"the player shows one dancer or two, got {len(dancers)}")
-    duration = max(dancer.motion.duration for dancer in dancers)
-    if duration > LONGEST:
-        raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
+    duration = _duration([dancer.motion for dancer in dancers])
     chosen = params or HarmonyParams.valleys()
     heard = music.span(0.0, duration)
     data = {
@@ -130,8 +156,45 @@ def player_page(
         "lag": chosen.lag,
         "dancers": [_dancer(dancer, heard, chosen) for dancer in dancers],
     }
+    return _rendered("player.html.j2", title=title, facts=facts, data=data)
+
+
+def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
+    """The page of `player_page` for raters: dance, sound, play and position, and nothing that tells the answer.
+
+    It takes neither names nor beats nor parameters, and computes no speed, beat or hit, so its source holds none. Two
+    dancers are called "left" and "right".
+
+    Parameters
+    ----------
+    audio : Audio that starts with the motions' first frame
+    motions : one Motion, or two side by side; (T, J, 3) metres or (T, J, 2) image coordinates
+
+    Raises
+    ------
+    ValueError
+        As `player_page`.
+    """
+    duration = _duration(motions)
+    names = ("left", "right") if len(motions) == 2 else ("dancer",)
+    dancers = [{"name": name, **_movement(motion)} for name, motion in zip(names, motions, strict=True)]
+    data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
+    return _rendered("blind.html.j2", data=data)
+
+
+def _duration(motions: Sequence[Motion]) -> float:
+    """Seconds of the longest motion; ValueError unless there are one or two, not too long."""
+    if len(motions) not in (1, 2):
+        raise ValueError(f"the player shows one dancer or two, got {len(motions)}")
+    duration = max(motion.duration for motion in motions)
+    if duration > LONGEST:
+        raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
+    return duration
+
+
+def _rendered(template: str, **values: Any) -> str:
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
-    return environment.get_template("player.html.j2").render(title=title, facts=facts, data=data)
+    return environment.get_template(template).render(**values)
 
 
 def _music(music: BeatTrack, params: HarmonyParams) -> list[dict[str, Any]]:
@@ -146,25 +209,32 @@ def _music(music: BeatTrack, params: HarmonyParams) -> list[dict[str, Any]]:
 
 def _dancer(dancer: Dancer, music: BeatTrack, params: HarmonyParams) -> dict[str, Any]:
     """What the page knows of one dancer."""
-    motion, skeleton = dancer.motion, dancer.motion.skeleton
-    skull, limbs = skull_and_limbs(skeleton)
+    return {
+        "name": dancer.name,
+        **_movement(dancer.motion),
+        "speed": _speed(dancer.motion, params),
+        "visual": [_seconds(time) for time in dancer.visual.times],
+        "marks": _marks(music, dancer.visual, params),
+    }
+
+
+def _movement(motion: Motion) -> dict[str, Any]:
+    """What the page has to know to draw a motion."""
+    skull, limbs = skull_and_limbs(motion.skeleton)
     shown = resample_motion(upsample_motion(motion, SLOWEST), min(max(motion.fps, SLOWEST), FASTEST))
     flat = motion.positions.shape[2] == 2
     positions, way, size = _on_wall(shown.positions) if flat else _on_floor(shown.positions, shown.fps)
     return {
-        "name": dancer.name,
         "flat": flat,
+        "front": 0.0 if flat else _front(shown),
         "fps": shown.fps,
         "frames": shown.n_frames,
-        "joints": len(skeleton.joints),
+        "joints": len(motion.skeleton.joints),
         "bones": limbs,
         "skull": skull,
         "size": size,
         "positions": _quantised(positions),
         "way": _quantised(way),
-        "speed": _speed(motion, params),
-        "visual": [_seconds(time) for time in dancer.visual.times],
-        "marks": _marks(music, dancer.visual, params),
     }
 
 
@@ -175,6 +245,12 @@ def _on_floor(positions: FloatArray, fps: float) -> tuple[FloatArray, FloatArray
     way = smooth(positions.mean(axis=1)[:, [0, 2]], FOLLOW, fps)
     size = max(height, 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
     return positions - np.array([0.0, low, 0.0]), way, size
+
+
+def _front(motion: Motion) -> float:
+    """Where the dancer faces on average: radians from +z towards +x; 0 where joints' names tell no left and right."""
+    headings = root_path(motion.positions, motion.fps, motion.skeleton)[:, 2]
+    return float(np.angle(np.exp(1j * headings).mean()))
 
 
 def _on_wall(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:

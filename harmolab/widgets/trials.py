@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import base64
 import html
-import io
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import ipywidgets as widgets
 import numpy as np
-import soundfile
-from matplotlib.figure import Figure
 
-from harmolab.types import Audio, Clip, Motion
-from harmolab.viz.motion import draw_poses
-from harmolab.viz.style import figure_style
+from harmolab.types import Clip
+from harmolab.widgets.player import BlindPlayer
 
-__all__ = ["TrialPresenter", "plain_trial", "still_trial"]
+__all__ = ["TrialPresenter", "player_trial"]
 
-STRIP = 13  # stick figures of a still trial
+BUTTON = widgets.Layout(width="14rem", height="3rem")
 
 
 class TrialLike(Protocol):
@@ -59,8 +54,8 @@ class TrialPresenter(widgets.VBox):
     trials : TrialSet
     log : AnswerLog
         An answer is written through before the next trial shows; an error in writing is shown and the trial stays.
-    show : callable, optional
-        ``show(trial)`` returns the HTML of one trial, such as a player of the clip that its key names.
+    show : callable
+        ``show(trial)`` returns the HTML of one trial, such as `player_trial` of the clips that its key names.
 
     Notes
     -----
@@ -69,14 +64,14 @@ class TrialPresenter(widgets.VBox):
 
     Examples
     --------
-    >>> TrialPresenter(trials, AnswerLog("answers.jsonl"))  # doctest: +SKIP
+    >>> TrialPresenter(trials, AnswerLog("answers.jsonl"), show)  # doctest: +SKIP
     """
 
-    def __init__(self, trials: TrialsLike, log: LogLike, show: Callable[[Any], str] | None = None) -> None:
-        self._trials, self._log, self._show = trials, log, show or plain_trial
+    def __init__(self, trials: TrialsLike, log: LogLike, show: Callable[[Any], str]) -> None:
+        self._trials, self._log, self._show = trials, log, show
         self._heading, self._stage = widgets.HTML(), widgets.HTML()
         self._message = widgets.HTML(layout={"display": "none"})
-        self._buttons = [widgets.Button(description=choice) for choice in trials.choices]
+        self._buttons = [widgets.Button(description=choice, layout=BUTTON) for choice in trials.choices]
         for button in self._buttons:
             button.on_click(self._clicked)
         super().__init__([self._heading, self._stage, widgets.HBox(self._buttons), self._message])
@@ -117,8 +112,8 @@ class TrialPresenter(widgets.VBox):
     def _turn(self) -> None:
         """Shows the first trial without an answer, or thanks."""
         self._waiting = self._log.resume(self._trials)
-        self._heading.value = self._headline()
         self._stage.value = self._show(self.trial) if self.trial is not None else ""
+        self._heading.value = self._headline()
         self._complain("")
         for button in self._buttons:
             button.disabled = self.trial is None
@@ -128,67 +123,41 @@ class TrialPresenter(widgets.VBox):
         if self.trial is None:
             return f"<p>Thank you. All {len(self._trials)} answers are saved.</p>"
         number = len(self._trials) - len(self._waiting) + 1
-        return f"<p>Trial {number} of {len(self._trials)}: {html.escape(self._trials.question)}</p>"
+        question = html.escape(self._trials.question)
+        return f"<p>Trial {number} of {len(self._trials)}</p><p><b>{question}</b></p>"
 
     def _still(self) -> str:
         """The trial shown, with buttons that do nothing."""
         names = (html.escape(button.description) for button in self._buttons)
-        buttons = " ".join(f"<button disabled>{name}</button>" for name in names)
-        return f"<div>{self._heading.value}{self._stage.value}<p>{buttons}</p></div>"
+        style = "font-size: 1.1rem; padding: 0.6rem 1.8rem"
+        buttons = " ".join(f'<button disabled style="{style}">{name}</button>' for name in names)
+        note = "<small>The buttons work in JupyterLab.</small>"
+        return f"<div>{self._heading.value}{self._stage.value}<p>{buttons} {note}</p></div>"
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
         bundle = super()._repr_mimebundle_(**kwargs)
         return {**(bundle or {}), "text/html": self._still()}
 
 
-def plain_trial(trial: TrialLike) -> str:
-    """A sound for each stimulus of a trial, by its id in the folder ``media``, and the id of the trial."""
-    sounds = "".join(
-        f'<audio controls preload="none" src="media/{html.escape(name, quote=True)}.wav"></audio>'
-        for name in trial.stimuli
-    )
-    return f"<p>{sounds}</p><p><small>trial {html.escape(trial.id)}</small></p>"
-
-
-def still_trial(*clips: Clip) -> str:
-    """The sound of each clip under a strip of stick figures: no names, and no beats that would give the answer away.
+def player_trial(*clips: Clip) -> str:
+    """A trial as a blind player: one dancer, or two side by side (left, right) to one music.
 
     Parameters
     ----------
-    clips : Clips with a motion, each shown from the first frame of its motion; two for a choice: left, right
+    clips : Clips with a motion that starts with the music; a second one must have the same music
 
     Raises
     ------
     ValueError
-        If a clip has no motion, or its music does not reach into it.
+        If a clip has no motion, its motion does not start with the music, or two clips have two pieces of music.
     """
-    shown = []
+    motions = []
     for clip in clips:
         if clip.motion is None:
             raise ValueError(f"clip {clip.name!r} has no motion to show")
-        music = clip.audio.span(clip.offset, clip.motion.duration)
-        shown.append(
-            f'<img alt="stick figures" style="max-width:100%" src="data:image/png;base64,{_strip(clip.motion)}"><br>'
-            f'<audio controls src="data:audio/wav;base64,{_wav(music)}"></audio>'
-        )
-    return "".join(f'<div style="display:inline-block;width:{98 // len(shown)}%">{one}</div>' for one in shown)
-
-
-def _strip(motion: Motion) -> str:
-    """A PNG of the dance, in base64."""
-    with figure_style():
-        figure = Figure(figsize=(9.0, 1.5), dpi=80)
-        figure.set_layout_engine("none")
-        ax = figure.add_axes((0.02, 0.28, 0.96, 0.7))
-        draw_poses(ax, motion, np.linspace(0.0, motion.duration, STRIP), 0.5, height=62.0)
-        ax.set(xlim=(-0.03 * motion.duration, 1.03 * motion.duration), ylim=(0.0, 1.0), yticks=[], xlabel="time (s)")
-        ax.spines["left"].set_visible(False)
-        stream = io.BytesIO()
-        figure.savefig(stream, format="png", bbox_inches=None)
-    return base64.b64encode(stream.getvalue()).decode("ascii")
-
-
-def _wav(audio: Audio) -> str:
-    stream = io.BytesIO()
-    soundfile.write(stream, np.clip(audio.samples, -1.0, 1.0), round(audio.sample_rate), "PCM_16", format="WAV")
-    return base64.b64encode(stream.getvalue()).decode("ascii")
+        if clip.offset:
+            raise ValueError(f"clip {clip.name!r}: its motion starts {clip.offset:g} s into the music; cut both first")
+        if not np.array_equal(clip.audio.samples, clips[0].audio.samples):
+            raise ValueError(f"clips {clips[0].name!r} and {clip.name!r} have two pieces of music; one can be heard")
+        motions.append(clip.motion)
+    return BlindPlayer(clips[0].audio, motions)._repr_html_()

@@ -1,0 +1,330 @@
+"""`harmolab study`: ask people which dances fit their music, on this machine, and say what they answered."""
+
+from __future__ import annotations
+
+import json
+import math
+import webbrowser
+from dataclasses import replace
+from enum import StrEnum
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from harmolab.cli.common import plain_errors, progress, sequences_of, show, write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from harmolab.listening.answers import AnswerLog, Answers
+    from harmolab.listening.corpus_study import Pieces
+    from harmolab.listening.presenting import StudyServer
+    from harmolab.listening.trials import Key, TrialSet
+    from harmolab.types import Clip, Motion
+
+__all__ = ["study_app"]
+
+Tables = dict[str, list[dict[str, Any]]]
+
+ANYONE = "anyone"  # whom the trials in the folder are for; each rater has an order of their own
+COUNTERPARTS = ("{}/motion.npz", "{}/skeletons.json", "{}.npz", "{}.bvh")
+
+study_app = typer.Typer(
+    no_args_is_help=True,
+    help="Ask people which dances fit their music: make the blind trials, ask, analyse.",
+)
+
+
+class Kind(StrEnum):
+    """What a rater is asked."""
+
+    pick = "pick"
+    choice = "choice"
+
+
+class Wrong(StrEnum):
+    """What the wrong dance is."""
+
+    lagged = "lagged"
+    swapped = "swapped"
+
+
+class Raters(StrEnum):
+    """Whose answers count."""
+
+    all = "all"
+    people = "people"
+    simulated = "simulated"
+
+
+@study_app.command()
+def make(
+    corpus: Annotated[Path, typer.Argument(help="Folder of sequences (Tang 2018 layout, or ours).")],
+    out: Annotated[Path, typer.Argument(help="Folder for the study; `ask` needs nothing else.")],
+    kind: Annotated[
+        Kind,
+        typer.Option(help="pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13)"),
+    ] = Kind.pick,
+    n: Annotated[int, typer.Option(help="Number of trials; an even one, so that the answers are balanced.")] = 20,
+    seconds: Annotated[float, typer.Option(help="Length of a trial's music and dances.")] = 8.0,
+    wrong: Annotated[
+        Wrong,
+        typer.Option(
+            help="The wrong dance, without --against: the same half a beat late, or another clip's (two clips a trial)."
+        ),
+    ] = Wrong.lagged,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            help="choice only: a folder with another dance to the same music for each sequence, under the same name "
+            "(a sequence folder, NAME.npz or NAME.bvh). No answer is right then; it is told which is preferred."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Same seed, same study. Raters should not know it.", min=0)] = 1,
+) -> None:
+    """Make a study from a corpus: balanced blind trials, a page for each, and the key.
+
+    All trials are equally long and loud, and nothing that a rater sees or finds in a page's source tells the answer;
+    `key.json` and `scores.json` do, so do not hand them out.
+
+    Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab study make demo my_study --n 20`
+    """
+    from harmolab.listening.folders import TRIALS_FILE
+
+    with plain_errors():
+        if find_spec("jinja2") is None:
+            raise ValueError("the pages of a study need jinja2; install it with: pip install 'harmolab[lab]'")
+        if against is not None and kind is Kind.pick:
+            raise ValueError("--against compares two dances; it goes with --kind choice")
+        if (out / TRIALS_FILE).exists():
+            raise ValueError(f"{out}: holds a study already; name another folder")
+        pieces = _pieces(corpus, against, wrong, seconds, seed)
+        _write_study(out, pieces, kind, n, seed, "true" if against is None else "")
+    typer.echo(f"{n} trials in {out}; next: harmolab study ask {out} --rater NAME")
+
+
+def _pieces(corpus: Path, against: Path | None, wrong: Wrong, seconds: float, seed: int) -> Pieces:
+    """What may be shown; which sequences give nothing is told."""
+    from harmolab.listening.corpus_study import lagged_pieces, paired_pieces, swapped_pieces
+
+    if against is not None:
+        versions = (corpus.resolve().name, against.resolve().name)
+        found = paired_pieces(_pairs(corpus, against), versions, seconds=seconds, seed=seed)
+    else:
+        cut = lagged_pieces if wrong is Wrong.lagged else swapped_pieces
+        found = cut(_clips(corpus), seconds=seconds, seed=seed)
+    for text in found.left_out:
+        typer.echo(f"harmolab: left out: {text}", err=True)
+    if not found.pieces:
+        raise ValueError(f"{corpus}: no sequence gives a trial of {seconds:g} s; try fewer --seconds")
+    return found
+
+
+def _clips(corpus: Path) -> Iterator[Clip]:
+    """The clips of a corpus, named after their folders there."""
+    for sequence in sequences_of(corpus):
+        yield replace(sequence.clip, name=sequence.folder.relative_to(corpus).as_posix())
+
+
+def _pairs(corpus: Path, against: Path) -> Iterator[tuple[Clip, Motion]]:
+    """Each clip with the motion of the same name in another folder."""
+    from harmolab.data.folders import load_any_motion
+
+    if not against.is_dir():
+        raise ValueError(f"{against}: no such folder")
+    for clip in _clips(corpus):
+        paths = [against / name.format(clip.name) for name in COUNTERPARTS]
+        path = next((path for path in paths if path.is_file()), None)
+        if path is None:
+            typer.echo(f"harmolab: left out: {against} holds no dance called {clip.name}", err=True)
+        else:
+            yield clip, load_any_motion(path)
+
+
+def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth: str) -> None:
+    """Pages and scores of all that is asked, then key and trials."""
+    from harmolab.listening.folders import write_page, write_scores, write_study
+    from harmolab.listening.trials import make_key, make_trials
+    from harmolab.widgets.player import blind_page
+
+    key = make_key(pieces.items, kind=kind.value, n=n, seed=seed, truth=truth)
+    trials = make_trials(pieces.items, kind=kind.value, n=n, seed=seed, rater=ANYONE, truth=truth)
+    out.mkdir(parents=True, exist_ok=True)
+    for trial, asked in progress(key.trials.items(), "writing trials"):
+        piece = pieces.named(asked.item)
+        write_page(out, trial, blind_page(piece.audio, [piece.motions[version] for version in asked.versions]))
+    write_scores(out, _scores(pieces, key))
+    write_study(out, trials, key)
+
+
+def _scores(pieces: Pieces, key: Key) -> dict[str, dict[str, float]]:
+    """Every score of every dance that is shown."""
+    from harmolab.listening.corpus_study import clip_scores
+
+    found: dict[str, dict[str, float]] = {}
+    for asked in progress(key.trials.values(), "scoring"):
+        for version, source in zip(asked.versions, asked.sources, strict=True):
+            for name, value in clip_scores(pieces.named(asked.item).clip(version)).items():
+                found.setdefault(name, {})[source] = value
+    return found
+
+
+@study_app.command()
+def ask(
+    study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`.")],
+    rater: Annotated[str, typer.Option(help="Name of the rater; it decides the order of the trials.")],
+    port: Annotated[int, typer.Option(help="Port of the local page; 0: any free one.", min=0, max=65535)] = 0,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Print the address only.")] = False,
+) -> None:
+    """Ask one rater, on a page that only this machine can open; every answer is saved at once.
+
+    Ctrl-C stops; the same command goes on where the rater was. It ends by itself after the last answer.
+
+    Example: `harmolab study ask my_study --rater Ada`
+    """
+    from harmolab.listening.answers import SIMULATED
+    from harmolab.listening.folders import TRIALS_FILE, answer_log, read_page, read_trials
+    from harmolab.listening.presenting import StudyServer
+    from harmolab.widgets.player import framed
+
+    with plain_errors():
+        if rater.startswith(SIMULATED):
+            raise ValueError(f"--rater {rater}: names that begin with {SIMULATED!r} are for raters that are no people")
+        trials = read_trials(study / TRIALS_FILE).ordered_for(rater)
+        for trial in trials.trials:
+            read_page(study, trial.id)  # a page that is missing must not come up half way through
+        log = answer_log(study, rater)
+        if log.resume(trials):
+            server = StudyServer(trials, log, lambda trial: framed(read_page(study, trial.id)), port=port)
+            _serve(server, no_open)
+        _say_how_far(trials, log)
+
+
+def _serve(server: StudyServer, no_open: bool) -> None:
+    """Serves the trials until all are answered, or Ctrl-C."""
+    with server.running() as address:
+        typer.echo(f"open {address}\nCtrl-C stops; nothing that was answered is lost")
+        if not no_open:
+            webbrowser.open(address)
+        try:
+            while not server.finished.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            typer.echo("")
+
+
+def _say_how_far(trials: TrialSet, log: AnswerLog) -> None:
+    done = len(trials) - len(log.resume(trials))
+    typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
+
+
+@study_app.command()
+def analyse(
+    study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`, with answers.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,
+    raters: Annotated[
+        Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")
+    ] = Raters.all,
+    seed: Annotated[int, typer.Option(help="Seed of the bootstrap.", min=0)] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Say what all raters answered: rates with 95 % intervals, agreement, and which score goes with their answers.
+
+    Example: `harmolab study analyse my_study --out results`
+    """
+    from harmolab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
+
+    with plain_errors():
+        answers = _chosen(answer_files(study), raters, study)
+        key = read_key(study / KEY_FILE)
+        tables = _tables(answers, key, read_scores(study / SCORES_FILE), seed)
+        summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
+        text = json.dumps(_plain(summary), indent=2)
+        if out is not None:
+            _save(out, tables, text)
+    for note in answers.notes:
+        typer.echo(f"harmolab: {note}", err=True)
+    if as_json:
+        typer.echo(text)
+    else:
+        _print(tables, answers, key.kind)
+    if out is not None:
+        typer.echo(f"wrote {out}", err=as_json)
+
+
+def _chosen(files: list[Path], raters: Raters, study: Path) -> Answers:
+    """The answers of all files, or of people or simulated raters alone."""
+    from harmolab.listening.answers import merge
+
+    merged = merge(files)
+    if raters is not Raters.all:
+        wanted = tuple(one for one in merged.answers if one.simulated == (raters is Raters.simulated))
+        merged = replace(merged, answers=wanted)
+    if not merged.answers:
+        raise ValueError(f"{study}: holds no answers of {raters.value} raters")
+    if len({one.simulated for one in merged.answers}) > 1:
+        raise ValueError(f"{study}: holds answers of people and of simulated raters; say --raters people or simulated")
+    return merged
+
+
+def _tables(answers: Answers, key: Key, scores: dict[str, dict[str, float]], seed: int) -> Tables:
+    """The tables of a study by name; those that cannot be are left out."""
+    from harmolab.listening.analysis import agreement_row, answer_grid, rater_rows, score_rows, version_rows
+
+    grid = answer_grid(answers, key)
+    tables: Tables = {}
+    if any(asked.right for asked in key.trials.values()):
+        tables["raters"] = rater_rows(grid)
+    tables["versions"] = version_rows(grid)
+    if len(grid.raters) > 1:
+        tables["agreement"] = [agreement_row(grid, seed=seed)]
+    tables["scores"] = score_rows(grid, scores, seed=seed)
+    return tables
+
+
+def _save(out: Path, tables: Tables, text: str) -> None:
+    import pandas as pd
+
+    out.mkdir(parents=True, exist_ok=True)
+    for name, rows in tables.items():
+        write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
+    write_text(out / "analysis.json", text)
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold: a number that does not exist is null."""
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _print(tables: Tables, answers: Answers, kind: str) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    whose = "simulated raters, no people" if answers.simulated else f"{len(answers.raters)} raters"
+    titles = {
+        "raters": "right answers",
+        "versions": "called inharmonious" if kind == "pick" else "preferred",
+        "agreement": "agreement beyond chance",
+        "scores": "how the scores go with the answers",
+    }
+    for name, rows in tables.items():
+        printed = [_printed(row) for row in rows]
+        table = Table(title=f"{titles[name]} ({whose})")
+        for number, column in enumerate(printed[0]):
+            table.add_column(column, no_wrap=number == 0)
+        for row in printed:
+            table.add_row(*map(show, row.values()))
+        Console().print(table)
+
+
+def _printed(row: dict[str, Any]) -> dict[str, Any]:
+    """The columns of a row that fit into a terminal, with its interval as one."""
+    left_out = ("simulated", "low", "high", "point_biserial", "pb_low", "pb_high")
+    kept = {name: value for name, value in row.items() if name not in left_out}
+    return {**kept, "95 % interval": (row["low"], row["high"])}

@@ -1,0 +1,254 @@
+"""`harmolab study`: trials from a corpus, asked without it, analysed; the key stays out of what is served."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+from urllib.parse import urlencode
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from harmolab.cli import app
+from harmolab.data.folders import load_sequence
+from harmolab.data.synthetic import write_corpus
+from harmolab.io import save_motion
+from harmolab.listening.folders import answer_log, read_key, read_page, read_scores, read_trials, write_scores
+from harmolab.listening.raters import SimulatedRater
+
+N = 8
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_corpus(tmp_path_factory.mktemp("corpus") / "dances", clips=14, seconds=7.0, fps=30.0, seed=2)
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def made(corpus: Path, out: Path, *options: object) -> Path:
+    result = run("study", "make", corpus, out, "--n", N, "--seconds", 4, *options)
+    assert result.exit_code == 0, result.output
+    return out
+
+
+@pytest.fixture(scope="module")
+def study(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Lagged dances to be picked, that nobody has answered."""
+    return made(corpus, tmp_path_factory.mktemp("study") / "pick")
+
+
+def answered(folder: Path, *skills: float, prefers: str | None = None) -> Path:
+    """The study with the answers of simulated raters, and two of its scores."""
+    scores = read_scores(folder / "scores.json")
+    write_scores(folder, {name: scores[name] for name in ("paper_h", "valleys_above_chance")})
+    trials, key = read_trials(folder / "trials.json"), read_key(folder / "key.json")
+    for seed, skill in enumerate(skills):
+        rater = SimulatedRater(skill, seed, prefers)
+        for answer in rater.answers(trials.ordered_for(rater.name), key):
+            answer_log(folder, rater.name).append(answer)
+    return folder
+
+
+# make
+
+
+def test_study_is_whole_balanced_and_blind(study: Path):
+    trials, key, scores = (
+        read_trials(study / "trials.json"),
+        read_key(study / "key.json"),
+        read_scores(study / "scores.json"),
+    )
+    assert len(trials) == N
+    assert [one.right for one in key.trials.values()].count("harmonious") == N // 2
+    sources = {source for one in key.trials.values() for source in one.sources}
+    assert all(set(values) == sources for values in scores.values())
+    for trial in trials.trials:
+        page, asked = read_page(study, trial.id), key.trials[trial.id]
+        told = (asked.item, *asked.sources, "harmonious", "lagged")
+        assert [text for text in told if text in page] == []
+        assert len(page) < 400_000
+
+
+def test_same_seed_makes_the_same_study(corpus: Path, study: Path, tmp_path: Path):
+    again, other = made(corpus, tmp_path / "again"), made(corpus, tmp_path / "other", "--seed", 2)
+    for name in ("trials.json", "key.json", "scores.json"):
+        assert (again / name).read_text() == (study / name).read_text()
+        assert (other / name).read_text() != (study / name).read_text()
+
+
+def test_pages_of_a_choice_show_two_dancers_and_the_true_one_as_often_on_the_left(corpus: Path, tmp_path: Path):
+    folder = made(corpus, tmp_path / "choice", "--kind", "choice", "--wrong", "swapped", "--n", 6)
+    key = read_key(folder / "key.json")
+    assert [one.right for one in key.trials.values()].count("left") == 3
+    for trial, asked in key.trials.items():
+        assert read_page(folder, trial).count("<canvas") == 2
+        assert set(asked.versions) == {"true", "swapped"}
+
+
+def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_path: Path):
+    against = tmp_path / "late"
+    against.mkdir()
+    names = [path.name for path in sorted(corpus.glob("clip_*"))]
+    for name in names[1:]:
+        motion = load_sequence(corpus / name).clip.motion
+        assert motion is not None
+        save_motion(against / f"{name}.npz", motion)
+    result = run(
+        "study", "make", corpus, tmp_path / "duel", "--kind", "choice", "--against", against, "--n", N, "--seconds", 4
+    )
+    assert result.exit_code == 0, result.output
+    assert f"left out: {against} holds no dance called {names[0]}" in result.stderr
+    key = read_key(tmp_path / "duel" / "key.json")
+    assert {tuple(sorted(one.versions)) for one in key.trials.values()} == {("dances", "late")}
+    assert {one.right for one in key.trials.values()} == {None}
+    result = run("study", "analyse", answered(tmp_path / "duel", 1.0, 1.0, prefers="late"), "--json")
+    tables = json.loads(result.stdout)
+    assert "raters" not in tables
+    assert [(row["version"], row["rate"]) for row in tables["versions"]] == [("dances over late", 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        (("--n", 7), "n must be a multiple of 2"),
+        (("--n", 100), "only 14 clips"),
+        (("--seconds", 100), "seconds must be between 2 and 60"),
+        (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
+        (("--against", "x"), "--against compares two dances"),
+        (("--kind", "choice", "--against", "nowhere"), "nowhere: no such folder"),
+    ],
+)
+def test_study_that_cannot_be_made_is_said_and_writes_nothing(
+    corpus: Path, tmp_path: Path, options: tuple[object, ...], fault: str
+):
+    result = run("study", "make", corpus, tmp_path / "x", "--n", N, "--seconds", 4, *options)
+    assert result.exit_code == 2
+    assert fault in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_study_with_answers_is_not_overwritten(corpus: Path, study: Path):
+    result = run("study", "make", corpus, study)
+    assert result.exit_code == 2
+    assert "holds a study already" in result.stderr
+
+
+# ask
+
+
+def start(study: Path, rater: str) -> tuple[subprocess.Popen[str], str]:
+    """A running `harmolab study ask` and its address."""
+    command = [sys.executable, "-m", "harmolab.cli", "study", "ask", str(study), "--rater", rater, "--no-open"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    return process, process.stdout.readline().split()[1]
+
+
+def get(address: str) -> str:
+    return urllib.request.urlopen(address, timeout=20).read().decode()
+
+
+def answer(address: str, choice: str) -> None:
+    trial = re.search(r'name="trial" value="(\w+)"', get(address))[1]
+    urllib.request.urlopen(address, urlencode({"trial": trial, "choice": choice}).encode(), timeout=20).close()
+
+
+def test_rater_is_asked_without_corpus_or_key_killed_interrupted_and_goes_on_to_the_end(
+    study: Path, corpus: Path, tmp_path: Path
+):
+    alone = tmp_path / "study"
+    alone.mkdir()
+    (alone / "trials.json").write_bytes((study / "trials.json").read_bytes())
+    (alone / "pages").symlink_to(study / "pages")
+    for ending, done in ((signal.SIGKILL, 2), (signal.SIGINT, 4)):
+        process, address = start(alone, "Ada")
+        for _ in range(2):
+            answer(address, "harmonious")
+        process.send_signal(ending)
+        output = process.communicate(timeout=30)[0]
+        assert len(answer_log(alone, "Ada").read().answers) == done
+        assert ending == signal.SIGKILL or f"{done} of {N} trials answered by Ada" in output
+    process, address = start(alone, "Ada")
+    assert f"Trial 5 of {N}" in get(address)
+    for _ in range(N - 4):
+        answer(address, "inharmonious")
+    output, faults = process.communicate(timeout=30)
+    assert (process.returncode, faults) == (0, "")
+    assert f"{N} of {N} trials answered by Ada" in output
+    asked = [one.trial for one in answer_log(alone, "Ada").read().answers]
+    assert asked == [trial.id for trial in read_trials(study / "trials.json").ordered_for("Ada").trials]
+    assert f"{N} of {N} trials answered" in run("study", "ask", alone, "--rater", "Ada").output
+
+
+@pytest.mark.parametrize(
+    ("rater", "fault"), [("simulated-1", "are for raters that are no people"), ("a\nb", "a rater needs a name")]
+)
+def test_rater_without_a_proper_name_is_refused(study: Path, rater: str, fault: str):
+    result = run("study", "ask", study, "--rater", rater)
+    assert result.exit_code == 2
+    assert fault in result.stderr
+
+
+def test_study_that_lacks_a_page_is_refused_before_the_first_trial(study: Path, tmp_path: Path):
+    (tmp_path / "trials.json").write_bytes((study / "trials.json").read_bytes())
+    result = run("study", "ask", tmp_path, "--rater", "Ada")
+    assert result.exit_code == 2
+    assert ".html: no such file" in result.stderr
+
+
+# analyse
+
+
+@pytest.fixture(scope="module")
+def asked_study(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return answered(made(corpus, tmp_path_factory.mktemp("asked") / "study"), 1.0, 1.0, 0.0)
+
+
+def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(asked_study: Path, tmp_path: Path):
+    result = run("study", "analyse", asked_study, "--out", tmp_path / "results", "--json")
+    assert result.exit_code == 0, result.output
+    summary = json.loads(result.stdout)
+    assert summary["simulated"] is True
+    rates = {row["rater"]: (row["n"], row["rate"]) for row in summary["raters"]}
+    assert rates == {
+        "simulated-0": (N, 1.0), "simulated-1": (N, 1.0), "simulated-2": (N, 0.0), "all": (3 * N, pytest.approx(2 / 3)),
+    }  # fmt: skip
+    assert {row["version"] for row in summary["versions"]} == {"true", "lagged"}
+    assert summary["agreement"][0]["measure"] == "Krippendorff's alpha"
+    scores = {row["score"]: row["rank"] for row in summary["scores"]}
+    assert scores["valleys_above_chance"] > 0.7
+    for name in ("raters", "versions", "agreement", "scores"):
+        table = pd.read_csv(tmp_path / "results" / f"{name}.csv")
+        assert len(table) == len(summary[name])
+        assert table["simulated"].all()
+    assert json.loads((tmp_path / "results" / "analysis.json").read_text()) == summary
+    assert run("study", "analyse", asked_study).output.count("simulated raters, no") == 4
+
+
+def test_people_and_simulated_raters_never_mix(corpus: Path, tmp_path: Path):
+    folder = answered(made(corpus, tmp_path / "study"), 1.0)
+    trials = read_trials(folder / "trials.json").ordered_for("Ada")
+    for trial in trials.trials:
+        answer_log(folder, "Ada").record(trials, trial.id, "harmonious")
+    mixed = run("study", "analyse", folder)
+    assert mixed.exit_code == 2
+    assert "say --raters people or simulated" in mixed.stderr
+    people = json.loads(run("study", "analyse", folder, "--raters", "people", "--json").stdout)
+    assert people["simulated"] is False
+    assert [row["rater"] for row in people["raters"]] == ["Ada", "all"]
+    assert people["raters"][0]["rate"] == 0.5
+
+
+def test_study_without_answers_says_so(study: Path):
+    result = run("study", "analyse", study)
+    assert result.exit_code == 2
+    assert "nobody has answered yet" in result.stderr
