@@ -53,8 +53,8 @@ format: $(STAMP) ## bring the code into the form that `make check` asks for
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-lab: $(STAMP) ## open JupyterLab on the notebooks
-	$(BIN)/jupyter lab notebooks
+lab: $(STAMP) ## open JupyterLab on the first notebook
+	$(BIN)/jupyter lab notebooks/00_start_here.ipynb
 
 report: $(STAMP) ## run the notebooks in the quick profile and write report/index.html
 	$(BIN)/python -m harmolab.report --profile quick --out report --jobs $(JOBS)

@@ -252,8 +252,8 @@ def _rate_finding(music: BeatTrack, visual: BeatTrack) -> Finding:
 
 def _unlocked(timing: Timing) -> Finding:
     sentence = (
-        f"There is no evidence that your movements keep a place in the beat (p = {timing.p_value:.2f}), so nothing can "
-        "be said about early or late."
+        f"There is no evidence that your movements keep a place in the beat (p = {timing.p_value:.2g}; below "
+        f"{LOCKED:g} is asked for), so nothing can be said about early or late."
     )
     return Finding("locked", sentence, timing.p_value, _NOTHING)
 

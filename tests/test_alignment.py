@@ -6,9 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import soxr
+from scipy.signal import butter, sosfilt
 
-from harmolab.alignment import attack_beats, find_offset, rest_at_beats
+from harmolab.alignment import attack_beats, find_offset, find_sound_offset, picture_motion, rest_at_beats
 from harmolab.beats.audio import audio_beats
+from harmolab.beats.visual import visual_beats
+from harmolab.data.stage import render_skeleton
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.params import DANCES, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
@@ -137,3 +141,103 @@ def test_beats_are_moved_to_the_attack_of_clicks(click_track: Callable[..., Audi
 
 def test_silence_has_no_attacks():
     assert len(attack_beats(Audio(np.zeros(22050), 22050))) == 0
+
+
+# A video
+
+
+@pytest.mark.parametrize("fps", [25.0, 50.0])
+def test_picture_rests_when_the_skeleton_does(planted_clip: Clip, fps: float):
+    motion = picture_motion(render_skeleton(planted_clip.motion, height=120, fps=fps), fps)
+    assert motion.duration == pytest.approx(planted_clip.motion.duration, abs=2 / fps)
+    seen = visual_beats(motion, params=HarmonyParams.recommended())
+    skeleton = visual_beats(planted_clip.motion, params=HarmonyParams.recommended())
+    late = seen.times[:, None] - skeleton.times
+    late = late[np.arange(len(seen)), np.abs(late).argmin(axis=1)]
+    assert len(seen) >= 0.8 * len(skeleton)
+    assert abs(np.median(late)) < 0.015
+
+
+def test_offset_of_a_video_is_found_modulo_the_beat():
+    clip, start = cut("tango", 3)
+    motion = picture_motion(render_skeleton(clip.motion, height=120, fps=25.0), 25.0)
+    found = find_offset(clip.audio, motion, music=clip.beats)
+    assert miss(found.seconds, start, clip.beats) < 0.03
+    assert found.confidence >= 0.95
+
+
+def test_video_of_a_few_frames_is_refused():
+    with pytest.raises(ValueError, match="a video of 3 frames is too short"):
+        picture_motion(np.zeros((3, 32, 32), np.uint8), 25.0)
+
+
+def test_still_video_has_no_offset():
+    still = picture_motion(np.zeros((250, 32, 32), np.uint8), 25.0)
+    with pytest.raises(ValueError, match="nothing moves in this motion"):
+        find_offset(synthetic_clip("waltz", seed=1).audio, still, music=synthetic_clip("waltz", seed=1).beats)
+
+
+# Sound
+
+
+@pytest.fixture(scope="module")
+def song() -> Audio:
+    """Chords that never come back, and notes at random: no two places sound alike."""
+    rng = np.random.default_rng(8)
+    time = np.arange(round(30.0 * 22050)) / 22050
+    samples = np.zeros(time.size)
+    for start in np.sort(rng.uniform(0, 29.5, 120)):
+        inside = (time >= start) & (time < start + 0.4)
+        envelope = np.exp(-(time[inside] - start) / 0.1)
+        for hertz in rng.uniform(100, 3500, 3):
+            samples[inside] += 0.1 * envelope * np.sin(2 * np.pi * hertz * time[inside])
+    return Audio(samples, 22050)
+
+
+def recorded(song: Audio, start: float, seconds: float, rate: int, *, snr: float, seed: int = 0) -> Audio:
+    """What a phone makes of a song: another rate, no bass and no treble, too loud, and noise (decibels below it)."""
+    part = song.span(start, seconds).samples.astype(np.float64)
+    part = soxr.resample(part, song.sample_rate, rate)
+    part = sosfilt(butter(2, [200, min(5000, 0.45 * rate)], "band", fs=rate, output="sos"), part)
+    noise = np.random.default_rng(seed).normal(0, part.std() * 10 ** (-snr / 20), part.size)
+    return Audio(np.tanh(2 * (part + noise) / part.std()), rate)
+
+
+@pytest.mark.parametrize("rate", [8000, 22050, 48000])
+@pytest.mark.parametrize("snr", [30.0, 0.0])
+def test_recording_is_found_in_its_song_through_noise_filter_and_another_rate(song: Audio, rate: int, snr: float):
+    for start in (0.0, 7.123, 17.9):
+        found = find_sound_offset(recorded(song, start, 10.0, rate, snr=snr), song)
+        assert found.seconds == pytest.approx(start, abs=0.01)
+        assert found.is_clear
+        assert found.is_unique
+
+
+def test_recording_that_begins_before_the_song_has_a_negative_offset(song: Audio):
+    samples = np.concatenate([np.zeros(2 * 22050), song.samples[: 8 * 22050]])
+    samples = samples + np.random.default_rng(1).normal(0, 0.01, samples.size)
+    assert find_sound_offset(Audio(samples, 22050), song).seconds == pytest.approx(-2.0, abs=0.01)
+
+
+def test_recording_of_something_else_is_not_clear(song: Audio):
+    backwards = Audio(song.samples[::-1], song.sample_rate)
+    assert not find_sound_offset(recorded(backwards, 5.0, 10.0, 22050, snr=30.0), song).is_clear
+    noise = Audio(np.random.default_rng(2).normal(0, 0.1, 10 * 22050), 22050)
+    assert not find_sound_offset(noise, song).is_clear
+
+
+def test_song_that_repeats_itself_to_the_note_is_found_but_not_unique(song: Audio):
+    twice = Audio(np.tile(song.samples[: 12 * 22050], 2), 22050)
+    found = find_sound_offset(twice.span(2.0, 6.0), twice)
+    assert found.seconds % 12 == pytest.approx(2.0, abs=0.01)
+    assert found.is_clear
+    assert not found.is_unique
+
+
+def test_short_and_silent_sound_are_refused(song: Audio):
+    with pytest.raises(ValueError, match=r"the recording lasts 2\.0 s; 3 s at least"):
+        find_sound_offset(song.span(0, 2.0), song)
+    with pytest.raises(ValueError, match=r"the song lasts 1\.0 s"):
+        find_sound_offset(song, song.span(0, 1.0))
+    with pytest.raises(ValueError, match="the recording is silent"):
+        find_sound_offset(Audio(np.zeros(22050 * 5), 22050), song)

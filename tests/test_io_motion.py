@@ -20,6 +20,8 @@ from harmolab.io import (
     load_openpose,
     save_motion,
 )
+from harmolab.io.coco import load_coco
+from harmolab.io.landmarks import MEDIAPIPE_33
 from harmolab.types import Motion, Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
@@ -143,9 +145,17 @@ def test_aist_file_name_brings_its_60_fps(tmp_path: Path):
 
 
 def test_pixels_with_a_confidence_are_not_taken_for_metres(tmp_path: Path):
-    points = np.random.default_rng(1).uniform(0, 1, (10, 17, 3)) * [640, 480, 1]
-    with pytest.raises(ValueError, match=r"points\.npy: looks like x, y, confidence"):
-        load_motion(save(tmp_path / "points.npy", points), fps=30)
+    points = np.random.default_rng(1).uniform(0.1, 1, (10, 17, 3)) * [640, 480, 1]
+    motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
+    np.testing.assert_allclose(motion.positions, points[..., :2])
+    assert motion.skeleton == COCO_17
+
+
+def test_33_points_with_a_visibility_are_mediapipes(tmp_path: Path):
+    points = np.random.default_rng(1).uniform(0.6, 1, (10, 33, 4))
+    motion = load_motion(save(tmp_path / "points.npy", points), fps=30)
+    assert motion.skeleton == MEDIAPIPE_33
+    np.testing.assert_allclose(motion.positions, points[..., :2])
 
 
 def test_array_file_in_fortran_order_and_other_byte_order_is_read(tmp_path: Path):
@@ -420,6 +430,125 @@ def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
         load_motion(tmp_path / "none.bvh")
     with pytest.raises(ValueError, match="holds no frame rate"):
         load_motion(tmp_path)
+
+
+# JSON: what it holds decides
+
+
+def coco_pose(x: float, sure: float = 0.9) -> list[float]:
+    return [number for joint in range(17) for number in (x, 10.0 * joint, sure)]
+
+
+def results(xs: list[float], **more: object) -> list[dict[str, object]]:
+    return [{"image_id": 40 + place, "keypoints": coco_pose(x), **more} for place, x in enumerate(xs)]
+
+
+def mmpose(xs: list[float]) -> list[dict[str, object]]:
+    points = [{"keypoints": [[x, 10.0 * joint] for joint in range(17)], "keypoint_scores": [0.9] * 17} for x in xs]
+    return [{"frame_id": place, "instances": [one]} for place, one in enumerate(points)]
+
+
+def as_json(path: Path, content: object) -> Path:
+    path.write_text(content if isinstance(content, str) else json.dumps(content), "utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        results([0, 1, 2]),
+        results([0, 1, 2], score=0.8, category_id=1),
+        list(reversed(results([0, 1, 2]))),
+        {"images": [], "annotations": results([0, 1, 2])},
+        [{**entry, "image_id": f"clip2_{entry['image_id']:06d}.jpg"} for entry in results([0, 1, 2])],
+        mmpose([0, 1, 2]),
+        {"meta_info": {}, "instance_info": mmpose([0, 1, 2])},
+        "\n".join(json.dumps({"frame": n, "predictions": [{"keypoints": coco_pose(n)}]}) for n in range(3)) + "\n",
+    ],
+    ids=["results", "with scores", "unsorted", "annotations", "named", "mmpose list", "mmpose", "openpifpaf"],
+)
+def test_coco_key_points_of_every_layout_are_read(tmp_path: Path, content: object):
+    motion = load_motion(as_json(tmp_path / "dance.json", content), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 4], [[0, 40], [1, 40], [2, 40]])
+    assert motion.skeleton == COCO_17
+    assert motion.valid.all()
+
+
+def test_coco_frames_that_are_not_named_show_nobody(tmp_path: Path):
+    entries = results([0, 9, 2])
+    motion = load_motion(as_json(tmp_path / "dance.json", [entries[0], entries[2]]), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 1, 2])
+    assert motion.valid.tolist() == [True, False, True]
+
+
+def test_coco_follows_one_dancer_past_a_slightly_surer_passer_by(tmp_path: Path):
+    passer = {"image_id": 41, "keypoints": coco_pose(300, 0.95)}
+    motion = load_motion(as_json(tmp_path / "dance.json", [passer, *results([0, 1, 2])]), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 1, 2])
+
+
+def test_json_of_landmarks_is_known_by_its_content(tmp_path: Path):
+    frames = [[{"x": x, "y": 0.5, "z": 0.0, "visibility": 0.9}] * 33 for x in (0.1, 0.2)]
+    told = {"fps": 25.0, "aspect": 2.0, "frames": [None, *frames]}
+    motion = load_motion(as_json(tmp_path / "dance.json", told))
+    assert motion.skeleton == MEDIAPIPE_33
+    assert motion.fps == 25
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [0.2, 0.2, 0.4])
+    world = load_motion(as_json(tmp_path / "world.json", {"fps": 25.0, "world": True, "frames": frames}))
+    assert world.positions.shape == (2, 33, 3)
+
+
+def test_joints_are_kept_by_name_in_any_format(tmp_path: Path):
+    unseen = [{**entry, "keypoints": coco_pose(1)[:-3] + [0.0] * 3} for entry in results([0, 1, 2])]
+    path = as_json(tmp_path / "dance.json", unseen)
+    with pytest.raises(ValueError, match=r"dance\.json: never shows right_ankle"):
+        load_motion(path, fps=30)
+    assert load_motion(path, fps=30, joints=["nose", "left_hip"]).skeleton.joints == ("nose", "left_hip")
+    save_motion(tmp_path / "arm.npz", Motion(walk(), 30, ARM))
+    hand = load_motion(tmp_path / "arm.npz", joints=["hand"])
+    np.testing.assert_array_equal(hand.positions[:, 0], walk()[:, 2])
+    with pytest.raises(ValueError, match=r"arm\.npz: no joints named \['tail'\]"):
+        load_motion(tmp_path / "arm.npz", joints=["tail"])
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        ("", "the file is empty"),
+        ("{", "cannot be read as"),
+        ("[" * 100_000, "cannot be read as"),
+        ('{"a": 1}\nnonsense', "cannot be read as"),
+        ("[]", "holds a list of 0, which is neither MediaPipe landmarks .* nor COCO-17"),
+        ("3", "holds '3', which is neither"),
+        ([[1, 2], [3, 4]], r"holds a list of 2, first '\[1, 2\]', which is neither"),
+        ({"bones": [], "units": "cm"}, "an object with 'bones', 'units', which is neither"),
+        ({"people": [], "version": 1.3}, "is one frame of OpenPose; name the folder"),
+        ([{"image_id": 1, "keypoints": [1, 2, 3]}], "keypoints of entry 0: 3 values; COCO-17 has 17 points"),
+        ([{"image_id": 1, "keypoints": ["x"] * 51}], "keypoints of entry 0 must be numbers"),
+        ([{"image_id": 1, "keypoints": [float("nan")] * 51}], "keypoints of entry 0: NaN or infinity"),
+        ([{"image_id": "front", "keypoints": coco_pose(1)}], "entry 0 names its frame 'front', which holds no number"),
+        ([{"image_id": -1, "keypoints": coco_pose(1)}], "entry 0 names its frame '-1'"),
+        ([{"image_id": True, "keypoints": coco_pose(1)}], "entry 0 names its frame 'True'"),
+        ([*results([1]), 7], "entry 1 has no image_id and keypoints"),
+        ([*results([1]), {"image_id": 10**12, "keypoints": coco_pose(1)}], "these are no frames of one video"),
+        ([{"frame": 1, "predictions": 5}], "entry 0 has no list 'predictions'"),
+        ([{"frame": 1, "predictions": []}], "nobody is seen in any of its 1 frames"),
+        (results([1]), "at least two frames"),
+        ([{**results([1])[0], "keypoints": coco_pose(1, 0.0)}] * 2, "nobody is seen"),
+    ],
+)
+def test_damaged_json_is_refused_by_name(tmp_path: Path, content: object, fault: str):
+    path = as_json(tmp_path / "dance.json", content)
+    with pytest.raises(ValueError, match=rf"dance\.json: .*{fault}"):
+        load_motion(path, fps=30)
+
+
+def test_coco_key_points_need_a_rate(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"dance\.json: holds COCO-17 key points but no frame rate; pass fps"):
+        load_motion(as_json(tmp_path / "dance.json", results([0, 1])))
+    assert load_coco(tmp_path / "dance.json", fps=24).fps == 24
+    with pytest.raises(ValueError, match=r"other\.json: is no list of COCO-17 key points"):
+        load_coco(as_json(tmp_path / "other.json", {}), fps=24)
 
 
 # Recordings

@@ -71,3 +71,9 @@ def test_figure_has_a_legend_with_each_meaning_once():
     legend = figure.axes[0].get_legend()
     labels = [text.get_text() for text in legend.get_texts()]
     assert sorted(labels) == ["hit", "mean and 95 % interval", "missed", "tolerance field"]
+
+
+def test_narrow_figure_keeps_its_size_and_folds_its_legend():
+    figure = timing_figure(MUSIC, DANCE, size=(4.4, 4.4))
+    assert figure.get_size_inches().tolist() == [4.4, 4.4]
+    assert figure.axes[0].get_legend()._ncols == 2

@@ -206,8 +206,12 @@ def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
     return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
 
 
-def load_any_motion(path: PathLike, *, fps: float | None = None, scale: float | None = None) -> Motion:
+def load_any_motion(
+    path: PathLike, *, fps: float | None = None, scale: float | None = None, joints: tuple[str, ...] | None = None
+) -> Motion:
     """The motion in any file that `load_motion` reads, in a sequence folder, or in a skeletons.json.
+
+    Parameters are those of `load_motion`; `joints` is for the files that it reads.
 
     Raises
     ------
@@ -219,4 +223,4 @@ def load_any_motion(path: PathLike, *, fps: float | None = None, scale: float | 
         path = path / "skeletons.json"
     if path.name.endswith("skeletons.json"):
         return tang2018.load_skeletons(path)
-    return load_motion(path, fps=fps, scale=scale)
+    return load_motion(path, fps=fps, scale=scale, joints=joints)

@@ -23,6 +23,7 @@ __all__ = [
     "COCO_17",
     "OPENPOSE_18",
     "OPENPOSE_25",
+    "dancer_motion",
     "joint_indices",
     "keypoints_motion",
     "load_keypoints",
@@ -174,22 +175,39 @@ def load_openpose(folder: PathLike, *, fps: float, joints: Sequence[str] | None 
     FileNotFoundError, ValueError
         Both name the folder or the file in it.
     """
-    files = _frame_files(Path(folder))
-    frames: list[FloatArray | None] = []
-    last = None
-    for file in files:
-        frames.append(_dancer(_people(file), last))
-        last = last if frames[-1] is None else frames[-1]
-    poses = [pose for pose in frames if pose is not None]
-    if not poses:
-        raise ValueError(f"{folder}: nobody is seen in any of its {len(files)} frames")
-    if len({len(pose) for pose in poses}) > 1:
-        raise ValueError(f"{folder}: mixes poses of different numbers of joints")
-    empty = np.zeros_like(poses[0])
+    frames = [_people(file) for file in _frame_files(Path(folder))]
     try:
-        return keypoints_motion(np.stack([empty if pose is None else pose for pose in frames]), fps, joints=joints)
+        return dancer_motion(frames, fps, joints=joints)
     except ValueError as error:
         raise ValueError(f"{folder}: {error}") from None
+
+
+def dancer_motion(frames: Sequence[Sequence[FloatArray]], fps: float, *, joints: Sequence[str] | None = None) -> Motion:
+    """One dancer followed through frames with any number of people (`load_openpose` tells how).
+
+    Parameters
+    ----------
+    frames : for each frame the people in it, each (J, 3): x, y, confidence
+    fps : float, frames per second
+    joints : names to keep, optional
+
+    Raises
+    ------
+    ValueError
+        Nobody is seen in any frame, or poses differ in their number of joints.
+    """
+    found: list[FloatArray | None] = []
+    last = None
+    for people in frames:
+        found.append(_dancer(people, last))
+        last = last if found[-1] is None else found[-1]
+    poses = [pose for pose in found if pose is not None]
+    if not poses:
+        raise ValueError(f"nobody is seen in any of its {len(frames)} frames")
+    if len({len(pose) for pose in poses}) > 1:
+        raise ValueError("mixes poses of different numbers of joints")
+    empty = np.zeros_like(poses[0])
+    return keypoints_motion(np.stack([empty if pose is None else pose for pose in found]), fps, joints=joints)
 
 
 def _frame_files(folder: Path) -> list[Path]:
@@ -236,7 +254,7 @@ def _person(person: Any) -> FloatArray:
     return pose
 
 
-def _dancer(people: list[FloatArray], previous: FloatArray | None) -> FloatArray | None:
+def _dancer(people: Sequence[FloatArray], previous: FloatArray | None) -> FloatArray | None:
     """The person who is the dancer, or None if nobody is there."""
     confidence = [float(pose[:, 2].mean()) for pose in people]
     if not people or max(confidence) <= 0:
@@ -254,4 +272,5 @@ def _distance(pose: FloatArray, other: FloatArray) -> float:
     both = (pose[:, 2] > 0) & (other[:, 2] > 0)
     if not both.any():
         return float("inf")
-    return float(np.linalg.norm(pose[both, :2] - other[both, :2], axis=1).mean())
+    with np.errstate(over="ignore"):  # a place out of all bounds is infinitely far; the motion's check refuses it later
+        return float(np.linalg.norm(pose[both, :2] - other[both, :2], axis=1).mean())

@@ -4,7 +4,8 @@ MediaPipe returns objects, not files; save them as JSON, one entry a frame, or a
 
 ``.json``
     a list of frames, or ``{"fps": 30.0, "frames": [...]}``. A frame is a list of 33 ``{"x", "y", "z", "visibility"}``
-    (or ``{"landmarks": [...]}``), or null or an empty list where nobody was seen.
+    (or ``{"landmarks": [...]}``), or null or an empty list where nobody was seen. Beside ``"fps"`` the file may hold
+    ``"aspect"`` (width over height of the picture) and ``"world": true`` (these are world landmarks).
 ``.npy``
     (T, 33, 3) x, y, z, or (T, 33, 4) with the visibility; a frame of NaN where nobody was seen.
 
@@ -25,7 +26,7 @@ from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
 from harmolab.io.keypoints import joint_indices, skeleton_part
 from harmolab.types import FloatArray, Motion, Skeleton
 
-__all__ = ["MEDIAPIPE_33", "landmarks_motion", "load_landmarks"]
+__all__ = ["MEDIAPIPE_33", "is_landmarks", "landmarks_motion", "load_landmarks"]
 
 MEDIAPIPE_33 = Skeleton(
     (
@@ -49,8 +50,8 @@ def load_landmarks(
     path: PathLike,
     *,
     fps: float | None = None,
-    world: bool = False,
-    aspect: float = 1.0,
+    world: bool | None = None,
+    aspect: float | None = None,
     joints: Sequence[str] | None = None,
 ) -> Motion:
     """The movement in a file of MediaPipe pose landmarks, `.json` or `.npy`.
@@ -59,10 +60,10 @@ def load_landmarks(
     ----------
     path : str or path
     fps : float, frames per second; needed unless the JSON holds it
-    world : bool
+    world : bool, default what the file says, else False
         The file holds world landmarks (metres from the hips, so travel is lost): 3-D, y up. Else image landmarks: 2-D,
         x and y as shares of the picture's width and height.
-    aspect : float
+    aspect : float, default what the file says, else 1
         Width over height of the picture, so that both directions of image landmarks are in one unit.
     joints : names of `MEDIAPIPE_33` to keep, optional
 
@@ -74,16 +75,31 @@ def load_landmarks(
     with reading(path, "MediaPipe landmarks", max_bytes=MAX_JSON_BYTES) as file:
         suffix = file.suffix.lower()
         if suffix == ".json":
-            values, rate = _from_json(read_json(file))
+            content = read_json(file)
+            values, about = _from_json(content), content if isinstance(content, dict) else {}
         elif suffix == ".npy":
             with file.open("rb") as stream:
-                values, rate = read_npy(stream, file.stat().st_size), None
+                values, about = read_npy(stream, file.stat().st_size), {}
         else:
             raise ValueError(f"is no file of landmarks ({suffix or 'no suffix'}); .json and .npy are read")
-        if fps is None and rate is None:
+        rate = about.get("fps") if fps is None else fps
+        if rate is None:
             raise ValueError("holds no frame rate; pass fps")
-        rate = rate if fps is None else fps
-        return landmarks_motion(values, rate, world=world, aspect=aspect, joints=joints)
+        is_world = about.get("world", False) if world is None else world
+        if not isinstance(is_world, bool):
+            raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
+        wide = float(about.get("aspect", 1.0) if aspect is None else aspect)
+        return landmarks_motion(values, rate, world=is_world, aspect=wide, joints=joints)
+
+
+def is_landmarks(content: Any) -> bool:
+    """Whether the content of a JSON file looks like MediaPipe landmarks: frames of landmarks with x and y."""
+    frames = content.get("frames") if isinstance(content, dict) else content
+    if not isinstance(frames, list):
+        return False
+    seen = next((frame for frame in frames if frame), None)
+    points = seen.get("landmarks") if isinstance(seen, dict) else seen
+    return isinstance(points, list) and bool(points) and isinstance(points[0], dict) and "x" in points[0]
 
 
 def landmarks_motion(
@@ -92,6 +108,11 @@ def landmarks_motion(
     """A Motion from landmarks (T, 33, 3) or, with the visibility, (T, 33, 4); NaN frames are filled and marked.
 
     Parameters are those of `load_landmarks`.
+
+    Raises
+    ------
+    ValueError
+        For another shape, an aspect that cannot be, or frames in none of which anybody is seen.
     """
     if values.ndim != 3 or values.shape[1] != _COUNT or values.shape[2] not in (3, 4):
         raise ValueError(f"has shape {values.shape}; landmarks come as (T, {_COUNT}, 3) or (T, {_COUNT}, 4)")
@@ -107,13 +128,12 @@ def landmarks_motion(
     return checked_motion(filled, fps, skeleton_part(MEDIAPIPE_33, kept), visible & ~empty)
 
 
-def _from_json(content: Any) -> tuple[FloatArray, Any]:
-    """(T, 33, 4) landmarks with NaN where nobody was seen, and the frame rate or None."""
-    rate = content.get("fps") if isinstance(content, dict) else None
+def _from_json(content: Any) -> FloatArray:
+    """(T, 33, 4) landmarks with NaN where nobody was seen."""
     frames = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(frames, list) or not frames:
         raise ValueError("has no list of frames; a frame is a list of 33 landmarks with x, y, z and visibility")
-    return np.stack([_frame(frame, number) for number, frame in enumerate(frames)]), rate
+    return np.stack([_frame(frame, number) for number, frame in enumerate(frames)])
 
 
 def _frame(frame: Any, number: int) -> FloatArray:

@@ -24,7 +24,11 @@ Other formats
 -------------
 ``.npy``
     (T, J, 3) in metres, or (T, J, 2) and flat (T, 2J) image coordinates; holds no rate, so pass `fps`. 17, 18 or 25
-    joints get the names of COCO or OpenPose. AIST++ file names bring their 60 fps. See `harmolab.io.keypoints`.
+    joints get the names of COCO or OpenPose, and pixels with a confidence behind them are read as such. AIST++ file
+    names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.io.keypoints`.
+``.json``, ``.jsonl``
+    MediaPipe's landmarks (`harmolab.io.landmarks`) or COCO-17 key points of a whole video, as AlphaPose, Detectron2,
+    MMPose, OpenPifPaf, Ultralytics and ViTPose write them (`harmolab.io.coco`). The content tells which.
 ``.bvh``
     any skeleton; `harmolab.io.bvh`.
 ``.pkl``
@@ -37,6 +41,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +52,10 @@ from harmolab.io.arrays import checked_motion, in_metres, read_npy
 from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.errors import MAX_BYTES, PathLike, reading
-from harmolab.io.keypoints import keypoints_motion, load_openpose, named_skeleton
+from harmolab.io.coco import coco_people, people_motion, read_lines
+from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, PathLike, reading
+from harmolab.io.keypoints import joint_indices, keypoints_motion, load_openpose, named_skeleton, skeleton_part
+from harmolab.io.landmarks import MEDIAPIPE_33, is_landmarks, landmarks_motion, load_landmarks
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
 from harmolab.types import Motion, Skeleton
 
@@ -59,38 +66,84 @@ _MEMBERS = {"positions": "fiu", "fps": "fiu", "joints": "U", "parents": "iu", "v
 _BOMB_BYTES, _BOMB_RATIO = 64 * 2**20, 100
 
 
-def load_motion(path: PathLike, *, fps: float | None = None, scale: float | None = None) -> Motion:
-    """The movement in a file (`.npz`, `.npy`, `.bvh`, `.pkl`) or in a folder of OpenPose JSON files.
+def load_motion(
+    path: PathLike, *, fps: float | None = None, scale: float | None = None, joints: Sequence[str] | None = None
+) -> Motion:
+    """The movement in a file (`.npz`, `.npy`, `.bvh`, `.pkl`, `.json`) or in a folder of OpenPose JSON files.
 
     Parameters
     ----------
     path : str or path
     fps : float or None, frames per second
-        Needed where the file holds no rate (`.npy`, OpenPose); elsewhere it takes the place of the file's.
+        Needed where the file holds no rate (`.npy`, OpenPose, COCO); elsewhere it takes the place of the file's.
     scale : float or None
         Metres in one unit of a 3-D file. None: 1 for `.npy`, 0.01 for AIST++, see `load_bvh` for BVH.
+    joints : names, optional
+        Keep these joints only. For a camera that never sees the legs, since a joint that is never seen is an error.
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file.
     """
-    suffix = Path(path).suffix.lower()
-    if Path(path).is_dir():
-        return _load_folder(Path(path), fps)
+    motion = _load(Path(path), fps, scale, joints)
+    if joints is None or motion.skeleton.joints == tuple(joints):
+        return motion
+    try:
+        keep = joint_indices(motion.skeleton, joints)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return Motion(motion.positions[:, keep], motion.fps, skeleton_part(motion.skeleton, keep), motion.valid)
+
+
+def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[str] | None) -> Motion:
+    """The motion by the reader of its suffix; those that fill unseen joints leave out all but `joints` before."""
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return _load_folder(path, fps, joints)
     if suffix == ".npz":
         return _load_npz(path, fps)
     if suffix == ".npy":
-        return _load_npy(path, fps, 1.0 if scale is None else scale)
+        return _load_npy(path, fps, 1.0 if scale is None else scale, joints)
+    if suffix in (".json", ".jsonl"):
+        return _load_json(path, fps, joints)
     if suffix == ".bvh":
         return load_bvh(path, fps=fps, scale=scale)
     if suffix in (".pkl", ".pickle"):
         return load_aist(path, fps=AIST_FPS if fps is None else fps, scale=0.01 if scale is None else scale)
     with reading(path, "a motion", max_bytes=None):
-        raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl are read")
+        raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json")
 
 
-def _load_folder(folder: Path, fps: float | None) -> Motion:
+def _load_json(path: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
+    """Landmarks or key points, by what the file holds."""
+    with reading(path, "landmarks or key points in JSON", max_bytes=MAX_JSON_BYTES):
+        content = read_lines(path)
+        if is_landmarks(content):
+            return load_landmarks(path, fps=fps, joints=joints)
+        if isinstance(content, dict) and isinstance(content.get("people"), list):
+            raise ValueError("is one frame of OpenPose; name the folder that holds all of them")
+        people = coco_people(content)
+        if people is None:
+            raise ValueError(
+                f"holds {_looks(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
+                "nor COCO-17 key points (entries with image_id and keypoints)"
+            )
+        if fps is None:
+            raise ValueError("holds COCO-17 key points but no frame rate; pass fps")
+        return people_motion(people, fps, joints=joints)
+
+
+def _looks(content: Any) -> str:
+    """What a JSON file holds, in a few words."""
+    if isinstance(content, dict):
+        return "an object with " + (", ".join(repr(str(name)[:20]) for name in list(content)[:5]) or "nothing in it")
+    if isinstance(content, list):
+        return f"a list of {len(content)}" + (f", first {str(content[0])[:40]!r}" if content else "")
+    return repr(str(content)[:40])
+
+
+def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
     """A folder's own `motion.npz`, or OpenPose's JSON files."""
     if (folder / "motion.npz").is_file():
         return _load_npz(folder / "motion.npz", fps)
@@ -98,28 +151,30 @@ def _load_folder(folder: Path, fps: float | None) -> Motion:
         raise ValueError(f"{folder}: is a sequence of Tang et al.; read it with harmolab.data.load_sequence")
     if fps is None:
         raise ValueError(f"{folder}: holds no frame rate; pass fps")
-    return load_openpose(folder, fps=fps)
+    return load_openpose(folder, fps=fps, joints=joints)
 
 
-def _load_npy(path: PathLike, fps: float | None, scale: float) -> Motion:
-    """A `.npy` array: (T, J, 3) metres, (T, J, 2) or (T, 2J) image coordinates."""
+def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[str] | None) -> Motion:
+    """A `.npy` array: (T, J, 3) metres, (T, J, 2) or flat image coordinates, or landmarks with their visibility."""
     with reading(path, "a .npy array") as file:
         with file.open("rb") as stream:
             values = read_npy(stream, file.stat().st_size)
         if fps is None and not is_aist_name(file):
             raise ValueError("holds no frame rate; pass fps")
         rate = AIST_FPS if fps is None else fps
-        if values.ndim != 3 or values.shape[2] != 3:
-            return keypoints_motion(values, rate)
-        _refuse_confidence(values)
+        if values.shape[1:] == (len(MEDIAPIPE_33.joints), 4):
+            return landmarks_motion(values, rate, joints=joints)
+        if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
+            return keypoints_motion(values, rate, joints=joints)
         return checked_motion(in_metres(values, scale), rate, named_skeleton(values.shape[1]))
 
 
-def _refuse_confidence(values: NDArray[Any]) -> None:
-    """ValueError when (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
+def _has_confidence(values: NDArray[Any]) -> bool:
+    """Whether (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
     is_pose = named_skeleton(values.shape[1]) is not None and len(values) > 0
-    if is_pose and values[..., 2].min() >= 0 and values[..., 2].max() <= 1 and np.abs(values[..., :2]).max() > 20:
-        raise ValueError("looks like x, y, confidence and not like metres; read it with load_keypoints")
+    return bool(
+        is_pose and values[..., 2].min() >= 0 and values[..., 2].max() <= 1 and np.abs(values[..., :2]).max() > 20
+    )
 
 
 def _load_npz(path: PathLike, fps: float | None) -> Motion:

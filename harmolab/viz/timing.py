@@ -86,6 +86,7 @@ def timing_figure(
     params: HarmonyParams | None = None,
     means: Sequence[Mean] = (),
     title: str = "How early or late each music beat is met",
+    size: tuple[float, float] = (9.0, 3.6),
 ) -> Figure:
     """`draw_timing` and `draw_means` as one picture with a legend.
 
@@ -95,10 +96,11 @@ def timing_figure(
     params : HarmonyParams, default ``HarmonyParams.valleys()``
     means : as in `draw_means`; the stretches of an explanation fit
     title : str
+    size : (float, float), inches
     """
     with figure_style():
-        figure = Figure(figsize=(9.0, 3.6))
+        figure = Figure(figsize=size)
         ax = draw_means(draw_timing(figure.subplots(), music, visual, params=params), means)
         ax.set_title(title)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)
     return figure

@@ -1,0 +1,146 @@
+"""One page for a dancer: the verdict, the words, the picture of early and late, the player, the numbers, the doubts."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.harmony import hit_mask
+from harmolab.io.aside import written_aside
+from harmolab.io.errors import PathLike
+from harmolab.io.video import video_frames
+from harmolab.own_dance.telling import OwnDance
+from harmolab.viz.timing import timing_figure
+from harmolab.widgets.player import LONGEST, Dancer, Player
+
+__all__ = ["dance_page", "dance_player", "save_page"]
+
+TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
+DPI = 150
+WIDE, NARROW = (9.0, 3.6), (4.4, 4.4)  # inches
+STRIP_HEIGHT = 200  # pixels
+STRIP_COUNT = 8
+
+
+class Still(NamedTuple):
+    """A picture of a video at a music beat: seconds of the video, the picture as base64 of JPEG, and whether a
+    movement met the beat."""
+
+    time: float
+    jpeg: str
+    is_met: bool
+
+
+def dance_player(dance: OwnDance) -> Player:
+    """The dance and its song in a player.
+
+    Raises
+    ------
+    ValueError
+        It is a video, of which no skeleton is known, or longer than the player shows.
+    """
+    if dance.recording.is_video:
+        raise ValueError(f"{dance.name}: is a video; the player shows skeletons")
+    dancer = Dancer(dance.name, dance.motion, dance.visual)
+    return Player(dance.audio, [dancer], music=dance.music, title=_title(dance), params=dance.params)
+
+
+def save_page(path: PathLike, dance: OwnDance) -> None:
+    """Write `dance_page` to a file, aside first."""
+    page = dance_page(dance)
+    with written_aside(Path(path)) as aside:
+        aside.write_text(page, encoding="utf-8")
+
+
+def dance_page(dance: OwnDance) -> str:
+    """One HTML page that says and shows how a dance goes with its song, and asks the network for nothing.
+
+    A video has no skeleton to play: of it, pictures at eight music beats are shown, and they are part of the page.
+
+    Raises
+    ------
+    ValueError
+        The video has gone or changed since it was read.
+    """
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
+    is_short = dance.motion.duration <= LONGEST
+    return environment.get_template("own_dance.html.j2").render(
+        title=_title(dance),
+        dance=dance,
+        wide=_timing_png(dance, WIDE),
+        narrow=_timing_png(dance, NARROW),
+        player=dance_player(dance).page if is_short and not dance.recording.is_video else "",
+        longest=LONGEST / 60,
+        stills=list(_stills(dance)) if dance.recording.is_video else [],
+        numbers=_numbers(dance),
+        delay=1000 * dance.params.reaction_delay,
+        settings=", ".join(f"{name} {value}" for name, value in vars(dance.params).items() if name != "pattern"),
+        version=version("harmolab"),
+    )
+
+
+def _title(dance: OwnDance) -> str:
+    return f"{dance.name} to {dance.song}"
+
+
+def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
+    """Early and late along time, with the means of the halves, as base64 of PNG."""
+    means = [(part.start, part.end, part.mean, part.interval) for part in dance.words.stretches]
+    figure = timing_figure(dance.music, dance.visual, params=dance.params, means=means, title="", size=size)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
+    return base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def _numbers(dance: OwnDance) -> dict[str, str]:
+    """What a dancer may want to look up: name -> text."""
+    score, beats = dance.score, dance.music.times
+    low, high = score.interval
+    known = {finding.kind: finding for finding in dance.words.findings}
+    hits = known.get("hits")
+    numbers = {"Harmony above chance (0: chance, 1: all)": f"{score.harmony_above_chance:.2f}"}
+    if np.isfinite(low):
+        numbers["its 95 % interval"] = f"{low:.2f} to {high:.2f}"
+        numbers["Share of all shifts in time that fit as well (p)"] = f"{score.p_value:.3f}"
+    if hits is not None and np.isfinite(hits.value):
+        numbers[f"Beats met within {1000 * dance.params.reaction_delay:.0f} ms"] = f"{hits.value:.0%}".replace(
+            "%", " %"
+        )
+    tempo = f", {60 / np.median(np.diff(beats)):.0f} a minute" if beats.size > 1 else ""
+    numbers["Music beats"] = f"{beats.size}{tempo}"
+    numbers["Movements found"] = str(len(dance.visual))
+    numbers["Length danced to the song"] = f"{dance.motion.duration:.1f} s"
+    return numbers
+
+
+def _stills(dance: OwnDance) -> Iterator[Still]:
+    """Pictures of the video at music beats, evenly chosen."""
+    beats, params = dance.music.times, dance.params
+    if not beats.size:
+        return
+    seen = dance.visual.times - params.lag
+    met = hit_mask(beats, seen, delay=params.reaction_delay, matching=params.matching)
+    chosen = np.unique(np.linspace(0, beats.size - 1, STRIP_COUNT).round().astype(int))
+    video = video_frames(dance.recording.path, height=STRIP_HEIGHT, colour=True)
+    wanted = {round((beats[beat] + dance.skipped) * video.fps): beat for beat in chosen}
+    for number, picture in enumerate(video):
+        if number in wanted:
+            beat = wanted[number]
+            yield Still(float(beats[beat] + dance.skipped), _jpeg(picture), bool(met[beat]))
+        if number >= max(wanted):
+            return
+
+
+def _jpeg(picture: NDArray[np.uint8]) -> str:
+    """An (H, W, 3) RGB picture as base64 of JPEG."""
+    _, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    return base64.b64encode(data.tobytes()).decode("ascii")

@@ -1,0 +1,93 @@
+"""`harmolab explain`: the words, the numbers, the page, and one line where it cannot be done."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import soundfile
+from typer.testing import CliRunner, Result
+
+from harmolab.cli import app
+from harmolab.io.motion import save_motion
+from harmolab.types import Clip
+
+
+@pytest.fixture
+def files(planted_clip: Clip, tmp_path: Path) -> tuple[Path, Path]:
+    """Song and motion of a synthetic cha-cha."""
+    song, motion = tmp_path / "song.wav", tmp_path / "dance.npz"
+    soundfile.write(song, planted_clip.audio.samples, round(planted_clip.audio.sample_rate))
+    save_motion(motion, planted_clip.motion)
+    return song, motion
+
+
+def explain(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["explain", *map(str, arguments)])
+
+
+def test_words_are_printed_and_the_page_is_written(files: tuple[Path, Path], tmp_path: Path):
+    result = explain(*files, "--offset", 0, "--out", tmp_path / "page.html")
+    assert result.exit_code == 0, result.output
+    verdict, _, placement, *words = result.stdout.splitlines()
+    assert verdict == "You keep time with this song. You are on time."
+    assert placement == "Your dance begins at 0.00 s of the song, as you said."
+    assert words[0].startswith("Above-chance harmony is ")
+    assert words[-1] == f"wrote {tmp_path / 'page.html'}"
+    assert verdict in (tmp_path / "page.html").read_text("utf-8")
+
+
+def test_json_holds_the_same(files: tuple[Path, Path]):
+    told = json.loads(explain(*files, "--offset", 0, "--json").stdout)
+    assert told["verdict"] == "You keep time with this song. You are on time."
+    assert told["offset"]["source"] == "given"
+    assert told["findings"][-1]["kind"] == "mean"
+    assert told["version"]
+
+
+def test_annotated_beats_take_the_place_of_tracking(files: tuple[Path, Path], planted_clip: Clip, tmp_path: Path):
+    beats = tmp_path / "song.beats"
+    beats.write_text("\n".join(f"{time:.4f}" for time in planted_clip.beats.times))
+    told = json.loads(explain(*files, "--offset", 0, "--beats", beats, "--json").stdout)
+    assert told["music_beats"] == len(planted_clip.beats)
+
+
+def test_joints_can_be_chosen(files: tuple[Path, Path], planted_clip: Clip):
+    first, second = planted_clip.motion.skeleton.joints[-2:]
+    assert explain(*files, "--joints", f"{first}, {second}").exit_code == 0
+    result = explain(*files, "--joints", "tail")
+    assert result.exit_code == 2
+    assert "no joints named ['tail']" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--out", "page.pdf"), "the page is written as .html, .htm"),
+        (("--out", "/nowhere/page.html"), "/nowhere: no such folder"),
+        (("--search", "-1"), "dance.npz: search must lie between 0 and 600 s"),
+        (("--offset", "1000"), "does not overlap"),
+        (("--offset", "nan"), "offset must be finite"),
+        (("--beats", "none.beats"), "none.beats: no such file"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(files: tuple[Path, Path], options: tuple[str, str], told: str):
+    result = explain(*files, *options)
+    assert result.exit_code == 2
+    assert told in result.stderr
+    assert result.stderr.strip().count("\n") == 0
+
+
+@pytest.mark.parametrize("name", ["none.npz", "none.mp4", "none.json"])
+def test_missing_dance_is_named(files: tuple[Path, Path], tmp_path: Path, name: str):
+    result = explain(files[0], tmp_path / name)
+    assert result.exit_code == 2
+    assert f"{name}: no such file" in result.stderr
+
+
+def test_damaged_video_is_named(files: tuple[Path, Path], tmp_path: Path):
+    (tmp_path / "film.mp4").write_bytes(b"\0\0\0\x18ftypmp42" + bytes(100))
+    result = explain(files[0], tmp_path / "film.mp4")
+    assert result.exit_code == 2
+    assert "film.mp4: cannot be read as video" in result.stderr
