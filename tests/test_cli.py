@@ -140,6 +140,15 @@ def test_data_check_reports_what_is_odd(tmp_path: Path) -> None:
     assert json.loads(run("data", "check", tmp_path / "motion.npz", "--json").stdout)[0]["frames"] == 60
 
 
+def test_data_check_tells_key_points_from_beats_by_what_a_json_file_holds(tmp_path: Path) -> None:
+    (tmp_path / "coco.json").write_text(json.dumps([{"image_id": n, "keypoints": [n + 5.0] * 51} for n in range(3)]))
+    (tmp_path / "mine.json").write_text(json.dumps({"beats_s": [0.5, 1.0, 1.5]}))
+    rows = [
+        json.loads(run("data", "check", tmp_path / name, "--json").stdout)[0] for name in ("coco.json", "mine.json")
+    ]
+    assert [(row["kind"], row["frames"]) for row in rows] == [("motion", 3), ("beats", 3)]
+
+
 def test_data_synth_writes_a_corpus_and_refuses_a_foreign_folder(tmp_path: Path) -> None:
     assert run("data", "synth", tmp_path / "new", "--clips", 2, "--seconds", 3).exit_code == 0
     assert len(list((tmp_path / "new").glob("clip_*"))) == 2
@@ -150,8 +159,23 @@ def test_data_synth_writes_a_corpus_and_refuses_a_foreign_folder(tmp_path: Path)
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "precious"
 
 
+COMMANDS = [
+    *(
+        [name]
+        for name in ("compare", "dance", "explain", "learn", "play", "render", "report", "retime", "score", "train")
+    ),
+    *(["data", name] for name in ("check", "synth")),
+    *(["study", name] for name in ("make", "ask", "analyse")),
+]
+
+
+def test_every_command_is_listed() -> None:
+    listed = run("--help").stdout
+    assert all(f" {command[0]} " in listed for command in COMMANDS)
+
+
 def test_every_command_explains_itself() -> None:
-    for command in (["score"], ["compare"], ["learn"], ["report"], ["data", "check"], ["data", "synth"]):
+    for command in COMMANDS:
         result = run(*command, "--help")
         assert result.exit_code == 0
         assert "Usage" in result.stdout

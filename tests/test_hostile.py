@@ -46,6 +46,9 @@ FILES = {
     "skeletons.json": 300,
     "config.json": 200,
     "frames/dance_000000000001_keypoints.json": 250,
+    "coco.json": 250,
+    "lines.jsonl": 250,
+    "landmarks.json": 250,
     "song.beats": 250,
     "song.csv": 250,
     "song.txt": 150,
@@ -103,6 +106,20 @@ def annotation() -> dict:
     }
 
 
+def coco_poses() -> list[list[float]]:
+    """Five COCO-17 poses: x, y and confidence of every point, in one row."""
+    rng = np.random.default_rng(3)
+    return [np.round(pose, 2).tolist() for pose in rng.uniform(0.5, 1.0, (5, 51)) + 3.0]
+
+
+def mediapipe_frames() -> list[list[dict[str, float]]]:
+    """Four frames of 33 landmarks."""
+    values = np.round(np.random.default_rng(4).uniform(0.2, 1.0, (4, 33, 4)), 3)
+    return [
+        [dict(zip(("x", "y", "z", "visibility"), map(float, row), strict=True)) for row in frame] for frame in values
+    ]
+
+
 def valid_files() -> dict[str, bytes]:
     """A small valid file of every format."""
     three, coco = poses(), poses(8, 17)
@@ -130,6 +147,11 @@ def valid_files() -> dict[str, bytes]:
         ).encode(),
         "config.json": b'{"start_position": 1, "end_position": 13}',
         "frames/dance_000000000001_keypoints.json": json.dumps(openpose_frame()).encode(),
+        "coco.json": json.dumps([{"image_id": n, "keypoints": pose} for n, pose in enumerate(coco_poses())]).encode(),
+        "lines.jsonl": "\n".join(
+            json.dumps({"frame": n, "predictions": [{"keypoints": pose}]}) for n, pose in enumerate(coco_poses(), 1)
+        ).encode(),
+        "landmarks.json": json.dumps({"fps": 30.0, "aspect": 1.5, "frames": mediapipe_frames()}).encode(),
         "song.beats": b"# comment\n0.50 1\n1.00 2\n1.50 3\n2.00 1\n2.50 2\n",
         "song.csv": b"time,strength\n0.5,1.0\n1.0,0.25\n1.5,0.75\n2.0,0\n",
         "song.txt": b"5.0e-01\n1.0e+00\n1.5e+00\n2.0e+00\n",
@@ -222,7 +244,7 @@ def arrays_of(path: Path) -> list[np.ndarray]:
         return [*times, track.times, track.strengths, np.array([track.duration])]
     if name == "config.json":
         return [np.array(load_config(path))]
-    motion = load_any_motion(path, fps=30.0 if name.endswith("npy") else None)
+    motion = load_any_motion(path, fps=30.0 if name.endswith("npy") or name in ("coco.json", "lines.jsonl") else None)
     return [motion.positions, np.array([motion.fps])]
 
 

@@ -30,7 +30,8 @@ _MAX_FILES = 10_000
 
 _SOUND = (".wav", ".flac", ".ogg", ".mp3")
 _BEATS = (".beats", ".csv", ".txt")
-_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle")
+_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl")
+_HEAD = 100_000  # bytes
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,15 @@ def _file(path: Path) -> Finding:
     if path.name == "config.json":
         span = tang2018.load_config(path)
         return Finding(str(path), "sequence", span.end - span.start, tang2018.FPS, offset=span.start / tang2018.FPS)
-    if suffix in _BEATS or (suffix == ".json" and not path.name.endswith("skeletons.json")):
+    if suffix in _BEATS or (suffix == ".json" and _is_annotation(path)):
         return _beats(path)
     return _motion(path)
+
+
+def _is_annotation(path: Path) -> bool:
+    """Whether a JSON file is one of beats, by its name or by the one field that those must have."""
+    with path.open("rb") as file:
+        return path.name == "beats.json" or b'"beats_s"' in file.read(_HEAD)
 
 
 def _sound(path: Path) -> Finding:
