@@ -10,9 +10,10 @@ import av
 import cv2
 import numpy as np
 import pytest
+import soundfile
 
 from harmolab.io.video import video_frames, write_video
-from harmolab.io.video_sound import video_sound
+from harmolab.io.video_sound import load_sound, video_sound
 from harmolab.types import Audio
 
 HEIGHT, WIDTH = 48, 64
@@ -91,6 +92,19 @@ def test_sound_of_a_video_is_where_it_was(tmp_path: Path, name: str, start: floa
     assert sound.sample_rate == 22050
     assert sound.duration == pytest.approx(1.0, abs=0.05)
     assert np.flatnonzero(np.abs(sound.samples) > 0.4)[0] / 22050 == pytest.approx(start + 0.1, abs=0.003)
+
+
+@pytest.mark.parametrize("name", ["v.mp4", "v.wav"])
+def test_a_span_of_the_sound_of_a_video_is_that_of_a_sound_file(tmp_path: Path, name: str) -> None:
+    samples = np.zeros(22050)
+    samples[11025:][:220] = 0.8
+    soundfile.write(tmp_path / "v.wav", samples, 22050)
+    write_video(tmp_path / "v.mp4", grey_levels(30), 30.0, audio=Audio(samples, 22050))
+    sound = load_sound(tmp_path / name, start=0.3, duration=0.4)
+    assert sound.duration == pytest.approx(0.4)
+    assert np.flatnonzero(np.abs(sound.samples) > 0.4)[0] / 22050 == pytest.approx(0.2, abs=0.003)
+    with pytest.raises(ValueError, match=rf"{name}: has 1.* s of sound, none from 5 s on"):
+        load_sound(tmp_path / name, start=5.0)
 
 
 def test_video_without_sound_says_so_and_too_much_is_refused(sample: Path, tmp_path: Path) -> None:

@@ -63,11 +63,11 @@ def test_a_minute_of_video_keeps_sound_mark_and_pose_together(
     moving = [i for i in change if change[i] > 0.5 * max(change.values())]  # not where the arm turns back
     assert len(moving) > 20 and moving[-1] > 0.9 * len(shown)
     for index in moving:
-        lateness = _lateness(shown[index][1], *drawn[index - 1 : index + 2])
-        assert abs(lateness) < 0.5 and times[index] == pytest.approx(index / FPS, abs=0.5 / FPS), index
+        early = _frames_early(shown[index][1], *drawn[index - 1 : index + 2])
+        assert abs(early) < 0.5 and times[index] == pytest.approx(index / FPS, abs=0.5 / FPS), index
 
 
-def _lateness(shown: np.ndarray, before: np.ndarray, drawn: np.ndarray, after: np.ndarray) -> float:
+def _frames_early(shown: np.ndarray, before: np.ndarray, drawn: np.ndarray, after: np.ndarray) -> float:
     """How many frames early the shown pose is (late: below 0), by the share of the step between frames it has made.
 
     Coding blurs the whole picture evenly, which a plain difference would mistake for another pose.
@@ -83,5 +83,5 @@ def _difference(one: np.ndarray, other: np.ndarray) -> float:
 
 def test_a_pose_of_the_frame_before_or_after_is_noticed(swinging_arm: Callable[..., Motion]) -> None:
     drawn = list(render_dance(swinging_arm(0.7, FPS, seconds=1.0), height=120, fps=FPS))
-    found = [_lateness(drawn[place], *drawn[20:23]) for place in (20, 21, 22)]
+    found = [_frames_early(drawn[place], *drawn[20:23]) for place in (20, 21, 22)]
     assert found[0] < -0.5 < found[1] == 0 < 0.5 < found[2]

@@ -30,7 +30,7 @@ def load_sound(
         return load_audio(path, start=start, duration=duration, sample_rate=sample_rate)
     sound = video_sound(path, sample_rate=sample_rate)
     if not 0 <= start < sound.duration:
-        raise ValueError(f"{path}: start must lie in its sound of {sound.duration:.2f} s, got {start:g}")
+        raise ValueError(f"{path}: has {sound.duration:.2f} s of sound, none from {start:g} s on")
     return sound.span(start, sound.duration - start if duration is None else duration)
 
 
