@@ -148,3 +148,13 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         render_dance(dance(STANDING, STANDING), height=40)
     with pytest.raises(ValueError, match="fps must be positive"):
         render_dance(dance(STANDING, STANDING), fps=float("nan"))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.2, np.pi])
+def test_dancer_is_seen_from_where_she_faces(angle: float) -> None:
+    """Her left side lies to the right in the picture, whichever way she faces; one arm alone tells left from right."""
+    left = np.array([np.cos(angle), 0.0, -np.sin(angle)])
+    pose = np.outer([0, 0.15, -0.15, 0.8, 0], left) + np.outer([0, 1, 1, 1, 1.7], [0, 1, 0])
+    body = Skeleton(("foot", "left_hip", "right_hip", "left_hand", "top"), (-1, 0, 0, 1, 0))
+    _, columns = dark(next(render_dance(dance(pose, pose, skeleton=body))))
+    assert columns.max() - 320 > 1.5 * (320 - columns.min())

@@ -1,7 +1,7 @@
 """Pictures of a dance for people to watch: perspective, a floor with a grid and a shadow, a camera that follows.
 
-The camera stands in front of the dancer (on the positive z side) and walks along; the grid stands still, so that
-travelling is seen. Near limbs are darker and drawn over far ones. Needs OpenCV and numpy only.
+The camera stands where the dancer faces on average and walks along; the grid stands still, so that travelling is
+seen. Near limbs are darker and drawn over far ones. Needs OpenCV and numpy only.
 
 The camera never turns. So where everything lies is computed for many frames at once, and only drawing is left for each.
 """
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.stage import FRACTION_BITS
-from harmolab.features.poses import skull_and_limbs
+from harmolab.features.poses import mean_heading, skull_and_limbs, turned
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.types import BeatTrack, Motion, Skeleton
 
@@ -86,7 +86,7 @@ def render_dance(
     beats: BeatTrack | None = None,
     dancer_beats: BeatTrack | None = None,
 ) -> Iterator[Frame]:
-    """Frames of a dancer on a floor, seen from the front by a camera that walks along.
+    """Frames of a dancer on a floor, seen from where she faces on average, by a camera that walks along.
 
     Parameters
     ----------
@@ -115,8 +115,14 @@ def render_dance(
         raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
     if not (np.isfinite(fps) and fps > 0):
         raise ValueError(f"fps must be positive and finite, got {fps}")
-    danced = resample_motion(upsample_motion(motion, fps), fps)
+    danced = _to_camera(resample_motion(upsample_motion(motion, fps), fps))
     return _frames(danced, height, width, BeatMarks(height, beats, dancer_beats))
+
+
+def _to_camera(motion: Motion) -> Motion:
+    """The motion turned about the vertical so that the dancer faces +z, where the camera stands."""
+    away = mean_heading(motion.positions, motion.fps, motion.skeleton)
+    return Motion(turned(motion.positions, -away), motion.fps, motion.skeleton, motion.valid)
 
 
 def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:

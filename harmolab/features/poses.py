@@ -25,12 +25,14 @@ __all__ = [
     "bone_lengths",
     "decode_motion",
     "encode_motion",
+    "mean_heading",
     "n_channels",
     "pose_of_root",
     "root_path",
     "root_position",
     "side_pairs",
     "skull_and_limbs",
+    "turned",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -68,7 +70,7 @@ def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDAr
     positions = _checked(positions, fps, skeleton)
     path = root_path(positions, fps, skeleton)
     local = positions - np.stack([path[:, 0], np.zeros(len(path)), path[:, 1]], axis=1)[:, None]
-    local = _turned(local, -path[:, 2, None])
+    local = turned(local, -path[:, 2, None])
     steps = np.diff(path, axis=0)
     steps[:, :2] = _turned_plane(steps[:, :2], -path[1:, 2])
     rates = np.concatenate([steps[:1], steps]) * fps if len(steps) else np.zeros((len(path), 3))
@@ -105,7 +107,7 @@ def decode_motion(
     steps[:1] = 0.0
     heading = start[2] + np.cumsum(steps[:, 2])
     way = np.array(start[:2]) + np.cumsum(_turned_plane(steps[:, :2], heading), axis=0)
-    world = _turned(code[:, :-3].reshape(len(code), -1, 3), heading[:, None])
+    world = turned(code[:, :-3].reshape(len(code), -1, 3), heading[:, None])
     world[..., 0] += way[:, :1]
     world[..., 2] += way[:, 1:]
     return world
@@ -126,6 +128,14 @@ def root_path(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArr
     """
     across = smooth(_across(positions, skeleton), HEADING_SMOOTHING, fps)
     return np.column_stack([root_position(positions, skeleton)[:, [0, 2]], _heading(across)])
+
+
+def mean_heading(positions: FloatArray, fps: float, skeleton: Skeleton) -> float:
+    """Where the dancer faces on average, radians from +z towards +x: where a camera should stand.
+
+    0 where the joints' names tell no left and right; arbitrary for a dancer who turns on and on.
+    """
+    return float(np.angle(np.exp(1j * root_path(positions, fps, skeleton)[:, 2]).mean()))
 
 
 def pose_of_root(positions: FloatArray, skeleton: Skeleton) -> tuple[float, float, float]:
@@ -211,7 +221,7 @@ def _heading(across: FloatArray) -> FloatArray:
     return np.unwrap(heading[last])
 
 
-def _turned(points: FloatArray, angle: FloatArray) -> FloatArray:
+def turned(points: FloatArray, angle: FloatArray | float) -> FloatArray:
     """Points (..., 3) turned about the y axis by `angle` (...) radians, from +z towards +x."""
     x, z = points[..., 0], points[..., 2]
     cosine, sine = np.cos(angle), np.sin(angle)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import motion_curve
-from harmolab.features.poses import root_path, skull_and_limbs
+from harmolab.features.poses import mean_heading, skull_and_limbs
 from harmolab.harmony import hit_pairs
 from harmolab.io.aside import written_aside
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
@@ -226,7 +226,7 @@ def _movement(motion: Motion) -> dict[str, Any]:
     positions, way, size = _on_wall(shown.positions) if flat else _on_floor(shown.positions, shown.fps)
     return {
         "flat": flat,
-        "front": 0.0 if flat else _front(shown),
+        "front": 0.0 if flat else mean_heading(shown.positions, shown.fps, shown.skeleton),
         "fps": shown.fps,
         "frames": shown.n_frames,
         "joints": len(motion.skeleton.joints),
@@ -245,12 +245,6 @@ def _on_floor(positions: FloatArray, fps: float) -> tuple[FloatArray, FloatArray
     way = smooth(positions.mean(axis=1)[:, [0, 2]], FOLLOW, fps)
     size = max(height, 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
     return positions - np.array([0.0, low, 0.0]), way, size
-
-
-def _front(motion: Motion) -> float:
-    """Where the dancer faces on average: radians from +z towards +x; 0 where joints' names tell no left and right."""
-    headings = root_path(motion.positions, motion.fps, motion.skeleton)[:, 2]
-    return float(np.angle(np.exp(1j * headings).mean()))
 
 
 def _on_wall(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
