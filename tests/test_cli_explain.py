@@ -91,3 +91,16 @@ def test_damaged_video_is_named(files: tuple[Path, Path], tmp_path: Path):
     result = explain(files[0], tmp_path / "film.mp4")
     assert result.exit_code == 2
     assert "film.mp4: cannot be read as video" in result.stderr
+
+
+def test_a_learnt_pattern_changes_the_score_and_an_unknown_one_is_named(files: tuple[Path, Path], tmp_path: Path):
+    patterns = {"jive": {"beats": 1, "cosines": [1.0], "sines": [0.0], "source": "planted: fastest on the beat"}}
+    (tmp_path / "patterns.json").write_text(json.dumps(patterns))
+    asked = (*files, "--offset", 0, "--pattern", tmp_path / "patterns.json", "--json")
+    fits, opposite = (
+        json.loads(explain(*words).stdout)["harmony_above_chance"] for words in (asked[:4] + asked[-1:], asked)
+    )
+    assert opposite < 0 < fits
+    result = explain(*asked, "--dance", "waltz")
+    assert result.exit_code == 2
+    assert "no pattern for --dance 'waltz'" in result.stderr

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import soundfile
 
+from harmolab.cli.scoring import read_clip
 from harmolab.data import (
     Finding,
     Problem,
@@ -19,6 +20,7 @@ from harmolab.data import (
     load_any_motion,
     load_sequence,
 )
+from harmolab.data.folders import told_start
 from harmolab.io import save_motion
 from harmolab.types import Motion, Skeleton
 
@@ -264,3 +266,18 @@ def test_check_notices_the_tango_that_is_too_fast_and_a_held_pose(data_root: Pat
     assert "faster than 10 m/s in 66 frames" in odd(data_root / "tang2018" / "DANCE_T_5")
     assert "56 frames shorter than config.json says (2560)" in odd(data_root / "tang2018" / "DANCE_T_5")
     assert "frozen once, longest 2.00 s" in odd(data_root / "tang2018" / "DANCE_R_4")
+
+
+def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
+    ours, theirs = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75}), tang(tmp_path / "theirs")
+    bare = own(tmp_path / "bare")
+    save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM))
+    starts = [told_start(path) for path in (ours, ours / "motion.npz", theirs, theirs / "skeletons.json")]
+    assert starts == [0.75, 0.75, 0.2, 0.2]
+    assert [told_start(path) for path in (ours / "another.npz", theirs / "audio.flac", bare)] == [None, None, None]
+
+
+def test_score_starts_where_the_folder_tells(tmp_path: Path) -> None:
+    ours = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75})
+    assert read_clip(ours / "audio.wav", ours / "motion.npz", None, None, None, None).offset == 0.75
+    assert read_clip(ours / "audio.wav", ours / "motion.npz", 0.25, None, None, None).offset == 0.25

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
@@ -14,8 +14,19 @@ from harmolab.cli.common import CountBar, check_out, plain_errors
 
 if TYPE_CHECKING:
     from harmolab.own_dance import OwnDance, Recording
+    from harmolab.params import HarmonyParams
 
 __all__ = ["explain"]
+
+
+class _Wishes(TypedDict):
+    """What `harmolab.own_dance.explain_recording` is told."""
+
+    offset: float | None
+    guess: float | None
+    search: float
+    dance: str
+    params: HarmonyParams
 
 
 def explain(
@@ -43,6 +54,10 @@ def explain(
     beats: Annotated[
         Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
     ] = None,
+    pattern: Annotated[
+        Path | None,
+        typer.Option(help="Bar patterns learnt by `harmolab learn`, for dancers who do not rest on the beat."),
+    ] = None,
     fps: Annotated[
         float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")
     ] = None,
@@ -60,12 +75,17 @@ def explain(
 
     The song plays in the video and you have no other copy: `harmolab explain video.mp4 video.mp4 --out dance.html`
     """
+    from harmolab.cli.scoring import read_pattern
+    from harmolab.params import HarmonyParams
+
     with plain_errors():
         if out is not None:
             check_out(out, "the page", (".html", ".htm"))
             if find_spec("jinja2") is None:
                 raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
-        told = _told(song, _read(dance_file, fps, joints), offset, guess, search, dance, beats)
+        params = HarmonyParams.recommended(read_pattern(pattern, dance) if pattern else None)
+        wishes = _Wishes(offset=offset, guess=guess, search=search, dance=dance, params=params)
+        told = _told(song, _read(dance_file, fps, joints), beats, wishes)
         if out is not None:
             from harmolab.own_dance.page import save_page
 
@@ -90,15 +110,7 @@ def _read(path: Path, fps: float | None, joints: str) -> Recording:
         bar.bar.close()
 
 
-def _told(
-    song: Path,
-    recording: Recording,
-    offset: float | None,
-    guess: float | None,
-    search: float,
-    dance: str,
-    beats: Path | None,
-) -> OwnDance:
+def _told(song: Path, recording: Recording, beats: Path | None, wishes: _Wishes) -> OwnDance:
     """The recording beside its song, with the annotated beats where a file of them is named."""
     from rich.console import Console
 
@@ -108,4 +120,4 @@ def _told(
 
     track = None if beats is None else load_annotation(beats).track(load_sound(song).duration)
     with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
-        return explain_recording(song, recording, offset=offset, guess=guess, search=search, beats=track, dance=dance)
+        return explain_recording(song, recording, beats=track, **wishes)

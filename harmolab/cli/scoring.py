@@ -79,16 +79,13 @@ def read_clip(
     audio: Path, motion: Path, start: float | None, duration: float | None, fps: float | None, beats: Path | None
 ) -> Clip:
     """The clip that the arguments of `score` describe."""
-    from harmolab.data.folders import load_any_motion
-    from harmolab.data.tang2018 import FPS, load_config
+    from harmolab.data.folders import load_any_motion, told_start
     from harmolab.io.beats import load_annotation
     from harmolab.io.video_sound import load_sound
     from harmolab.types import Clip
 
     sound, moves = load_sound(audio), load_any_motion(motion, fps=fps)
-    folder = motion if motion.is_dir() else motion.parent
-    if start is None and (folder / "config.json").is_file() and not (folder / "motion.npz").is_file():
-        start = load_config(folder / "config.json").start / FPS
+    start = told_start(motion) if start is None else start
     if duration is not None:
         moves = moves.span(0.0, duration)
     track = None

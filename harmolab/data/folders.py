@@ -34,6 +34,7 @@ __all__ = [
     "load_any_motion",
     "load_sequence",
     "missing_parts",
+    "told_start",
 ]
 
 _MAX_DEPTH = 4
@@ -204,6 +205,28 @@ def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
     except ValueError as error:
         raise ValueError(f"{folder / 'beats.json'}: {error}") from None
     return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
+
+
+def told_start(path: PathLike) -> float | None:
+    """Audio time (seconds) of a motion's first frame, as its sequence's folder tells it; None where nothing does.
+
+    Parameters
+    ----------
+    path : str or path
+        A sequence folder, its motion.npz or its skeletons.json. Other files beside them are none of the sequence.
+
+    Raises
+    ------
+    ValueError
+        The folder's beats.json or config.json is damaged; names it.
+    """
+    path = Path(path)
+    folder = path if path.is_dir() else path.parent
+    if (folder / "motion.npz").is_file():
+        is_annotated = (path.is_dir() or path.name == "motion.npz") and (folder / "beats.json").is_file()
+        return load_annotation(folder / "beats.json").offset if is_annotated else None
+    is_tang = (path.is_dir() or path.name.endswith("skeletons.json")) and (folder / "config.json").is_file()
+    return tang2018.load_config(folder / "config.json").start / tang2018.FPS if is_tang else None
 
 
 def load_any_motion(

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from harmolab.alignment import SoundOffset, find_offset, find_sound_offset, picture_motion
-from harmolab.data.folders import load_any_motion
-from harmolab.data.tang2018 import FPS, load_config
+from harmolab.data.folders import load_any_motion, told_start
 from harmolab.io.errors import PathLike
 from harmolab.io.video import is_video, video_frames
 from harmolab.io.video_sound import video_sound
@@ -132,17 +131,7 @@ def load_recording(
             raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
         return Recording(path, motion, True, _sound(path))
     motion = load_any_motion(path, fps=fps, joints=None if joints is None else tuple(joints))
-    return Recording(path, motion, start=_folder_start(path))
-
-
-def _folder_start(path: Path) -> float | None:
-    """The start that a sequence of Tang et al. tells in its config.json."""
-    folder = path if path.is_dir() else path.parent
-    told = folder / "config.json"
-    is_tang = path.is_dir() or path.name.endswith("skeletons.json")
-    if not is_tang or not told.is_file() or (folder / "motion.npz").is_file():
-        return None
-    return load_config(told).start / FPS
+    return Recording(path, motion, start=told_start(path))
 
 
 def _sound(path: Path) -> Audio | None:
