@@ -27,7 +27,7 @@ from harmolab.experiments.generation import (
     weight_sweep,
 )
 from harmolab.experiments.judging import generate, judge
-from harmolab.experiments.long_dances import dance_limits, long_dances
+from harmolab.experiments.long_dances import dance_limits, danced_song, long_dances
 from harmolab.models.weights import read_about
 from harmolab.params import RunProfile
 
@@ -192,3 +192,14 @@ def test_recorded_motion_has_no_distance_from_itself_in_the_ablation(paper: gene
     table = ablation(PROFILE).set_index("variant")
     assert table["fid"].isna().to_dict() == {**dict.fromkeys(VARIANTS, False), RECORDED: True}
     assert table.loc[RECORDED, "jerk"] > 0
+
+
+def test_a_danced_song_begins_with_its_music_and_its_recorded_dancer(paper: generation.Trained):
+    song = danced_song(PROFILE, "synthetic", "paper")
+    dances = long_dances(PROFILE)
+    assert song.name == dances[dances["variant"] == "paper"]["song"].iloc[0]
+    assert song.recorded.duration == pytest.approx(song.made.duration, abs=1 / song.made.fps)
+    assert song.audio.duration == pytest.approx(song.made.duration, abs=0.05)
+    assert 0 < len(song.beats) and song.beats.times[-1] <= song.made.duration
+    with pytest.raises(ValueError, match="place must be 0 to"):
+        danced_song(PROFILE, "synthetic", "paper", 99)

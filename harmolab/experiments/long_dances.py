@@ -7,6 +7,7 @@ next has to live with. What is allowed is measured on the dancers who were recor
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
 from typing import Any
@@ -23,9 +24,9 @@ from harmolab.models.poses_bank import load_poses
 from harmolab.params import HarmonyParams, RunProfile
 from harmolab.synthesis import synthesize_dance
 from harmolab.training.run import MODEL
-from harmolab.types import Motion
+from harmolab.types import Audio, BeatTrack, Motion
 
-__all__ = ["LIMITS", "dance_limits", "long_dances"]
+__all__ = ["LIMITS", "DancedSong", "dance_limits", "danced_song", "long_dances"]
 
 SONGS = 8  # of the test split, spread over it
 SECONDS = 30.0
@@ -41,6 +42,43 @@ LIMITS = MappingProxyType(
 )
 
 
+@dataclass(frozen=True, eq=False)
+class DancedSong:
+    """A test song with the dancer who was recorded to it and a generated one; all begin together.
+
+    Parameters
+    ----------
+    name : str, of the song's folder
+    audio : Audio
+    beats : BeatTrack of the music
+    recorded, made : Motion
+    """
+
+    name: str
+    audio: Audio
+    beats: BeatTrack
+    recorded: Motion
+    made: Motion
+
+
+def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) -> DancedSong:
+    """The `place`-th song of `long_dances`, as recorded and as the variant's generator of the first seed dances it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such song.
+    """
+    run = trained(profile, corpus, VARIANTS[variant], 1)
+    names = _songs(run)
+    if not 0 <= place < len(names):
+        raise ValueError(f"place must be 0 to {len(names) - 1}, the test songs of {corpus}, got {place}")
+    song = load_sequence(corpus_root(profile, corpus) / names[place])
+    made, beats = _danced(run, song, _seconds(profile))
+    audio = song.clip.audio.span(song.clip.offset, made.duration)
+    return DancedSong(names[place], audio, beats, _dancer(song).span(0.0, made.duration), made)
+
+
 def long_dances(profile: RunProfile) -> pd.DataFrame:
     """Every variant dances songs of the test units, 30 s each (10 s in the quick profile), as far as there is music.
 
@@ -54,7 +92,7 @@ def long_dances(profile: RunProfile) -> pd.DataFrame:
 
 
 def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
-    seconds = QUICK_SECONDS if profile.epochs else SECONDS
+    seconds = _seconds(profile)
     for corpus in generator_corpora(profile):
         for seed in range(1, profile.n_seeds + 1):
             runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
@@ -63,6 +101,10 @@ def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
             for song, (name, run) in product(songs, runs.items()):
                 about = {"corpus": corpus, "seed": seed, "variant": name}
                 yield {**about, **_measured(run, song, recorded, seconds)}
+
+
+def _seconds(profile: RunProfile) -> float:
+    return QUICK_SECONDS if profile.epochs else SECONDS
 
 
 def _songs(run: Trained) -> list[str]:
@@ -90,16 +132,11 @@ def _dancer(song: Sequence) -> Motion:
 
 def _measured(run: Trained, song: Sequence, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
     """One long dance, in multiples of what is `recorded`."""
-    clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
-    length = min(seconds, _dancer(song).duration)
-    poses = load_poses(run.folder / MODEL)
-    made = synthesize_dance(
-        run.generator, clip.audio, beats=beats, start=clip.offset, seconds=length, seed=1, poses=poses, dance=clip.dance
-    )
-    score = score_motion(beats.span(clip.offset, made.duration), made, params=HarmonyParams.valleys(), n_rotations=0)
+    made, beats = _danced(run, song, seconds)
+    score = score_motion(beats, made, params=HarmonyParams.valleys(), n_rotations=0)
     return {
         "song": song.folder.name,
-        "dance": clip.dance,
+        "dance": song.clip.dance,
         "seconds": made.duration,
         "bones": bone_error(made, run.generator.bone_lengths.double().numpy()),
         "jump": largest_step(made).largest / recorded["peak"],
@@ -108,6 +145,17 @@ def _measured(run: Trained, song: Sequence, recorded: dict[str, float], seconds:
         "above_chance": score.harmony_above_chance,
         "count_ratio": score.n_visual / max(score.n_audio, 1),
     }
+
+
+def _danced(run: Trained, song: Sequence, seconds: float) -> tuple[Motion, BeatTrack]:
+    """A generated dance, as long as asked for and recorded, and the music's beats on its time line."""
+    clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
+    length = min(seconds, _dancer(song).duration)
+    poses = load_poses(run.folder / MODEL)
+    made = synthesize_dance(
+        run.generator, clip.audio, beats=beats, start=clip.offset, seconds=length, seed=1, poses=poses, dance=clip.dance
+    )
+    return made, beats.span(clip.offset, made.duration)
 
 
 def dance_limits(dances: pd.DataFrame) -> pd.DataFrame:
