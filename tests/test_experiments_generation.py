@@ -200,6 +200,6 @@ def test_a_danced_song_begins_with_its_music_and_its_recorded_dancer(paper: gene
     assert song.name == dances[dances["variant"] == "paper"]["song"].iloc[0]
     assert song.recorded.duration == pytest.approx(song.made.duration, abs=1 / song.made.fps)
     assert song.audio.duration == pytest.approx(song.made.duration, abs=0.05)
-    assert 0 < len(song.beats) and song.beats.times[-1] <= song.made.duration
+    assert len(song.beats) > 0 and song.beats.times[-1] <= song.made.duration
     with pytest.raises(ValueError, match="place must be 0 to"):
         danced_song(PROFILE, "synthetic", "paper", 99)
