@@ -27,6 +27,7 @@ __all__ = [
     "above_chance",
     "chance_level",
     "f_score",
+    "first_shared",
     "harmony_from_hits",
     "hit_mask",
     "hit_pairs",
@@ -330,10 +331,19 @@ def overlap(clip: Clip, track: BeatTrack, *, clock: float = 1.0) -> tuple[BeatTr
     if clip.motion is None:
         raise ValueError(f"{clip.name}: there is no motion to score")
     frame = clock / clip.motion.fps  # seconds of music
-    # Both start at the motion's first frame inside the music, and not up to half a frame apart.
-    skipped = max(0, int(np.ceil(-clip.offset / frame - EDGE)))
-    start = max(clip.offset + skipped * frame, 0.0)
+    skipped, start = first_shared(clip.offset, frame)
     length = min((clip.motion.n_frames - skipped) * frame, clip.audio.duration - start)
     if length < 2 * frame - EDGE:
         raise ValueError(f"{clip.name}: motion and music meet in less than two frames")
     return track.span(start, length), clip.motion.span(skipped / clip.motion.fps, length / clock)
+
+
+def first_shared(offset: float, frame: float) -> tuple[int, float]:
+    """The motion's first frame inside the music, and not up to half a frame before: its number, its audio time.
+
+    Parameters
+    ----------
+    offset, frame : float, seconds of music: where frame 0 lies, and how long a frame lasts
+    """
+    skipped = max(0, int(np.ceil(-offset / frame - EDGE)))
+    return skipped, max(offset + skipped * frame, 0.0)

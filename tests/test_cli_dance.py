@@ -168,7 +168,7 @@ def test_installation_without_weights_says_how_to_get_some(
 def test_page_without_its_library_is_refused_before_any_work(
     dance: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harmolab.cli.dancing.find_spec", lambda name: None)
+    monkeypatch.setattr(sys.modules["harmolab.cli.common"], "find_spec", lambda name: None)
     result = dance(tmp_path / "dance.html")
     assert result.exit_code == 2
     assert "pages need jinja2" in result.stderr

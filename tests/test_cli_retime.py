@@ -11,10 +11,15 @@ import soundfile
 import typer
 from typer.testing import CliRunner, Result
 
+from harmolab.alignment import picture_motion
+from harmolab.beats.visual import visual_beats
 from harmolab.cli.retiming import retime
+from harmolab.data.stage import render_skeleton
 from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.harmony import score_harmony
 from harmolab.io import load_motion, save_motion
-from harmolab.io.video import write_video
+from harmolab.io.video import video_frames, write_video
+from harmolab.params import HarmonyParams
 from harmolab.types import Clip
 
 app = typer.Typer()
@@ -86,6 +91,21 @@ def test_a_film_has_pictures_and_the_song_from_the_offset_on(dance: Path, song: 
     with av.open(str(film)) as container:
         sound = np.concatenate([block.to_ndarray()[0] for block in container.decode(audio=0)])
     assert np.abs(sound[: int(0.45 * 48_000)]).max() < 1e-3 < np.abs(sound[int(0.5 * 48_000) :]).max()
+
+
+def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
+    clip = planted_clip(ClipSettings("waltz", seconds=12.0, jitter=0.15, seed=1)).clip
+    soundfile.write(tmp_path / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))
+    write_video(tmp_path / "in.mp4", render_skeleton(clip.motion, fps=30.0, height=160), 30.0)
+    result = call(tmp_path / "in.mp4", tmp_path / "song.wav", "--out", tmp_path / "out.mp4", "--dance", "waltz")
+    assert result.exit_code == 0, result.output
+    scores = []
+    for name in ("in.mp4", "out.mp4"):
+        video = video_frames(tmp_path / name, height=160)
+        rests = visual_beats(picture_motion(video, video.fps), params=HarmonyParams.valleys())
+        scores.append(score_harmony(clip.beats, rests, params=HarmonyParams.valleys(), n_rotations=0))
+    assert scores[0].harmony_above_chance < 0.45
+    assert scores[1].harmony_above_chance > 0.65
 
 
 def test_a_video_is_retimed_with_its_song(song: Path, tmp_path: Path):

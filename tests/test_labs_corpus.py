@@ -124,7 +124,7 @@ def test_sound_of_the_player_starts_with_the_motion(clips: list[Clip]):
     for other, start in ((late, 1.0), (early, 0.0)):
         from harmolab.widgets.labs.corpus import _sound
 
-        sound = _sound(other)
+        sound = _sound(other, other.motion.fps)
         np.testing.assert_array_equal(sound.samples, other.audio.span(start, 9.0).samples)
 
 

@@ -378,7 +378,7 @@ def test_second_motion_keeps_the_frames_of_the_first(
 @pytest.mark.parametrize(
     ("options", "out", "fault"),
     [
-        ((), "x.mp4", "x.mp4: the player is a page; choose a name that ends in .html"),
+        ((), "x.mp4", "x.mp4: the player is written as .html, .htm; choose a name that ends so"),
         ((), "none/x.html", "none: no such folder"),
         (("--start", 60), "x.html", "no motion from 60.0 s"),
         (("--offset", 60), "x.html", "song.wav"),

@@ -11,7 +11,8 @@ from harmolab.beats.visual import visual_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
-from harmolab.timewarp import TimeWarp, beat_warp, lee_warp, retime, warp_by, warp_video
+from harmolab.timewarp import TimeWarp, beat_warp, lee_warp, retime, warp_video
+from harmolab.timewarp.beats import METHODS
 from harmolab.timewarp.resampling import motion_at
 from harmolab.timewarp.video import warped_frames
 from harmolab.types import BeatTrack, Motion, Skeleton
@@ -155,8 +156,8 @@ def test_beats_already_in_time_are_left_alone():
 
 @pytest.mark.parametrize(("visual", "music"), [((), (1.0, 2.0)), ((1.0, 2.0), ()), ((), ())])
 def test_without_beats_on_one_side_nothing_is_bent(visual: tuple[float, ...], music: tuple[float, ...]):
-    for method in ("dp", "lee2019"):
-        assert warp_by(method, beats_at(*visual), beats_at(*music), 10.0).is_identity
+    for method in METHODS:
+        assert beat_warp(beats_at(*visual), beats_at(*music), 10.0, method=method).is_identity
 
 
 def test_the_warper_of_2019_stretches_between_nearest_beats():

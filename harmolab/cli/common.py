@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,19 @@ if TYPE_CHECKING:
     from harmolab.data.folders import Sequence
     from harmolab.types import Audio, BeatTrack
 
-__all__ = ["CountBar", "check_out", "plain_errors", "progress", "sequences_of", "show", "track_beats", "write_text"]
+PAGES = (".html", ".htm")
+
+__all__ = [
+    "PAGES",
+    "CountBar",
+    "check_out",
+    "plain_errors",
+    "progress",
+    "sequences_of",
+    "show",
+    "track_beats",
+    "write_text",
+]
 
 
 @contextmanager
@@ -68,11 +81,13 @@ def sequences_of(corpus: Path, dances: tuple[str, ...] = ()) -> Iterator[Sequenc
 
 
 def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
-    """ValueError unless `out` ends in one of the suffixes and its folder is there; to be asked before any work."""
+    """ValueError unless `out` ends in one of the suffixes and can be written; to be asked before any work."""
     if out.suffix.lower() not in suffixes:
         raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
     if not out.resolve().parent.is_dir():
         raise ValueError(f"{out.parent}: no such folder")
+    if out.suffix.lower() in PAGES and find_spec("jinja2") is None:
+        raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
 
 
 def track_beats(audio: Audio, dance: str) -> BeatTrack:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -72,8 +71,6 @@ def dance(
 def _wanted(out: Path, seed: int, samples: int) -> list[_Sample]:
     """The files to write, checked before any work is done."""
     check_out(out, "a dance", SUFFIXES)
-    if out.suffix.lower() == ".html" and find_spec("jinja2") is None:
-        raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
     if samples == 1:
         return [_Sample(seed, out)]
     return [_Sample(number, out.with_stem(f"{out.stem}_{number}")) for number in range(seed, seed + samples)]

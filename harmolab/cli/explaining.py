@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
 from harmolab import __version__
-from harmolab.cli.common import CountBar, check_out, plain_errors
+from harmolab.cli.common import PAGES, CountBar, check_out, plain_errors
 
 if TYPE_CHECKING:
     from harmolab.own_dance import OwnDance, Recording
@@ -80,9 +79,7 @@ def explain(
 
     with plain_errors():
         if out is not None:
-            check_out(out, "the page", (".html", ".htm"))
-            if find_spec("jinja2") is None:
-                raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
+            check_out(out, "the page", PAGES)
         params = HarmonyParams.recommended(read_pattern(pattern, dance) if pattern else None)
         wishes = _Wishes(offset=offset, guess=guess, search=search, dance=dance, params=params)
         told = _told(song, _read(dance_file, fps, joints), beats, wishes)

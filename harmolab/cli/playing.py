@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from math import ceil, inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import plain_errors, track_beats
+from harmolab.cli.common import PAGES, check_out, plain_errors, track_beats
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,7 +49,7 @@ def play(
     from harmolab.io.video_sound import load_sound
 
     with plain_errors():
-        _check(out)
+        check_out(out, "the player", PAGES)
         clip = read_clip(audio, motion, offset, None, fps, beats)
         names, motions = _motions(clip, motion, other, fps)
         motions, begins = _shown(motions, clip.offset, start, seconds)
@@ -59,16 +58,6 @@ def play(
             out, f"{clip.name} to {audio.name}", sound, _beats(clip, dance).span(begins, sound.duration), names, motions
         )
     typer.echo(f"wrote {out}")
-
-
-def _check(out: Path) -> None:
-    """ValueError unless the page can be written, before any work is done."""
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"{out}: the player is a page; choose a name that ends in .html")
-    if not out.resolve().parent.is_dir():
-        raise ValueError(f"{out.parent}: no such folder")
-    if find_spec("jinja2") is None:
-        raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
 
 
 def _motions(clip: Clip, path: Path, other: Path | None, fps: float | None) -> tuple[list[str], list[Motion]]:

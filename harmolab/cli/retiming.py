@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,15 +12,15 @@ from harmolab.cli.common import check_out, plain_errors, progress, show
 from harmolab.cli.rendering import VIDEOS_OUT, music_of, sound_of, write_dance
 
 if TYPE_CHECKING:
-    from harmolab.timewarp import Retimed, TimeWarp
-    from harmolab.types import BeatTrack, HarmonyScore, Motion
+    from harmolab.timewarp import Retimed
+    from harmolab.types import BeatTrack, Motion
 
 __all__ = ["Method", "retime"]
 
 MOTION_SUFFIXES = (".npz", ".bvh", *VIDEOS_OUT)
 MEANINGS = (
-    "Above chance: speed valleys (in a video: impacts) within 0.1 s of the beats; 0 is a random moment, 1 every beat "
-    "met. Speed: source seconds a second."
+    "Above chance: speed valleys (in a video: of all that moves) within 0.1 s of the beats; 0 is a random moment, 1 "
+    "every beat met. Speed: source seconds a second."
 )
 
 
@@ -29,15 +29,6 @@ class Method(StrEnum):
 
     dp = "dp"
     lee2019 = "lee2019"
-
-
-class _Wishes(TypedDict):
-    """What `harmolab.timewarp.warp_by` is told."""
-
-    phase: float
-    strength: float
-    slowest: float
-    fastest: float
 
 
 def retime(
@@ -64,39 +55,35 @@ def retime(
     Example: `harmolab retime dance.bvh song.mp3 --out mended.mp4 --dance waltz`
     """
     from harmolab.io.video import is_video
+    from harmolab.timewarp import retime as bend
+    from harmolab.timewarp import warp_video
 
     with plain_errors():
         is_film = is_video(motion)
         check_out(out, "this", VIDEOS_OUT if is_film else MOTION_SUFFIXES)
-        wishes = _Wishes(phase=phase, strength=strength, slowest=slowest, fastest=fastest)
+        moves = _moves(motion, fps)
+        music = music_of(audio, offset, moves.duration, dance)
+        retimed = bend(
+            moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method.value
+        )
         if is_film:
-            before, after, warp = _retimed_video(motion, audio, out, offset, dance, wishes, method)
+            warp_video(motion, out, retimed.warp, sound_of(audio, offset, moves.duration))
         else:
-            retimed = _retimed_motion(motion, audio, out, offset, dance, wishes, method, fps)
-            before, after, warp = retimed.before, retimed.after, retimed.warp
-    _print(before, after, warp)
+            _write(out, retimed.motion, music, audio, offset)
+    _print(retimed)
     typer.echo(f"wrote {out}")
 
 
-def _retimed_motion(
-    path: Path,
-    song: Path,
-    out: Path,
-    offset: float,
-    dance: str,
-    wishes: _Wishes,
-    method: Method,
-    fps: float | None,
-) -> Retimed:
-    """The motion, retimed and written."""
+def _moves(path: Path, fps: float | None) -> Motion:
+    """The motion in a file; of a video that of its pictures as a whole, whose rests are those of the dancer."""
+    from harmolab.alignment import picture_motion
     from harmolab.data.folders import load_any_motion
-    from harmolab.timewarp import retime as bend
+    from harmolab.io.video import is_video, video_frames
 
-    motion = load_any_motion(path, fps=fps)
-    music = music_of(song, offset, motion.duration, dance)
-    retimed = bend(motion, music, method=method.value, **wishes)
-    _write(out, retimed.motion, music, song, offset)
-    return retimed
+    if not is_video(path):
+        return load_any_motion(path, fps=fps)
+    video = video_frames(path)
+    return picture_motion(progress(video, "looking for movement"), video.fps)
 
 
 def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: float) -> None:
@@ -109,34 +96,13 @@ def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: flo
     write_dance(path, motion, song, offset, music)
 
 
-def _retimed_video(
-    path: Path, song: Path, out: Path, offset: float, dance: str, wishes: _Wishes, method: Method
-) -> tuple[HarmonyScore, HarmonyScore, TimeWarp]:
-    """Scores before and after, and the warp. The beats after are those before, moved with their frames."""
-    from dataclasses import replace
-
-    from harmolab.beats.flow import flow_beats
-    from harmolab.harmony import score_harmony
-    from harmolab.io.video import video_frames
-    from harmolab.params import HarmonyParams
-    from harmolab.timewarp import warp_by, warp_video
-
-    video = video_frames(path)
-    visual = flow_beats(progress(video, "looking for movement"), video.fps)
-    music = music_of(song, offset, visual.duration, dance)
-    warp = warp_by(method.value, visual, music, visual.duration - 1 / video.fps, **wishes)
-    warp_video(path, out, warp, sound_of(song, offset, visual.duration))
-    moved = replace(visual, times=warp(visual.times))
-    scores = [score_harmony(music, t, params=HarmonyParams.valleys(), n_rotations=0) for t in (visual, moved)]
-    return scores[0], scores[1], warp
-
-
-def _print(before: HarmonyScore, after: HarmonyScore, warp: TimeWarp) -> None:
+def _print(retimed: Retimed) -> None:
     """What was won, and what it took."""
     import numpy as np
     from rich.console import Console
     from rich.table import Table
 
+    before, after, warp = retimed.before, retimed.after, retimed.warp
     table = Table("", "before", "after", title="the motion and its music")
     table.add_row("harmony above chance", show(before.harmony_above_chance), show(after.harmony_above_chance))
     table.add_row("hit rate", show(before.hit_rate), show(after.hit_rate))

@@ -7,7 +7,6 @@ nothing is.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 from harmolab.alignment import attack_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.explaining import Explanation, Finding, explain
-from harmolab.harmony import EDGE, overlap, score_motion
+from harmolab.harmony import first_shared, overlap, score_motion
 from harmolab.io.errors import PathLike
 from harmolab.io.video_sound import load_sound
 from harmolab.own_dance.recording import Placement, Recording, place_recording
@@ -181,15 +180,15 @@ def explain_recording(
     score = score_motion(music, motion, params=chosen, n_rotations=n_rotations, seed=seed)
     visual = visual_beats(motion, params=chosen)
     words = explain(score, music, visual, params=chosen)
-    skipped = max(0, ceil(-placement.seconds * motion.fps - EDGE)) / motion.fps
+    skipped, start = first_shared(placement.seconds, 1 / motion.fps)
     return OwnDance(
         Path(song).name,
         recording,
-        audio.span(max(placement.seconds + skipped, 0.0), motion.duration),
+        audio.span(start, motion.duration),
         music,
         visual,
         motion,
-        skipped,
+        skipped / motion.fps,
         placement,
         score,
         words if placement.is_absolute else _relative(words),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,11 +13,12 @@ from harmolab.timewarp.matching import best_path, capped_costs, meetings
 from harmolab.timewarp.warps import TimeWarp
 from harmolab.types import BeatTrack
 
-__all__ = ["METHODS", "beat_warp", "lee_warp", "warp_by"]
+__all__ = ["METHODS", "Method", "beat_warp", "lee_warp"]
 
 FloatArray = NDArray[np.float64]
 
-METHODS = ("dp", "lee2019")
+Method = Literal["dp", "lee2019"]
+METHODS = get_args(Method)
 
 KNOT = 0.02  # seconds between the knots of a warp
 ROUNDING = 0.12  # seconds over which a change of speed is spread
@@ -36,6 +39,7 @@ def beat_warp(
     slowest: float = 0.7,
     fastest: float = 1.4,
     params: HarmonyParams | None = None,
+    method: Method = "dp",
 ) -> TimeWarp:
     """The smooth warp that brings visual beats to music beats, and keeps its local speed within bounds everywhere.
 
@@ -60,6 +64,8 @@ def beat_warp(
         Bounds on the local speed, source seconds per target second.
     params : HarmonyParams, default ``HarmonyParams.valleys()``
         ``reaction_delay`` is how far from its target a beat may end; ``lag`` is added to every target.
+    method : "dp" or "lee2019"
+        This warp, or for comparison `lee_warp`, to which the bounds mean nothing.
 
     Returns
     -------
@@ -68,10 +74,14 @@ def beat_warp(
     Raises
     ------
     ValueError
-        For a phase, strength or bound out of range, or a reaction delay of zero.
+        For a phase, strength or bound out of range, a reaction delay of zero, or a method that is neither.
     """
     chosen = params or HarmonyParams.valleys()
     _check(phase, strength, slowest, fastest, chosen.reaction_delay)
+    if method not in METHODS:
+        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
+    if method == "lee2019":
+        return lee_warp(visual, music, duration, phase=phase, params=chosen).scaled(strength)
     beats, targets, periods = _sides(visual, music, duration, phase, chosen)
     identity = TimeWarp.identity(duration)
     if beats.size == 0 or targets.size == 0:
@@ -104,28 +114,6 @@ def lee_warp(
     apart = np.append(True, (np.diff(source) > CLOSEST) & (np.diff(target) > CLOSEST))
     apart[-1] = True
     return _linear(source[apart], target[apart])
-
-
-def warp_by(
-    method: str,
-    visual: BeatTrack,
-    music: BeatTrack,
-    duration: float,
-    *,
-    phase: float = 0.0,
-    strength: float = 1.0,
-    slowest: float = 0.7,
-    fastest: float = 1.4,
-    params: HarmonyParams | None = None,
-) -> TimeWarp:
-    """`beat_warp` for the method "dp", `lee_warp` (to which the bounds mean nothing) for "lee2019"."""
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
-    if method == "lee2019":
-        return lee_warp(visual, music, duration, phase=phase, params=params).scaled(strength)
-    return beat_warp(
-        visual, music, duration, phase=phase, strength=strength, slowest=slowest, fastest=fastest, params=params
-    )
 
 
 def _check(phase: float, strength: float, slowest: float, fastest: float, tolerance: float) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_motion
 from harmolab.params import HarmonyParams
-from harmolab.timewarp.beats import warp_by
+from harmolab.timewarp.beats import Method, beat_warp
 from harmolab.timewarp.resampling import motion_at
 from harmolab.timewarp.warps import TimeWarp
 from harmolab.types import BeatTrack, HarmonyScore, Motion
@@ -45,7 +44,7 @@ def retime(
     slowest: float = 0.7,
     fastest: float = 1.4,
     params: HarmonyParams | None = None,
-    method: Literal["dp", "lee2019"] = "dp",
+    method: Method = "dp",
 ) -> Retimed:
     """The motion, slower here and faster there, so that its visual beats meet the music's.
 
@@ -61,8 +60,7 @@ def retime(
     strength, phase, slowest, fastest : float, see `beat_warp`
     params : HarmonyParams, default ``HarmonyParams.valleys()``
         What a visual beat is, and the score before and after.
-    method : "dp" or "lee2019"
-        `beat_warp`, or for comparison `lee_warp`, to which the bounds mean nothing.
+    method : "dp" or "lee2019", see `beat_warp`
 
     Returns
     -------
@@ -87,9 +85,9 @@ def retime(
     heard = music.span(0.0, motion.duration)
     before = score_motion(heard, motion, params=chosen, n_rotations=0)
     visual, last = visual_beats(motion, params=chosen), (motion.n_frames - 1) / motion.fps
-    warp = warp_by(
-        method, visual, heard, last,
-        phase=phase, strength=strength, slowest=slowest, fastest=fastest, params=chosen,
+    warp = beat_warp(
+        visual, heard, last,
+        phase=phase, strength=strength, slowest=slowest, fastest=fastest, params=chosen, method=method,
     )  # fmt: skip
     if warp.is_identity:
         return Retimed(motion, warp, before, before)

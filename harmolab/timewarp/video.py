@@ -35,7 +35,7 @@ def warp_video(path: PathLike, out: PathLike, warp: TimeWarp, audio: Audio | Non
     Parameters
     ----------
     path, out : str or path; `out` ends in .mp4 or .webm and appears whole or not at all
-    warp : TimeWarp of the video's time line, as from `beat_warp` and the beats of `harmolab.beats.flow.flow_beats`
+    warp : TimeWarp of the video's time line, as `retime` finds it for `harmolab.alignment.picture_motion` of the video
     audio : Audio, optional
         Sound from the first frame on. It is not warped: the frames go to the music.
     height : int, pixels

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -16,13 +15,14 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from harmolab.beats.visual import visual_beats
+from harmolab.harmony import first_shared
 from harmolab.params import HarmonyParams
 from harmolab.significance import auc
 from harmolab.types import Audio, Clip
 from harmolab.viz.beats import draw_marks
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.clips import Corpus, corpus_scores
-from harmolab.widgets.labs.lab import LOOK, MODES, ModeLab, menu, slider, start_at
+from harmolab.widgets.labs.lab import LOOK, ModeLab, menu, score_params, score_presets, score_sliders, slider, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
 from harmolab.widgets.picture import ClickPicture
 from harmolab.widgets.player import Dancer, Player
@@ -55,7 +55,7 @@ class CorpusLab(ModeLab):
         self, corpus: Corpus, play: Callable[[int, HarmonyParams], str] | None = None, /, **controls: Any
     ) -> None:
         self._corpus, self._play = corpus, play
-        super().__init__(partial(draw_corpus_lab, corpus), corpus_params, _presets, IDLE, **controls)
+        super().__init__(partial(draw_corpus_lab, corpus), corpus_params, score_presets, IDLE, **controls)
         self._player = widgets.HTML(layout={"width": "100%", "display": "none"})
         hint = widgets.HTML(f"{self._image.hint}, or choose it with the clip slider.")
         # The name stands here in full; the slider would cut it off.
@@ -134,21 +134,16 @@ def corpus_lab(
     """
     corpus = clips if isinstance(clips, Corpus) else Corpus.of(clips)
     modes = tuple(corpus.batches)
-    start = _presets(modes[0])
     numbered = [(name, place) for place, name in enumerate(corpus.names)]
     controls = {
         "mode": menu("mode", modes, modes[0]),
         "score": menu("score", tuple(SCORES), "harmony h"),
         "late": slider("late (beats)", 0.0, 1.0, 0.05, 0.5),
-        "lambda1": slider("λ1 (music)", 0.0, 8.0, 0.1, start["lambda1"]),
-        "lambda2": slider("λ2 (dance)", 0.0, 3.0, 0.1, start["lambda2"]),
-        "delay": slider("T_delay (s)", 0.0, 0.5, 0.01, start["delay"]),
-        "beta": slider("β", 0.25, 4.0, 0.25, start["beta"]),
-        "lag": slider("lag (s)", -0.4, 0.4, 0.02, start["lag"]),
+        **score_sliders(modes[0]),
         "clip": widgets.SelectionSlider(options=numbered, value=0, description="clip", readout=False, **LOOK),
     }
     play = None if isinstance(clips, Corpus) else partial(_played, clips)
-    lab = CorpusLab(corpus, play, **start_at(controls, values, _presets))
+    lab = CorpusLab(corpus, play, **start_at(controls, values, score_presets))
     if on_clip is not None:
         controls["clip"].observe(lambda change: on_clip(corpus.names[change["new"]]), names="value")
     return lab
@@ -159,42 +154,19 @@ def _played(clips: Sequence[Clip], number: int, params: HarmonyParams) -> str:
     clip = clips[number]
     stage = Stage.of(clip)
     dancer = Dancer(clip.dance or "dancer", stage.motion, visual_beats(stage.motion, params=params))
-    return Player(_sound(clip), [dancer], music=stage.music, title=clip.name, params=params)._repr_html_()
+    sound = _sound(clip, stage.motion.fps)
+    return Player(sound, [dancer], music=stage.music, title=clip.name, params=params)._repr_html_()
 
 
-def _sound(clip: Clip) -> Audio:
+def _sound(clip: Clip, fps: float) -> Audio:
     """The clip's sound from where its Stage begins."""
-    if clip.motion is None:
-        raise ValueError(f"{clip.name}: there is no motion to play")
-    skipped = max(0, int(np.ceil(-clip.offset * clip.motion.fps - 1e-9)))
-    start = max(clip.offset + skipped / clip.motion.fps, 0.0)
+    _, start = first_shared(clip.offset, 1 / fps)
     return clip.audio.span(start, clip.audio.duration - start)
 
 
-def _presets(mode: str) -> dict[str, Any]:
-    """What a mode sets the other controls to."""
-    params = MODES[mode]
-    return {
-        "lambda1": params.audio_threshold,
-        "lambda2": params.visual_threshold or 0.0,
-        "delay": params.reaction_delay,
-        "beta": params.beta,
-        "lag": params.lag,
-    }
-
-
-def corpus_params(
-    *, mode: str, lambda1: float, lambda2: float, delay: float, beta: float, lag: float, **_: Any
-) -> HarmonyParams:
-    """The settings that the lab's controls stand for; λ2 = 0 keeps every visual beat."""
-    return replace(
-        MODES[mode],
-        audio_threshold=lambda1,
-        visual_threshold=lambda2 or None,
-        reaction_delay=delay,
-        beta=beta,
-        lag=lag,
-    )
+def corpus_params(*, mode: str, score: str = "", late: float = 0.0, clip: int = 0, **values: Any) -> HarmonyParams:
+    """The settings that the lab's controls stand for; which score, how late and which clip are none of them."""
+    return score_params(mode, **values)
 
 
 def draw_corpus_lab(
@@ -220,7 +192,7 @@ def draw_corpus_lab(
     **values
         The other arguments of `corpus_params`; those of the mode when left out.
     """
-    params = corpus_params(mode=mode, **{**_presets(mode), **values})
+    params = corpus_params(mode=mode, **{**score_presets(mode), **values})
     shown = Figure() if figure is None else figure
     left, right, board = shown.axes or placed_axes(shown, (10.0, 5.4), PLACES)
     true, wrong, low = _dots(corpus, params, mode, score, late)

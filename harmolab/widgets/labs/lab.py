@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -15,7 +15,19 @@ from matplotlib.figure import Figure
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.widgets.explorer import Explorer
 
-__all__ = ["LOOK", "MODES", "Lab", "ModeLab", "menu", "params_line", "slider", "start_at"]
+__all__ = [
+    "LOOK",
+    "MODES",
+    "Lab",
+    "ModeLab",
+    "menu",
+    "params_line",
+    "score_params",
+    "score_presets",
+    "score_sliders",
+    "slider",
+    "start_at",
+]
 
 MODES = MappingProxyType(
     {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
@@ -149,6 +161,45 @@ def slider(label: str, low: float, high: float, step: float, value: float) -> An
 def menu(label: str, options: Any, value: Any) -> Any:
     """A menu of choices: a list, or (name, value) pairs."""
     return widgets.Dropdown(options=options, value=value, description=label, **LOOK)
+
+
+def score_sliders(mode: str) -> dict[str, Any]:
+    """The sliders that every lab of a score has, at a mode's settings."""
+    start = score_presets(mode)
+    return {
+        "lambda1": slider("λ1 (music)", 0.0, 8.0, 0.1, start["lambda1"]),
+        "lambda2": slider("λ2 (dance)", 0.0, 3.0, 0.1, start["lambda2"]),
+        "delay": slider("T_delay (s)", 0.0, 0.5, 0.01, start["delay"]),
+        "beta": slider("β", 0.25, 4.0, 0.25, start["beta"]),
+        "lag": slider("lag (s)", -0.4, 0.4, 0.02, start["lag"]),
+    }
+
+
+def score_presets(mode: str) -> dict[str, Any]:
+    """What a mode sets those sliders to."""
+    params = MODES[mode]
+    return {
+        "lambda1": params.audio_threshold,
+        "lambda2": params.visual_threshold or 0.0,
+        "delay": params.reaction_delay,
+        "beta": params.beta,
+        "lag": params.lag,
+    }
+
+
+def score_params(
+    mode: str, *, lambda1: float, lambda2: float, delay: float, beta: float, lag: float, **others: Any
+) -> HarmonyParams:
+    """The settings that those sliders stand for, and `others` by their own names; λ2 = 0 keeps every visual beat."""
+    return replace(
+        MODES[mode],
+        audio_threshold=lambda1,
+        visual_threshold=lambda2 or None,
+        reaction_delay=delay,
+        beta=beta,
+        lag=lag,
+        **others,
+    )
 
 
 def start_at(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -21,7 +20,7 @@ from harmolab.significance import p_value, rotated_shares, rotations
 from harmolab.types import BeatTrack, Clip
 from harmolab.viz.beats import draw_curve, draw_hits, draw_rotations, draw_shares, draw_stems, draw_threshold
 from harmolab.viz.style import COLOURS
-from harmolab.widgets.labs.lab import MODES, Lab, ModeLab, menu, slider, start_at
+from harmolab.widgets.labs.lab import MODES, Lab, ModeLab, menu, score_params, score_presets, score_sliders, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
 
 __all__ = ["N_ROTATIONS", "draw_lab", "lab_params", "scoring_lab"]
@@ -71,52 +70,18 @@ def _controls() -> dict[str, Any]:
         "mode": menu("mode", tuple(MODES), "paper"),
         "detector": menu("detector", CHOICES["detector"], start["detector"]),
         "matching": menu("matching", CHOICES["matching"], start["matching"]),
-        "lambda1": slider("λ1 (music)", 0.0, 8.0, 0.1, start["lambda1"]),
-        "lambda2": slider("λ2 (dance)", 0.0, 3.0, 0.1, start["lambda2"]),
-        "delay": slider("T_delay (s)", 0.0, 0.5, 0.01, start["delay"]),
-        "beta": slider("β", 0.25, 4.0, 0.25, start["beta"]),
-        "lag": slider("lag (s)", -0.4, 0.4, 0.02, start["lag"]),
+        **score_sliders("paper"),
     }
 
 
 def _presets(mode: str) -> dict[str, Any]:
     """What a mode sets the other controls to."""
-    params = MODES[mode]
-    return {
-        "detector": params.detector,
-        "matching": params.matching,
-        "lambda1": params.audio_threshold,
-        "lambda2": params.visual_threshold or 0.0,
-        "delay": params.reaction_delay,
-        "beta": params.beta,
-        "lag": params.lag,
-    }
+    return {"detector": MODES[mode].detector, "matching": MODES[mode].matching, **score_presets(mode)}
 
 
-def lab_params(
-    mode: str,
-    *,
-    detector: str,
-    matching: str,
-    lambda1: float,
-    lambda2: float,
-    delay: float,
-    beta: float,
-    lag: float,
-    pattern: BarPattern | None = None,
-) -> HarmonyParams:
-    """The settings that the lab's controls stand for; λ2 = 0 keeps every visual beat."""
-    choices: dict[str, Any] = {"detector": detector, "matching": matching}
-    return replace(
-        MODES[mode],
-        **choices,
-        audio_threshold=lambda1,
-        visual_threshold=lambda2 or None,
-        reaction_delay=delay,
-        beta=beta,
-        lag=lag,
-        pattern=pattern or BarPattern.stop_on_the_beat(),
-    )
+def lab_params(mode: str, *, pattern: BarPattern | None = None, **values: Any) -> HarmonyParams:
+    """The settings that the lab's controls stand for: detector, matching, and those of `score_params`."""
+    return score_params(mode, pattern=pattern or BarPattern.stop_on_the_beat(), **values)
 
 
 def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None, **values: Any) -> Figure:
