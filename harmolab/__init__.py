@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from harmolab.beats.audio import audio_beats
+    from harmolab.beats.meter import MeterUnit
     from harmolab.beats.saliency import salient_audio, salient_visual
     from harmolab.beats.visual import visual_beats
     from harmolab.corpus import compare
@@ -25,18 +26,19 @@ if TYPE_CHECKING:
     from harmolab.io.motion import load_motion, save_motion
     from harmolab.params import BarPattern, HarmonyParams, RunProfile
     from harmolab.synthesis import synthesize_dance
-    from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, MeterUnit, Motion, Skeleton
+    from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion, Skeleton
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "harmolab.types": ("Audio", "BeatTrack", "Clip", "HarmonyScore", "MeterUnit", "Motion", "Skeleton"),
+    "harmolab.types": ("Audio", "BeatTrack", "Clip", "HarmonyScore", "Motion", "Skeleton"),
     "harmolab.params": ("BarPattern", "HarmonyParams", "RunProfile"),
     "harmolab.io.audio": ("load_audio",),
     "harmolab.io.beats": ("load_beats",),
     "harmolab.io.motion": ("load_motion", "save_motion"),
     "harmolab.beats.audio": ("audio_beats",),
     "harmolab.beats.visual": ("visual_beats",),
+    "harmolab.beats.meter": ("MeterUnit",),
     "harmolab.beats.saliency": ("salient_audio", "salient_visual"),
     "harmolab.harmony": ("score_clip", "score_harmony", "score_motion"),
     "harmolab.corpus": ("compare",),

@@ -8,42 +8,36 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from harmolab.beats.audio import audio_beats
+from harmolab.beats.audio import music_beats
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import visual_beats
-from harmolab.metrics import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.pattern import PatternFit, fit_of_motion
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares
-from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore, IntArray, Motion
 
 __all__ = [
     "above_chance",
     "chance_level",
     "f_score",
-    "first_shared",
     "harmony_from_hits",
     "hit_mask",
     "hit_pairs",
     "hitting_score",
     "interval_matrix",
+    "music_and_motion",
     "nearest_intervals",
-    "overlap",
     "position_matrix",
     "score_clip",
     "score_harmony",
     "score_motion",
 ]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9
@@ -187,56 +181,57 @@ def score_harmony(
     >>> score_harmony(beats, beats, params=HarmonyParams.valleys()).harmony
     1.0
     """
-    chosen = params or HarmonyParams.paper()
-    audio, visual = salient_audio(audio_track, chosen), salient_visual(visual_track, chosen)
-    visual_times = visual.times - chosen.lag
-    hits = hit_mask(audio.times, visual_times, delay=chosen.reaction_delay, matching=chosen.matching)
-    chance = chance_level(visual_times, delay=chosen.reaction_delay, duration=audio.duration)
-    score = _score(audio, visual_times, hits, chance, audio_track, chosen)
-    if n_rotations == 0 or len(audio) == 0 or len(visual) == 0:
+    params = params or HarmonyParams.paper()
+    music, visual = salient_audio(audio_track, params), salient_visual(visual_track, params)
+    times, delay = visual.times - params.lag, params.reaction_delay
+    pairs = hit_pairs(music.times, times, delay=delay, matching=params.matching)
+    chance, total = chance_level(times, delay=delay, duration=music.duration), float(music.strengths.sum())
+    share = hitting_score(pairs >= 0, music.strengths) / total if total > 0 else chance
+    score = _score(params, music, visual, pairs, (pairs >= 0).astype(np.float64), share, chance)
+    every = hit_mask(audio_track.times, times, delay=delay, matching=params.matching)
+    score = replace(score, hit_rate=float(every.mean()) if len(audio_track) else 0.0)
+    if n_rotations == 0 or total == 0 or len(visual) == 0:
         return score
-    null = rotated_shares(
-        audio.times,
-        np.sort(np.mod(visual_times, audio.duration)),
-        audio.strengths,
-        delay=chosen.reaction_delay,
-        duration=audio.duration,
-        count=n_rotations,
-    )
-    low, high = bootstrap_interval(hits, audio.strengths, count=n_rotations, seed=seed)
-    return replace(
-        score,
-        p_value=p_value(score.hitting_score, null),
-        interval=(above_chance(low, chance), above_chance(high, chance)),
-    )
+    around = np.sort(np.mod(times, music.duration))
+    null = rotated_shares(music.times, around, music.strengths, delay=delay, duration=music.duration, count=n_rotations)
+    return _with_null(score, null / total, n_rotations, seed)
 
 
 def _score(
-    audio: BeatTrack,
-    visual_times: FloatArray,
-    hits: BoolArray,
-    chance: float,
-    all_audio: BeatTrack,
     params: HarmonyParams,
+    music: BeatTrack,
+    visual: BeatTrack,
+    pairs: IntArray,
+    shares: FloatArray,
+    share: float,
+    chance: float,
 ) -> HarmonyScore:
-    """The numbers of Eq. 19-21 from the hits; the hit rate counts all music beats, salient or not."""
-    score, total = hitting_score(hits, audio.strengths), float(audio.strengths.sum())
-    all_hits = hit_mask(all_audio.times, visual_times, delay=params.reaction_delay, matching=params.matching)
-    rate = all_hits.mean() if len(all_audio) else 0.0
-    n_audio, n_visual = len(audio), visual_times.size
+    """The numbers of Eq. 17 and 19-21 of attentional beats, without a null; the hit rate is that of these beats."""
+    hits, n_audio, n_visual = shares > 0.5, len(music), len(visual)
+    hitting = hitting_score(hits, music.strengths)
     return HarmonyScore(
-        harmony=harmony_from_hits(score, n_audio, n_visual, params.beta),
-        audio_harmony=score / n_audio if n_audio else 0.0,
-        visual_harmony=score / n_visual if n_visual else 0.0,
-        hitting_score=score,
-        hit_rate=float(rate),
+        params,
+        music,
+        visual,
+        pairs,
+        shares,
+        share,
+        harmony=harmony_from_hits(hitting, n_audio, n_visual, params.beta),
+        audio_harmony=hitting / n_audio if n_audio else 0.0,
+        visual_harmony=hitting / n_visual if n_visual else 0.0,
+        hitting_score=hitting,
+        hit_rate=float(hits.mean()) if n_audio else 0.0,
         chance=chance,
-        harmony_above_chance=above_chance(score / total, chance) if total > 0 and n_visual else 0.0,
-        hits=hits,
-        intervals=nearest_intervals(audio.times, visual_times),
-        n_audio=n_audio,
-        n_visual=n_visual,
+        harmony_above_chance=above_chance(share, chance),
+        intervals=nearest_intervals(music.times, visual.times - params.lag),
     )
+
+
+def _with_null(score: HarmonyScore, null: FloatArray, count: int, seed: int) -> HarmonyScore:
+    """The score with its null distribution, p-value and bootstrap interval."""
+    low, high = bootstrap_interval(score.shares, score.music.strengths, count=count, seed=seed)
+    interval = above_chance(low, score.chance), above_chance(high, score.chance)
+    return replace(score, null=null, p_value=p_value(score.share, null), interval=interval)
 
 
 def score_motion(
@@ -249,101 +244,80 @@ def score_motion(
 ) -> HarmonyScore:
     """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names.
 
-    Cut the beats to the motion first (`overlap` does it for a clip): all of them count.
+    Cut the beats to the motion first (`Clip.shared` does it for a clip): all of them count. `params` are
+    ``HarmonyParams.recommended()`` when left out.
     """
-    chosen = params or HarmonyParams.paper()
-    timed = replace(motion, fps=motion.fps / chosen.clock)
-    visual = visual_beats(timed, params=chosen)
-    if chosen.measure == "hits":
-        score = score_harmony(audio_track, visual, params=chosen, n_rotations=n_rotations, seed=seed)
-    else:
-        fit = fit_of_motion(audio_track, timed, chosen, n_rotations=n_rotations)
-        score = _pattern_score(audio_track, visual, fit, chosen, n_rotations, seed)
-    kinematic = visual_beats(timed, params=kinematic_params())
-    return replace(score, others=other_scores(audio_track, kinematic))
+    params = params or HarmonyParams.recommended()
+    timed = motion if params.clock == 1 else replace(motion, fps=motion.fps / params.clock)
+    visual = visual_beats(timed, params=params)
+    if params.measure == "hits":
+        return score_harmony(audio_track, visual, params=params, n_rotations=n_rotations, seed=seed)
+    fit = fit_of_motion(audio_track, timed, params, n_rotations=n_rotations)
+    return _pattern_score(audio_track, visual, fit, params, n_rotations, seed)
 
 
 def _pattern_score(
     audio_track: BeatTrack, visual: BeatTrack, fit: PatternFit, params: HarmonyParams, count: int, seed: int
 ) -> HarmonyScore:
     """A pattern fit in the terms of the paper: a music beat is hit where it fits better than the median moment."""
-    audio = salient_audio(audio_track, params)
-    score = _score(audio, visual.times - params.lag, fit.shares > 0.5, fit.chance, audio_track, params)
-    score = replace(
-        score,
-        hit_rate=float((fit.shares > 0.5).mean()) if fit.shares.size else 0.0,
-        harmony_above_chance=above_chance(fit.mean, fit.chance) if fit.shares.size else 0.0,
-    )
-    if count == 0 or fit.shares.size == 0:
-        return score
-    low, high = bootstrap_interval(fit.shares, fit.weights, count=count, seed=seed)
-    return replace(
-        score,
-        p_value=p_value(fit.mean, fit.null),
-        interval=(above_chance(low, fit.chance), above_chance(high, fit.chance)),
-    )
+    music = salient_audio(audio_track, params)
+    nearest = hit_pairs(music.times, visual.times - params.lag, delay=np.inf, matching="many")
+    pairs = np.where(fit.shares > 0.5, nearest, -1)
+    score = _score(params, music, visual, pairs, fit.shares, fit.mean if len(music) else fit.chance, fit.chance)
+    return score if count == 0 or len(music) == 0 else _with_null(score, fit.null, count, seed)
 
 
 def score_clip(
     clip: Clip,
     params: HarmonyParams | None = None,
     *,
-    tracker: Callable[[Audio], BeatTrack] = audio_beats,
+    tracker: Callable[[Audio], BeatTrack] | None = None,
     n_rotations: int = 1000,
     seed: int = 0,
 ) -> HarmonyScore:
-    """Harmony of a clip (Eq. 1, 6), with its annotated beats or else those the tracker finds in the whole recording.
+    """Harmony of a clip (Eq. 1, 6), with its annotated beats or else those tracked in the whole recording.
 
     Only the time that motion and music have in common counts.
 
     Parameters
     ----------
     clip : Clip with a motion
-    params : HarmonyParams, default ``HarmonyParams.paper()``
+    params : HarmonyParams, default ``HarmonyParams.recommended()``
     tracker : function from Audio to BeatTrack
-        Another beat tracker, or ``lambda audio: load_beats("song.beats")``.
+        Another beat tracker, or ``lambda audio: load_beats("song.beats")``; for clips without annotated beats.
+    n_rotations : int
+        Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN.
+    seed : int, of the resamplings
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, or motion and music hardly overlap.
+
+    Examples
+    --------
+    >>> from harmolab import score_clip, synthetic_clip
+    >>> clip = synthetic_clip("waltz", seed=3)
+    >>> score = score_clip(clip)
+    >>> score.harmony_above_chance > 0.5, score.p_value < 0.05
+    (True, True)
+    >>> score.music.times[score.hits].size == score.hits.sum()
+    True
+    """
+    params = params or HarmonyParams.recommended()
+    if clip.beats is None and tracker is not None:
+        clip = replace(clip, beats=tracker(clip.audio))
+    beats, motion = music_and_motion(clip, clock=params.clock)
+    return score_motion(beats, motion, params=params, n_rotations=n_rotations, seed=seed)
+
+
+def music_and_motion(clip: Clip, *, clock: float = 1.0) -> tuple[BeatTrack, Motion]:
+    """The `music_beats` of a clip and its motion, both cut to the stretch they share (`Clip.shared`).
 
     Raises
     ------
     ValueError
         If the clip has no motion, or motion and music hardly overlap.
     """
-    chosen = params or HarmonyParams.paper()
-    track = clip.beats if clip.beats is not None else tracker(clip.audio)
-    music, motion = overlap(clip, track, clock=chosen.clock)
-    return score_motion(music, motion, params=chosen, n_rotations=n_rotations, seed=seed)
-
-
-def overlap(clip: Clip, track: BeatTrack, *, clock: float = 1.0) -> tuple[BeatTrack, Motion]:
-    """The stretch that music and motion share: the music's beats on the time line of the motion, and the motion.
-
-    Parameters
-    ----------
-    clip : Clip with a motion
-    track : BeatTrack on the clip's audio time line
-    clock : float, time stretch of the motion
-
-    Raises
-    ------
-    ValueError
-        If the clip has no motion, or motion and music hardly overlap.
-    """
-    if clip.motion is None:
-        raise ValueError(f"{clip.name}: there is no motion to score")
-    frame = clock / clip.motion.fps  # seconds of music
-    skipped, start = first_shared(clip.offset, frame)
-    length = min((clip.motion.n_frames - skipped) * frame, clip.audio.duration - start)
-    if length < 2 * frame - EDGE:
-        raise ValueError(f"{clip.name}: motion and music meet in less than two frames")
-    return track.span(start, length), clip.motion.span(skipped / clip.motion.fps, length / clock)
-
-
-def first_shared(offset: float, frame: float) -> tuple[int, float]:
-    """The motion's first frame inside the music, and not up to half a frame before: its number, its audio time.
-
-    Parameters
-    ----------
-    offset, frame : float, seconds of music: where frame 0 lies, and how long a frame lasts
-    """
-    skipped = max(0, int(np.ceil(-offset / frame - EDGE)))
-    return skipped, max(offset + skipped * frame, 0.0)
+    shared = replace(clip, beats=music_beats(clip)).shared(clock=clock)
+    return cast(BeatTrack, shared.beats), cast(Motion, shared.motion)

@@ -90,7 +90,8 @@ def normalised_speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray,
     times : (T',) array, seconds; a frame difference belongs half way between its frames
     speed : (T',) array with mean 0; all 0 when nothing moves
     """
-    curve, fps = motion_curve(upsample_motion(motion, RATE) if params.fps is None else motion, params)
+    is_fine = params.subframe or params.fps is not None  # `motion_curve` interpolates by itself
+    curve, fps = motion_curve(motion if is_fine else upsample_motion(motion, RATE), params)
     rest: FloatArray = curve - gaussian_filter1d(curve, DRIFT * fps, mode="nearest")
     spread = rest.std()
     still = spread <= 1e-9 * max(np.abs(curve).max(), 1e-300)

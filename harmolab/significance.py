@@ -13,7 +13,7 @@ BoolArray = NDArray[np.bool_]
 
 def rotations(duration: float, count: int) -> FloatArray:
     """`count` shifts in (0, duration), evenly spread and never zero: the null of "same motion, other moment"."""
-    return (np.arange(count, dtype=np.float64) + 0.5) * (duration / count)
+    return (np.arange(count, dtype=np.float64) + 0.5) * (duration / max(count, 1))
 
 
 def rotated_shares(

@@ -6,16 +6,23 @@ shapes agree, times are seconds. Arrays are stored as read-only copies. Records 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Audio", "BeatTrack", "Clip", "HarmonyScore", "MeterUnit", "Motion", "Skeleton"]
+from harmolab.skeletons import Skeleton as Skeleton
+
+if TYPE_CHECKING:
+    from harmolab.params import HarmonyParams
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+# Share of a frame by which a time may miss the frame it stands for: rounding, not another frame.
+FRAME_EDGE = 1e-6
 
 
 def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[Any]:
@@ -27,8 +34,7 @@ def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[An
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be an array of numbers: {error}") from None
     if array.dtype.kind == "f" and not np.isfinite(array).all():
-        first = np.argwhere(~np.isfinite(array))[0]
-        where = ", ".join(map(str, first))
+        where = ", ".join(map(str, np.argwhere(~np.isfinite(array))[0]))
         raise ValueError(f"{name} holds NaN or infinity (first at index {where}); interpolate or cut it first")
     array.setflags(write=False)
     return array
@@ -82,37 +88,6 @@ class Audio:
         return Audio(self.samples[first:last], self.sample_rate)
 
 
-@dataclass(frozen=True)
-class Skeleton:
-    """Joint names and the tree that joins them; `parents[i]` is -1 at the root.
-
-    >>> Skeleton(("hip", "knee"), (-1, 0)).bones
-    ((0, 1),)
-    """
-
-    joints: tuple[str, ...]
-    parents: tuple[int, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "joints", tuple(map(str, self.joints)))
-        object.__setattr__(self, "parents", tuple(map(int, self.parents)))
-        count = len(self.joints)
-        if count == 0 or len(self.parents) != count:
-            raise ValueError(f"a skeleton needs one parent per joint, got {count} joints, {len(self.parents)} parents")
-        if not all(-1 <= parent < count and parent != joint for joint, parent in enumerate(self.parents)):
-            raise ValueError(f"parents must be -1 or the index of another joint (0..{count - 1}): {self.parents}")
-
-    @property
-    def bones(self) -> tuple[tuple[int, int], ...]:
-        """(parent, child) pairs."""
-        return tuple((parent, joint) for joint, parent in enumerate(self.parents) if parent >= 0)
-
-    @classmethod
-    def unnamed(cls, count: int) -> Skeleton:
-        """`count` joints of which nothing is known: no names, no bones."""
-        return cls(tuple(f"joint_{i}" for i in range(count)), (-1,) * count)
-
-
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Joint positions over time.
@@ -122,8 +97,7 @@ class Motion:
     positions : (T, J, 3) array, metres, y up, right-handed; or (T, J, 2) image coordinates (any unit, y down)
     fps : float, frames per second
     skeleton : Skeleton with J joints
-    valid : (T,) bool array, optional
-        False where a frame is filler and not recorded movement (a splice, an occlusion). All True when left out.
+    valid : (T,) bool array: False where a frame is filler (a splice, an occlusion); all True when left out
     """
 
     positions: FloatArray
@@ -177,15 +151,14 @@ class BeatTrack:
     strengths : (B,) array, not negative
     fps : float, rate of the curve the beats were read from, hertz
     duration : float, seconds
-    bar_places : (B,) array of int, optional
-        Place of each beat in its bar, 0 for the downbeat. None when nobody knows.
+    bar_places : (B,) array of int: place of each beat in its bar, 0 for the downbeat; None when unknown
     """
 
     times: FloatArray
     strengths: FloatArray
     fps: float
     duration: float
-    bar_places: NDArray[np.int64] | None = None
+    bar_places: IntArray | None = None
 
     def __post_init__(self) -> None:
         times, strengths = _frozen(self.times, "beat times"), _frozen(self.strengths, "beat strengths")
@@ -225,28 +198,6 @@ class BeatTrack:
 
 
 @dataclass(frozen=True, eq=False)
-class MeterUnit:
-    """One meter: a group of beats that the music repeats (paper Fig. 6).
-
-    Parameters
-    ----------
-    start, end : float, seconds
-    strong : (B,) bool array, which of its beats are strong (Eq. 22)
-    signature : str, such as "4/4"
-    """
-
-    start: float
-    end: float
-    strong: BoolArray
-    signature: str
-
-    def __post_init__(self) -> None:
-        if not self.start < self.end:
-            raise ValueError(f"a meter unit must end after it starts, got {self.start} to {self.end} s")
-        object.__setattr__(self, "strong", _frozen(self.strong, "strong", bool))
-
-
-@dataclass(frozen=True, eq=False)
 class Clip:
     """A piece of music, the motion danced to it, and where each starts.
 
@@ -255,14 +206,10 @@ class Clip:
     name : str
     audio : Audio
     motion : Motion or None
-    offset : float, seconds
-        Audio time of motion frame 0.
-    source : str
-        What this is: "synthetic", or the name of the recordings.
-    beats : BeatTrack or None
-        Annotated music beats on the audio's time line, when somebody wrote them down.
-    dance : str
-        Name of the dance ("cha-cha", ...), empty when unknown.
+    offset : float, seconds, audio time of motion frame 0
+    source : str: "synthetic", or the name of the recordings
+    beats : BeatTrack or None, annotated music beats on the audio's time line
+    dance : str, name of the dance ("cha-cha", ...), empty when unknown
     """
 
     name: str
@@ -277,40 +224,83 @@ class Clip:
         if not np.isfinite(self.offset):
             raise ValueError(f"offset must be finite, got {self.offset}")
         if self.motion is not None and not -self.motion.duration < self.offset < self.audio.duration:
-            raise ValueError(
-                f"{self.name}: motion starting at {self.offset:.2f} s does not overlap "
-                f"audio of {self.audio.duration:.2f} s"
-            )
+            length = f"audio of {self.audio.duration:.2f} s"
+            raise ValueError(f"{self.name}: motion starting at {self.offset:.2f} s does not overlap {length}")
+
+    def span(self, start: float, seconds: float) -> Clip:
+        """The clip from audio time `start` on, `seconds` long (shorter at the end of the music), on a new time line.
+
+        Its motion begins with the first whole frame there; `offset` is what lies before that frame. ValueError if there
+        is no music there, or the clip has a motion and less than two frames of it are there.
+        """
+        audio = self.audio.span(start, seconds)
+        beats = None if self.beats is None else self.beats.span(start, seconds)
+        if self.motion is None:
+            return replace(self, audio=audio, beats=beats, offset=0.0)
+        skipped = max(0, int(np.ceil((start - self.offset) * self.motion.fps - FRAME_EDGE)))
+        offset = self.offset + skipped / self.motion.fps - start
+        motion = self.motion.span(skipped / self.motion.fps, seconds - offset)
+        return replace(self, audio=audio, motion=motion, beats=beats, offset=offset)
+
+    def shared_frame(self, *, clock: float = 1.0) -> int:
+        """Number of the motion's first frame that lies within the music; `clock` as in `shared`."""
+        fps = 1.0 if self.motion is None else self.motion.fps
+        return max(0, int(np.ceil(-self.offset * fps / clock - FRAME_EDGE)))
+
+    def shared(self, *, clock: float = 1.0) -> Clip:
+        """The stretch that music and motion have in common, on the motion's time line: its `offset` is 0.
+
+        `clock` is seconds of music for each second of the motion. ValueError if the clip has no motion, or motion and
+        music meet in less than two frames.
+        """
+        if self.motion is None:
+            raise ValueError(f"{self.name}: there is no motion to score")
+        frame = clock / self.motion.fps  # seconds of music
+        skipped = self.shared_frame(clock=clock)
+        start = max(self.offset + skipped * frame, 0.0)
+        seconds = min((self.motion.n_frames - skipped) * frame, self.audio.duration - start)
+        if seconds < 2 * frame - FRAME_EDGE:
+            raise ValueError(f"{self.name}: motion and music meet in less than two frames")
+        motion = self.motion.span(skipped / self.motion.fps, seconds / clock)
+        beats = None if self.beats is None else self.beats.span(start, seconds)
+        return replace(self, audio=self.audio.span(start, seconds), motion=motion, beats=beats, offset=0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class HarmonyScore:
-    """Everything one scoring of a clip found out. Times of the intervals are seconds.
+    """A score and its evidence: all that pictures, pages and sentences about it need. Times are seconds.
 
     Parameters
     ----------
-    harmony : float
-        h of Eq. 20-21.
-    audio_harmony, visual_harmony : float
-        h_a = h_s / N and h_v = h_s / M.
-    hitting_score : float
-        h_s of Eq. 19.
+    params : HarmonyParams, the settings it was computed with
+    music, visual : BeatTrack, the attentional beats of both sides on the motion's time line, the lag not taken off
+    pairs : (N,) array of int
+        Index of the visual beat that hits each attentional music beat, -1 for a miss. With a bar pattern: of the
+        visual beat that is nearest to a music beat that fits.
+    shares : (N,) array
+        Share of each attentional music beat in the score: 1 for a hit and 0 for a miss, or with a bar pattern its
+        percentile rank among all moments.
+    share : float, their mean, weighted by the strengths of the beats: what `chance` is taken off
+    null : (R,) array, that mean after each rotation in time; empty when not computed
+    harmony, audio_harmony, visual_harmony : float
+        h of Eq. 20-21, h_a = h_s / N and h_v = h_s / M.
+    hitting_score : float, h_s of Eq. 19
     hit_rate : float
         Share of all music beats with an attentional visual beat within the delay.
-    chance : float
-        The hit share that a random shift in time would reach.
-    harmony_above_chance : float
-        0 is what chance reaches, 1 is every beat hit.
-    hits : (N,) bool array, one per attentional music beat (Eq. 18)
-    intervals : (N,) array, seconds, from each attentional music beat to its nearest visual beat (Eq. 17)
-    n_audio, n_visual : int
-        N and M, the attentional beats.
+    chance : float, the share that a random shift in time would reach
+    harmony_above_chance : float: 0 is what chance reaches, 1 is every beat hit
+    intervals : (N,) array, from each attentional music beat to its nearest visual beat, less the lag (Eq. 17)
     p_value : float
         Share of random rotations in time that score as high; NaN when not computed.
-    interval : (float, float)
-        95 % interval of harmony_above_chance; NaN when not computed.
+    interval : (float, float), 95 % interval of harmony_above_chance; NaN when not computed
     """
 
+    params: HarmonyParams
+    music: BeatTrack
+    visual: BeatTrack
+    pairs: IntArray
+    shares: FloatArray
+    share: float
     harmony: float
     audio_harmony: float
     visual_harmony: float
@@ -318,24 +308,38 @@ class HarmonyScore:
     hit_rate: float
     chance: float
     harmony_above_chance: float
-    hits: BoolArray
     intervals: FloatArray
-    n_audio: int
-    n_visual: int
+    null: FloatArray = field(default_factory=lambda: np.zeros(0))
     p_value: float = float("nan")
     interval: tuple[float, float] = (float("nan"), float("nan"))
-    others: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def hits(self) -> BoolArray:
+        """Whether each attentional music beat is hit, (N,) (Eq. 18); with a bar pattern, whether it fits."""
+        return self.shares > 0.5
+
+    @property
+    def n_audio(self) -> int:
+        """N, the number of attentional music beats."""
+        return len(self.music)
+
+    @property
+    def n_visual(self) -> int:
+        """M, the number of attentional visual beats."""
+        return len(self.visual)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain numbers and lists, ready for JSON; a number that does not exist is None."""
-        return {name: _plain(value) for name, value in asdict(self).items()}
+        """Plain numbers and lists, ready for JSON, without settings and null; a number that does not exist is None."""
+        beats = {"music_times": self.music.times, "visual_times": self.visual.times, "pairs": self.pairs}
+        inner = ("params", "music", "visual", "null")
+        numbers = {name: value for name, value in vars(self).items() if name not in inner}
+        counts = {"hits": self.hits, "n_audio": self.n_audio, "n_visual": self.n_visual}
+        return {name: _plain(value) for name, value in (numbers | counts | beats).items()}
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return [_plain(item) for item in value.tolist()]
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, tuple):
+    """Lists and finite numbers in place of arrays, tuples and what is not finite."""
+    value = value.tolist() if isinstance(value, np.ndarray) else value
+    if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value

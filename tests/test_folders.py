@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.cli.scoring import read_clip
 from harmolab.data import (
     Finding,
     Problem,
@@ -20,6 +19,7 @@ from harmolab.data import (
     load_any_motion,
     load_sequence,
 )
+from harmolab.data.files import load_clip
 from harmolab.data.folders import told_start
 from harmolab.io import save_motion
 from harmolab.types import Motion, Skeleton
@@ -279,5 +279,5 @@ def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
 
 def test_score_starts_where_the_folder_tells(tmp_path: Path) -> None:
     ours = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75})
-    assert read_clip(ours / "audio.wav", ours / "motion.npz", None, None, None, None).offset == 0.75
-    assert read_clip(ours / "audio.wav", ours / "motion.npz", 0.25, None, None, None).offset == 0.25
+    assert load_clip(ours / "audio.wav", ours / "motion.npz").offset == 0.75
+    assert load_clip(ours / "audio.wav", ours / "motion.npz", offset=0.25).offset == 0.25

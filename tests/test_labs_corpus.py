@@ -122,10 +122,8 @@ def test_sound_of_the_player_starts_with_the_motion(clips: list[Clip]):
     late = replace(clip, motion=clip.motion.span(1.0, 2.0), offset=1.0)
     early = replace(clip, audio=clip.audio.span(0.5, 4.0), offset=-0.5, beats=clip.beats.span(0.5, 4.0))
     for other, start in ((late, 1.0), (early, 0.0)):
-        from harmolab.widgets.labs.corpus import _sound
-
-        sound = _sound(other, other.motion.fps)
-        np.testing.assert_array_equal(sound.samples, other.audio.span(start, 9.0).samples)
+        sound = other.shared().audio
+        np.testing.assert_array_equal(sound.samples, other.audio.span(start, sound.duration).samples)
 
 
 def test_clip_that_cannot_be_played_says_why_above_the_picture(clips: list[Clip]):

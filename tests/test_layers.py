@@ -15,6 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
 
 # Layer of every module and subpackage directly under harmolab; imports point to a lower number.
 LAYERS = {
+    "skeletons": 0,
     "types": 0,
     "params": 0,
     "io": 1,
@@ -48,6 +49,8 @@ LAYERS = {
 }
 TOP = 7  # may import anything
 ARROWS = {  # allowed inside a layer
+    ("types", "skeletons"),
+    ("types", "params"),  # a score's settings
     ("beats", "kinematics"),
     ("beats", "io"),  # the cache
     ("harmony", "metrics"),

@@ -37,12 +37,19 @@ def clip() -> Clip:
     return harmolab.synthetic_clip("cha-cha", seconds=6.0, seed=1)
 
 
-def dancer_of(motion: Motion, name: str = "dancer") -> Dancer:
-    return Dancer(name, motion, visual_beats(motion, params=VALLEYS))
+def dancer_of(motion: Motion, name: str = "dancer", music: BeatTrack | None = None) -> Dancer:
+    return dancer_with(visual_beats(motion, params=VALLEYS), motion, beats_at() if music is None else music, name)
+
+
+def dancer_with(
+    visual: BeatTrack, motion: Motion, music: BeatTrack, name: str = "", params: HarmonyParams = VALLEYS
+) -> Dancer:
+    return Dancer(name, motion, score_harmony(music, visual, params=params, n_rotations=0))
 
 
 def page_of(clip: Clip, **options: Any) -> str:
-    return player_page(clip.audio, [dancer_of(clip.motion)], music=clip.beats, title="a song", **options)
+    dancer = dancer_of(clip.motion, music=clip.beats)
+    return player_page(clip.audio, [dancer], music=clip.beats, title="a song", **options)
 
 
 def data_of(page: str) -> dict[str, Any]:
@@ -111,17 +118,18 @@ def test_sound_is_cut_or_filled_to_the_longest_motion(seconds: float) -> None:
 
 
 def test_hits_are_those_of_the_score(clip: Clip) -> None:
-    moved = Dancer("late", clip.motion, visual_beats(clip.motion.span(0.35, 5.0), params=VALLEYS))
-    page = player_page(clip.audio, [dancer_of(clip.motion), moved], music=clip.beats, title="")
-    for dancer, shown in zip([dancer_of(clip.motion), moved], data_of(page)["dancers"], strict=True):
-        score = score_harmony(clip.beats, dancer.visual, params=VALLEYS, n_rotations=0)
+    visual = visual_beats(clip.motion.span(0.35, 5.0), params=VALLEYS)
+    dancers = [dancer_of(clip.motion, music=clip.beats), dancer_with(visual, clip.motion, clip.beats, "late")]
+    page = player_page(clip.audio, dancers, music=clip.beats, title="")
+    for dancer, shown in zip(dancers, data_of(page)["dancers"], strict=True):
+        score = dancer.score
         assert [mark["met"] is not None for mark in shown["marks"]] == score.hits.tolist()
         off = [abs(mark["met"] - mark["time"]) for mark in shown["marks"] if mark["met"] is not None]
         np.testing.assert_allclose(off, score.intervals[score.hits], atol=2e-4)
 
 
 def test_planted_hit_and_miss() -> None:
-    dancer = Dancer("", still(30.0, 120), beats_at(1.08, 2.12))
+    dancer = dancer_with(beats_at(1.08, 2.12), still(30.0, 120), beats_at(1.0, 2.0))
     shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(1.0, 2.0), title=""))
     assert shown["dancers"][0]["marks"] == [{"time": 1.0, "met": 1.08}, {"time": 2.0, "met": None}]
     assert shown["dancers"][0]["visual"] == [1.08, 2.12]
@@ -129,9 +137,9 @@ def test_planted_hit_and_miss() -> None:
 
 
 def test_an_expected_lag_is_taken_off() -> None:
-    dancer = Dancer("", still(30.0, 120), beats_at(1.08, 2.12))
     params = HarmonyParams(visual_threshold=None, reaction_delay=0.05, lag=0.1, detector="valleys")
-    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(1.0, 2.0), title="", params=params)
+    dancer = dancer_with(beats_at(1.08, 2.12), still(30.0, 120), beats_at(1.0, 2.0), params=params)
+    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(1.0, 2.0), title="")
     assert [mark["met"] for mark in data_of(page)["dancers"][0]["marks"]] == [1.08, 2.12]
 
 
@@ -148,7 +156,7 @@ def test_speed_curve_is_that_of_the_visual_beats(swinging_arm: Callable[..., Mot
     speed = data_of(page)["dancers"][0]["speed"]
     curve, inner = (
         values_of(speed)[:, 0],
-        dancer.visual.times[(dancer.visual.times > 0.5) & (dancer.visual.times < 5.5)],
+        dancer.score.visual.times[(dancer.score.visual.times > 0.5) & (dancer.score.visual.times < 5.5)],
     )
     valleys = 1 + np.flatnonzero((curve[1:-1] < curve[:-2]) & (curve[1:-1] <= curve[2:]))
     assert inner.size == 10
@@ -213,7 +221,7 @@ def test_one_or_two_dancers(clip: Clip, count: int) -> None:
 
 def test_an_hour_is_refused() -> None:
     with pytest.raises(ValueError, match=r"600 s at most, got 3600\.0 s; cut"):
-        player_page(Audio(np.zeros(9), 8000), [Dancer("", still(1.0, 3600), beats_at())], music=beats_at(), title="")
+        player_page(Audio(np.zeros(9), 8000), [dancer_of(still(1.0, 3600))], music=beats_at(), title="")
 
 
 @pytest.mark.parametrize("rate", [100, 384_000])
@@ -224,7 +232,7 @@ def test_sound_that_no_browser_plays_is_refused(rate: int) -> None:
 
 def test_two_frames_of_one_joint_are_enough() -> None:
     motion = Motion(np.zeros((2, 1, 3)), 30.0, Skeleton.unnamed(1))
-    shown = data_of(player_page(Audio(np.ones(1), 8000), [Dancer("", motion, beats_at())], music=beats_at(), title=""))
+    shown = data_of(player_page(Audio(np.ones(1), 8000), [dancer_of(motion)], music=beats_at(), title=""))
     np.testing.assert_allclose(positions_of(shown["dancers"][0]), 0.0, atol=1e-6)
 
 

@@ -13,6 +13,7 @@ from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 import harmolab
 from harmolab.beats.visual import visual_beats
+from harmolab.harmony import score_motion
 from harmolab.pages import NotebookRun, write_pages
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip, Motion
@@ -30,8 +31,8 @@ def clip() -> Clip:
 
 
 def player_of(clip: Clip, names: tuple[str, ...] = ("one",)) -> Player:
-    beats = visual_beats(clip.motion, params=HarmonyParams.valleys())
-    dancers = [Dancer(name, clip.motion, beats) for name in names]
+    score = score_motion(clip.beats, clip.motion, params=HarmonyParams.valleys())
+    dancers = [Dancer(name, clip.motion, score) for name in names]
     return Player(clip.audio, dancers, music=clip.beats, title="A cha-cha")
 
 
@@ -333,7 +334,7 @@ def test_browser_that_cannot_decode_the_sound_plays_in_silence(chromium: Any, sa
 
 def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) -> None:
     points = Motion(clip.motion.positions[..., :2] * [100.0, -100.0], clip.motion.fps, clip.motion.skeleton)
-    dancer = Dancer("flat", points, visual_beats(points, params=HarmonyParams.valleys()))
+    dancer = Dancer("flat", points, score_motion(clip.beats, points, params=HarmonyParams.valleys()))
     Player(clip.audio, [dancer], music=clip.beats, title="flat").save(tmp_path / "x.html")
     page = opened(chromium, tmp_path / "x.html")
     inked = page.eval_on_selector(

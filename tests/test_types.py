@@ -8,8 +8,9 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
+from harmolab.beats.meter import MeterUnit
 from harmolab.params import CHOICES, DANCES, BarPattern, HarmonyParams, RunProfile
-from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, MeterUnit, Motion, Skeleton
+from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion, Skeleton
 
 PAIR = Skeleton(("hip", "knee"), (-1, 0))
 
@@ -217,13 +218,16 @@ def test_a_clip_needs_a_finite_offset():
 
 
 def test_a_score_becomes_a_dictionary_that_json_takes():
-    score = HarmonyScore(0.5, 0.25, 1.0, 2.0, 0.75, 0.1, 0.2, np.array([True, False]), np.array([0.1, np.inf]), 2, 1)
+    music, visual = BeatTrack([1.0, 2.0], [1.0, 0.5], 100.0, 3.0), BeatTrack([1.1], [1.0], 100.0, 3.0)
+    evidence = HarmonyParams.paper(), music, visual, np.array([0, -1]), np.array([1.0, 0.0]), 0.75
+    score = HarmonyScore(*evidence, 0.5, 0.25, 1.0, 2.0, 0.75, 0.1, 0.2, np.array([0.1, np.inf]))
     plain = json.loads(json.dumps(score.to_dict(), allow_nan=False))
     assert plain["hits"] == [True, False]
     assert plain["intervals"] == [0.1, None]  # infinitely far: there is none
     assert plain["p_value"] is None
     assert plain["interval"] == [None, None]
-    assert plain["harmony"] == 0.5
+    assert (plain["harmony"], plain["n_audio"], plain["n_visual"], plain["pairs"]) == (0.5, 2, 1, [0, -1])
+    assert (plain["music_times"], plain["visual_times"]) == ([1.0, 2.0], [1.1])
 
 
 # Settings
@@ -288,3 +292,51 @@ def test_the_profile_comes_from_the_environment(monkeypatch):
     monkeypatch.setenv("HARMOLAB_PROFILE", "slow")
     with pytest.raises(ValueError, match="HARMOLAB_PROFILE must be 'quick' or 'full', got 'slow'"):
         RunProfile.from_env()
+
+
+# Clips on one time line
+
+
+def clip_of(offset: float, *, seconds: float = 10.0, fps: float = 10.0, frames: int = 60) -> Clip:
+    """Sound whose samples count milliseconds, beats at every second, frames that count themselves."""
+    positions = np.arange(frames, dtype=np.float64)[:, None, None] * np.ones((1, 1, 3))
+    beats = BeatTrack(np.arange(1.0, seconds), np.ones(int(seconds) - 1), 100.0, seconds)
+    audio = Audio(np.arange(1000 * seconds) / 1e6, 1000.0)
+    return Clip("clip", audio, Motion(positions, fps, Skeleton.unnamed(1)), offset, beats=beats)
+
+
+def test_a_span_of_a_clip_cuts_music_beats_and_motion_alike():
+    part = clip_of(2.0).span(3.05, 2.0)
+    assert (part.audio.samples[0], part.audio.duration) == (3050 / 1e6, 2.0)
+    np.testing.assert_allclose(part.beats.times, [0.95, 1.95])
+    # The first whole frame is number 11, at 3.1 s.
+    assert part.motion.positions[0, 0, 0] == 11
+    assert part.offset == pytest.approx(0.05)
+
+
+def test_a_span_before_the_motion_keeps_its_distance():
+    part = clip_of(2.0).span(1.5, 3.0)
+    assert (part.offset, part.motion.positions[0, 0, 0]) == (0.5, 0)
+
+
+def test_a_span_without_two_frames_of_motion_is_refused():
+    with pytest.raises(ValueError, match="no motion from"):
+        clip_of(2.0).span(0.0, 2.0)
+
+
+def test_the_shared_stretch_of_a_motion_that_begins_before_the_music_begins_with_the_music():
+    shared = clip_of(-0.25).shared()
+    # Frame 3 lies at 0.05 s.
+    assert (shared.offset, shared.motion.positions[0, 0, 0], shared.audio.samples[0]) == (0.0, 3, 50 / 1e6)
+    np.testing.assert_allclose(shared.beats.times, [0.95, 1.95, 2.95, 3.95, 4.95])
+    assert clip_of(-0.25).shared_frame() == 3
+
+
+def test_the_shared_stretch_of_a_motion_that_outlasts_the_music_ends_with_the_music():
+    shared = clip_of(7.0).shared()
+    assert (shared.motion.n_frames, shared.audio.duration, shared.beats.duration) == (30, 3.0, 3.0)
+
+
+def test_a_clock_stretches_the_shared_motion_over_more_music():
+    shared = clip_of(0.0).shared(clock=1.5)
+    assert (shared.motion.n_frames, shared.audio.duration) == (60, 9.0)

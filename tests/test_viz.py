@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 
-from harmolab.types import BeatTrack, MeterUnit, Motion, Skeleton
+from harmolab.beats.meter import MeterUnit
+from harmolab.types import BeatTrack, Motion, Skeleton
 from harmolab.viz.beats import (
     draw_curve,
     draw_hits,
@@ -199,7 +200,7 @@ def test_units_are_labelled_with_their_inner_accent():
 
 
 def test_every_category_of_eq_22_has_a_colour_of_its_own():
-    from harmolab.beats.meter import CATEGORIES
+    from harmolab.beats.meter import CATEGORIES, MeterUnit
 
     labels = {unit_label(MeterUnit(0.0, 1.0, list(pattern), name)) for pattern, name in CATEGORIES.items()}
     assert set(UNIT_COLOURS) == labels

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox
 
+from harmolab import synthetic_clip
+from harmolab.beats.visual import visual_beats
+from harmolab.harmony import music_and_motion, score_harmony, score_motion
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import BeatTrack, HarmonyScore, Motion
 from harmolab.viz.dance import dance_figure, draw_sheet, draw_speed, sheet_times
 from harmolab.viz.style import COLOURS
 
@@ -31,6 +35,12 @@ def ax() -> Iterator[Axes]:
 def arm(swinging_arm: Callable[..., Motion]) -> Motion:
     """Two seconds of an arm that rests twice a second."""
     return swinging_arm(1.0, 15.0, seconds=2.0)
+
+
+def from_start(motion: Motion, start: float) -> HarmonyScore:
+    """The score of the beats from `start` on, found in the whole motion."""
+    visual = visual_beats(motion, params=VALLEYS).span(start, motion.duration - start)
+    return score_harmony(BEATS.span(start, 2.0 - start), visual, params=VALLEYS, n_rotations=0)
 
 
 def named(ax: Axes, label: str) -> Line2D:
@@ -57,28 +67,30 @@ def test_sheet_has_a_pose_at_every_interval_and_a_bar_at_every_beat(ax: Axes, ar
 
 
 def test_beats_in_reach_of_a_rest_are_met_and_others_missed(ax: Axes, arm: Motion):
-    draw_speed(ax, arm, BEATS, params=VALLEYS)
+    draw_speed(ax, arm, score_motion(BEATS, arm, params=VALLEYS))
     assert list(named(ax, "hit").get_xdata()) == [0.27, 1.25, 1.8]
     assert list(named(ax, "missed, or redundant").get_xdata()) == [0.5]
     np.testing.assert_allclose(named(ax, "visual beat").get_xdata(), [0.25, 0.75, 1.25, 1.75], atol=0.01)
 
 
 def test_beats_before_the_start_are_not_judged(ax: Axes, arm: Motion):
-    draw_speed(ax, arm, BEATS, params=VALLEYS, start=1.0)
+    draw_speed(ax, arm, from_start(arm, 1.0), start=1.0)
     assert list(named(ax, "hit").get_xdata()) == [1.25, 1.8]
     assert list(named(ax, "missed, or redundant").get_xdata()) == []
     np.testing.assert_allclose(named(ax, "visual beat").get_xdata(), [1.25, 1.75], atol=0.01)
 
 
 def test_marks_of_visual_beats_lie_on_the_curve_of_the_speed(ax: Axes, arm: Motion):
-    draw_speed(ax, arm, BEATS, params=VALLEYS)
+    draw_speed(ax, arm, score_motion(BEATS, arm, params=VALLEYS))
     curve, found = ax.lines[0], named(ax, "visual beat")
     np.testing.assert_allclose(np.interp(found.get_xdata(), curve.get_xdata(), curve.get_ydata()), found.get_ydata())
 
 
 def test_dancers_are_shown_on_one_time_line_and_one_scale_of_speed(arm: Motion, swinging_arm: Callable[..., Motion]):
     fast = swinging_arm(2.0, 15.0, seconds=2.0)
-    figure = dance_figure({"slow": arm, "fast": fast}, BEATS, start=0.6, titles={"fast": "twice as fast"})
+    motions = {"slow": arm, "fast": fast}
+    scores = {name: from_start(motion, 0.6) for name, motion in motions.items()}
+    figure = dance_figure(motions, BEATS, scores, start=0.6, titles={"fast": "twice as fast"})
     sheets, speeds = figure.axes[::2], figure.axes[1::2]
     assert [ax.get_title(loc="left") for ax in sheets] == ["slow", "twice as fast"]
     assert len({ax.get_ylim() for ax in speeds}) == 1
@@ -88,6 +100,17 @@ def test_dancers_are_shown_on_one_time_line_and_one_scale_of_speed(arm: Motion, 
 
 
 def test_what_was_given_is_shaded_up_to_the_start(arm: Motion):
-    figure = dance_figure({"arm": arm}, BEATS, start=0.6)
+    figure = dance_figure({"arm": arm}, BEATS, {"arm": from_start(arm, 0.6)}, start=0.6)
     ends = [ax.patches[-1].get_bbox().x1 for ax in figure.axes]
     assert ends == [pytest.approx(0.6)] * 2
+
+
+def test_a_dancer_who_is_late_by_the_expected_lag_is_drawn_with_the_hits_of_the_score(ax: Axes):
+    clip = synthetic_clip("waltz", seconds=12.0, seed=1)
+    late = replace(clip, offset=clip.offset + 0.3, motion=clip.motion.span(0.0, 8.0))
+    music, motion = music_and_motion(late)
+    score = score_motion(music, motion, params=replace(VALLEYS, lag=0.3), n_rotations=0)
+    assert score.hits.sum() >= 0.8 * score.n_audio
+    draw_speed(ax, motion, score)
+    np.testing.assert_array_equal(named(ax, "hit").get_xdata(), score.music.times[score.pairs >= 0])
+    assert len(named(ax, "missed, or redundant").get_xdata()) == (score.pairs < 0).sum()

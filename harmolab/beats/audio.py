@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from harmolab.beats.meter import accented_places, cycle_of_meter
 from harmolab.io.cache import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import DANCES
-from harmolab.types import Audio, BeatTrack
+from harmolab.types import Audio, BeatTrack, Clip
 
-__all__ = ["audio_beats", "beat_strengths", "compile_tracker", "onset_envelope", "tempo_range"]
+__all__ = ["audio_beats", "beat_strengths", "compile_tracker", "music_beats", "onset_envelope", "tempo_range"]
 
 FloatArray = NDArray[np.float64]
 
@@ -76,6 +76,16 @@ def audio_beats(audio: Audio, *, tempo: str | tuple[float, float] | None = None)
     strengths = envelope[frames[inside]]
     places = accented_places(strengths, cycle_of_meter(DANCES[tempo].meter)) if isinstance(tempo, str) else None
     return BeatTrack(times[inside], strengths, rate, audio.duration, places)
+
+
+def music_beats(clip: Clip) -> BeatTrack:
+    """The music beats of a clip on its audio's time line: its annotated ones, else those of `audio_beats`.
+
+    The clip's dance, where it is one of `DANCES`, is the prior of the tempo.
+    """
+    if clip.beats is not None:
+        return clip.beats
+    return audio_beats(clip.audio, tempo=clip.dance if clip.dance in DANCES else None)
 
 
 def onset_envelope(audio: Audio) -> tuple[FloatArray, float]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.types import BeatTrack, MeterUnit
+from harmolab.types import BeatTrack, BoolArray
 
 __all__ = ["CATEGORIES", "accented_places", "cycle_of_meter", "meter_units", "strong_beats"]
-
-BoolArray = NDArray[np.bool_]
 
 # Accent pattern (True = strong) -> signature. Three types in four categories, as Sec. 4.1 counts them: a quarter-note
 # meter opens on a strong beat and is split by its inner strong beats, 4 = 2+2 or 4, 5 = 3+2, 6 = 3+3.
@@ -19,6 +19,30 @@ CATEGORIES: dict[tuple[bool, ...], str] = {
     (True, False, False, True, False): "5/4",
     (True, False, False, True, False, False): "6/4",
 }
+
+
+@dataclass(frozen=True, eq=False)
+class MeterUnit:
+    """One meter: a group of beats that the music repeats (paper Fig. 6).
+
+    Parameters
+    ----------
+    start, end : float, seconds
+    strong : (B,) bool array, which of its beats are strong (Eq. 22)
+    signature : str, such as "4/4"
+    """
+
+    start: float
+    end: float
+    strong: BoolArray
+    signature: str
+
+    def __post_init__(self) -> None:
+        if not self.start < self.end:
+            raise ValueError(f"a meter unit must end after it starts, got {self.start} to {self.end} s")
+        strong = np.array(self.strong, bool)
+        strong.setflags(write=False)
+        object.__setattr__(self, "strong", strong)
 
 
 def strong_beats(strengths: NDArray[np.float64]) -> BoolArray:

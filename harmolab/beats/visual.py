@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.kinematics import (
     direction_spread,
@@ -18,13 +19,14 @@ from harmolab.kinematics import (
     valley_frames,
 )
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import BeatTrack, FloatArray, Motion
 
 __all__ = ["RATE", "curve_beats", "motion_curve", "visual_beats"]
 
-FloatArray = NDArray[np.float64]
-
 RATE = 120.0  # hertz: with `subframe`, slower motion is interpolated first, so that its frame rate does not show
+
+# Several scores, pictures and pages of one motion read the same curve: each is computed once while the motion is alive.
+_curves: WeakKeyDictionary[Motion, dict[tuple[object, ...], tuple[FloatArray, float]]] = WeakKeyDictionary()
 
 
 def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, float]:
@@ -33,9 +35,19 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
     Returns
     -------
     curve : (T',) array
-        Joint speed in units per second (Eq. 7), or the direction spread, smoothed by ``params.smoothing``.
+        Joint speed in units per second (Eq. 7), or the direction spread, smoothed by ``params.smoothing``; read-only.
     fps : float, hertz
     """
+    direction = params.detector == "direction"
+    key = (params.fps, params.subframe, params.position_smoothing, params.smoothing, direction, params.speed)
+    curves = _curves.setdefault(motion, {})
+    if key not in curves:
+        curves[key] = _motion_curve(motion, params)
+    return curves[key]
+
+
+def _motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, float]:
+    """The curve of `motion_curve`, computed; read-only, since it is shared."""
     if params.fps is not None:
         at_rate = resample_motion(motion, params.fps)
     else:
@@ -45,7 +57,9 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
         curve = direction_spread(positions)
     else:
         curve = joint_speed(positions, at_rate.fps, reading=params.speed)
-    return smooth(curve, params.smoothing, at_rate.fps), at_rate.fps
+    curve = smooth(curve, params.smoothing, at_rate.fps)
+    curve.setflags(write=False)
+    return curve, at_rate.fps
 
 
 def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTrack:

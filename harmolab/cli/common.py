@@ -21,6 +21,7 @@ __all__ = [
     "PAGES",
     "CountBar",
     "check_out",
+    "finding_beats",
     "plain_errors",
     "progress",
     "sequences_of",
@@ -90,13 +91,20 @@ def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
         raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
 
 
-def track_beats(audio: Audio, dance: str) -> BeatTrack:
-    """`audio_beats` with a prior for the tempo of `dance` ("": none); tells why the first on a machine takes long."""
+@contextmanager
+def finding_beats() -> Iterator[None]:
+    """A note on the screen while beats are tracked, which takes long the first time on a machine."""
     from rich.console import Console
 
+    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
+        yield
+
+
+def track_beats(audio: Audio, dance: str) -> BeatTrack:
+    """`audio_beats` with a prior for the tempo of `dance` ("": none)."""
     from harmolab.beats.audio import audio_beats
 
-    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
+    with finding_beats():
         return audio_beats(audio, tempo=dance or None)
 
 

@@ -180,13 +180,14 @@ def _write(
     if suffix in VIDEOS_OUT:
         write_dance(path, motion, song, start, music)
         return
-    from harmolab.beats.visual import visual_beats
+    from harmolab.harmony import score_motion
     from harmolab.io.video_sound import load_sound
     from harmolab.params import HarmonyParams
     from harmolab.widgets.player import Dancer, Player
 
     sound = load_sound(song, start=start, duration=motion.duration, sample_rate=None)
-    dancer = Dancer("generated", motion, visual_beats(motion, params=HarmonyParams.valleys()))
+    score = score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)
+    dancer = Dancer("generated", motion, score)
     shown = {name: show(value) for name, value in scores.items()}
     Player(sound, [dancer], music=music, title=song.stem, facts=shown).save(path)
 

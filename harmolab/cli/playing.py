@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import PAGES, check_out, plain_errors, track_beats
+from harmolab.cli.common import PAGES, check_out, finding_beats, plain_errors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,17 +45,19 @@ def play(
 
     Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
     """
-    from harmolab.cli.scoring import read_clip
+    from harmolab.beats.audio import music_beats
+    from harmolab.data.files import load_clip
     from harmolab.io.video_sound import load_sound
 
     with plain_errors():
         check_out(out, "the player", PAGES)
-        clip = read_clip(audio, motion, offset, None, fps, beats)
+        with finding_beats():
+            clip = load_clip(audio, motion, offset=offset, dance=dance, beats=beats, fps=fps)
         names, motions = _motions(clip, motion, other, fps)
         motions, begins = _shown(motions, clip.offset, start, seconds)
         sound = load_sound(audio, start=begins, duration=max(moves.duration for moves in motions), sample_rate=None)
         _save(
-            out, f"{clip.name} to {audio.name}", sound, _beats(clip, dance).span(begins, sound.duration), names, motions
+            out, f"{clip.name} to {audio.name}", sound, music_beats(clip).span(begins, sound.duration), names, motions
         )
     typer.echo(f"wrote {out}")
 
@@ -86,24 +88,18 @@ def _shown(
     return [motion.span(skipped / fps, seconds or motion.duration) for motion in motions], offset + skipped / fps
 
 
-def _beats(clip: Clip, dance: str) -> BeatTrack:
-    """The music's beats as annotated, else as found in the whole piece."""
-    return track_beats(clip.audio, dance) if clip.beats is None else clip.beats
-
-
 def _save(
     out: Path, title: str, sound: Audio, track: BeatTrack, names: Sequence[str], motions: Sequence[Motion]
 ) -> None:
     """The page, with what each dancer scores."""
-    from harmolab.beats.visual import visual_beats
-    from harmolab.harmony import score_harmony
+    from harmolab.harmony import score_motion
     from harmolab.params import HarmonyParams
     from harmolab.widgets.player import Dancer, Player
 
     params, dancers, facts = HarmonyParams.valleys(), [], {}
+    duration = max(motion.duration for motion in motions)
     for name, motion in zip(names, motions, strict=True):
-        dancer = Dancer(name, motion, visual_beats(motion, params=params))
-        score = score_harmony(track, dancer.visual, params=params)
+        score = score_motion(track.span(0.0, duration), motion, params=params)
         facts[f"{name}: harmony above chance"] = f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
-        dancers.append(dancer)
-    Player(sound, dancers, music=track, title=title, facts=facts, params=params).save(out)
+        dancers.append(Dancer(name, motion, score))
+    Player(sound, dancers, music=track, title=title, facts=facts).save(out)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab import __version__
-from harmolab.cli.common import plain_errors, show, track_beats
+from harmolab.cli.common import finding_beats, plain_errors, show
 
 if TYPE_CHECKING:
     from harmolab.params import BarPattern, HarmonyParams
@@ -51,6 +51,9 @@ def score(
     clock: Annotated[float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.")] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Save a picture of beats, hits and misses as PNG.")] = None,
+    others: Annotated[
+        bool, typer.Option("--others", help="Print the field's other measures too: beat alignment, mir_eval.")
+    ] = False,
 ) -> None:
     """Score a motion against its music.
 
@@ -60,41 +63,39 @@ def score(
 
     Example: `harmolab score song.mp3 dance.bvh --start 12.4 --dance waltz --plot score.png`
     """
+    from harmolab.data.files import load_clip
+    from harmolab.harmony import score_clip
+
     with plain_errors():
-        clip = read_clip(audio, motion, start, duration, fps, beats)
-        chosen = settings(mode, pattern, dance, lag, clock)
-        results = {name: score_one(clip, params, dance) for name, params in chosen.items()}
+        modes = settings(mode, pattern, dance, lag, clock)
+        with finding_beats():
+            clip = load_clip(audio, motion, offset=start, seconds=duration, dance=dance, beats=beats, fps=fps)
+        scores = {name: score_clip(clip, params) for name, params in modes.items()}
+        measures = other_measures(clip, clock) if others else {}
         if plot:
-            save_plot(plot, clip, chosen, results, dance)
+            from harmolab.viz.scores import score_figure
+            from harmolab.viz.style import write_figure
+
+            write_figure(score_figure(scores, title=clip.name), plot)
     if as_json:
         about = {"audio": str(audio), "motion": str(motion), "start": clip.offset, "version": __version__}
-        typer.echo(
-            json.dumps({"clip": about, **{name: result.to_dict() for name, result in results.items()}}, indent=2)
-        )
+        content = {"clip": about, **{name: result.to_dict() for name, result in scores.items()}}
+        typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
     else:
-        print_scores(results)
+        print_scores(scores, measures)
 
 
-def read_clip(
-    audio: Path, motion: Path, start: float | None, duration: float | None, fps: float | None, beats: Path | None
-) -> Clip:
-    """The clip that the arguments of `score` describe."""
-    from harmolab.data.folders import load_any_motion, told_start
-    from harmolab.io.beats import load_annotation
-    from harmolab.io.video_sound import load_sound
-    from harmolab.types import Clip
+def other_measures(clip: Clip, clock: float) -> dict[str, float]:
+    """The field's other measures of a clip by name."""
+    from dataclasses import replace
 
-    sound, moves = load_sound(audio), load_any_motion(motion, fps=fps)
-    start = told_start(motion) if start is None else start
-    if duration is not None:
-        moves = moves.span(0.0, duration)
-    track = None
-    if beats is not None:
-        track = load_annotation(beats).track(sound.duration)
-    try:
-        return Clip(motion.stem or motion.name, sound, moves, start or 0.0, beats=track)
-    except ValueError as error:
-        raise ValueError(f"{audio} and {motion}: {error}") from None
+    from harmolab.beats.visual import visual_beats
+    from harmolab.harmony import music_and_motion
+    from harmolab.metrics import kinematic_params, other_scores
+
+    beats, motion = music_and_motion(clip, clock=clock)
+    timed = replace(motion, fps=motion.fps / clock)
+    return other_scores(beats, visual_beats(timed, params=kinematic_params()))
 
 
 def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: float) -> dict[str, HarmonyParams]:
@@ -127,40 +128,16 @@ def read_pattern(path: Path, dance: str) -> BarPattern:
         return BarPattern(int(given["beats"]), tuple(given["cosines"]), tuple(given["sines"]), str(given["source"]))
 
 
-def score_one(clip: Clip, params: HarmonyParams, dance: str) -> HarmonyScore:
-    """One score, of the beats that are annotated or else tracked."""
-    from functools import partial
-
-    from harmolab.harmony import score_clip
-
-    return score_clip(clip, params, tracker=partial(track_beats, dance=dance))
-
-
-def print_scores(results: dict[str, HarmonyScore]) -> None:
-    """A table: one row a number, one column a mode."""
+def print_scores(scores: dict[str, HarmonyScore], measures: dict[str, float]) -> None:
+    """A table: one row a number, one column a mode; below them the other measures, if any."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("", *results, title="harmony of motion and music")
+    table = Table("", *scores, title="harmony of motion and music")
     names = ("harmony_above_chance", "interval", "p_value", "harmony", "hit_rate", "chance", "n_audio", "n_visual")
     for name in names:
-        table.add_row(name.replace("_", " "), *(show(getattr(result, name)) for result in results.values()))
+        table.add_row(name.replace("_", " "), *(show(getattr(score, name)) for score in scores.values()))
     table.add_section()
-    first = next(iter(results.values()))
-    for name, value in first.others.items():
-        table.add_row(name, show(value), *([""] * (len(results) - 1)))
+    for name, value in measures.items():
+        table.add_row(name, show(value), *([""] * (len(scores) - 1)))
     Console().print(table)
-
-
-def save_plot(
-    path: Path, clip: Clip, chosen: dict[str, HarmonyParams], results: dict[str, HarmonyScore], dance: str
-) -> None:
-    """One row a mode: beats, tolerance fields, hits and misses."""
-    from harmolab.beats.audio import audio_beats
-    from harmolab.harmony import overlap
-    from harmolab.viz.scores import score_figure
-    from harmolab.viz.style import write_figure
-
-    track = clip.beats if clip.beats is not None else audio_beats(clip.audio, tempo=dance or None)
-    clock = next(iter(chosen.values())).clock
-    write_figure(score_figure(*overlap(clip, track, clock=clock), chosen, results, title=clip.name), path)

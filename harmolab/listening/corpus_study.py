@@ -16,11 +16,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import audio_beats
-from harmolab.harmony import score_clip
+from harmolab.beats.audio import music_beats
+from harmolab.beats.visual import visual_beats
+from harmolab.harmony import music_and_motion, score_clip
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.listening.trials import Item
-from harmolab.params import DANCES, HarmonyParams
+from harmolab.metrics import kinematic_params, other_scores
+from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 
 __all__ = ["Pieces", "StudyPiece", "clip_scores", "lagged_pieces", "paired_pieces", "swapped_pieces"]
@@ -163,7 +165,9 @@ def clip_scores(clip: Clip) -> dict[str, float]:
         )
     }
     above = {f"{name}_above_chance": score.harmony_above_chance for name, score in scores.items()}
-    return {**above, "paper_h": scores["paper"].harmony, **scores["paper"].others}
+    beats, motion = music_and_motion(clip)
+    kinematic = visual_beats(motion, params=kinematic_params())
+    return {**above, "paper_h": scores["paper"].harmony, **other_scores(beats, kinematic)}
 
 
 def _pieces(cuts: Iterable[tuple[str, Callable[[], StudyPiece]]], seconds: float, seed: int) -> Pieces:
@@ -212,8 +216,7 @@ def _at_rate(motion: Motion) -> Motion:
 
 def _beats(clip: Clip) -> BeatTrack:
     """The music's beats as annotated, else as tracked; ValueError if there are fewer than two."""
-    tempo = clip.dance if clip.dance in DANCES else None
-    beats = audio_beats(clip.audio, tempo=tempo) if clip.beats is None else clip.beats
+    beats = music_beats(clip)
     if len(beats) < 2:
         raise ValueError(f"its music has {len(beats)} beats; two are needed")
     return beats

@@ -50,8 +50,8 @@ def dance_player(dance: OwnDance) -> Player:
     """
     if dance.recording.is_video:
         raise ValueError(f"{dance.name}: is a video; the player shows skeletons")
-    dancer = Dancer(dance.name, dance.motion, dance.visual)
-    return Player(dance.audio, [dancer], music=dance.music, title=_title(dance), params=dance.params)
+    dancer = Dancer(dance.name, dance.motion, dance.score)
+    return Player(dance.audio, [dancer], music=dance.music, title=_title(dance))
 
 
 def save_page(path: PathLike, dance: OwnDance) -> None:

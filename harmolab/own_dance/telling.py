@@ -15,7 +15,7 @@ import numpy as np
 from harmolab.alignment import attack_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.explaining import Explanation, Finding, explain
-from harmolab.harmony import first_shared, overlap, score_motion
+from harmolab.harmony import music_and_motion, score_motion
 from harmolab.io.errors import PathLike
 from harmolab.io.video_sound import load_sound
 from harmolab.own_dance.recording import Placement, Recording, place_recording
@@ -176,19 +176,19 @@ def explain_recording(
         clip = Clip(recording.path.name, audio, recording.motion, placement.seconds)
     except ValueError as error:
         raise ValueError(f"{recording.path}: {error}") from None
-    music, motion = overlap(clip, track)
+    shared = replace(clip, beats=track).shared()
+    music, motion = music_and_motion(replace(clip, beats=track))
     score = score_motion(music, motion, params=chosen, n_rotations=n_rotations, seed=seed)
     visual = visual_beats(motion, params=chosen)
     words = explain(score, music, visual, params=chosen)
-    skipped, start = first_shared(placement.seconds, 1 / motion.fps)
     return OwnDance(
         Path(song).name,
         recording,
-        audio.span(start, motion.duration),
+        shared.audio,
         music,
         visual,
         motion,
-        skipped / motion.fps,
+        clip.shared_frame() / motion.fps,
         placement,
         score,
         words if placement.is_absolute else _relative(words),

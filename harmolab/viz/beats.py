@@ -135,7 +135,7 @@ def draw_hits(
     ax : Axes
     audio_track, visual_track : BeatTrack, the N and M beats that are compared
     pairs : (N,) int array
-        The visual beat that hits each music beat, -1 for none, as from `harmolab.harmony.hit_pairs`. Visual beats that
+        The visual beat that hits each music beat, -1 for none, as in a `HarmonyScore`. Visual beats that
         it does not name are redundant and get a cross too.
     delay : float, seconds, T_delay
     lag : float, seconds; where visual beats are expected after the music's, so the fields are drawn that much later
@@ -197,7 +197,7 @@ def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float)
     ----------
     ax : Axes
     track : BeatTrack, the N attentional music beats; stronger ones get wider stems
-    shares : (N,) array in [0, 1], from `harmolab.pattern.PatternFit`
+    shares : (N,) array in [0, 1], percentile ranks as in a `HarmonyScore` by a bar pattern
     chance : float
     """
     ranks = np.asarray(shares, np.float64)
@@ -208,7 +208,7 @@ def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float)
             label="music beat, wider if stronger",
         )  # fmt: skip
     ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.2, zorder=1, label="chance")
-    draw_marks(ax, track.times, ranks, ranks > chance, labels=("above the median moment", "below it"))
+    draw_marks(ax, track.times, ranks, ranks > 0.5, labels=("above the median moment", "below it"))
     ax.set(xlim=(0.0, track.duration), ylim=(-0.08, 1.08), xlabel="time (s)")
     ax.yaxis.set_major_locator(FixedLocator([0.0, 0.5, 1.0]))
     ax.yaxis.set_major_formatter(FixedFormatter(["0", "0.5", "1"]))

@@ -12,11 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from harmolab.beats.saliency import salient_audio, salient_visual
-from harmolab.beats.visual import motion_curve, visual_beats
-from harmolab.harmony import hit_mask
-from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Motion
+from harmolab.beats.visual import motion_curve
+from harmolab.types import BeatTrack, HarmonyScore, Motion
 from harmolab.viz.beats import draw_marks, draw_tolerance
 from harmolab.viz.motion import draw_poses
 from harmolab.viz.style import COLOURS, MARKERS, figure_style
@@ -61,37 +58,29 @@ def draw_sheet(ax: Axes, motion: Motion, beats: BeatTrack, *, every: int = FRAME
     return ax
 
 
-def draw_speed(
-    ax: Axes, motion: Motion, beats: BeatTrack, *, params: HarmonyParams, start: float = 0.0, top: float | None = None
-) -> Axes:
+def draw_speed(ax: Axes, motion: Motion, score: HarmonyScore, *, start: float = 0.0, top: float | None = None) -> Axes:
     """The curve that visual beats are read from, those beats, and which of the music's beats were met.
 
     Parameters
     ----------
     ax : Axes with time on the x axis
     motion : Motion
-    beats : BeatTrack on the motion's time line
-    params : HarmonyParams; its detector, smoothing and reaction delay are drawn
-    start : float, seconds; music beats before it are not judged, nor do visual beats there count
+    score : HarmonyScore of the motion from `start` on
+    start : float, seconds of the motion's time line at which the score's begins; nothing before it is judged
     top : float, end of the y axis; one and a half times the highest speed when left out
     """
+    params = score.params
     curve, fps = motion_curve(motion, params)
     seconds = (np.arange(curve.size) - 0.5 * params.subframe) / fps
     top = top or 1.5 * max(float(curve.max(initial=0.0)), 1e-9)
-    found = visual_beats(motion, params=params)
-    # Beats before the start must not decide which of the others are salient, as they do not when scored.
-    seen = salient_visual(found.select(found.times >= start), params)
-    heard = salient_audio(beats.select(beats.times >= start), params)
-    draw_tolerance(ax, heard.times, params.reaction_delay, reach=top)
+    music, visual = score.music.times + start, score.visual.times + start
+    draw_tolerance(ax, music + params.lag, params.reaction_delay, reach=top)
     ax.plot(seconds, curve, color=COLOURS["visual"], linewidth=1.4, zorder=2)
-    heights = np.interp(seen.times, seconds, curve)
     ax.plot(
-        seen.times, heights, linestyle="none", marker=MARKERS["visual"], markersize=7, color=COLOURS["visual"],
-        markeredgecolor="white", markeredgewidth=0.6, zorder=3, label="visual beat",
+        visual, np.interp(visual, seconds, curve), linestyle="none", marker=MARKERS["visual"], markersize=7,
+        color=COLOURS["visual"], markeredgecolor="white", markeredgewidth=0.6, zorder=3, label="visual beat",
     )  # fmt: skip
-    draw_marks(
-        ax, heard.times, np.full(len(heard), 0.85 * top), hit_mask(heard.times, seen.times, delay=params.reaction_delay)
-    )
+    draw_marks(ax, music, np.full(music.size, 0.85 * top), score.hits)
     ax.set(xlim=(0.0, motion.duration), ylim=(0.0, top))
     ax.yaxis.set_major_locator(MaxNLocator(3))
     return ax
@@ -100,11 +89,11 @@ def draw_speed(
 def dance_figure(
     motions: Mapping[str, Motion],
     beats: BeatTrack,
+    scores: Mapping[str, HarmonyScore],
     *,
     start: float = 0.0,
     every: int = FRAMES,
     turn: float = 0.0,
-    params: HarmonyParams | None = None,
     titles: Mapping[str, str] | None = None,
 ) -> Figure:
     """Several dances to the same music: frames over the music's beats, and under them the speed and who met the beat.
@@ -113,22 +102,21 @@ def dance_figure(
     ----------
     motions : name -> Motion, all on the time line of the beats
     beats : BeatTrack
+    scores : the same names -> HarmonyScore of the motion from `start` on
     start : float, seconds; what comes before is shaded: it was given, and is not judged
     every : int, frames from one stick figure to the next
     turn : float, degrees, as in `harmolab.viz.motion.draw_poses`
-    params : HarmonyParams, default ``HarmonyParams.valleys()``
     titles : name -> what to write above its frames; the name alone when left out
     """
-    chosen = params or HarmonyParams.valleys()
     longest = max(motion.duration for motion in motions.values())
-    top = 1.5 * max(float(motion_curve(motion, chosen)[0].max()) for motion in motions.values())
+    top = 1.5 * max(float(motion_curve(motion, scores[name].params)[0].max()) for name, motion in motions.items())
     with figure_style():
         width = float(np.clip(2.7 * longest, 9.0, 20.0))
         figure = Figure(figsize=(width, 2.05 * len(motions) + 0.8), layout="constrained")
         axes = figure.subplots(2 * len(motions), 1, sharex=True, height_ratios=[1.25, 0.8] * len(motions))
         for (name, motion), sheet, speed in zip(motions.items(), axes[::2], axes[1::2], strict=True):
             draw_sheet(sheet, motion, beats, every=every, turn=turn).set_title((titles or {}).get(name, name))
-            draw_speed(speed, motion, beats, params=chosen, start=start, top=top).set_ylabel("m/s")
+            draw_speed(speed, motion, scores[name], start=start, top=top).set_ylabel("m/s")
             for ax in (sheet, speed):
                 ax.axvspan(-1.0, start, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=-1)
         axes[-1].set(xlabel="time (s)", xlim=(-0.5 * every / motion.fps, longest))

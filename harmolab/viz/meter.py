@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator
 from numpy.typing import ArrayLike
 
-from harmolab.types import BeatTrack, MeterUnit
+from harmolab.beats.meter import MeterUnit
+from harmolab.types import BeatTrack
 from harmolab.viz.style import COLOURS
 
 __all__ = ["UNIT_COLOURS", "draw_meter", "draw_places", "unit_label"]

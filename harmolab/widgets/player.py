@@ -17,14 +17,12 @@ import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
-from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import motion_curve
 from harmolab.features.poses import mean_heading, skull_and_limbs
-from harmolab.harmony import hit_pairs
 from harmolab.io.aside import written_aside
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.params import HarmonyParams
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
 
 __all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
 
@@ -46,12 +44,12 @@ class Dancer:
     ----------
     name : str
     motion : Motion, (T, J, 3) metres or (T, J, 2) image coordinates; frame 0 is at audio time 0
-    visual : BeatTrack, the dancer's beats on the motion's time line
+    score : HarmonyScore of the motion with the player's music: beats, hits and settings are its own
     """
 
     name: str
     motion: Motion
-    visual: BeatTrack
+    score: HarmonyScore
 
 
 class _Framed:
@@ -73,7 +71,7 @@ class _Framed:
 class Player(_Framed):
     """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
 
-    >>> Player(audio, [Dancer("one", motion, beats)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
+    >>> Player(audio, [Dancer("one", motion, score)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
     """
 
     height = 880
@@ -86,10 +84,9 @@ class Player(_Framed):
         music: BeatTrack,
         title: str,
         facts: Mapping[str, str] = NO_FACTS,
-        params: HarmonyParams | None = None,
     ) -> None:
         self.title = title
-        self.page = player_page(audio, dancers, music=music, title=title, facts=facts, params=params)
+        self.page = player_page(audio, dancers, music=music, title=title, facts=facts)
 
 
 class BlindPlayer(_Framed):
@@ -123,7 +120,6 @@ def player_page(
     music: BeatTrack,
     title: str,
     facts: Mapping[str, str] = NO_FACTS,
-    params: HarmonyParams | None = None,
 ) -> str:
     """One HTML page that holds sound, movement and player, and asks the network for nothing.
 
@@ -137,8 +133,6 @@ def player_page(
     music : BeatTrack on the same time line; beats after the last frame are left out
     title : str
     facts : name -> text, shown as a table
-    params : HarmonyParams, default ``HarmonyParams.valleys()``
-        Decides what is salient, what is a hit, and the speed curve.
 
     Raises
     ------
@@ -146,15 +140,14 @@ def player_page(
         Unless there are one or two dancers, of ten minutes at most; for a sample rate outside 3 to 192 kHz.
     """
     duration = _duration([dancer.motion for dancer in dancers])
-    chosen = params or HarmonyParams.valleys()
-    heard = music.span(0.0, duration)
+    score = dancers[0].score
     data = {
         "duration": duration,
         "sound": _sound(audio, duration),
-        "music": _music(heard, chosen),
-        "delay": chosen.reaction_delay,
-        "lag": chosen.lag,
-        "dancers": [_dancer(dancer, heard, chosen) for dancer in dancers],
+        "music": _music(music.span(0.0, duration), score),
+        "delay": score.params.reaction_delay,
+        "lag": score.params.lag,
+        "dancers": [_dancer(dancer) for dancer in dancers],
     }
     return _rendered("player.html.j2", title=title, facts=facts, data=data)
 
@@ -197,9 +190,9 @@ def _rendered(template: str, **values: Any) -> str:
     return environment.get_template(template).render(**values)
 
 
-def _music(music: BeatTrack, params: HarmonyParams) -> list[dict[str, Any]]:
+def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
     """The music's beats: time, whether they are salient, and whether they begin a bar."""
-    salient = set(salient_audio(music, params).times)
+    salient = set(score.music.times)
     places = np.full(len(music), -1) if music.bar_places is None else music.bar_places
     return [
         {"time": _seconds(time), "salient": time in salient, "first": bool(place == 0)}
@@ -207,14 +200,14 @@ def _music(music: BeatTrack, params: HarmonyParams) -> list[dict[str, Any]]:
     ]
 
 
-def _dancer(dancer: Dancer, music: BeatTrack, params: HarmonyParams) -> dict[str, Any]:
-    """What the page knows of one dancer."""
+def _dancer(dancer: Dancer) -> dict[str, Any]:
+    """Name, movement, speed, beats and hits of one dancer."""
     return {
         "name": dancer.name,
         **_movement(dancer.motion),
-        "speed": _speed(dancer.motion, params),
-        "visual": [_seconds(time) for time in dancer.visual.times],
-        "marks": _marks(music, dancer.visual, params),
+        "speed": _speed(dancer.motion, dancer.score.params),
+        "visual": [_seconds(time) for time in dancer.score.visual.times],
+        "marks": _marks(dancer.score),
     }
 
 
@@ -263,13 +256,11 @@ def _speed(motion: Motion, params: HarmonyParams) -> dict[str, Any]:
     return {"fps": FASTEST, **_quantised(np.interp(times, seconds, curve)[:, None])}
 
 
-def _marks(music: BeatTrack, visual: BeatTrack, params: HarmonyParams) -> list[dict[str, float | None]]:
+def _marks(score: HarmonyScore) -> list[dict[str, float | None]]:
     """Each salient music beat, and the dancer's beat that met it; None for a miss."""
-    heard, seen = salient_audio(music, params), salient_visual(visual, params)
-    pairs = hit_pairs(heard.times, seen.times - params.lag, delay=params.reaction_delay, matching=params.matching)
     return [
-        {"time": _seconds(time), "met": _seconds(seen.times[pair]) if pair >= 0 else None}
-        for time, pair in zip(heard.times, pairs, strict=True)
+        {"time": _seconds(time), "met": _seconds(score.visual.times[pair]) if pair >= 0 else None}
+        for time, pair in zip(score.music.times, score.pairs, strict=True)
     ]
 
 

@@ -14,11 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from harmolab.beats.visual import visual_beats
-from harmolab.harmony import first_shared
+from harmolab.harmony import score_motion
 from harmolab.params import HarmonyParams
 from harmolab.significance import auc
-from harmolab.types import Audio, Clip
+from harmolab.types import Clip
 from harmolab.viz.beats import draw_marks
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.clips import Corpus, corpus_scores
@@ -153,15 +152,9 @@ def _played(clips: Sequence[Clip], number: int, params: HarmonyParams) -> str:
     """The player of one clip, with its true music, as an element of a page."""
     clip = clips[number]
     stage = Stage.of(clip)
-    dancer = Dancer(clip.dance or "dancer", stage.motion, visual_beats(stage.motion, params=params))
-    sound = _sound(clip, stage.motion.fps)
-    return Player(sound, [dancer], music=stage.music, title=clip.name, params=params)._repr_html_()
-
-
-def _sound(clip: Clip, fps: float) -> Audio:
-    """The clip's sound from where its Stage begins."""
-    _, start = first_shared(clip.offset, 1 / fps)
-    return clip.audio.span(start, clip.audio.duration - start)
+    score = score_motion(stage.music, stage.motion, params=params, n_rotations=0)
+    dancer = Dancer(clip.dance or "dancer", stage.motion, score)
+    return Player(clip.shared().audio, [dancer], music=stage.music, title=clip.name)._repr_html_()
 
 
 def corpus_params(*, mode: str, score: str = "", late: float = 0.0, clip: int = 0, **values: Any) -> HarmonyParams:

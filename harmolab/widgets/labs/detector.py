@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from harmolab.beats.visual import motion_curve, visual_beats
-from harmolab.harmony import nearest_intervals, overlap
+from harmolab.harmony import music_and_motion, nearest_intervals
 from harmolab.params import CHOICES, HarmonyParams
 from harmolab.types import BeatTrack, Clip
 from harmolab.viz.beats import draw_curve, draw_marks, draw_stems
@@ -70,7 +70,7 @@ def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:
     """Planted times on the time line of the stage."""
     times = np.sort(np.asarray(planted, np.float64))
     track = BeatTrack(times, np.ones(times.size), fps=100.0, duration=clip.audio.duration)
-    return overlap(clip, track)[0].times
+    return music_and_motion(replace(clip, beats=track))[0].times
 
 
 def detector_params(**values: Any) -> HarmonyParams:

@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import audio_beats
-from harmolab.beats.meter import meter_units, strong_beats
+from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import MeterUnit, meter_units, strong_beats
 from harmolab.beats.saliency import salient_audio
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Clip, MeterUnit
+from harmolab.types import BeatTrack, Clip
 from harmolab.viz.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.lab import Lab, menu, slider, start_at
@@ -72,7 +72,7 @@ def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) 
     >>> lab = meter_lab(synthetic_clip("rumba", seconds=18.0))  # doctest: +SKIP
     >>> lab.controls["first"].value = 1  # doctest: +SKIP
     """
-    tracks = {"of the clip": audio_beats(clip.audio) if clip.beats is None else clip.beats}
+    tracks = {"of the clip": music_beats(clip)}
     if annotated is not None:
         tracks["annotated"] = annotated
     controls = {

@@ -9,24 +9,20 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from harmolab.beats.saliency import salient_audio, salient_visual, strength_steps
+from harmolab.beats.saliency import strength_steps
 from harmolab.beats.visual import motion_curve, visual_beats
-from harmolab.harmony import above_chance, harmony_from_hits, hit_pairs, hitting_score, score_harmony
+from harmolab.harmony import score_harmony, score_motion
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
-from harmolab.pattern import PatternFit, beat_positions, evaluate_pattern, fit_of_speed, normalised_speed
-from harmolab.significance import p_value, rotated_shares, rotations
-from harmolab.types import BeatTrack, Clip
+from harmolab.pattern import beat_positions, evaluate_pattern, normalised_speed
+from harmolab.significance import rotations
+from harmolab.types import BeatTrack, Clip, FloatArray, HarmonyScore
 from harmolab.viz.beats import draw_curve, draw_hits, draw_rotations, draw_shares, draw_stems, draw_threshold
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.lab import MODES, Lab, ModeLab, menu, score_params, score_presets, score_sliders, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
 
 __all__ = ["N_ROTATIONS", "draw_lab", "lab_params", "scoring_lab"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Under the pictures; a legend would be made and drawn anew each time a slider moves.
 HITS_KEY = (
@@ -105,47 +101,39 @@ def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None,
     return shown
 
 
-def _numbers(harmony: float, hits: BoolArray, chance: float, above: float, p: float, *, met: str) -> dict[str, str]:
+def _numbers(score: HarmonyScore, *, met: str) -> dict[str, str]:
     """The score by the names of its parts."""
     return {
-        "harmony h": f"{harmony:.2f}",
-        f"music beats {met}": f"{int(hits.sum())}/{hits.size}",
-        "chance": f"{chance:.2f}",
-        "above chance": f"{above:+.2f}",
-        "p-value": "–" if np.isnan(p) else f"{p:.3f}",
+        "harmony h": f"{score.harmony:.2f}",
+        f"music beats {met}": f"{score.hits.sum()}/{score.n_audio}",
+        "chance": f"{score.chance:.2f}",
+        "above chance": f"{score.harmony_above_chance:+.2f}",
+        "p-value": "–" if np.isnan(score.p_value) else f"{score.p_value:.3f}",
     }
 
 
 def _draw_hit_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
     """The picture of Eq. 11-21; returns the score's numbers."""
     visual = visual_beats(stage.motion, params=params)
-    music, dance = salient_audio(stage.music, params), salient_visual(visual, params)
     score = score_harmony(stage.music, visual, params=params, n_rotations=N_ROTATIONS)
-    _draw_beats(above, stage.music, visual, params)
+    _draw_beats(above, stage.music, visual, score)
     curve, fps = motion_curve(stage.motion, params)
     draw_curve(below, (np.arange(curve.size) - 0.5 * params.subframe) / fps, curve, visual)
     below.set_ylabel("change of direction (SD)" if params.detector == "direction" else "joint speed (m/s)")
-    total = max(float(music.strengths.sum()), 1e-12)
-    turned = np.sort(np.mod(dance.times - params.lag, music.duration))
-    weights = rotated_shares(
-        music.times, turned, music.strengths, delay=params.reaction_delay, duration=music.duration, count=N_ROTATIONS
-    )
-    moved = -rotations(music.duration, N_ROTATIONS)
-    _draw_moved(right, moved, weights / total, music.duration, score.hitting_score / total, score.chance)
+    _draw_moved(right, -rotations(stage.music.duration, score.null.size), score)
     right.set_ylabel("share of strength hit")
-    return _numbers(score.harmony, score.hits, score.chance, score.harmony_above_chance, score.p_value, met="hit")
+    return _numbers(score, met="hit")
 
 
-def _draw_beats(ax: Axes, music: BeatTrack, visual: BeatTrack, params: HarmonyParams) -> None:
+def _draw_beats(ax: Axes, music: BeatTrack, visual: BeatTrack, score: HarmonyScore) -> None:
     """All beats, their thresholds, and who meets whom among those that are noticed."""
-    heard, seen = salient_audio(music, params), salient_visual(visual, params)
-    pairs = hit_pairs(heard.times, seen.times - params.lag, delay=params.reaction_delay, matching=params.matching)
+    params = score.params
     loud, steps = _shares(music.strengths), _shares(strength_steps(visual.strengths))
-    kept, used = np.isin(music.times, heard.times), np.isin(visual.times, seen.times)
+    kept, used = np.isin(music.times, score.music.times), np.isin(visual.times, score.visual.times)
     draw_stems(ax, music.select(~kept), kind="audio", heights=loud[~kept], ignored=True)
     draw_stems(ax, visual.select(~used), kind="visual", heights=steps[~used], ignored=True)
     draw_hits(
-        ax, heard, seen, pairs, delay=params.reaction_delay, lag=params.lag,
+        ax, score.music, score.visual, score.pairs, delay=params.reaction_delay, lag=params.lag,
         audio_heights=loud[kept], visual_heights=steps[used],
     )  # fmt: skip
     if len(music):
@@ -160,23 +148,22 @@ def _shares(strengths: FloatArray) -> FloatArray:
     return strengths / max(float(strengths.max(initial=0.0)), 1e-12)
 
 
-def _draw_moved(
-    ax: Axes, moved: FloatArray, shares: FloatArray, duration: float, observed: float, chance: float
-) -> None:
-    """The shifts brought to both sides of 0 and put in order."""
-    around = np.mod(moved + duration / 2, duration) - duration / 2
+def _draw_moved(ax: Axes, shifts: FloatArray, score: HarmonyScore) -> None:
+    """The null distribution over the shifts behind it, brought to both sides of 0 and put in order."""
+    duration = score.music.duration
+    around = np.mod(shifts + duration / 2, duration) - duration / 2
     order = np.argsort(around)
-    draw_rotations(ax, around[order], shares[order], observed=observed, chance=chance)
+    draw_rotations(ax, around[order], score.null[order], observed=score.share, chance=score.chance)
 
 
 def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
     """The picture of the recommended mode: rank of each beat, and the speed with the pattern laid on the beats."""
     times, speed = normalised_speed(stage.motion, params)
-    fit = fit_of_speed(stage.music, times, speed, params, n_rotations=N_ROTATIONS)
-    music = salient_audio(stage.music, params)
+    score = score_motion(stage.music, stage.motion, params=params, n_rotations=N_ROTATIONS)
+    music = score.music
     passed = stage.music.select(~np.isin(stage.music.times, music.times))
-    above.plot(passed.times, np.full(len(passed), fit.chance), "|", color=COLOURS["chance"], markersize=10)
-    draw_shares(above, music, fit.shares, chance=fit.chance)
+    above.plot(passed.times, np.full(len(passed), score.chance), "|", color=COLOURS["chance"], markersize=10)
+    draw_shares(above, music, score.shares, chance=score.chance)
     above.set(ylabel="rank of the moment", xlabel=RANKS_KEY)
     draw_curve(below, times, speed)
     if len(stage.music) > 1 and (stage.music.bar_places is not None or params.pattern.beats == 1):
@@ -185,18 +172,6 @@ def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, par
     high = max(3.0, float(np.abs(speed).max(initial=0.0)))
     below.vlines(music.times, -high, high, color=COLOURS["audio"], alpha=0.35, linewidth=1.2)
     below.set(ylim=(-high, high), ylabel="joint speed (SD)")
-    length = stage.motion.duration
-    moved = np.linspace(0.0, length, fit.null.size, endpoint=False)
-    _draw_moved(right, moved, fit.null, length, fit.mean, fit.chance)
+    _draw_moved(right, np.linspace(0.0, music.duration, score.null.size, endpoint=False), score)
     right.set_ylabel("mean rank of the beats")
-    return _pattern_numbers(stage, music, fit, params)
-
-
-def _pattern_numbers(stage: Stage, music: BeatTrack, fit: PatternFit, params: HarmonyParams) -> dict[str, str]:
-    """As `harmolab.harmony.score_motion` has it: a beat counts as hit where it fits better than the median moment."""
-    hits = fit.shares > 0.5
-    n_visual = len(visual_beats(stage.motion, params=params))
-    harmony = harmony_from_hits(hitting_score(hits, music.strengths), len(music), n_visual, params.beta)
-    above = above_chance(fit.mean, fit.chance) if len(music) else 0.0
-    p = p_value(fit.mean, fit.null) if len(music) else float("nan")
-    return _numbers(harmony, hits, fit.chance, above, p, met="that fit")
+    return _numbers(score, met="that fit")

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.beats.audio import audio_beats
-from harmolab.harmony import overlap
+from harmolab.harmony import music_and_motion
 from harmolab.params import BarPattern
 from harmolab.types import BeatTrack, Clip, Motion
 
@@ -30,15 +29,14 @@ class Stage:
 
     @classmethod
     def of(cls, clip: Clip, pattern: BarPattern | None = None) -> Stage:
-        """The part of a clip where music and motion overlap; its own beats, else those tracked in its audio.
+        """The stretch that a clip's music and motion share, with its `music_beats`.
 
         Raises
         ------
         ValueError
             If the clip has no motion.
         """
-        track = audio_beats(clip.audio) if clip.beats is None else clip.beats
-        return cls(*overlap(clip, track), pattern or BarPattern.stop_on_the_beat(), clip.source)
+        return cls(*music_and_motion(clip), pattern or BarPattern.stop_on_the_beat(), clip.source)
 
     @property
     def time_label(self) -> str:
