@@ -16,6 +16,7 @@ __all__ = ["Audio", "BeatTrack", "Clip", "HarmonyScore", "MeterUnit", "Motion", 
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 
 def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[Any]:

@@ -19,6 +19,7 @@ LAYERS = {
     "params": 0,
     "io": 1,
     "kinematics": 1,
+    "skeletons": 1,
     "beats": 1,
     "harmony": 2,
     "pattern": 2,
@@ -50,6 +51,8 @@ TOP = 7  # may import anything
 ARROWS = {  # allowed inside a layer
     ("beats", "kinematics"),
     ("beats", "io"),  # the cache
+    ("skeletons", "kinematics"),
+    ("io", "skeletons"),
     ("harmony", "metrics"),
     ("harmony", "pattern"),
     ("harmony", "significance"),

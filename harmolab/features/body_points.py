@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.io.joint_names import joint_part, joint_side
+from harmolab.skeletons import joint_part, joint_side
 from harmolab.types import Skeleton
 
 __all__ = ["BODY_POINTS", "body_points"]
