@@ -5,31 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.folders import load_any_motion
-from harmolab.data.stage import FRACTION_BITS
-from harmolab.features.poses import skull_and_limbs
+from harmolab.data.stage import FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
 from harmolab.io.errors import PathLike, read_json
 from harmolab.io.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25
 from harmolab.io.landmarks import is_landmarks, load_landmarks
 from harmolab.io.video import VideoFrames
 from harmolab.kinematics import resample_motion
+from harmolab.skeletons import skull_and_limbs
 from harmolab.types import BeatTrack, Motion
-
-__all__ = ["load_points", "overlay_skeleton", "points_in_picture"]
-
-Frame = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
 
 CORE, RIM = (255, 255, 255), (20, 20, 20)  # a light line in a dark one is seen on any picture
 THICKNESS = 1 / 110  # of a limb, in picture heights
 SHARES_UP_TO = 2.0  # points whose median is below are shares of the picture: no body fits into two pixels
 LEAST_INSIDE = 0.5  # share of the points that must lie in the picture
-FARTHEST = 2.0**20  # pixels that OpenCV's fixed-point coordinates can hold
 IN_SPACE = "is movement in space; over a video go points of its pictures (OpenPose, COCO, MediaPipe)"
 
 
@@ -119,8 +111,7 @@ def overlay_skeleton(
     """
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
-    if not (np.isfinite(fps) and fps > 0):
-        raise ValueError(f"fps must be positive and finite, got {fps}")
+    check_positive(fps=fps)
     return _overlaid(frames, resample_motion(motion, fps), beats, dancer_beats)
 
 
@@ -134,18 +125,15 @@ def _overlaid(
         marks = marks or BeatMarks(len(frame), beats, dancer_beats)
         drawn = frame.copy()
         if seen:
-            _draw_points(drawn, places, limbs)
+            draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, len(frame)))
         marks.draw(drawn, index / motion.fps)
         yield drawn
 
 
-def _draw_points(frame: Frame, places: FloatArray, limbs: list[tuple[int, int]]) -> None:
+def _strokes(points: list[list[int]], limbs: list[tuple[int, int]], height: int) -> Iterator[Stroke]:
     """Limbs and joints twice: thick and dark, then thinner and light."""
-    points = np.rint(np.clip(places * 2**FRACTION_BITS, -FARTHEST, FARTHEST)).astype(int).tolist()
-    thickness = max(2, round(THICKNESS * len(frame)))
+    thickness = max(2, round(THICKNESS * height))
     for colour, width in ((RIM, 2 * thickness + 2), (CORE, thickness)):
-        for start, end in limbs:
-            cv2.line(frame, points[start], points[end], colour, width, cv2.LINE_AA, FRACTION_BITS)
+        yield from (Stroke(points[start], points[end], width, colour) for start, end in limbs)
         radius = round((0.3 * thickness + width / 2) * 2**FRACTION_BITS)
-        for point in points:
-            cv2.circle(frame, point, radius, colour, -1, cv2.LINE_AA, FRACTION_BITS)
+        yield from (Stroke(point, None, radius, colour) for point in points)
