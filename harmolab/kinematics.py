@@ -12,24 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.types import Motion
-
-__all__ = [
-    "direction_spread",
-    "joint_speed",
-    "peak_frames",
-    "refine_extrema",
-    "resample_motion",
-    "smooth",
-    "smooth_positions",
-    "step_signs",
-    "turning_points",
-    "upsample_motion",
-    "valley_frames",
-]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import FloatArray, IntArray, Motion
 
 # A step smaller than this share of the curve's maximum counts as a tie (docs/readings.md, Eq. 8-9).
 TIE_TOLERANCE = 1e-6

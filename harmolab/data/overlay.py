@@ -10,9 +10,9 @@ import numpy as np
 from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.folders import load_any_motion
 from harmolab.data.stage import FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
-from harmolab.io.errors import PathLike, read_json
-from harmolab.io.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25
-from harmolab.io.landmarks import is_landmarks, load_landmarks
+from harmolab.io.errors import PathLike
+from harmolab.io.keypoints import load_keypoints
+from harmolab.io.layouts import COCO_17, OPENPOSE_18, OPENPOSE_25
 from harmolab.io.video import VideoFrames
 from harmolab.kinematics import resample_motion
 from harmolab.skeletons import skull_and_limbs
@@ -49,9 +49,9 @@ def load_points(path: PathLike, *, fps: float | None = None, joints: tuple[str, 
     motion = load_any_motion(path, fps=fps, joints=joints)
     if motion.positions.shape[2] != 2:
         raise ValueError(f"{path}: {IN_SPACE}")
-    if Path(path).suffix.lower() == ".json" and is_landmarks(read_json(Path(path))):
-        # As shares of both sides, whatever proportions of the picture the file notes.
-        motion = load_landmarks(path, fps=fps, aspect=1.0, joints=joints)
+    if Path(path).suffix.lower() == ".json":
+        # MediaPipe's as shares of both sides, whatever proportions of the picture the file notes.
+        motion = load_keypoints(path, fps=fps, aspect=1.0, joints=joints)
     if joints is None and motion.skeleton in (COCO_17, OPENPOSE_18, OPENPOSE_25) and not motion.valid.all():
         body = tuple(name for name in motion.skeleton.joints if not name.endswith(("_eye", "_ear")))
         motion = load_any_motion(path, fps=fps, joints=body)

@@ -5,14 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.skeletons import joint_part, joint_side
-from harmolab.types import Skeleton
-
-__all__ = ["BODY_POINTS", "body_points"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray, Skeleton
 
 # What a part is called, the clearest word first. BVH files call the shoulder "arm" and the collar bone "shoulder", the
 # knee "leg" and the ankle "foot", where SMPL's foot is the ball of the foot.

@@ -10,7 +10,6 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.features.body_points import BODY_POINTS, body_points
 from harmolab.features.kinetic import AIST_FPS, DenseMotion, dense_motion
@@ -27,12 +26,7 @@ from harmolab.features.relations import (
     Projections,
     Sizes,
 )
-from harmolab.types import Motion
-
-__all__ = ["GEOMETRIC_FEATURES", "geometric_features"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from harmolab.types import BoolArray, FloatArray, Motion
 
 # The body of SMPL's mean shape, which AIST++ takes for everybody.
 _AIST_SIZES = Sizes(0.2568381092115207, 0.39084835854945527, 0.11924706586886204)

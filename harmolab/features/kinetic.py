@@ -10,16 +10,9 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.kinematics import upsample_motion
-from harmolab.types import Motion
-
-__all__ = ["AIST_FPS", "DenseMotion", "dense_motion", "kinetic_features"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
+from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
 AIST_FPS = 60.0  # hertz; windows and differences of AIST++ are so many frames of this rate
 _BEFORE, _AFTER = 3, 2  # sixtieths before and after a moment that its window of five steps reaches

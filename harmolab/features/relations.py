@@ -10,28 +10,9 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.features.body_points import BODY_POINTS
-
-__all__ = [
-    "ANGLES",
-    "FAST",
-    "GEOMETRIC_FEATURES",
-    "LINES",
-    "LOW",
-    "MOVING_LINES",
-    "MOVING_PLANES",
-    "PLANES",
-    "RAISED",
-    "Angles",
-    "Limits",
-    "Projections",
-    "Sizes",
-]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import FloatArray, IntArray
 
 GEOMETRIC_FEATURES = (
     *("right hand moves forward", "left hand moves forward", "right hand above neck", "left hand above neck"),

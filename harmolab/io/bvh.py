@@ -23,8 +23,6 @@ from harmolab.io.arrays import checked_motion, in_metres
 from harmolab.io.errors import PathLike, read_text, reading
 from harmolab.types import FloatArray, Motion, Skeleton
 
-__all__ = ["load_bvh"]
-
 _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "zrotation")
 _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGNORECASE)
 _MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 2**24

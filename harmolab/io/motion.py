@@ -27,8 +27,8 @@ Other formats
     joints get the names of COCO or OpenPose, and pixels with a confidence behind them are read as such. AIST++ file
     names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.io.keypoints`.
 ``.json``, ``.jsonl``
-    MediaPipe's landmarks (`harmolab.io.landmarks`) or COCO-17 key points of a whole video, as AlphaPose, Detectron2,
-    MMPose, OpenPifPaf, Ultralytics and ViTPose write them (`harmolab.io.coco`). The content tells which.
+    MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
+    Ultralytics and ViTPose write them (`harmolab.io.layouts`). The content tells which.
 ``.bvh``
     any skeleton; `harmolab.io.bvh`.
 ``.pkl``
@@ -52,14 +52,12 @@ from harmolab.io.arrays import checked_motion, in_metres, read_npy
 from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.coco import coco_people, people_motion, read_lines
-from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, PathLike, reading
-from harmolab.io.keypoints import joint_indices, keypoints_motion, load_openpose, named_skeleton, skeleton_part
-from harmolab.io.landmarks import MEDIAPIPE_33, is_landmarks, landmarks_motion, load_landmarks
+from harmolab.io.errors import MAX_BYTES, PathLike, reading
+from harmolab.io.keypoints import keypoints_motion, load_keypoints
+from harmolab.io.layouts import named_skeleton
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
+from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import Motion, Skeleton
-
-__all__ = ["load_motion", "save_motion"]
 
 _MEMBERS = {"positions": "fiu", "fps": "fiu", "joints": "U", "parents": "iu", "valid": "b", "units": "U"}
 # Movement hardly compresses. An archive that unfolds to more than this, and a hundredfold, is a trap.
@@ -99,59 +97,22 @@ def load_motion(
 def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[str] | None) -> Motion:
     """The motion by the reader of its suffix; those that fill unseen joints leave out all but `joints` before."""
     suffix = path.suffix.lower()
-    if path.is_dir():
-        return _load_folder(path, fps, joints)
+    if path.is_dir() and (path / "motion.npz").is_file():
+        path, suffix = path / "motion.npz", ".npz"
+    elif path.is_dir() and (path / "skeletons.json").is_file():
+        raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.data.load_sequence")
+    if path.is_dir() or suffix in (".json", ".jsonl"):
+        return load_keypoints(path, fps=fps, joints=joints)
     if suffix == ".npz":
         return _load_npz(path, fps)
     if suffix == ".npy":
         return _load_npy(path, fps, 1.0 if scale is None else scale, joints)
-    if suffix in (".json", ".jsonl"):
-        return _load_json(path, fps, joints)
     if suffix == ".bvh":
         return load_bvh(path, fps=fps, scale=scale)
     if suffix in (".pkl", ".pickle"):
         return load_aist(path, fps=AIST_FPS if fps is None else fps, scale=0.01 if scale is None else scale)
     with reading(path, "a motion", max_bytes=None):
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json")
-
-
-def _load_json(path: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
-    """Landmarks or key points, by what the file holds."""
-    with reading(path, "landmarks or key points in JSON", max_bytes=MAX_JSON_BYTES):
-        content = read_lines(path)
-        if is_landmarks(content):
-            return load_landmarks(path, fps=fps, joints=joints)
-        if isinstance(content, dict) and isinstance(content.get("people"), list):
-            raise ValueError("is one frame of OpenPose; name the folder that holds all of them")
-        people = coco_people(content)
-        if people is None:
-            raise ValueError(
-                f"holds {_looks(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
-                "nor COCO-17 key points (entries with image_id and keypoints)"
-            )
-        if fps is None:
-            raise ValueError("holds COCO-17 key points but no frame rate; pass fps")
-        return people_motion(people, fps, joints=joints)
-
-
-def _looks(content: Any) -> str:
-    """What a JSON file holds, in a few words."""
-    if isinstance(content, dict):
-        return "an object with " + (", ".join(repr(str(name)[:20]) for name in list(content)[:5]) or "nothing in it")
-    if isinstance(content, list):
-        return f"a list of {len(content)}" + (f", first {str(content[0])[:40]!r}" if content else "")
-    return repr(str(content)[:40])
-
-
-def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
-    """A folder's own `motion.npz`, or OpenPose's JSON files."""
-    if (folder / "motion.npz").is_file():
-        return _load_npz(folder / "motion.npz", fps)
-    if (folder / "skeletons.json").is_file():
-        raise ValueError(f"{folder}: is a sequence of Tang et al.; read it with harmolab.data.load_sequence")
-    if fps is None:
-        raise ValueError(f"{folder}: holds no frame rate; pass fps")
-    return load_openpose(folder, fps=fps, joints=joints)
 
 
 def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[str] | None) -> Motion:
@@ -162,8 +123,6 @@ def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[
         if fps is None and not is_aist_name(file):
             raise ValueError("holds no frame rate; pass fps")
         rate = AIST_FPS if fps is None else fps
-        if values.shape[1:] == (len(MEDIAPIPE_33.joints), 4):
-            return landmarks_motion(values, rate, joints=joints)
         if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             return keypoints_motion(values, rate, joints=joints)
         return checked_motion(in_metres(values, scale), rate, named_skeleton(values.shape[1]))
