@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from harmolab.kinematics import smooth
-from harmolab.types import FloatArray, Skeleton
+from harmolab.types import FloatArray, IntArray, Skeleton
 
 HEADING_SMOOTHING = 0.1  # seconds; what is left follows turns, not the swing of single joints
 FOLLOW = 0.8  # seconds over which a camera's way is smoothed
-SHORTEST_ACROSS = 1e-6  # metres between left and right, seen from above, below which nobody can tell the heading
+SHORTEST_ACROSS = 1e-6  # metres between left and right, seen from above, below which there is no heading
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
@@ -60,6 +60,12 @@ def joint_part(name: str) -> str:
     return "".join(word for word in _words(name) if word not in _SIDES)
 
 
+def named_joints(skeleton: Skeleton) -> dict[tuple[str, str], int]:
+    """The joint of each (side, part) that names hold; of joints of one name, the first."""
+    keys = [(joint_side(name), joint_part(name)) for name in skeleton.joints]
+    return {key: keys.index(key) for key in keys}
+
+
 def foot_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
     """The joints of each foot, by name: toe, heel, ankle or foot. Left first; joints of no side are feet of their own.
 
@@ -94,9 +100,7 @@ def side_pairs(skeleton: Skeleton, parts: Sequence[str] = HIPS_AND_SHOULDERS) ->
     >>> side_pairs(Skeleton(("hip L", "hip R", "knee L"), (-1, 0, 0)))
     ((0, 1),)
     """
-    joints: dict[tuple[str, str], int] = {}
-    for joint, name in enumerate(skeleton.joints):
-        joints.setdefault((joint_side(name), joint_part(name)), joint)
+    joints = named_joints(skeleton)
     paired = [part for side, part in joints if side == "left" and part in parts and ("right", part) in joints]
     return tuple((joints["left", part], joints["right", part]) for part in paired)
 
@@ -117,18 +121,19 @@ def skull_and_limbs(skeleton: Skeleton) -> tuple[list[int], list[tuple[int, int]
 # The tree
 
 
-def children(skeleton: Skeleton) -> list[list[int]]:
+def children(parents: Sequence[int]) -> list[list[int]]:
     """The joints that hang on each joint, J lists in the order of their numbers."""
-    below: list[list[int]] = [[] for _ in skeleton.joints]
-    for parent, child in skeleton.bones:
-        below[parent].append(child)
+    below: list[list[int]] = [[] for _ in parents]
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            below[parent].append(joint)
     return below
 
 
-def tree_order(skeleton: Skeleton) -> tuple[int, ...]:
+def tree_order(parents: Sequence[int]) -> tuple[int, ...]:
     """All joints, parents before children, branch by branch.
 
-    >>> tree_order(Skeleton(("toe", "knee", "hip", "hand"), (1, 2, -1, 2)))
+    >>> tree_order((1, 2, -1, 2))
     (2, 1, 0, 3)
 
     Raises
@@ -136,44 +141,33 @@ def tree_order(skeleton: Skeleton) -> tuple[int, ...]:
     ValueError
         If bones form a ring.
     """
-    below = children(skeleton)
+    below = children(parents)
     order: list[int] = []
-    waiting = [joint for joint, parent in enumerate(skeleton.parents) if parent < 0][::-1]
+    waiting = [joint for joint, parent in enumerate(parents) if parent < 0][::-1]
     while waiting:
         order.append(waiting.pop())
         waiting += below[order[-1]][::-1]
-    if len(order) < len(skeleton.joints):
-        raise ValueError(f"the skeleton's bones form a ring: {skeleton.parents}")
+    if len(order) < len(parents):
+        raise ValueError(f"parents must form a tree; the skeleton's bones form a ring: {tuple(parents)}")
     return tuple(order)
 
 
-def ancestors(parents: Sequence[int]) -> list[list[int]]:
-    """J rows of 0 and 1: entry (i, j) is 1 where j is joint i or lies between it and its root.
+def ancestors(parents: Sequence[int]) -> IntArray:
+    """(J, J) of 0 and 1: entry (i, j) is 1 where j is joint i or lies between it and its root; errors of `tree_order`.
 
-    Raises
-    ------
-    ValueError
-        If parents run in a circle.
-
-    Examples
-    --------
-    >>> ancestors((-1, 0, 1))
+    >>> ancestors((-1, 0, 1)).tolist()
     [[1, 0, 0], [1, 1, 0], [1, 1, 1]]
     """
-    rows = []
-    for joint in range(len(parents)):
-        row, above = [0] * len(parents), joint
-        while above >= 0:
-            if row[above]:
-                raise ValueError(f"parents must form a tree; joint {joint} has no root above it: {tuple(parents)}")
-            row[above], above = 1, parents[above]
-        rows.append(row)
-    return rows
+    above = np.eye(len(parents), dtype=np.int64)
+    for joint in tree_order(parents):
+        if parents[joint] >= 0:
+            above[joint] += above[parents[joint]]
+    return above
 
 
-def subtree(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
+def subtree(parents: Sequence[int], joint: int) -> tuple[int, ...]:
     """The joint and all that hangs on it, in order of their numbers."""
-    return tuple(other for other, above in enumerate(ancestors(skeleton.parents)) if above[joint])
+    return tuple(np.flatnonzero(ancestors(parents)[:, joint]).tolist())
 
 
 def joint_indices(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
@@ -226,7 +220,7 @@ def heading(
     """The direction that the dancer faces, (T,) radians from +z towards +x, without jumps.
 
     It is at a right angle to the mean line from right to left joints, seen from above. Where left and right coincide
-    the heading before goes on; it is 0 throughout where names tell no left and right.
+    the heading before goes on; it is 0 throughout without names of left and right.
 
     Parameters
     ----------
@@ -244,17 +238,17 @@ def heading(
     across = smooth((positions[:, left] - positions[:, right]).mean(axis=1)[:, [0, 2]], smoothing, fps)
     # A dancer who faces +z has the left side at +x.
     angles = np.arctan2(-across[:, 1], across[:, 0])
-    known = np.hypot(across[:, 0], across[:, 1]) > SHORTEST_ACROSS
-    if not known.any():
+    distinct = np.hypot(across[:, 0], across[:, 1]) > SHORTEST_ACROSS
+    if not distinct.any():
         return np.zeros(len(across))
-    last = np.maximum.accumulate(np.where(known, np.arange(len(across)), int(known.argmax())))
+    last = np.maximum.accumulate(np.where(distinct, np.arange(len(across)), int(distinct.argmax())))
     return np.unwrap(angles[last])
 
 
 def mean_heading(positions: FloatArray, fps: float, skeleton: Skeleton) -> float:
     """The mean `heading`, radians from +z towards +x: where a camera should stand.
 
-    0 where the joints' names tell no left and right; arbitrary for a dancer who turns on and on.
+    0 without names of left and right; arbitrary for a dancer who turns on and on.
     """
     return float(np.angle(np.exp(1j * heading(positions, fps, skeleton)).mean()))
 

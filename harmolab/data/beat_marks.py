@@ -1,6 +1,6 @@
 """Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they meet.
 
-Shapes and words tell the marks apart, colour only helps. Needs OpenCV and numpy only.
+Marks differ in shape and word, colour only helps. Needs OpenCV and numpy only.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ LIMB, JOINT, HEAD = 0.036, 0.02, 0.072  # thickness and radii in heights of the 
 
 @dataclass(frozen=True, eq=False)
 class _Camera:
-    """Where the camera stands in each frame; it looks the same way in all. Everything in metres, one picture size.
+    """The place of the camera in each frame; it looks the same way in all. Everything in metres, one picture size.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class _Camera:
         return np.array([self.width / 2, self.height / 2]) + plane * np.array([1.0, -1.0])
 
     def pixels(self, metres: float, distance: FloatArray) -> IntArray:
-        """How many pixels a length takes at distances; one at least."""
+        """Length in pixels at distances; one at least."""
         return np.maximum(1, np.rint(self.focal * metres / np.maximum(distance, 0.1))).astype(np.int64)
 
 
@@ -184,7 +184,7 @@ def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, BoolArray]:
 
 
 def _nearest_floor(camera: _Camera) -> float:
-    """How far in front of the dancer (metres along z) the floor is drawn; nearer it would be behind the camera."""
+    """End of the drawn floor, metres along z from the dancer; nearer floor would be behind the camera."""
     _, down, forward = camera.axes[2]
     return float(DISTANCE * camera.size - (FLOOR_SEEN * camera.size + down * camera.eye[0, 1]) / -forward)
 
@@ -198,7 +198,7 @@ def _draw_grid(frame: Frame, pieces: list[list[IntArray]]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """What is drawn of a skeleton: limbs first, then joints, then the head if there is one.
+    """The drawn parts of a skeleton: limbs first, then joints, then the head if there is one.
 
     Parameters
     ----------

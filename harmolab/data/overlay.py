@@ -1,4 +1,4 @@
-"""A dancer's skeleton over the video it was found in. Needs OpenCV and numpy only (and PyAV for the video's frames)."""
+"""A dancer's skeleton over the video that it comes from. Needs OpenCV, numpy, and PyAV for the video's frames."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
     Raises
     ------
     ValueError
-        For a motion in space, and where most points lie outside the picture: they were found in another one.
+        For a motion in space, and where most points lie outside the picture: they are of another one.
     """
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
@@ -79,7 +79,7 @@ def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
     if inside < LEAST_INSIDE:
         raise ValueError(
             f"{video.path}: {1 - inside:.0%} of the points lie outside its pictures of {width} x {height} pixels; "
-            "were they found in this video, at this size?"
+            "are they of this video, at this size?"
         )
     places = motion.positions * (np.array([video.width, video.height]) / unit)
     return Motion(places, motion.fps, motion.skeleton, motion.valid)
@@ -121,10 +121,10 @@ def _overlaid(
     _, limbs = skull_and_limbs(motion.skeleton)
     marks: BeatMarks | None = None
     # The motion first: zip would else read one frame too many.
-    for index, (places, seen, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
+    for index, (places, is_valid, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
         marks = marks or BeatMarks(len(frame), beats, dancer_beats)
         drawn = frame.copy()
-        if seen:
+        if is_valid:
             draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, len(frame)))
         marks.draw(drawn, index / motion.fps)
         yield drawn

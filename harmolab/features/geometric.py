@@ -30,7 +30,7 @@ from harmolab.types import BoolArray, FloatArray, Motion
 
 # The body of SMPL's mean shape, which AIST++ takes for everybody.
 _AIST_SIZES = Sizes(0.2568381092115207, 0.39084835854945527, 0.11924706586886204)
-# AIST++ motion has 60 frames per second; its code divides by the time step of 120, which fairmotion was made for.
+# AIST++ motion has 60 frames per second; its code divides by the time step of 120, as fairmotion has it.
 _AIST_RATE = 120.0
 _UPRIGHT = math.cos(math.radians(70.0))  # a spine between 70 and 110 degrees from the vertical is horizontal
 
@@ -90,7 +90,7 @@ def geometric_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fi
 def _beyond(
     points: FloatArray, table: Projections, sizes: Sizes, stride: int, *, rate: float | None = None
 ) -> BoolArray:
-    """Whether vectors, or with `rate` their changes over a sixtieth, exceed thresholds along directions, (P, T')."""
+    """True where vectors, or with `rate` their changes over a sixtieth, exceed thresholds along directions, (P, T')."""
     corners = [points[corner, :, stride:] for corner in table.normals]
     arms = [corner - corners[0] for corner in corners[1:]]
     normals = arms[0] if len(arms) == 1 else np.cross(arms[0], arms[1], axis=1)

@@ -34,7 +34,7 @@ def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDAr
     positions : (T, J, 3) array, metres, y up
     fps : float, hertz
     skeleton : Skeleton
-        The heading comes from the left and right joints of hips and shoulders, told by their names; without such names
+        The heading comes from the left and right joints of hips and shoulders, by their names; without such names
         it is 0 throughout. The root is the first joint without parent; without bones, the mean of all joints.
 
     Returns
@@ -109,7 +109,7 @@ def root_path(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArr
 
 
 def pose_of_root(positions: FloatArray, skeleton: Skeleton) -> tuple[float, float, float]:
-    """Where the root of a single frame stands and faces, so that a dance can go on from there.
+    """Place and heading of the root of a single frame, so that a dance can go on from there.
 
     Parameters
     ----------

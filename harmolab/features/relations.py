@@ -1,6 +1,6 @@
-"""What the geometric features ask of a body, as tables: points, directions, thresholds (Müller and Röder 2006).
+"""The geometric features of a body as tables: points, directions, thresholds (Müller and Röder 2006).
 
-Thresholds are told in upper arms, shoulder widths and hip widths of the dancer. The tables "aist++" are as AIST++'s
+Thresholds are in upper arms, shoulder widths and hip widths of the dancer. The tables "aist++" are as AIST++'s
 code has them; `geometric_features` says where and why they differ from the definitions.
 """
 
@@ -27,7 +27,7 @@ GEOMETRIC_FEATURES = (
 
 
 class Sizes(NamedTuple):
-    """Lengths that thresholds are told in, metres."""
+    """Lengths that thresholds are multiples of, metres."""
 
     humerus: float
     shoulders: float

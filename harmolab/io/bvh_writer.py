@@ -85,11 +85,11 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
             f"{roots} roots; save it as .npz"
         )
     try:
-        order = tree_order(skeleton)
+        order = tree_order(skeleton.parents)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     bones = _fitted(motion, order)
-    above = np.array(ancestors(skeleton.parents))
+    above = ancestors(skeleton.parents)
     scale = 100.0 if np.ptp(above @ bones.offsets, axis=0).max() > CENTIMETRES_FROM else 1.0
     with written_aside(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in _hierarchy(skeleton, order, above.sum(axis=1) - 1, bones, scale))
@@ -99,7 +99,7 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
 
 def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
     """Offsets and rotations, each fitted to where the joints above have come to lie, so that no error adds up."""
-    places, below = motion.positions, children(motion.skeleton)
+    places, below = motion.positions, children(motion.skeleton.parents)
     root = order[0]
     offsets, turns = np.zeros(places.shape[1:]), np.zeros(places.shape)
     local, reached = np.zeros(places.shape), np.zeros(places.shape)
@@ -112,13 +112,14 @@ def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
             continue
         offsets[branch] = _mean_shape(places[:, branch] - places[:, joint, None])
         # Rows times a rotation: the world's axes to the parent's.
-        seen = (places[:, branch] - reached[:, joint, None]) @ above
-        turn = _alignment(offsets[branch], seen)
-        local[:, branch], missed = seen @ turn, np.linalg.norm(seen - offsets[branch] @ turn.swapaxes(1, 2), axis=2)
+        vectors = (places[:, branch] - reached[:, joint, None]) @ above
+        turn = _alignment(offsets[branch], vectors)
+        local[:, branch] = vectors @ turn
+        missed = np.linalg.norm(vectors - offsets[branch] @ turn.swapaxes(1, 2), axis=2)
         turns[:, joint] = _angles(turn)
         for place, child in enumerate(branch):
             moving[child] = missed[:, place].max() > REACH
-            held = seen[:, place] if moving[child] else offsets[child] @ turn.swapaxes(1, 2)
+            held = vectors[:, place] if moving[child] else offsets[child] @ turn.swapaxes(1, 2)
             reached[:, child] = reached[:, joint] + (above @ held[..., None])[..., 0]
             frames[child] = above @ turn
     return _Bones(offsets, local, turns, moving)
@@ -127,7 +128,7 @@ def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
 def _mean_shape(vectors: FloatArray) -> FloatArray:
     """(C, 3): the vectors (T, C, 3) turned together and averaged, in the first frame's attitude, at their mean lengths.
 
-    Each round turns every frame onto the shape found so far (generalised Procrustes analysis).
+    Each round turns every frame onto the shape so far (generalised Procrustes analysis).
     """
     lengths = np.linalg.norm(vectors, axis=2).mean(axis=0)
     shape = vectors[0]

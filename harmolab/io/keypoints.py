@@ -139,7 +139,7 @@ def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
-    """Places (T, 33, 3), filled in where nobody was seen, and the frames (T,) in which the body was."""
+    """Places (T, 33, 3), filled in where the frame is empty, and the frames (T,) in which the body was."""
     empty = np.isnan(values).all(axis=(1, 2))
     if empty.all():
         raise ValueError(f"nobody is seen in any of its {len(values)} frames")
@@ -195,7 +195,7 @@ def _frame_files(folder: Path) -> list[Path]:
 
 
 def _dancer(frames: Sequence[Sequence[FloatArray]]) -> FloatArray:
-    """(T, J, 3) x, y, confidence of one dancer followed through frames of people (J, 3); 0 where nobody is."""
+    """(T, J, 3) x, y, confidence of one dancer followed through frames of people (J, 3); 0 in empty frames."""
     poses: list[FloatArray | None] = []
     last = None
     for people in frames:
@@ -209,7 +209,7 @@ def _dancer(frames: Sequence[Sequence[FloatArray]]) -> FloatArray:
 
 
 def _dancer_among(people: Sequence[FloatArray], previous: FloatArray | None) -> FloatArray | None:
-    """The person who is the dancer, or None if nobody is there."""
+    """The person who is the dancer, or None in an empty frame."""
     confidence = [float(pose[:, 2].mean()) for pose in people]
     if not people or max(confidence) <= 0:
         return None

@@ -1,9 +1,11 @@
 """Key points in the JSON of pose estimators: a table of layouts of many people, and MediaPipe's landmarks of one body.
 
-A row of `LAYOUTS` tells how one estimator writes people; the content of a file tells which row it is. Frames that are
-not named, between the first and the last, show nobody. MediaPipe returns objects, not files: save a list of frames, or
-``{"fps": 30.0, "aspect": 1.5, "world": false, "frames": [...]}``. A frame is a list of 33 ``{"x", "y", "z",
-"visibility"}`` (or ``{"landmarks": [...]}``), or null or an empty list where nobody was seen.
+A row of `LAYOUTS` is the way in which one estimator writes people; the content of a file decides which row it is.
+Frames that are not named, between the first and the last, are empty.
+
+MediaPipe returns objects, not files: save a list of frames, or ``{"fps": 30.0, "aspect": 1.5, "world": false,
+"frames": [...]}``. A frame is a list of 33 ``{"x", "y", "z", "visibility"}`` (or ``{"landmarks": [...]}``), or null or
+an empty list where the picture is empty.
 """
 
 from __future__ import annotations
@@ -202,7 +204,7 @@ def _pose(person: Any, layout: Layout, name: str) -> FloatArray:
 
 
 def is_landmarks(content: Any) -> bool:
-    """True for JSON like MediaPipe's: frames of landmarks with x, or frames of nobody."""
+    """True for JSON like MediaPipe's: frames of landmarks with x, or empty frames."""
     frames = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(frames, list) or not frames:
         return False
@@ -214,13 +216,13 @@ def is_landmarks(content: Any) -> bool:
 
 
 def landmarks_by_frame(content: Any) -> FloatArray:
-    """(T, 33, 4) x, y, z and visibility, NaN where nobody was seen, of content that `is_landmarks`."""
+    """(T, 33, 4) x, y, z and visibility, NaN in empty frames, of content that `is_landmarks`."""
     frames = content["frames"] if isinstance(content, dict) else content
     return np.stack([_landmarks(frame, f"frame {number}") for number, frame in enumerate(frames)])
 
 
 def _landmarks(frame: Any, name: str) -> FloatArray:
-    """One frame's (33, 4) x, y, z, visibility; NaN where nobody was seen, visibility 1 where none is written."""
+    """One frame's (33, 4) x, y, z, visibility; NaN for an empty frame, visibility 1 where none is written."""
     points, count = frame.get("landmarks") if isinstance(frame, dict) else frame, len(MEDIAPIPE_33.joints)
     if points is None or points == []:
         return np.full((count, 4), np.nan)

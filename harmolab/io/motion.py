@@ -42,6 +42,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +130,7 @@ def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[
 
 
 def _has_confidence(values: NDArray[Any]) -> bool:
-    """Whether (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
+    """True where (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
     is_pose = named_skeleton(values.shape[1]) is not None and len(values) > 0
     return bool(
         is_pose and values[..., 2].min() >= 0 and values[..., 2].max() <= 1 and np.abs(values[..., :2]).max() > 20
@@ -137,7 +138,7 @@ def _has_confidence(values: NDArray[Any]) -> bool:
 
 
 def _load_npz(path: PathLike, fps: float | None) -> Motion:
-    """Our own format, as the module's docstring tells it."""
+    """Our own format, as in the module's docstring."""
     with reading(path, "an .npz motion") as file:
         arrays = _npz_arrays(file)
         for name in ("positions", "fps"):
@@ -153,25 +154,20 @@ def _load_npz(path: PathLike, fps: float | None) -> Motion:
 
 
 def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
-    """The skeleton of an `.npz`, as far as it is told."""
-    if "joints" not in arrays and "parents" not in arrays:
-        return None
-    count = arrays["joints" if "joints" in arrays else "parents"].size
-    plain = Skeleton.unnamed(count)
-    joints = arrays["joints"].ravel().tolist() if "joints" in arrays else plain.joints
-    parents = arrays["parents"].ravel().tolist() if "parents" in arrays else plain.parents
-    return Skeleton(tuple(joints), tuple(parents))
+    """The skeleton of an `.npz`; joints without names, or without bones, where it holds one of the two only."""
+    parts = {name: tuple(arrays[name].ravel().tolist()) for name in ("joints", "parents") if name in arrays}
+    return replace(Skeleton.unnamed(len(next(iter(parts.values())))), **parts) if parts else None
 
 
 def _npz_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of an `.npz` that we know; sizes are summed before anything is unpacked."""
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        known = {name: info for name, info in members.items() if name in _MEMBERS}
-        unpacked = sum(info.file_size for info in known.values())
+        ours = {name: info for name, info in members.items() if name in _MEMBERS}
+        unpacked = sum(info.file_size for info in ours.values())
         if unpacked > MAX_BYTES or unpacked > max(_BOMB_BYTES, _BOMB_RATIO * path.stat().st_size):
             raise ValueError(f"would unpack to {unpacked} bytes from {path.stat().st_size}; refused")
-        return {name: _member(archive, info, name) for name, info in known.items()}
+        return {name: _member(archive, info, name) for name, info in ours.items()}
 
 
 def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from harmolab.skeletons import subtree
 from harmolab.types import FloatArray, Skeleton
 
 STRETCHED = 0.99  # of its length: a leg is not pulled further, since a knee snaps where a leg becomes straight
-FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not tell
+FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not show
 TINY = 1e-9  # metres
 
 
@@ -37,8 +37,8 @@ def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
     ankle = tops[0]
     knee = skeleton.parents[ankle]
     hip = skeleton.parents[knee] if knee >= 0 else -1
-    below = subtree(skeleton, ankle)
-    if hip < 0 or subtree(skeleton, knee) != (*sorted({knee, *below}),):
+    below = subtree(skeleton.parents, ankle)
+    if hip < 0 or subtree(skeleton.parents, knee) != (*sorted({knee, *below}),):
         return None
     return Leg(hip, knee, ankle, below)
 

@@ -38,7 +38,7 @@ def motion_at(motion: Motion, times: FloatArray) -> Motion:
     old = np.arange(motion.n_frames)
     positions = CubicSpline(old, parts)(frames)
     positions[:, ~is_root] = _turned(parts[:, ~is_root], positions[:, ~is_root], frames)
-    for joint in tree_order(motion.skeleton):
+    for joint in tree_order(motion.skeleton.parents):
         if not is_root[joint]:
             positions[:, joint] += positions[:, parents[joint]]
     return Motion(positions, motion.fps, motion.skeleton, motion.valid[frames.round().astype(np.int64)])
