@@ -472,6 +472,13 @@ def test_coco_key_points_of_every_layout_are_read(tmp_path: Path, content: objec
     assert motion.valid.all()
 
 
+def test_frames_of_openpose_in_one_list_are_read_in_their_order(tmp_path: Path):
+    frames = [{"people": [{"pose_keypoints_2d": person(x).ravel().tolist()}]} for x in (3, 1, 2)]
+    motion = load_motion(as_json(tmp_path / "dance.json", frames), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [3, 1, 2])
+    assert motion.skeleton == OPENPOSE_25
+
+
 def test_coco_frames_that_are_not_named_show_nobody(tmp_path: Path):
     entries = results([0, 9, 2])
     motion = load_motion(as_json(tmp_path / "dance.json", [entries[0], entries[2]]), fps=30)

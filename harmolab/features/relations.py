@@ -62,14 +62,16 @@ class Limits(NamedTuple):
     thresholds: FloatArray
 
 
-def _numbers(rows: Iterable[str]) -> IntArray:
+def point_numbers(rows: Iterable[str]) -> IntArray:
+    """Numbers of the body points in rows of P names, (P, rows)."""
     return np.array([[BODY_POINTS.index(name) for name in row.split()] for row in rows]).T
 
 
 def _projections(*rows: tuple[str, str, str, float, str]) -> Projections:
     features, normals, vectors, thresholds, sizes = zip(*rows, strict=True)
     which = [Sizes._fields.index(size) for size in sizes]
-    return Projections(_features(features), _numbers(normals), _numbers(vectors), np.array(thresholds), np.array(which))
+    ends = map(point_numbers, (normals, vectors))
+    return Projections(_features(features), *ends, np.array(thresholds), np.array(which))
 
 
 def _features(names: Iterable[str]) -> IntArray:
@@ -78,14 +80,13 @@ def _features(names: Iterable[str]) -> IntArray:
 
 def _angles(*rows: tuple[str, str, str, float]) -> Angles:
     features, first, second, bounds = zip(*rows, strict=True)
-    return Angles(
-        _features(features), _numbers(first), _numbers(second), np.cos(np.radians(bounds)), -np.sign(np.array(bounds))
-    )
+    ends = map(point_numbers, (first, second))
+    return Angles(_features(features), *ends, np.cos(np.radians(bounds)), -np.sign(np.array(bounds)))
 
 
 def _limits(*rows: tuple[str, str, float]) -> Limits:
     features, points, thresholds = zip(*rows, strict=True)
-    return Limits(_features(features), _numbers(points)[0], np.array(thresholds))
+    return Limits(_features(features), point_numbers(points)[0], np.array(thresholds))
 
 
 # Feature; a direction, from one point to another; a vector between two points; threshold and its unit. True where the

@@ -19,18 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.io import layouts
 from harmolab.io.arrays import checked_motion, read_npy
 from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, PathLike, read_json, reading
-from harmolab.io.layouts import (
-    MEDIAPIPE_33,
-    OPENPOSE,
-    entry_poses,
-    is_landmarks,
-    json_or_lines,
-    landmarks_by_frame,
-    named_skeleton,
-    people_by_frame,
-)
+from harmolab.io.layouts import MEDIAPIPE_33
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
@@ -71,11 +63,11 @@ def load_keypoints(
         if suffix == ".npy":
             with path.open("rb") as stream:
                 values = read_npy(stream, path.stat().st_size)
-        elif is_landmarks(content := json_or_lines(path)):
+        elif layouts.is_landmarks(content := layouts.json_or_lines(path)):
             about = content if isinstance(content, dict) else {}
-            values = landmarks_by_frame(content)
+            values = layouts.landmarks_by_frame(content)
         else:
-            values = _dancer(people_by_frame(content))
+            values = _dancer(layouts.people_by_frame(content))
         rate = about.get("fps") if fps is None else fps
         if rate is None:
             raise ValueError("holds key points but no frame rate; pass fps")
@@ -110,7 +102,8 @@ def keypoints_motion(
     """
     are_landmarks = values.ndim == 3 and values.shape[1] == _LANDMARKS and values.shape[2] in (3, 4)
     points = values if are_landmarks else _with_joints(values)
-    skeleton = MEDIAPIPE_33 if are_landmarks else named_skeleton(points.shape[1]) or Skeleton.unnamed(points.shape[1])
+    named = MEDIAPIPE_33 if are_landmarks else layouts.named_skeleton(points.shape[1])
+    skeleton = named or Skeleton.unnamed(points.shape[1])
     keep = joint_indices(skeleton, skeleton.joints if joints is None else joints)
     kept = skeleton_part(skeleton, keep)
     if are_landmarks:
@@ -168,7 +161,7 @@ def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) 
     frames = []
     for path in _frame_files(folder):
         with reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):
-            frames.append(entry_poses(read_json(path), OPENPOSE, "frame"))
+            frames.append(layouts.entry_poses(read_json(path), layouts.OPENPOSE, "frame"))
     try:
         return keypoints_motion(_dancer(frames), fps, joints=joints)
     except ValueError as error:

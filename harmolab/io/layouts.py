@@ -176,7 +176,7 @@ def entry_poses(entry: Any, layout: Layout, name: str) -> list[FloatArray]:
     """The people in one entry, each (J, 3) x, y, confidence; ValueError with its name where they are damaged."""
     if not layout.people and not layout.fits(entry):
         raise ValueError(f"{name} has no {layout.frame} and {layout.points}")
-    people = [entry]
+    people: Any = [entry]
     if layout.people:
         people = entry.get(layout.people) if isinstance(entry, dict) else None
     if not isinstance(people, list):
