@@ -70,8 +70,8 @@ def point_numbers(rows: Iterable[str]) -> IntArray:
 def _projections(*rows: tuple[str, str, str, float, str]) -> Projections:
     features, normals, vectors, thresholds, sizes = zip(*rows, strict=True)
     which = [Sizes._fields.index(size) for size in sizes]
-    ends = map(point_numbers, (normals, vectors))
-    return Projections(_features(features), *ends, np.array(thresholds), np.array(which))
+    directions, ends = point_numbers(normals), point_numbers(vectors)
+    return Projections(_features(features), directions, ends, np.array(thresholds), np.array(which))
 
 
 def _features(names: Iterable[str]) -> IntArray:
@@ -80,8 +80,8 @@ def _features(names: Iterable[str]) -> IntArray:
 
 def _angles(*rows: tuple[str, str, str, float]) -> Angles:
     features, first, second, bounds = zip(*rows, strict=True)
-    ends = map(point_numbers, (first, second))
-    return Angles(_features(features), *ends, np.cos(np.radians(bounds)), -np.sign(np.array(bounds)))
+    one, other = point_numbers(first), point_numbers(second)
+    return Angles(_features(features), one, other, np.cos(np.radians(bounds)), -np.sign(np.array(bounds)))
 
 
 def _limits(*rows: tuple[str, str, float]) -> Limits:
