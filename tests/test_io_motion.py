@@ -397,6 +397,13 @@ def test_openpose_missing_frame_number_is_an_error(tmp_path: Path):
         load_keypoints(folder, fps=30)
 
 
+def test_openpose_frame_number_that_is_there_twice_is_an_error(tmp_path: Path):
+    folder = write_frames(tmp_path / "frames", [[person(x)] for x in range(3)])
+    (folder / "other_1_keypoints.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"frames: has two files for frame 1: dance_0+1_keypoints\.json and other_1_"):
+        load_keypoints(folder, fps=30)
+
+
 @pytest.mark.parametrize(
     ("content", "fault"),
     [

@@ -21,6 +21,7 @@ import numpy as np
 
 from harmolab.io.arrays import checked_motion, in_metres
 from harmolab.io.errors import PathLike, read_text, reading
+from harmolab.skeletons import ancestors
 from harmolab.types import FloatArray, Motion, Skeleton
 
 _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "zrotation")
@@ -187,9 +188,7 @@ def _numbers(text: str) -> FloatArray:
 
 def _guessed_scale(joints: list[_Joint]) -> float:
     """0.01 if the rest skeleton extends over more than 3 units in any direction, else 1."""
-    rest = np.zeros((len(joints), 3))
-    for index, joint in enumerate(joints):
-        rest[index] = joint.offset + (rest[joint.parent] if joint.parent >= 0 else 0.0)
+    rest = ancestors([joint.parent for joint in joints]) @ np.array([joint.offset for joint in joints])
     return 0.01 if np.ptp(rest, axis=0).max() > 3 else 1.0
 
 

@@ -11,6 +11,7 @@ dancer of the frame before; in the first frame the most confident. `harmolab.io.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -169,22 +170,17 @@ def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) 
 
 
 def _frame_files(folder: Path) -> list[Path]:
-    """The JSON files of a folder by frame number; ValueError where a number is missing."""
-    numbered: dict[int, Path] = {}
-    for file in folder.glob("*.json"):
-        numbers = re.findall(r"\d+", file.stem.removesuffix("_keypoints"))
-        number = int(numbers[-1][-18:]) if numbers else -1
-        if number in numbered:
-            raise ValueError(f"{folder}: has two files for frame {number}: {numbered[number].name} and {file.name}")
-        if numbers:
-            numbered[number] = file
-    if not numbered:
+    """The JSON files of a folder by frame number; ValueError where a number is missing or there twice."""
+    digits = {file: re.findall(r"\d+", file.stem.removesuffix("_keypoints")) for file in folder.glob("*.json")}
+    files = sorted((int(numbers[-1][-18:]), file) for file, numbers in digits.items() if numbers)
+    if not files:
         raise ValueError(f"{folder}: holds no numbered JSON files as OpenPose writes them (name_000000000000.json)")
-    first, last = min(numbered), max(numbered)
-    if last - first + 1 != len(numbered):
-        missing = next(number for number in range(first, last) if number not in numbered)
-        raise ValueError(f"{folder}: frame {missing} is missing between {first} and {last}")
-    return [numbered[number] for number in range(first, last + 1)]
+    for (number, file), (following, other) in itertools.pairwise(files):
+        if following == number:
+            raise ValueError(f"{folder}: has two files for frame {number}: {file.name} and {other.name}")
+        if following > number + 1:
+            raise ValueError(f"{folder}: frame {number + 1} is missing between {files[0][0]} and {files[-1][0]}")
+    return [file for _, file in files]
 
 
 def _dancer(frames: Sequence[Sequence[FloatArray]]) -> FloatArray:
