@@ -16,9 +16,9 @@ from torch import Tensor
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_harmony
 from harmolab.models.losses import foot_loss, jerk_loss
-from harmolab.models.poses import ancestors
 from harmolab.models.soft_harmony import anneal, soft_harmony
 from harmolab.params import HarmonyParams
+from harmolab.skeletons import ancestors
 from harmolab.types import BeatTrack, Motion
 
 __all__ = ["harmonise"]

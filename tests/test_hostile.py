@@ -24,7 +24,7 @@ from hypothesis.extra import numpy as hnp
 from harmolab.data.check import check
 from harmolab.data.folders import load_any_motion, load_sequence
 from harmolab.data.tang2018 import load_config
-from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_motion, load_openpose
+from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_keypoints, load_motion
 from harmolab.io.pickles import read_array_pickle
 from harmolab.types import Audio, BeatTrack, Motion, Skeleton
 
@@ -231,7 +231,7 @@ def arrays_of(path: Path) -> list[np.ndarray]:
     """Every array that reading a file gives."""
     name = path.name
     if path.parent.name == "frames":
-        motion = load_openpose(path.parent, fps=25)
+        motion = load_keypoints(path.parent, fps=25)
         return [motion.positions]
     if name.startswith("sound."):
         info, part = audio_info(path), load_audio(path, start=0.0, duration=0.05, sample_rate=None)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres
 from harmolab.io.errors import PathLike, reading
-from harmolab.io.keypoints import COCO_17
+from harmolab.io.layouts import COCO_17
 from harmolab.types import Motion
 
 __all__ = ["AIST_FPS", "is_aist_name", "load_aist", "read_array_pickle"]

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from harmolab.types import Motion, Skeleton
+from harmolab.skeletons import tree_order
+from harmolab.types import Motion
 
 __all__ = ["motion_at"]
 
@@ -37,8 +38,9 @@ def motion_at(motion: Motion, times: FloatArray) -> Motion:
     old = np.arange(motion.n_frames)
     positions = CubicSpline(old, parts)(frames)
     positions[:, ~is_root] = _turned(parts[:, ~is_root], positions[:, ~is_root], frames)
-    for joint in _from_the_root(motion.skeleton):
-        positions[:, joint] += positions[:, parents[joint]]
+    for joint in tree_order(motion.skeleton.parents):
+        if not is_root[joint]:
+            positions[:, joint] += positions[:, parents[joint]]
     return Motion(positions, motion.fps, motion.skeleton, motion.valid[frames.round().astype(np.int64)])
 
 
@@ -55,16 +57,3 @@ def _turned(bones: FloatArray, splined: FloatArray, frames: FloatArray) -> Float
     directions = np.where(lost[..., None], nearest, splined)
     norms = np.linalg.norm(directions, axis=2)
     return directions * (wanted / np.where(norms > 0, norms, 1.0))[..., None]
-
-
-def _from_the_root(skeleton: Skeleton) -> list[int]:
-    """Joints that have a parent, each after its parent."""
-    placed = {joint for joint, parent in enumerate(skeleton.parents) if parent < 0}
-    order: list[int] = []
-    while len(placed) < len(skeleton.parents):
-        ready = [j for j, parent in enumerate(skeleton.parents) if j not in placed and parent in placed]
-        if not ready:
-            raise ValueError(f"the skeleton's bones form a ring: {skeleton.parents}")
-        order += ready
-        placed.update(ready)
-    return order

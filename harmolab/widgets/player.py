@@ -18,17 +18,16 @@ import soundfile
 from numpy.typing import NDArray
 
 from harmolab.beats.visual import motion_curve
-from harmolab.features.poses import mean_heading, skull_and_limbs
 from harmolab.io.aside import written_aside
-from harmolab.kinematics import resample_motion, smooth, upsample_motion
+from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.params import HarmonyParams
+from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height
 from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
 
 __all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
 
 TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
-FOLLOW = 0.8  # seconds over which the camera's way is smoothed
 LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
 LEVELS = 65535  # steps of a number in the page
@@ -234,8 +233,7 @@ def _movement(motion: Motion) -> dict[str, Any]:
 def _on_floor(positions: FloatArray, fps: float) -> tuple[FloatArray, FloatArray, float]:
     """(positions with the floor at y = 0, the camera's way over it (T, 2), the dancer's height)."""
     low = float(np.percentile(positions[..., 1].min(axis=1), 2))
-    height = float(np.percentile(np.ptp(positions[..., 1], axis=1), 90))
-    way = smooth(positions.mean(axis=1)[:, [0, 2]], FOLLOW, fps)
+    height, way = standing_height(positions), camera_way(positions, fps)[:, [0, 2]]
     size = max(height, 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
     return positions - np.array([0.0, low, 0.0]), way, size
 
