@@ -14,7 +14,7 @@ import pytest
 
 from harmolab.beats.meter import meter_units
 from harmolab.data.clips import load_units, meter_spans, sequence_units, split_units
-from harmolab.data.folders import Sequence
+from harmolab.data.folders import Recording
 from harmolab.data.groups import Segment
 from harmolab.data.synthetic import write_corpus
 from harmolab.features.audio import audio_features
@@ -36,20 +36,20 @@ def track(strengths: list[float] | np.ndarray) -> BeatTrack:
 
 
 @pytest.fixture
-def danced(swinging_arm: Callable[..., Motion], click_track: Callable[..., Audio]) -> Callable[..., Sequence]:
+def danced(swinging_arm: Callable[..., Motion], click_track: Callable[..., Audio]) -> Callable[..., Recording]:
     """`danced()`: an arm that swings at 20 fps from second 2 on; beats every half second are written down.
 
     The music is silent then, so that all beats are equal and no accents make a meter. Without annotation it clicks.
     """
 
-    def build(*, seconds: float = 12.0, offset: float = 2.0, annotated: bool = True, valid=None, units=()) -> Sequence:
+    def build(*, seconds: float = 12.0, offset: float = 2.0, annotated: bool = True, valid=None, units=()) -> Recording:
         motion = swinging_arm(1.0, 20.0, seconds=seconds)
         if valid is not None:
             motion = replace(motion, valid=valid(np.arange(motion.n_frames) / motion.fps))
         audio = Audio(np.zeros(16 * 22050), 22050.0) if annotated else click_track(120, seconds=16.0)
         annotation = BeatAnnotation(np.arange(0, 16, 0.5), units=units, meter=4)
         clip = Clip("arm", audio, motion, offset, beats=annotation.track(16.0), dance="cha-cha")
-        return Sequence(clip, annotation if annotated else None, Path("corpus/arm"))
+        return Recording(clip, annotation if annotated else None, Path("corpus/arm"))
 
     return build
 
@@ -102,7 +102,7 @@ def test_seven_intervals_are_two_spans_where_units_are_that_short():
 # Units of a sequence
 
 
-def test_a_unit_is_a_meter_and_the_beats_that_fill_it_up(danced: Callable[..., Sequence]):
+def test_a_unit_is_a_meter_and_the_beats_that_fill_it_up(danced: Callable[..., Recording]):
     units = sequence_units(danced(), PARAMS)
     # 25 beats fall into the motion (2.0 to 14.0 s): six meters of four, the first of which has nothing before it.
     assert [unit.name.rpartition(":")[2] for unit in units] == ["0+4+4", "4+4+4", "8+4+4", "12+4+4", "16+4+4"]
@@ -115,7 +115,7 @@ def test_a_unit_is_a_meter_and_the_beats_that_fill_it_up(danced: Callable[..., S
     }
 
 
-def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable[..., Sequence]):
+def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable[..., Recording]):
     sequence = danced(annotated=False)
     unit = sequence_units(sequence, PARAMS)[-1]
     motion = resample_motion(sequence.clip.motion, PARAMS.fps)
@@ -127,7 +127,7 @@ def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable
     np.testing.assert_allclose(unit.audio, heard, rtol=1e-5, atol=1e-4)
 
 
-def test_without_annotation_beats_are_tracked(danced: Callable[..., Sequence]):
+def test_without_annotation_beats_are_tracked(danced: Callable[..., Recording]):
     units = sequence_units(danced(annotated=False), PARAMS)
     assert len(units) >= 3
     for unit in units:
@@ -135,7 +135,7 @@ def test_without_annotation_beats_are_tracked(danced: Callable[..., Sequence]):
         assert (unit.strengths > 0).all()
 
 
-def test_beats_between_frames_fall_to_the_frame_before(danced: Callable[..., Sequence]):
+def test_beats_between_frames_fall_to_the_frame_before(danced: Callable[..., Recording]):
     # Frames at 2.03, 2.13 ...: the beat at 2.5 is .07 s after its frame, and half a frame of grace admits that at 2.0.
     units = sequence_units(danced(offset=2.03), PARAMS)
     assert [round(unit.start, 6) for unit in units[:2]] == [2.03, 3.93]
@@ -144,7 +144,7 @@ def test_beats_between_frames_fall_to_the_frame_before(danced: Callable[..., Seq
 
 
 @pytest.mark.parametrize(("offset", "seconds"), [(2.0, 12.0), (2.03, 11.9), (0.26, 7.77), (3.01, 12.98)])
-def test_units_lie_within_motion_and_music(danced: Callable[..., Sequence], offset: float, seconds: float):
+def test_units_lie_within_motion_and_music(danced: Callable[..., Recording], offset: float, seconds: float):
     sequence = danced(offset=offset, seconds=seconds)
     units = sequence_units(sequence, PARAMS, step=1)
     assert units
@@ -156,17 +156,17 @@ def test_units_lie_within_motion_and_music(danced: Callable[..., Sequence], offs
         assert (np.diff(unit.index) <= 0).all()
 
 
-def test_meters_tile_the_time_without_gap_or_overlap(danced: Callable[..., Sequence]):
+def test_meters_tile_the_time_without_gap_or_overlap(danced: Callable[..., Recording]):
     units = sequence_units(danced(offset=2.03), PARAMS)
     for one, other in pairwise(units):
         assert other.meter_start == pytest.approx(one.end)
 
 
-def test_a_motion_too_short_for_a_unit_has_none(danced: Callable[..., Sequence]):
+def test_a_motion_too_short_for_a_unit_has_none(danced: Callable[..., Recording]):
     assert sequence_units(danced(seconds=3.9), PARAMS, step=1) == []
 
 
-def test_additional_units_start_at_every_step_th_beat(danced: Callable[..., Sequence]):
+def test_additional_units_start_at_every_step_th_beat(danced: Callable[..., Recording]):
     units = sequence_units(danced(), PARAMS, step=2)
     extras = [unit for unit in units if unit.extra]
     # Starts 0, 2 ... 16 leave eight beats and the one that ends them; 0, 4 ... 16 are there already.
@@ -175,12 +175,12 @@ def test_additional_units_start_at_every_step_th_beat(danced: Callable[..., Sequ
 
 
 @pytest.mark.parametrize("step", [0, -2])
-def test_a_step_that_leads_nowhere_is_refused(danced: Callable[..., Sequence], step: int):
+def test_a_step_that_leads_nowhere_is_refused(danced: Callable[..., Recording], step: int):
     with pytest.raises(ValueError, match=f"step must be a positive number of beats, got {step}"):
         sequence_units(danced(), PARAMS, step=step)
 
 
-def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..., Sequence]):
+def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..., Recording]):
     # A splice of .3 s costs four or five frames of forty.
     spliced = sequence_units(danced(valid=lambda time: (time < 3.0) | (time > 3.25)), PARAMS)
     assert [unit.start for unit in spliced] == [2.0, 4.0, 6.0, 8.0, 10.0]
@@ -189,7 +189,7 @@ def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..
     assert [unit.start for unit in broken] == [6.0, 8.0, 10.0]
 
 
-def test_beats_minutes_apart_make_no_unit(danced: Callable[..., Sequence]):
+def test_beats_minutes_apart_make_no_unit(danced: Callable[..., Recording]):
     sequence = danced()
     music = BeatTrack(np.arange(12) * 60.0, np.ones(12), 100.0, 1000.0)
     motion = replace(sequence.clip.motion, fps=0.5)
@@ -198,20 +198,20 @@ def test_beats_minutes_apart_make_no_unit(danced: Callable[..., Sequence]):
     assert sequence_units(replace(sequence, clip=clip, annotation=slow), FeatureParams(fps=0.5, n_mfcc=4)) == []
 
 
-def test_a_unit_names_the_groups_that_it_and_its_meter_touch(danced: Callable[..., Sequence]):
+def test_a_unit_names_the_groups_that_it_and_its_meter_touch(danced: Callable[..., Recording]):
     figures = [Segment(2.0, 4.0, "box"), Segment(4.0, 7.0, "turn"), Segment(7.0, 14.0, "walk")]
     units = sequence_units(danced(), PARAMS, segments=figures)
     assert [sorted(unit.groups) for unit in units[:3]] == [["box", "turn"], ["turn", "walk"], ["turn", "walk"]]
     assert [sorted(unit.meter_groups) for unit in units[:3]] == [["turn"], ["turn", "walk"], ["walk"]]
 
 
-def test_without_segments_groups_are_the_annotated_figures(danced: Callable[..., Sequence]):
+def test_without_segments_groups_are_the_annotated_figures(danced: Callable[..., Recording]):
     figures = (Unit("a", 2.0, 8.0, 12, "box"), Unit("b", 8.0, 14.0, 12, "turn"))
     units = sequence_units(danced(units=figures), PARAMS)
     assert [sorted(unit.groups) for unit in units] == [["box"], ["box"], ["box", "turn"], ["turn"], ["turn"]]
 
 
-def test_motion_in_a_picture_is_refused(danced: Callable[..., Sequence]):
+def test_motion_in_a_picture_is_refused(danced: Callable[..., Recording]):
     sequence = danced()
     flat = replace(sequence.clip.motion, positions=sequence.clip.motion.positions[..., :2])
     with pytest.raises(ValueError, match="corpus/arm: needs a motion in three dimensions"):

@@ -12,14 +12,14 @@ from harmolab import __version__
 from harmolab.cli.common import PAGES, CountBar, check_out, plain_errors
 
 if TYPE_CHECKING:
-    from harmolab.own_dance import OwnDance, Recording
+    from harmolab.own_dance import OwnDance, Performance
     from harmolab.params import HarmonyParams
 
 __all__ = ["explain"]
 
 
 class _Wishes(TypedDict):
-    """What `harmolab.own_dance.explain_recording` is told."""
+    """What `harmolab.own_dance.explain_performance` is told."""
 
     offset: float | None
     guess: float | None
@@ -95,26 +95,26 @@ def explain(
         typer.echo(f"wrote {out}")
 
 
-def _read(path: Path, fps: float | None, joints: str) -> Recording:
+def _read(path: Path, fps: float | None, joints: str) -> Performance:
     """The recording, with a count of pictures where it is a video."""
-    from harmolab.own_dance import load_recording
+    from harmolab.own_dance import load_performance
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) or None
     bar = CountBar("reading the pictures")
     try:
-        return load_recording(path, fps=fps, joints=names, progress=lambda done: bar(done, 0))
+        return load_performance(path, fps=fps, joints=names, progress=lambda done: bar(done, 0))
     finally:
         bar.bar.close()
 
 
-def _told(song: Path, recording: Recording, beats: Path | None, wishes: _Wishes) -> OwnDance:
+def _told(song: Path, recording: Performance, beats: Path | None, wishes: _Wishes) -> OwnDance:
     """The recording beside its song, with the annotated beats where a file of them is named."""
     from rich.console import Console
 
     from harmolab.io.beats import load_annotation
     from harmolab.io.video_sound import load_sound
-    from harmolab.own_dance import explain_recording
+    from harmolab.own_dance import explain_performance
 
     track = None if beats is None else load_annotation(beats).track(load_sound(song).duration)
     with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
-        return explain_recording(song, recording, beats=track, **wishes)
+        return explain_performance(song, recording, beats=track, **wishes)

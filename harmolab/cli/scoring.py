@@ -79,13 +79,13 @@ def read_clip(
     audio: Path, motion: Path, start: float | None, duration: float | None, fps: float | None, beats: Path | None
 ) -> Clip:
     """The clip that the arguments of `score` describe."""
-    from harmolab.data.folders import load_any_motion, told_start
+    from harmolab.data.folders import load_any_motion, recorded_offset
     from harmolab.io.beats import load_annotation
     from harmolab.io.video_sound import load_sound
     from harmolab.types import Clip
 
     sound, moves = load_sound(audio), load_any_motion(motion, fps=fps)
-    start = told_start(motion) if start is None else start
+    start = recorded_offset(motion) if start is None else start
     if duration is not None:
         moves = moves.span(0.0, duration)
     track = None

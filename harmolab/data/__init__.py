@@ -2,23 +2,23 @@
 
 from harmolab.data.check import Finding, check
 from harmolab.data.folders import (
-    Found,
     Problem,
-    Sequence,
-    find_sequences,
-    iter_sequences,
+    Recording,
+    RecordingFolders,
+    find_recordings,
+    iter_recordings,
     load_any_motion,
-    load_sequence,
+    load_recording,
 )
 
 __all__ = [
     "Finding",
-    "Found",
     "Problem",
-    "Sequence",
+    "Recording",
+    "RecordingFolders",
     "check",
-    "find_sequences",
-    "iter_sequences",
+    "find_recordings",
+    "iter_recordings",
     "load_any_motion",
-    "load_sequence",
+    "load_recording",
 ]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from harmolab.data import tang2018
-from harmolab.data.folders import find_sequences, load_any_motion, load_sequence
+from harmolab.data.folders import find_recordings, load_any_motion, load_recording
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation
 from harmolab.io.errors import PathLike
@@ -84,7 +84,7 @@ def check(path: PathLike) -> list[Finding]:
         raise FileNotFoundError(f"{path}: no such file or folder")
     if not path.is_dir():
         return [_guarded(_file, path)]
-    found = find_sequences(path)
+    found = find_recordings(path)
     rows = [_guarded(_sequence, folder) for folder in found.folders]
     rows += [Finding(str(problem.folder), "unreadable", odd=(problem.message,)) for problem in found.problems]
     taken = {*found.folders, *(problem.folder for problem in found.problems)}
@@ -212,7 +212,7 @@ def _motion_row(path: Path, motion: Motion) -> Finding:
 
 def _sequence(folder: Path) -> Finding:
     """The row of a sequence folder."""
-    sequence = load_sequence(folder, sample_rate=None)
+    sequence = load_recording(folder, sample_rate=None)
     clip, motion = sequence.clip, sequence.clip.motion
     if motion is None:
         raise ValueError(f"{folder}: has no motion")

@@ -6,8 +6,7 @@ as in `harmolab.features.poses`. Everything is numpy, at the rate of `FeaturePar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from collections.abc import Sequence as Many
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.meter import meter_units
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Sequence, find_sequences, load_sequence
+from harmolab.data.folders import Recording, find_recordings, load_recording
 from harmolab.data.groups import Outline, Segment, group_outlines, motion_groups, outline
 from harmolab.data.splits import Split, split_units
 from harmolab.data.units import Batch, DanceUnit, UnitSet, collate
@@ -110,17 +109,17 @@ class _Coded:
 
 
 def sequence_units(
-    sequence: Sequence,
+    sequence: Recording,
     params: FeatureParams,
     *,
     step: int | None = None,
-    segments: Many[Segment] | None = None,
+    segments: Sequence[Segment] | None = None,
 ) -> list[DanceUnit]:
     """The units of one sequence: one for each meter that has motion and enough beats before it.
 
     Parameters
     ----------
-    sequence : Sequence
+    sequence : Recording
         Annotated beats are used where there are any, else beats tracked with the dance's tempo as prior.
     params : FeatureParams
     step : int or None
@@ -154,7 +153,7 @@ def _extra_spans(track: BeatTrack, params: FeatureParams, step: int) -> set[tupl
     return {(start + before, EXTRA_METER) for start in range(0, len(track) - params.unit_beats, step)}
 
 
-def _resampled(sequence: Sequence, params: FeatureParams) -> Motion:
+def _resampled(sequence: Recording, params: FeatureParams) -> Motion:
     """The motion of a sequence at the rate of the features; ValueError without one in three dimensions."""
     motion = sequence.clip.motion
     if motion is None or motion.positions.shape[2] != 3:
@@ -162,7 +161,7 @@ def _resampled(sequence: Sequence, params: FeatureParams) -> Motion:
     return resample_motion(motion, params.fps)
 
 
-def _coded(sequence: Sequence, params: FeatureParams) -> _Coded:
+def _coded(sequence: Recording, params: FeatureParams) -> _Coded:
     """Features and motion code of every frame of a sequence, and the beats that fall into the motion."""
     clip, annotation, motion = sequence.clip, sequence.annotation, _resampled(sequence, params)
     track = music_beats(sequence, "annotated" if annotation is not None and annotation.times.size else "tracked")
@@ -181,7 +180,7 @@ def _coded(sequence: Sequence, params: FeatureParams) -> _Coded:
     )
 
 
-def _name(sequence: Sequence) -> str:
+def _name(sequence: Recording) -> str:
     """Corpus folder and sequence folder."""
     folder = sequence.folder.resolve()
     return f"{folder.parent.name}/{folder.name}"
@@ -218,7 +217,7 @@ def _unit(coded: _Coded, span: tuple[int, int], params: FeatureParams, *, extra:
     )
 
 
-def _grouped(unit: DanceUnit, segments: Many[Segment]) -> DanceUnit:
+def _grouped(unit: DanceUnit, segments: Sequence[Segment]) -> DanceUnit:
     """`unit` with the motion groups that it and its meter touch; a frame's overlap is rounding, not touching."""
     rounding = 1.0 / unit.fps + 1e-6
 
@@ -258,7 +257,7 @@ def load_units(
     read: list[_Read] = []
     for folder in progress(folders, "reading sequences") if progress else folders:
         try:
-            read.append(_read(load_sequence(folder), params, step))
+            read.append(_read(load_recording(folder), params, step))
         except (ValueError, FileNotFoundError) as error:
             notes.append(str(error))
     _check_bodies(read)
@@ -283,7 +282,7 @@ class _Read(NamedTuple):
     n_frames: int
 
 
-def _read(sequence: Sequence, params: FeatureParams, step: int | None) -> _Read:
+def _read(sequence: Recording, params: FeatureParams, step: int | None) -> _Read:
     """One sequence cut up."""
     motion = _resampled(sequence, params)
     return _Read(
@@ -296,7 +295,7 @@ def _read(sequence: Sequence, params: FeatureParams, step: int | None) -> _Read:
     )
 
 
-def _check_bodies(read: Many[_Read]) -> None:
+def _check_bodies(read: Sequence[_Read]) -> None:
     """ValueError, naming two folders, unless all skeletons are equal."""
     for item in read[1:]:
         if item.skeleton != read[0].skeleton:
@@ -311,7 +310,7 @@ def _folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
     folders: dict[Path, Path] = {}
     notes = []
     for root in roots:
-        found = find_sequences(root)
+        found = find_recordings(root)
         notes += [problem.message for problem in found.problems]
         folders |= {folder.resolve(): folder for folder in found.folders if folder.resolve() not in folders}
     fast = [path for path in folders if path.name == TOO_FAST and not (path / "beats.json").is_file()]

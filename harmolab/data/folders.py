@@ -26,15 +26,15 @@ from harmolab.io.motion import load_motion
 from harmolab.types import Clip, Motion
 
 __all__ = [
-    "Found",
     "Problem",
-    "Sequence",
-    "find_sequences",
-    "iter_sequences",
+    "Recording",
+    "RecordingFolders",
+    "find_recordings",
+    "iter_recordings",
     "load_any_motion",
-    "load_sequence",
+    "load_recording",
     "missing_parts",
-    "told_start",
+    "recorded_offset",
 ]
 
 _MAX_DEPTH = 4
@@ -42,7 +42,7 @@ _PARTS = ("skeletons.json", "config.json", "motion.npz")
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class Recording:
     """One folder, read: the clip, what was annotated (None without beats.json), and where it lies."""
 
     clip: Clip
@@ -57,14 +57,14 @@ class Problem(NamedTuple):
     message: str
 
 
-class Found(NamedTuple):
+class RecordingFolders(NamedTuple):
     """Folders that hold a whole sequence, in natural order, and those that hold only parts of one."""
 
     folders: tuple[Path, ...]
     problems: tuple[Problem, ...]
 
 
-def find_sequences(root: PathLike) -> Found:
+def find_recordings(root: PathLike) -> RecordingFolders:
     """The sequence folders at or below `root`; nothing is read yet.
 
     Raises
@@ -85,7 +85,7 @@ def find_sequences(root: PathLike) -> Found:
             problems.append(Problem(folder, f"{folder}: has no {' and no '.join(missing)}"))
         else:
             folders.append(folder)
-    return Found(tuple(folders), tuple(problems))
+    return RecordingFolders(tuple(folders), tuple(problems))
 
 
 def _folders_with_parts(root: Path) -> list[Path]:
@@ -117,7 +117,7 @@ def missing_parts(folder: PathLike) -> list[str]:
     return missing
 
 
-def iter_sequences(
+def iter_recordings(
     root: PathLike,
     *,
     sample_rate: float | None = 22050.0,
@@ -125,23 +125,23 @@ def iter_sequences(
     points: int = 23,
     travel: bool = True,
     ground: bool = True,
-) -> Iterator[Sequence | Problem]:
+) -> Iterator[Recording | Problem]:
     """Every sequence at or below `root`, one in memory at a time; a Problem in place of each that cannot be read.
 
-    Parameters are those of `load_sequence`.
+    Parameters are those of `load_recording`.
     """
-    found = find_sequences(root)
+    found = find_recordings(root)
     yield from found.problems
     for folder in found.folders:
         try:
-            yield load_sequence(
+            yield load_recording(
                 folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
             )
         except (ValueError, FileNotFoundError) as error:
             yield Problem(folder, str(error))
 
 
-def load_sequence(
+def load_recording(
     folder: PathLike,
     *,
     sample_rate: float | None = 22050.0,
@@ -149,7 +149,7 @@ def load_sequence(
     points: int = 23,
     travel: bool = True,
     ground: bool = True,
-) -> Sequence:
+) -> Recording:
     """One sequence folder: the clip with its annotated beats, and the annotation.
 
     Parameters
@@ -175,10 +175,10 @@ def load_sequence(
     if (folder / "motion.npz").is_file():
         clip = _own_layout(folder, annotation, sample_rate)
     else:
-        clip = tang2018.load_sequence(
+        clip = tang2018.load_recording(
             folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
         )
-    return Sequence(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
+    return Recording(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
 
 
 def _own_layout(folder: Path, annotation: BeatAnnotation | None, sample_rate: float | None) -> Clip:
@@ -207,7 +207,7 @@ def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
     return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
 
 
-def told_start(path: PathLike) -> float | None:
+def recorded_offset(path: PathLike) -> float | None:
     """Audio time (seconds) of a motion's first frame, as its sequence's folder tells it; None where nothing does.
 
     Parameters

@@ -8,8 +8,7 @@ brought to the same number of poses, so that a figure danced faster is still tha
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
-from collections.abc import Sequence as Many
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harmolab.data.folders import Sequence
+from harmolab.data.folders import Recording
 from harmolab.features.poses import encode_motion
 from harmolab.types import Motion
 
@@ -60,7 +59,7 @@ class Outline(NamedTuple):
     poses: NDArray[np.float32]
 
 
-def motion_groups(sequences: Iterable[Sequence]) -> list[list[Segment]]:
+def motion_groups(sequences: Iterable[Recording]) -> list[list[Segment]]:
     """For every sequence the stretches of its motion and their motion groups, in order and without gaps.
 
     Figures of `beats.json` are groups. Without them the motion is cut where it is spliced (`Motion.valid` is False),
@@ -74,7 +73,7 @@ def motion_groups(sequences: Iterable[Sequence]) -> list[list[Segment]]:
     return group_outlines([outline(sequence) for sequence in sequences])
 
 
-def outline(sequence: Sequence) -> Outline:
+def outline(sequence: Recording) -> Outline:
     """The stretches of one sequence, so that the sequence itself need not be kept.
 
     Raises
@@ -95,7 +94,7 @@ def outline(sequence: Sequence) -> Outline:
     )
 
 
-def _named_stretches(sequence: Sequence, motion: Motion) -> tuple[FloatArray, tuple[str, ...]]:
+def _named_stretches(sequence: Recording, motion: Motion) -> tuple[FloatArray, tuple[str, ...]]:
     """Edges and figures of the annotated units; each lasts to the next, the first and last to the motion's ends."""
     start, end = sequence.clip.offset, sequence.clip.offset + motion.duration
     units = sequence.annotation.units if sequence.annotation else ()
@@ -127,7 +126,7 @@ def _poses(motion: Motion, edges: FloatArray) -> NDArray[np.float32]:
     return poses
 
 
-def group_outlines(outlines: Many[Outline]) -> list[list[Segment]]:
+def group_outlines(outlines: Sequence[Outline]) -> list[list[Segment]]:
     """The motion groups of sequences given by their outlines; see `motion_groups`.
 
     Raises
@@ -142,7 +141,7 @@ def group_outlines(outlines: Many[Outline]) -> list[list[Segment]]:
     ]
 
 
-def _group_names(outlines: Many[Outline]) -> list[str]:
+def _group_names(outlines: Sequence[Outline]) -> list[str]:
     """The group of every stretch, sequence by sequence."""
     groups = [figure for item in outlines for figure in item.figures]
     if all(groups):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence as Many
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,13 +103,13 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
 class _Table:
     """Units of one dance and the groups they touch: (U, G) incidence of the whole unit, and of its meter."""
 
-    units: Many[DanceUnit]
+    units: Sequence[DanceUnit]
     groups: list[str]
     touches: BoolArray
     meters: BoolArray
 
     @classmethod
-    def of(cls, units: Many[DanceUnit]) -> _Table:
+    def of(cls, units: Sequence[DanceUnit]) -> _Table:
         groups = sorted({group for unit in units for group in unit.groups})
         touches = np.array([[group in unit.groups for group in groups] for unit in units], dtype=bool)
         meters = np.array([[group in unit.meter_groups for group in groups] for unit in units], dtype=bool)

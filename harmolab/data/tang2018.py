@@ -38,7 +38,7 @@ __all__ = [
     "dance_of",
     "find_audio",
     "load_config",
-    "load_sequence",
+    "load_recording",
     "load_skeletons",
     "on_the_floor",
     "splice_steps",
@@ -89,7 +89,7 @@ def find_audio(folder: PathLike) -> Path:
     raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg or .mp3")
 
 
-def load_sequence(
+def load_recording(
     folder: PathLike,
     *,
     sample_rate: float | None = 22050.0,

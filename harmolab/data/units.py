@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from collections.abc import Sequence as Many
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -156,7 +155,7 @@ class Batch:
     beat_mask: SingleArray
 
 
-def collate(units: Many[DanceUnit]) -> Batch:
+def collate(units: Sequence[DanceUnit]) -> Batch:
     """A batch of units, padded to the longest.
 
     Raises
@@ -179,7 +178,7 @@ def collate(units: Many[DanceUnit]) -> Batch:
     )
 
 
-def _stacked(arrays: Many[NDArray[Any]], fill: float | None = None) -> SingleArray:
+def _stacked(arrays: Sequence[NDArray[Any]], fill: float | None = None) -> SingleArray:
     """Arrays (L, ...) of different lengths as one, (N, longest, ...); filled up with `fill` or the last entry."""
     longest = max(len(array) for array in arrays)
     table = np.zeros((len(arrays), longest, *arrays[0].shape[1:]), dtype=np.float32)

@@ -16,7 +16,7 @@ from harmolab.beats.meter import strong_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.data import folders as disk
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Problem, find_sequences, iter_sequences, load_sequence
+from harmolab.data.folders import Problem, find_recordings, iter_recordings, load_recording
 from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.harmony import hit_mask
 from harmolab.io.cache import cache_folder
@@ -35,7 +35,7 @@ __all__ = [
     "excerpt",
     "pattern_of_study",
     "strong_by_place",
-    "study_sequences",
+    "study_recordings",
     "synthetic_corpus",
 ]
 
@@ -80,12 +80,12 @@ def corpus_folders(profile: RunProfile) -> dict[str, Path]:
     if root is None:
         return {"synthetic": synthetic_corpus(profile)}
     below = [folder for folder in sorted(root.iterdir()) if folder.is_dir()]
-    corpora = {folder.name: folder for folder in below if find_sequences(folder).folders}
-    is_corpus = any(folder.parent == root for folder in find_sequences(root).folders)
+    corpora = {folder.name: folder for folder in below if find_recordings(folder).folders}
+    is_corpus = any(folder.parent == root for folder in find_recordings(root).folders)
     return {root.name: root} if is_corpus or not corpora else corpora
 
 
-def study_sequences(profile: RunProfile, corpus: str | None = None) -> Iterator[disk.Sequence]:
+def study_recordings(profile: RunProfile, corpus: str | None = None) -> Iterator[disk.Recording]:
     """Readable sequences of one corpus (default: the first), one in memory at a time, as many as the profile takes.
 
     A smaller number is spread over the corpus, so that every dance is there.
@@ -99,17 +99,17 @@ def study_sequences(profile: RunProfile, corpus: str | None = None) -> Iterator[
     name = corpus or next(iter(folders))
     if name not in folders:
         raise ValueError(f"there is no corpus {name!r}; there are {', '.join(folders)}")
-    found = find_sequences(folders[name]).folders
+    found = find_recordings(folders[name]).folders
     count = len(found) if profile.n_sequences is None else min(profile.n_sequences, len(found))
     if name == "synthetic":
         count = len(found)
     for index in range(count):
-        yield load_sequence(found[index * len(found) // count])
+        yield load_recording(found[index * len(found) // count])
 
 
-def readable_sequences(root: Path) -> Iterator[disk.Sequence]:
+def readable_recordings(root: Path) -> Iterator[disk.Recording]:
     """Every sequence of a corpus that can be read."""
-    return (item for item in iter_sequences(root) if not isinstance(item, Problem))
+    return (item for item in iter_recordings(root) if not isinstance(item, Problem))
 
 
 def clip_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0, beats: str = "tracked") -> Clip:
@@ -138,16 +138,16 @@ def clip_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float
     return excerpt(_first_of_dance(profile, dance, seconds), seconds, beats)
 
 
-def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> disk.Sequence:
+def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> disk.Recording:
     """The sequence `clip_of_study` cuts from."""
     if data_root() is None:
         settings = ClipSettings(
             dance, 3 * seconds, jitter=0.05, omission=0.15, redundancy=0.15, noise=0.004, seed=profile.seed
         )
         planted = planted_clip(settings)
-        return disk.Sequence(planted.clip, planted.annotation, Path(planted.clip.name))
+        return disk.Recording(planted.clip, planted.annotation, Path(planted.clip.name))
     first = None
-    for sequence in study_sequences(profile):
+    for sequence in study_recordings(profile):
         first = first or sequence
         if sequence.clip.dance == dance:
             return sequence
@@ -156,7 +156,7 @@ def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> disk.Seq
     return first
 
 
-def excerpt(sequence: disk.Sequence, seconds: float, beats: str = "tracked") -> Clip:
+def excerpt(sequence: disk.Recording, seconds: float, beats: str = "tracked") -> Clip:
     """`seconds` from the middle of a sequence as a clip that starts at 0 s, with its music beats; as `clip_of_study`.
 
     Raises
@@ -196,7 +196,7 @@ def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: fl
     own = cut_parts(shown, "annotated", None, settings)
     near = [part for part in own if part.start < start + seconds and start < part.start + part.duration]
     judged = replace(near[0], figures=frozenset().union(*(part.figures for part in near)))
-    others = (item for item in readable_sequences(shown.folder.parent) if item.folder != shown.folder)
+    others = (item for item in readable_recordings(shown.folder.parent) if item.folder != shown.folder)
     annotated = (item for item in others if item.annotation is not None and item.clip.dance == shown.clip.dance)
     pieces = [part for item in annotated for part in cut_parts(item, "annotated", None, settings)]
     return learn_patterns([judged], pieces)[0]
@@ -273,7 +273,7 @@ def beat_agreement(
     """
     asked = list(product(detectors, delays))
     found = {key: Agreement(0, 0, 0, 0.0) for key in asked}
-    for sequence in study_sequences(profile):
+    for sequence in study_recordings(profile):
         clip = excerpt(sequence, 60.0)
         if clip.motion is None or clip.beats is None:
             continue
@@ -309,7 +309,7 @@ def strong_by_place(profile: RunProfile) -> pd.DataFrame:
     """
     pieces = [
         _beats_in_bars(sequence, beats)
-        for sequence in study_sequences(profile)
+        for sequence in study_recordings(profile)
         if sequence.annotation is not None and sequence.annotation.downbeats is not None
         for beats in ("annotated", "tracked")
     ]
@@ -323,7 +323,7 @@ def strong_by_place(profile: RunProfile) -> pd.DataFrame:
     return counted.reset_index()
 
 
-def _beats_in_bars(sequence: disk.Sequence, beats: str) -> pd.DataFrame:
+def _beats_in_bars(sequence: disk.Recording, beats: str) -> pd.DataFrame:
     """Meter, place in the bar and strength class of every music beat of one sequence whose place is known."""
     annotation, track = sequence.annotation, music_beats(sequence, beats)
     places = None if annotation is None else annotation.bar_places()

@@ -148,7 +148,7 @@ def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) 
     if (folder / "motion.npz").is_file():
         return _load_npz(folder / "motion.npz", fps)
     if (folder / "skeletons.json").is_file():
-        raise ValueError(f"{folder}: is a sequence of Tang et al.; read it with harmolab.data.load_sequence")
+        raise ValueError(f"{folder}: is a sequence of Tang et al.; read it with harmolab.data.load_recording")
     if fps is None:
         raise ValueError(f"{folder}: holds no frame rate; pass fps")
     return load_openpose(folder, fps=fps, joints=joints)

@@ -3,14 +3,14 @@
 The page, in `harmolab.own_dance.page`, needs jinja2 of the extra `lab`; the rest does not.
 """
 
-from harmolab.own_dance.recording import Placement, Recording, load_recording, place_recording
-from harmolab.own_dance.telling import OwnDance, explain_recording
+from harmolab.own_dance.recording import Performance, Placement, load_performance, place_performance
+from harmolab.own_dance.telling import OwnDance, explain_performance
 
 __all__ = [
     "OwnDance",
+    "Performance",
     "Placement",
-    "Recording",
-    "explain_recording",
-    "load_recording",
-    "place_recording",
+    "explain_performance",
+    "load_performance",
+    "place_performance",
 ]

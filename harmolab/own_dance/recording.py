@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Literal
 
 from harmolab.alignment import SoundOffset, find_offset, find_sound_offset, picture_motion
-from harmolab.data.folders import load_any_motion, told_start
+from harmolab.data.folders import load_any_motion, recorded_offset
 from harmolab.io.errors import PathLike
 from harmolab.io.video import is_video, video_frames
 from harmolab.io.video_sound import video_sound
 from harmolab.types import Audio, BeatTrack, Motion
 
-__all__ = ["Placement", "Recording", "load_recording", "place_recording"]
+__all__ = ["Performance", "Placement", "load_performance", "place_performance"]
 
 HEIGHT = 160  # pixels of the video that flow is measured on
 SURE = 0.95  # confidence of an offset by movement, below which it means little
@@ -28,7 +28,7 @@ Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Performance:
     """A dance as it was recorded.
 
     Parameters
@@ -99,14 +99,14 @@ class Placement:
         )
 
 
-def load_recording(
+def load_performance(
     path: PathLike,
     *,
     fps: float | None = None,
     joints: Sequence[str] | None = None,
     height: int = HEIGHT,
     progress: Progress | None = None,
-) -> Recording:
+) -> Performance:
     """A motion file, a folder, or a video (by its suffix) with its sound.
 
     Parameters
@@ -129,9 +129,9 @@ def load_recording(
             motion = picture_motion(frames, frames.fps, progress=progress)
         except ValueError as error:
             raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
-        return Recording(path, motion, True, _sound(path))
+        return Performance(path, motion, True, _sound(path))
     motion = load_any_motion(path, fps=fps, joints=None if joints is None else tuple(joints))
-    return Recording(path, motion, start=told_start(path))
+    return Performance(path, motion, start=recorded_offset(path))
 
 
 def _sound(path: Path) -> Audio | None:
@@ -142,14 +142,14 @@ def _sound(path: Path) -> Audio | None:
         return None
 
 
-def place_recording(
-    recording: Recording, song: Audio, music: BeatTrack, *, guess: float | None = None, search: float = 2.0
+def place_performance(
+    recording: Performance, song: Audio, music: BeatTrack, *, guess: float | None = None, search: float = 2.0
 ) -> Placement:
     """Where a recording begins in its song: by its folder, else by its sound, else by its movement.
 
     Parameters
     ----------
-    recording : Recording
+    recording : Performance
     song : Audio
     music : BeatTrack, the song's beats
     guess : float, seconds, optional

@@ -18,11 +18,11 @@ from harmolab.explaining import Explanation, Finding, explain
 from harmolab.harmony import first_shared, overlap, score_motion
 from harmolab.io.errors import PathLike
 from harmolab.io.video_sound import load_sound
-from harmolab.own_dance.recording import Placement, Recording, place_recording
+from harmolab.own_dance.recording import Performance, Placement, place_performance
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
 
-__all__ = ["OwnDance", "explain_recording"]
+__all__ = ["OwnDance", "explain_performance"]
 
 FEWEST_FINDINGS = 3  # score, beats met, and whatever comes after them
 
@@ -34,7 +34,7 @@ class OwnDance:
     Parameters
     ----------
     song : str, name of the file
-    recording : Recording
+    recording : Performance
     audio : Audio, the part of the song that is danced to
     music, visual : BeatTrack on the dance's time line
     motion : Motion, the part of the dance that has music
@@ -46,7 +46,7 @@ class OwnDance:
     """
 
     song: str
-    recording: Recording
+    recording: Performance
     audio: Audio
     music: BeatTrack
     visual: BeatTrack
@@ -129,9 +129,9 @@ def _short(finding: Finding, placement: Placement) -> str:
     return finding.sentence.partition(" (")[0].partition(":")[0] + "."
 
 
-def explain_recording(
+def explain_performance(
     song: PathLike,
-    recording: Recording,
+    recording: Performance,
     *,
     offset: float | None = None,
     guess: float | None = None,
@@ -147,10 +147,10 @@ def explain_recording(
     Parameters
     ----------
     song : str or path, a sound file or a video (the recording itself, where the song plays in it)
-    recording : Recording
+    recording : Performance
     offset : float, seconds, optional
-        Song time of the recording's first frame. Left out, `place_recording` finds it.
-    guess, search : see `place_recording`
+        Song time of the recording's first frame. Left out, `place_performance` finds it.
+    guess, search : see `place_performance`
     beats : BeatTrack, optional
         Of the song; left out, they are tracked.
     dance : str
@@ -171,7 +171,7 @@ def explain_recording(
     elif recording.is_video and Path(song).resolve() == recording.path.resolve():
         placement = Placement(0.0, "same")
     else:
-        placement = place_recording(recording, audio, track, guess=guess, search=search)
+        placement = place_performance(recording, audio, track, guess=guess, search=search)
     try:
         clip = Clip(recording.path.name, audio, recording.motion, placement.seconds)
     except ValueError as error:
