@@ -7,8 +7,9 @@ import pytest
 
 from harmolab.beats.visual import visual_beats
 from harmolab.data.synthetic import synthetic_clip, synthetic_motion
-from harmolab.explaining import beat_timing, explain, explain_timing
+from harmolab.explaining import beat_timing
 from harmolab.harmony import score_harmony
+from harmolab.own_dance.telling import explain, explain_timing
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion
 
@@ -45,7 +46,7 @@ def test_dancer_80_ms_late_in_the_second_half_is_told_so(clip: Clip):
     assert finding.value == pytest.approx(0.08, abs=0.01)
     assert finding.interval[0] > 0
     assert "late on the second half and on time on the first" in finding.sentence
-    assert [round(stretch.mean, 2) for stretch in told.stretches] == [0.0, 0.08]
+    assert [round(half.mean, 2) for half in told.halves] == [0.0, 0.08]
 
 
 def test_dancer_on_time_is_told_so(clip: Clip):
@@ -90,7 +91,7 @@ def test_random_movements_are_given_no_timing():
         times = np.sort(np.random.default_rng(seed).uniform(0, LENGTH, 60))
         told = explain_timing(MUSIC, track(times))
         kinds.append(told.findings[-1].kind)
-        assert told.stretches == () or kinds[-1] != "locked"
+        assert told.halves == () or kinds[-1] != "locked"
     assert kinds.count("locked") >= 38
 
 

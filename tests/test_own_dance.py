@@ -108,7 +108,7 @@ def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path:
 def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
     assert filmed.placement.source == "sound"
     assert filmed.placement.seconds == pytest.approx(START, abs=0.01)
-    first, second = (part.mean for part in filmed.words.stretches)
+    first, second = (part.mean for part in filmed.words.halves)
     assert first == pytest.approx(0.0, abs=0.02)
     assert second == pytest.approx(0.08, abs=0.02)
 
@@ -132,7 +132,7 @@ def test_video_with_another_song_is_placed_by_its_movement(folder: Path, clip: C
 def test_video_can_be_its_own_song(folder: Path):
     told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), n_rotations=0)
     assert told.placement == Placement(0.0, "same")
-    first, second = (part.mean for part in told.words.stretches)
+    first, second = (part.mean for part in told.words.halves)
     assert first == pytest.approx(0.0, abs=0.02)
     assert second == pytest.approx(0.08, abs=0.02)
 
