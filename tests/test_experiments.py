@@ -29,7 +29,7 @@ from harmolab.experiments import (
     synthetic_corpus,
 )
 from harmolab.io.motion import save_motion
-from harmolab.params import BarPattern, RunProfile
+from harmolab.params import BarPattern, HarmonyParams, RunProfile
 from harmolab.types import Audio, BeatTrack, Motion
 
 TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
@@ -180,6 +180,23 @@ def test_without_recordings_the_clip_of_study_is_synthetic():
     clip = clip_of_study(TINY, dance="jive", seconds=3.0, beats="annotated")
     assert (clip.dance, clip.source, clip.motion.duration) == ("jive", "synthetic", 3.0)
     assert 60 / np.median(np.diff(clip.beats.times)) == pytest.approx(164, abs=20)  # jive: 144 to 184
+
+
+def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Path, monkeypatch: pytest.MonkeyPatch):
+    # Motion of 7 s from 0.34 s on: its middle 4 s begin 1.5 s into it, at 1.84 s of the music. The first figure ended
+    # at 1.82 s; a start rounded to 1.8 s, as in the excerpt's name, would count it in.
+    beats = recordings / "A" / "beats.json"
+    beats.write_text(json.dumps(json.loads(beats.read_text()) | {"motion_offset_s": 0.34}))
+    (whole,) = study.cut_parts(load_recording(recordings / "A"), "annotated", None, HarmonyParams.recommended())
+    parts = [
+        replace(whole, start=0.34, duration=1.48, figures=frozenset({"before"})),
+        replace(whole, start=1.82, duration=5.52, figures=frozenset({"inside"})),
+    ]
+    judged = []
+    monkeypatch.setattr(study, "cut_parts", lambda *_arguments: parts)
+    monkeypatch.setattr(study, "learn_patterns", lambda those, _others: [judged.extend(those)])
+    pattern_of_study(TINY, dance="rumba", seconds=4.0)
+    assert [part.figures for part in judged] == [{"inside"}]
 
 
 def test_without_anything_to_learn_from_movements_stop_on_the_beat(recordings: Path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import soundfile
 
 from harmolab.cli.scoring import read_clip
 from harmolab.data import (
-    Finding,
+    FileSummary,
     Problem,
     Recording,
     check,
@@ -168,8 +169,8 @@ def odd(path: Path) -> str:
 def test_check_of_a_good_sequence_gives_its_numbers_and_nothing_odd(tmp_path: Path):
     folder = own(tmp_path / "clip", beats=BEATS | {"motion_offset_s": 0.5})
     (row,) = check(folder)
-    assert row == Finding(str(folder), "sequence", 50, 25.0, 3, 2.0, 0.5, "jive, 3.00 s of audio, 3 beats", ())
-    assert json.loads(json.dumps(row.to_dict()))["odd"] == []
+    assert row == FileSummary(str(folder), "sequence", 50, 25.0, 3, 2.0, 0.5, "jive, 3.00 s of audio, 3 beats", ())
+    assert json.loads(json.dumps(asdict(row)))["odd"] == []
 
 
 def test_check_names_a_frozen_stretch(tmp_path: Path):
@@ -211,6 +212,21 @@ def test_check_of_an_array_without_a_rate_says_so(tmp_path: Path):
     (row,) = check(tmp_path / "walk.npy")
     assert (row.frames, row.rate, row.seconds, row.joints) == (50, None, None, 3)
     assert row.odd == ("holds no frame rate: pass fps",)
+
+
+def test_check_of_key_points_without_a_rate_says_so(tmp_path: Path):
+    points = {"people": [{"pose_keypoints_2d": [100.0, 200.0, 0.9] * 25}]}
+    for frame in range(30):
+        (tmp_path / f"film_{frame:012d}_keypoints.json").write_text(json.dumps(points))
+    (row,) = check(tmp_path)
+    assert (row.kind, row.frames, row.rate) == ("motion", 30, None)
+    assert row.odd[0] == "holds no frame rate: pass fps"
+
+
+def test_check_of_a_file_that_no_rate_would_mend_is_unreadable(tmp_path: Path):
+    (tmp_path / "pass fps.npy").write_bytes(b"damaged")
+    (row,) = check(tmp_path / "pass fps.npy")
+    assert row.kind == "unreadable"
 
 
 def test_check_of_sound_and_beats_gives_their_numbers(tmp_path: Path):

@@ -1,6 +1,6 @@
-"""Corpora: folders of sequences, the recordings of Tang et al., and what a file or folder holds."""
+"""Corpora: folders of recordings, those of Tang et al. among them, and summaries of files and folders."""
 
-from harmolab.data.check import Finding, check
+from harmolab.data.check import FileSummary, check
 from harmolab.data.folders import (
     Problem,
     Recording,
@@ -12,7 +12,7 @@ from harmolab.data.folders import (
 )
 
 __all__ = [
-    "Finding",
+    "FileSummary",
     "Problem",
     "Recording",
     "RecordingFolders",

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, number_array, read_npy
-from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
+from harmolab.io.errors import MAX_JSON_BYTES, MissingFrameRate, PathLike, read_json, reading
 from harmolab.io.keypoints import joint_indices, skeleton_part
 from harmolab.types import FloatArray, Motion, Skeleton
 
@@ -84,7 +84,7 @@ def load_landmarks(
             raise ValueError(f"is no file of landmarks ({suffix or 'no suffix'}); .json and .npy are read")
         rate = about.get("fps") if fps is None else fps
         if rate is None:
-            raise ValueError("holds no frame rate; pass fps")
+            raise MissingFrameRate("holds no frame rate; pass fps")
         is_world = about.get("world", False) if world is None else world
         if not isinstance(is_world, bool):
             raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")

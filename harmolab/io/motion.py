@@ -53,7 +53,7 @@ from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.coco import coco_people, people_motion, read_lines
-from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, PathLike, reading
+from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, MissingFrameRate, PathLike, reading
 from harmolab.io.keypoints import joint_indices, keypoints_motion, load_openpose, named_skeleton, skeleton_part
 from harmolab.io.landmarks import MEDIAPIPE_33, is_landmarks, landmarks_motion, load_landmarks
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
@@ -130,7 +130,7 @@ def _load_json(path: Path, fps: float | None, joints: Sequence[str] | None) -> M
                 "nor COCO-17 key points (entries with image_id and keypoints)"
             )
         if fps is None:
-            raise ValueError("holds COCO-17 key points but no frame rate; pass fps")
+            raise MissingFrameRate("holds COCO-17 key points but no frame rate; pass fps")
         return people_motion(people, fps, joints=joints)
 
 
@@ -150,7 +150,7 @@ def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) 
     if (folder / "skeletons.json").is_file():
         raise ValueError(f"{folder}: is a sequence of Tang et al.; read it with harmolab.data.load_recording")
     if fps is None:
-        raise ValueError(f"{folder}: holds no frame rate; pass fps")
+        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps")
     return load_openpose(folder, fps=fps, joints=joints)
 
 
@@ -160,7 +160,7 @@ def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[
         with file.open("rb") as stream:
             values = read_npy(stream, file.stat().st_size)
         if fps is None and not is_aist_name(file):
-            raise ValueError("holds no frame rate; pass fps")
+            raise MissingFrameRate("holds no frame rate; pass fps")
         rate = AIST_FPS if fps is None else fps
         if values.shape[1:] == (len(MEDIAPIPE_33.joints), 4):
             return landmarks_motion(values, rate, joints=joints)
