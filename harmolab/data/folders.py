@@ -1,4 +1,4 @@
-"""Folders of sequences on disk, in the layout of Tang et al. or in ours, one folder a sequence.
+"""Folders of recordings on disk, in the layout of Tang et al. or in ours, one folder a recording.
 
 ==========  ====================================================================
 Tang 2018   skeletons.json, config.json, audio.mp3
@@ -25,25 +25,13 @@ from harmolab.io.errors import PathLike
 from harmolab.io.motion import load_motion
 from harmolab.types import Clip, Motion
 
-__all__ = [
-    "Problem",
-    "Recording",
-    "RecordingFolders",
-    "find_recordings",
-    "iter_recordings",
-    "load_any_motion",
-    "load_recording",
-    "missing_parts",
-    "recorded_offset",
-]
-
 _MAX_DEPTH = 4
 _PARTS = ("skeletons.json", "config.json", "motion.npz")
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One folder, read: the clip, what was annotated (None without beats.json), and where it lies."""
+    """One folder: the clip, its annotation (None without beats.json), and the path."""
 
     clip: Clip
     annotation: BeatAnnotation | None
@@ -51,21 +39,21 @@ class Recording:
 
 
 class Problem(NamedTuple):
-    """A folder that cannot be used, and why, in one sentence that names the file."""
+    """A folder that cannot be used, and the reason in one sentence that names the file."""
 
     folder: Path
     message: str
 
 
 class RecordingFolders(NamedTuple):
-    """Folders that hold a whole sequence, in natural order, and those that hold only parts of one."""
+    """Folders that hold a whole recording, in natural order, and those that hold only parts of one."""
 
     folders: tuple[Path, ...]
     problems: tuple[Problem, ...]
 
 
 def find_recordings(root: PathLike) -> RecordingFolders:
-    """The sequence folders at or below `root`; nothing is read yet.
+    """The folders of recordings at or below `root`; nothing is read yet.
 
     Raises
     ------
@@ -89,14 +77,14 @@ def find_recordings(root: PathLike) -> RecordingFolders:
 
 
 def _folders_with_parts(root: Path) -> list[Path]:
-    """Folders at or below `root` that hold at least one part of a sequence, DANCE_2 before DANCE_10."""
-    found = []
+    """Folders at or below `root` that hold at least one part of a recording, DANCE_2 before DANCE_10."""
+    folders = []
     for name, below, files in os.walk(root):
         depth = len(Path(name).relative_to(root).parts)
-        below[:] = [] if depth >= _MAX_DEPTH else [folder for folder in below if not folder.startswith(".")]
+        below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
         if any(part in files for part in _PARTS):
-            found.append(Path(name))
-    return sorted(found, key=_natural)
+            folders.append(Path(name))
+    return sorted(folders, key=_natural)
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
@@ -105,11 +93,11 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 
 
 def missing_parts(folder: PathLike) -> list[str]:
-    """The parts that a folder lacks to be a sequence; empty if it is whole."""
+    """The files that a folder lacks to be a recording; empty if it is whole."""
     folder = Path(folder)
     tang = any((folder / part).is_file() for part in ("skeletons.json", "config.json"))
-    wanted = ["skeletons.json", "config.json"] if tang and not (folder / "motion.npz").is_file() else ["motion.npz"]
-    missing = [part for part in wanted if not (folder / part).is_file()]
+    needed = ["skeletons.json", "config.json"] if tang and not (folder / "motion.npz").is_file() else ["motion.npz"]
+    missing = [part for part in needed if not (folder / part).is_file()]
     try:
         tang2018.find_audio(folder)
     except FileNotFoundError:
@@ -126,13 +114,13 @@ def iter_recordings(
     travel: bool = True,
     ground: bool = True,
 ) -> Iterator[Recording | Problem]:
-    """Every sequence at or below `root`, one in memory at a time; a Problem in place of each that cannot be read.
+    """Every recording at or below `root`, one in memory at a time; a Problem in place of each that cannot be read.
 
     Parameters are those of `load_recording`.
     """
-    found = find_recordings(root)
-    yield from found.problems
-    for folder in found.folders:
+    folders, problems = find_recordings(root)
+    yield from problems
+    for folder in folders:
         try:
             yield load_recording(
                 folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
@@ -150,7 +138,7 @@ def load_recording(
     travel: bool = True,
     ground: bool = True,
 ) -> Recording:
-    """One sequence folder: the clip with its annotated beats, and the annotation.
+    """One folder: the clip with its annotated beats, and the annotation.
 
     Parameters
     ----------
@@ -208,12 +196,12 @@ def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
 
 
 def recorded_offset(path: PathLike) -> float | None:
-    """Audio time (seconds) of a motion's first frame, as its sequence's folder tells it; None where nothing does.
+    """Audio time (seconds) of a motion's first frame by the files of its recording; None without one.
 
     Parameters
     ----------
     path : str or path
-        A sequence folder, its motion.npz or its skeletons.json. Other files beside them are none of the sequence.
+        A recording's folder, its motion.npz or its skeletons.json. Other files beside them belong to no recording.
 
     Raises
     ------
@@ -232,7 +220,7 @@ def recorded_offset(path: PathLike) -> float | None:
 def load_any_motion(
     path: PathLike, *, fps: float | None = None, scale: float | None = None, joints: tuple[str, ...] | None = None
 ) -> Motion:
-    """The motion in any file that `load_motion` reads, in a sequence folder, or in a skeletons.json.
+    """The motion in any file that `load_motion` reads, in a recording's folder, or in a skeletons.json.
 
     Parameters are those of `load_motion`; `joints` is for the files that it reads.
 

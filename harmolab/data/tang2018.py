@@ -6,10 +6,10 @@
     ``{"length", "center": (T, 3), "skeletons": (T, 23, 3)}``: 25 fps, centimetres, y up, left-handed; the skeletons
     are relative to the centre.
 
-What the recordings are like, and what the loader does about it:
+Properties of the recordings, and how the loader meets them:
 
-* The sequences are spliced from reused units; six steps of a straight line join two units. The six frames that such a
-  line leads to are not movement anybody danced: `Motion.valid` is False there.
+* The recordings are spliced from reused units; six steps of a straight line join two units. The six frames that such a
+  line leads to are no recorded movement: `Motion.valid` is False there.
 * The units were recorded at other places, so the floor climbs and falls by up to half a metre from unit to unit. Each
   unit is set back on the floor by one constant, which changes no speed inside a unit.
 * The motion runs 1.0 to 1.5 % fast against the music: `clock=1.013` stretches it. Off unless asked for.
@@ -29,20 +29,6 @@ from harmolab.io.arrays import checked_motion, in_metres, number_array
 from harmolab.io.audio import load_audio
 from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
 from harmolab.types import Clip, FloatArray, Motion, Skeleton
-
-__all__ = [
-    "FPS",
-    "PAPER_21",
-    "TANG_23",
-    "SpanFrames",
-    "dance_of",
-    "find_audio",
-    "load_config",
-    "load_recording",
-    "load_skeletons",
-    "on_the_floor",
-    "splice_steps",
-]
 
 FPS = 25.0
 
@@ -76,7 +62,7 @@ class SpanFrames(NamedTuple):
 
 
 def dance_of(folder: PathLike) -> str:
-    """The dance that a folder's name tells (``DANCE_W_12`` is a waltz), or ""."""
+    """The dance by the letter in a folder's name (``DANCE_W_12`` is a waltz), or ""."""
     match = re.match(r"DANCE_([A-Z])(_|$)", Path(folder).name)
     return _DANCES.get(match[1], "") if match else ""
 
@@ -205,7 +191,7 @@ def _content(content: Any) -> tuple[FloatArray, FloatArray]:
 
 
 def splice_steps(positions: FloatArray) -> tuple[list[int], list[int]]:
-    """Where units were joined by a straight line: the last frame before and the first frame after each line.
+    """The last frame before and the first frame after each straight line that joins two units.
 
     A line shows as three to eight frames in a row in which no joint accelerates although the body moves.
 

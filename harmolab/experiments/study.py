@@ -162,7 +162,7 @@ def middle_span(recording: Recording, seconds: float) -> Span:
     first, last = max(0.0, -clip.offset), min(motion.duration, clip.audio.duration - clip.offset)
     length = min(seconds, last - first)
     # On a frame, and never before the music.
-    start = np.ceil((first + (last - first - length) / 2) * motion.fps - 1e-6) / motion.fps
+    start = float(np.ceil((first + (last - first - length) / 2) * motion.fps - 1e-6) / motion.fps)
     return Span(start, max(0.0, clip.offset + start), length)
 
 
