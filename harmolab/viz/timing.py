@@ -7,33 +7,29 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.harmony import EDGE
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack
+from harmolab.types import BeatTrack, FloatArray
 from harmolab.viz.beats import draw_marks
 from harmolab.viz.style import COLOURS, figure_style
 
-__all__ = ["draw_means", "draw_timing", "signed_offsets", "timing_figure"]
-
-FloatArray = NDArray[np.float64]
 Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
 
-FEWEST_ROOM = 1.6  # tolerances that the y axis shows at least
+LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
 
 
 def signed_offsets(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
-    """How late the visual beat nearest to each music beat is: (N,) seconds, early is negative; NaN without any.
+    """Offset of the visual beat nearest to each music beat: (N,) seconds, early is negative; NaN without any.
 
     >>> signed_offsets(np.array([1.0, 2.0]), np.array([1.1, 1.75]))
     array([ 0.1 , -0.25])
     """
     if visual_times.size == 0:
         return np.full(audio_times.size, np.nan)
-    late = visual_times[None, :] - audio_times[:, None]
-    offsets: FloatArray = late[np.arange(audio_times.size), np.abs(late).argmin(axis=1)]
+    differences = visual_times[None, :] - audio_times[:, None]
+    offsets: FloatArray = differences[np.arange(audio_times.size), np.abs(differences).argmin(axis=1)]
     return offsets
 
 
@@ -49,16 +45,16 @@ def draw_timing(ax: Axes, music: BeatTrack, visual: BeatTrack, *, params: Harmon
     params : HarmonyParams, default ``HarmonyParams.valleys()``
         Its saliency, reaction delay and lag are used.
     """
-    chosen = params or HarmonyParams.valleys()
-    heard, seen = salient_audio(music, chosen), salient_visual(visual, chosen)
-    offsets = 1000 * signed_offsets(heard.times, seen.times - chosen.lag)
-    delay = 1000 * chosen.reaction_delay
+    params = params or HarmonyParams.valleys()
+    beats, movements = salient_audio(music, params), salient_visual(visual, params)
+    offsets = 1000 * signed_offsets(beats.times, movements.times - params.lag)
+    delay = 1000 * params.reaction_delay
     ax.axhspan(-delay, delay, color=COLOURS["audio"], alpha=0.13, linewidth=0, zorder=0, label="tolerance field")
     ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
-    there = np.isfinite(offsets)
-    good = np.abs(offsets[there]) <= delay + 1000 * EDGE
-    draw_marks(ax, heard.times[there], offsets[there], good, labels=("hit", "missed"))
-    room = 1.15 * max(float(np.abs(offsets[there]).max(initial=0.0)), FEWEST_ROOM * delay, 1.0)
+    finite = np.isfinite(offsets)
+    hits = np.abs(offsets[finite]) <= delay + 1000 * EDGE
+    draw_marks(ax, beats.times[finite], offsets[finite], hits, labels=("hit", "missed"))
+    room = 1.15 * max(float(np.abs(offsets[finite]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
     ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel="early (ms)  |  late (ms)")
     return ax
 
@@ -94,7 +90,7 @@ def timing_figure(
     ----------
     music, visual : BeatTrack on one time line
     params : HarmonyParams, default ``HarmonyParams.valleys()``
-    means : as in `draw_means`; the stretches of an explanation fit
+    means : as in `draw_means`, such as the halves of an explanation
     title : str
     size : (float, float), inches
     """
