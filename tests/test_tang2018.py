@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import soundfile
 
+from harmolab.data.folders import load_recording
 from harmolab.data.tang2018 import (
     PAPER_21,
     TANG_23,
     dance_of,
     load_config,
-    load_recording,
     load_skeletons,
     on_the_floor,
     splice_steps,
@@ -74,7 +74,7 @@ def test_without_travel_only_the_pose_is_left(tmp_path: Path):
 
 
 def test_clip_starts_at_start_position_over_25_and_knows_its_dance(tmp_path: Path):
-    clip = load_recording(write_recording(tmp_path / "somewhere" / "DANCE_W_1", swaying()))
+    clip = load_recording(write_recording(tmp_path / "somewhere" / "DANCE_W_1", swaying())).clip
     assert (clip.name, clip.offset, clip.dance, clip.source) == ("DANCE_W_1", 1.0, "waltz", "somewhere")
     assert clip.audio.duration == 5.0
 
@@ -95,15 +95,15 @@ def test_dance_is_read_from_the_folder_name(name: str, dance: str):
 
 def test_clock_stretches_the_motion_without_touching_a_frame(tmp_path: Path):
     folder = write_recording(tmp_path / "DANCE_W_1", swaying())
-    plain, stretched = (load_recording(folder, clock=clock).motion for clock in (1.0, 1.013))
+    plain, stretched = (load_recording(folder, clock=clock).clip.motion for clock in (1.0, 1.013))
     np.testing.assert_array_equal(stretched.positions, plain.positions)
     assert stretched.duration == pytest.approx(1.013 * plain.duration)
 
 
 def test_the_papers_21_joints_are_the_first_21_and_still_a_tree(tmp_path: Path):
     folder = write_recording(tmp_path / "DANCE_W_1", swaying())
-    motion = load_recording(folder, points=21).motion
-    np.testing.assert_array_equal(motion.positions, load_recording(folder).motion.positions[:, :21])
+    motion = load_recording(folder, points=21).clip.motion
+    np.testing.assert_array_equal(motion.positions, load_recording(folder).clip.motion.positions[:, :21])
     assert motion.skeleton == PAPER_21
     assert PAPER_21.joints[PAPER_21.parents[PAPER_21.joints.index("right_wrist")]] == "right_elbow"
 
@@ -148,7 +148,8 @@ def test_every_unit_is_set_on_the_floor_and_keeps_its_own_movement():
 
 
 def test_motion_a_little_shorter_than_its_config_is_read(tmp_path: Path):
-    assert load_recording(write_recording(tmp_path / "DANCE_W_1", swaying(), span=63)).motion.n_frames == FRAMES
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), span=63)
+    assert load_recording(folder).clip.motion.n_frames == FRAMES
 
 
 @pytest.mark.parametrize(("span", "rate"), [(30, "50.0"), (120, "12.5")])
@@ -233,7 +234,7 @@ def test_option_out_of_range_is_refused_by_name(tmp_path: Path, option: str, val
 def test_recording_has_its_known_frames_offset_and_splices(
     data_root: Path, name: str, frames: int, offset: float, splices: int
 ):
-    clip = load_recording(data_root / "tang2018" / name)
+    clip = load_recording(data_root / "tang2018" / name).clip
     assert (clip.motion.n_frames, clip.offset) == (frames, offset)
     assert np.count_nonzero(~clip.motion.valid) == 6 * splices
 

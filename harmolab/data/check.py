@@ -17,7 +17,7 @@ from harmolab.data.folders import find_recordings, load_any_motion, load_recordi
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation
 from harmolab.io.errors import MissingFrameRate, PathLike
-from harmolab.types import Audio, BoolArray, Motion
+from harmolab.types import Audio, Motion
 
 MAX_SPEED = 10.0
 FROZEN_SECONDS = 0.5
@@ -250,18 +250,12 @@ def _frozen(motion: Motion) -> list[str]:
     """Stretches of half a second and more in which no joint moves."""
     size = 1.0 if motion.positions.shape[2] == 3 else float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
     still = np.abs(np.diff(motion.positions, axis=0)).max(axis=(1, 2)) <= _STILL_METRES * size
-    runs = [(first, last) for first, last in _runs(still) if (last - first) / motion.fps >= FROZEN_SECONDS]
+    runs = [(first, last) for first, last in tang2018.true_runs(still) if (last - first) / motion.fps >= FROZEN_SECONDS]
     if not runs:
         return []
     first, last = max(runs, key=lambda run: run[1] - run[0])
     times = "once" if len(runs) == 1 else f"{len(runs)} times"
     return [f"frozen {times}, longest {(last - first) / motion.fps:.2f} s at {first / motion.fps:.2f} s"]
-
-
-def _runs(mask: BoolArray) -> list[tuple[int, int]]:
-    """(first, one behind last) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
-    return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _too_fast(motion: Motion) -> list[str]:

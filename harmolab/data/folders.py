@@ -105,26 +105,13 @@ def missing_parts(folder: PathLike) -> list[str]:
     return missing
 
 
-def iter_recordings(
-    root: PathLike,
-    *,
-    sample_rate: float | None = 22050.0,
-    clock: float = 1.0,
-    points: int = 23,
-    travel: bool = True,
-    ground: bool = True,
-) -> Iterator[Recording | Problem]:
-    """Every recording at or below `root`, one in memory at a time; a Problem in place of each that cannot be read.
-
-    Parameters are those of `load_recording`.
-    """
+def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
+    """Every recording at or below `root`, one in memory at a time; a Problem in place of each that cannot be read."""
     folders, problems = find_recordings(root)
     yield from problems
     for folder in folders:
         try:
-            yield load_recording(
-                folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
-            )
+            yield load_recording(folder)
         except (ValueError, FileNotFoundError) as error:
             yield Problem(folder, str(error))
 
@@ -160,30 +147,24 @@ def load_recording(
     if missing:
         raise FileNotFoundError(f"{folder}: has no {' and no '.join(missing)}")
     annotation = load_annotation(folder / "beats.json") if (folder / "beats.json").is_file() else None
-    if (folder / "motion.npz").is_file():
-        clip = _own_layout(folder, annotation, sample_rate)
+    is_own = (folder / "motion.npz").is_file()
+    if is_own:
+        motion, offset = load_motion(folder / "motion.npz"), 0.0 if annotation is None else annotation.offset
     else:
-        clip = tang2018.load_recording(
-            folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
-        )
-    return Recording(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
-
-
-def _own_layout(folder: Path, annotation: BeatAnnotation | None, sample_rate: float | None) -> Clip:
-    """The clip in a folder with motion.npz."""
-    motion = load_motion(folder / "motion.npz")
+        motion, offset = tang2018.load_danced(folder, clock=clock, points=points, travel=travel, ground=ground)
     audio = load_audio(tang2018.find_audio(folder), sample_rate=sample_rate)
-    offset = 0.0 if annotation is None else annotation.offset
     beyond = offset + motion.duration - audio.duration
-    if beyond > max(1.0, 0.05 * audio.duration):
+    if is_own and beyond > max(1.0, 0.05 * audio.duration):
         raise ValueError(
             f"{folder}: the motion lasts {motion.duration:.2f} s at {motion.fps:g} fps and ends {beyond:.2f} s after "
             "the audio; is its fps right?"
         )
     try:
-        return Clip(folder.name, audio, motion, offset, folder.resolve().parent.name, dance=tang2018.dance_of(folder))
+        source, dance = folder.resolve().parent.name, tang2018.dance_of(folder)
+        clip = Clip(folder.name, audio, motion, offset, source, dance=dance)
     except ValueError as error:
         raise ValueError(f"{folder}: {error}") from None
+    return Recording(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
 
 
 def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:

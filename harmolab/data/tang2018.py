@@ -26,9 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harmolab.io.arrays import checked_motion, in_metres, number_array
-from harmolab.io.audio import load_audio
 from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
-from harmolab.types import Clip, FloatArray, Motion, Skeleton
+from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
 FPS = 25.0
 
@@ -75,22 +74,14 @@ def find_audio(folder: PathLike) -> Path:
     raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg or .mp3")
 
 
-def load_recording(
-    folder: PathLike,
-    *,
-    sample_rate: float | None = 22050.0,
-    clock: float = 1.0,
-    points: int = 23,
-    travel: bool = True,
-    ground: bool = True,
-) -> Clip:
-    """Music and motion of one folder; the motion starts at the audio time start_position / 25 fps.
+def load_danced(
+    folder: Path, *, clock: float = 1.0, points: int = 23, travel: bool = True, ground: bool = True
+) -> tuple[Motion, float]:
+    """The motion of one folder and the audio time of its first frame, start_position / 25 fps, in seconds.
 
     Parameters
     ----------
-    folder : str or path
-    sample_rate : float or None, hertz
-        As in `load_audio`.
+    folder : Path
     clock, points, travel, ground
         As in `load_skeletons`.
 
@@ -99,7 +90,6 @@ def load_recording(
     FileNotFoundError, ValueError
         Both name the file. A motion whose length does not fit config.json is an error.
     """
-    folder = Path(folder)
     span = load_config(folder / "config.json")
     motion = load_skeletons(folder / "skeletons.json", clock=clock, points=points, travel=travel, ground=ground)
     share = motion.n_frames / (span.end - span.start)
@@ -108,11 +98,7 @@ def load_recording(
             f"{folder / 'skeletons.json'}: has {motion.n_frames} frames, config.json spans {span.end - span.start} at "
             f"25 fps; this copy seems to have another frame rate ({FPS * share:.1f} fps would fit)"
         )
-    audio = load_audio(find_audio(folder), sample_rate=sample_rate)
-    try:
-        return Clip(folder.name, audio, motion, span.start / FPS, folder.resolve().parent.name, dance=dance_of(folder))
-    except ValueError as error:
-        raise ValueError(f"{folder}: {error}") from None
+    return motion, span.start / FPS
 
 
 def load_config(path: PathLike) -> SpanFrames:
@@ -207,10 +193,18 @@ def splice_steps(positions: FloatArray) -> tuple[list[int], list[int]]:
         return [], []
     straight = np.abs(np.diff(positions, n=2, axis=0)).max(axis=(1, 2)) < _STRAIGHT_METRES
     moving = np.abs(np.diff(positions, axis=0)).max(axis=(1, 2))[1:] > _MOVING_METRES
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], straight & moving, [False]))))
-    runs = [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-    runs = [(first, last) for first, last in runs if _SPLICE_FRAMES[0] <= last - first <= _SPLICE_FRAMES[1]]
+    runs = [
+        (first, last)
+        for first, last in true_runs(straight & moving)
+        if _SPLICE_FRAMES[0] <= last - first <= _SPLICE_FRAMES[1]
+    ]
     return [first for first, _ in runs], [last + 1 for _, last in runs]
+
+
+def true_runs(mask: BoolArray) -> list[tuple[int, int]]:
+    """(first, one behind last) index of each run of True in a (T,) mask."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
+    return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def on_the_floor(positions: FloatArray, first: list[int], last: list[int]) -> FloatArray:

@@ -11,15 +11,11 @@ from harmolab.own_dance.recording import (
     load_performance,
     place_performance,
 )
-from harmolab.own_dance.telling import Explanation, Finding, explain
 
 __all__ = [
-    "Explanation",
-    "Finding",
     "OwnDance",
     "Performance",
     "Placement",
-    "explain",
     "explain_performance",
     "load_performance",
     "place_performance",
