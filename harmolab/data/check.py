@@ -136,13 +136,12 @@ def _is_annotation(path: Path) -> bool:
 def _sound(path: Path) -> FileSummary:
     """The row of a sound file; the samples are looked at if they are not too many."""
     info = audio_info(path)
-    row = FileSummary(
-        str(path),
-        "audio",
+    samples, note = (
         round(info.seconds * info.sample_rate),
-        info.sample_rate,
-        seconds=info.seconds,
-        note=f"{info.format}, {'mono' if info.channels == 1 else f'{info.channels} channels'}",
+        "mono" if info.channels == 1 else f"{info.channels} channels",
+    )
+    row = FileSummary(
+        str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=f"{info.format}, {note}"
     )
     if info.seconds > 3600:
         return replace(row, odd=("longer than an hour: read spans of it; its samples were not looked at",))
@@ -185,17 +184,9 @@ def _motion(path: Path) -> FileSummary:
 
 def _motion_row(path: Path, motion: Motion) -> FileSummary:
     """The row that describes a motion."""
-    dimensions = motion.positions.shape[2]
-    return FileSummary(
-        str(path),
-        "motion",
-        motion.n_frames,
-        motion.fps,
-        motion.positions.shape[1],
-        motion.duration,
-        note=f"{dimensions}-D",
-        odd=_odd_motion(motion),
-    )
+    frames, joints, dimensions = motion.positions.shape
+    note, odd = f"{dimensions}-D", _odd_motion(motion)
+    return FileSummary(str(path), "motion", frames, motion.fps, joints, motion.duration, note=note, odd=odd)
 
 
 def _recording(folder: Path) -> FileSummary:

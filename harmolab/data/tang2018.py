@@ -193,11 +193,8 @@ def splice_steps(positions: FloatArray) -> tuple[list[int], list[int]]:
         return [], []
     straight = np.abs(np.diff(positions, n=2, axis=0)).max(axis=(1, 2)) < _STRAIGHT_METRES
     moving = np.abs(np.diff(positions, axis=0)).max(axis=(1, 2))[1:] > _MOVING_METRES
-    runs = [
-        (first, last)
-        for first, last in true_runs(straight & moving)
-        if _SPLICE_FRAMES[0] <= last - first <= _SPLICE_FRAMES[1]
-    ]
+    runs = true_runs(straight & moving)
+    runs = [(first, last) for first, last in runs if _SPLICE_FRAMES[0] <= last - first <= _SPLICE_FRAMES[1]]
     return [first for first, _ in runs], [last + 1 for _, last in runs]
 
 

@@ -247,7 +247,6 @@ class OwnDance:
 
     def to_dict(self) -> dict[str, Any]:
         """Numbers and text, ready for JSON."""
-        low, high = self.score.interval
         return {
             "song": self.song,
             "recording": self.name,
@@ -256,18 +255,23 @@ class OwnDance:
             "findings": [_finding_dict(finding) for finding in self.words.findings],
             "offset": {"text": str(self.placement), **vars(self.placement)},
             "harmony_above_chance": self.score.harmony_above_chance,
-            "interval": [low if np.isfinite(low) else None, high if np.isfinite(high) else None],
-            "p_value": self.score.p_value if np.isfinite(self.score.p_value) else None,
+            "interval": _finite(*self.score.interval),
+            "p_value": _finite(self.score.p_value)[0],
             "music_beats": len(self.music),
             "movements": len(self.visual),
             "seconds": self.motion.duration,
         }
 
 
+def _finite(*numbers: float) -> list[float | None]:
+    """The numbers, None in place of those that do not exist."""
+    return [number if np.isfinite(number) else None for number in numbers]
+
+
 def _finding_dict(finding: Finding) -> dict[str, Any]:
-    """A finding for JSON; a number that does not exist is None."""
-    numbers = [number if np.isfinite(number) else None for number in (finding.value, *finding.interval)]
-    return {"kind": finding.kind, "sentence": finding.sentence, "value": numbers[0], "interval": numbers[1:]}
+    """A finding, ready for JSON."""
+    value, *interval = _finite(finding.value, *finding.interval)
+    return {"kind": finding.kind, "sentence": finding.sentence, "value": value, "interval": interval}
 
 
 def explain_performance(
