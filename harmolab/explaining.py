@@ -109,7 +109,7 @@ def is_clear(value: float, interval: Interval) -> bool:
 
 
 def half_difference(timing: Timing, duration: float) -> tuple[float, Interval]:
-    """How much later the second half is than the first (Welch)."""
+    """Seconds by which the second half is later than the first, and the 95 % interval (Welch)."""
     second = timing.times >= duration / 2
     early, late = timing.offsets[~second], timing.offsets[second]
     spread = float(np.hypot(early.std(ddof=1) / np.sqrt(early.size), late.std(ddof=1) / np.sqrt(late.size)))

@@ -78,7 +78,7 @@ class Placement:
 
     @property
     def is_absolute(self) -> bool:
-        """Whether early or late throughout can be told."""
+        """True where the offset is known outright, so that early or late throughout means something."""
         return self.source != "movement"
 
     @property
