@@ -61,13 +61,13 @@ class CorpusResult:
 
 
 def compare(
-    sequences: Iterable[folders.Sequence],
+    sequences: Iterable[folders.Recording],
     *,
     corpus: str = "",
     window: float | None = PART_SECONDS,
     null: Literal["lagged", "other"] = "lagged",
     beats: Literal["annotated", "tracked"] = "annotated",
-    fit_on: Iterable[folders.Sequence] | None = None,
+    fit_on: Iterable[folders.Recording] | None = None,
     n_rotations: int = 1000,
     seed: int = 0,
     params: HarmonyParams | None = None,
@@ -77,7 +77,7 @@ def compare(
 
     Parameters
     ----------
-    sequences : iterable of `harmolab.data.folders.Sequence`
+    sequences : iterable of `harmolab.data.folders.Recording`
         Read one at a time; only their beats and speed curves are kept.
     window : float, seconds; None judges whole sequences
     null : "lagged" (the same music 0.3-0.7 beat late) or "other" (other sequences' music)

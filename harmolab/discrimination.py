@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from harmolab.corpus import CorpusResult, compare
-from harmolab.data.folders import find_sequences
-from harmolab.experiments import corpus_folders, readable_sequences, study_sequences, synthetic_corpus
+from harmolab.data.folders import find_recordings
+from harmolab.experiments import corpus_folders, readable_recordings, study_recordings, synthetic_corpus
 from harmolab.params import BarPattern, RunProfile
 from harmolab.types import FloatArray
 
@@ -33,9 +33,9 @@ def compare_corpora(profile: RunProfile, *, window: float | None = 6.0) -> dict[
     folders = {**corpus_folders(profile), "synthetic": synthetic_corpus(profile)}
     results = {}
     for name, root in folders.items():
-        found = find_sequences(root).folders
+        found = find_recordings(root).folders
         annotated = all((folder / "beats.json").is_file() for folder in found)
-        sequences = readable_sequences(root) if annotated else study_sequences(profile, name)
+        sequences = readable_recordings(root) if annotated else study_recordings(profile, name)
         results[name] = compare(
             sequences,
             corpus=name,
@@ -119,7 +119,7 @@ def disturbance_table(profile: RunProfile, what: str, levels: Sequence[float]) -
     rows = []
     for level in levels:
         root = synthetic_corpus(profile, **{what: level})
-        result = compare(readable_sequences(root), corpus=what, n_rotations=0, seed=profile.seed)
+        result = compare(readable_recordings(root), corpus=what, n_rotations=0, seed=profile.seed)
         row = {name: entry["auc"] for name, entry in result.summary["scores"].items()}
         means = {f"mean {name}": result.summary["scores"][name]["mean_true"] for name in ("recommended", "paper")}
         rows.append({units[what]: level * scale, **row, **means})

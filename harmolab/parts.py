@@ -100,7 +100,7 @@ class Part:
         return (track or self.track).span(self.start - shift, self.duration)
 
 
-def cut_parts(folder: folders.Sequence, beats: str, window: float | None, params: HarmonyParams) -> list[Part]:
+def cut_parts(folder: folders.Recording, beats: str, window: float | None, params: HarmonyParams) -> list[Part]:
     """The parts of one sequence; `window` in seconds, None for the whole sequence. Short sequences are one window."""
     clip = folder.clip
     if clip.motion is None:
@@ -120,7 +120,7 @@ def cut_parts(folder: folders.Sequence, beats: str, window: float | None, params
     return parts
 
 
-def _meter(folder: folders.Sequence, beats: str) -> int | None:
+def _meter(folder: folders.Recording, beats: str) -> int | None:
     """Beats in a bar: as annotated, or as the dance has it."""
     if beats == "annotated" and folder.annotation is not None:
         return folder.annotation.meter
@@ -128,7 +128,7 @@ def _meter(folder: folders.Sequence, beats: str) -> int | None:
 
 
 def _part(
-    folder: folders.Sequence, motion: Motion, start: float, track: BeatTrack, meter: int | None, params: HarmonyParams
+    folder: folders.Recording, motion: Motion, start: float, track: BeatTrack, meter: int | None, params: HarmonyParams
 ) -> Part:
     """One stretch of a sequence; the motion itself is not kept, so a large corpus stays small in memory."""
     clip = folder.clip
@@ -157,7 +157,7 @@ def _visual_tracks(motion: Motion) -> dict[str, BeatTrack]:
     return {kind: visual_beats(motion, params=params) for kind, params in kinds.items()}
 
 
-def _units_in(folder: folders.Sequence, start: float, length: float) -> dict[tuple[str, str], float]:
+def _units_in(folder: folders.Recording, start: float, length: float) -> dict[tuple[str, str], float]:
     """Seconds that each (figure, unit) fills of a stretch of the audio time line."""
     found: dict[tuple[str, str], float] = {}
     for unit in folder.annotation.units if folder.annotation else ():
@@ -196,7 +196,7 @@ def learn_patterns(parts: Sequence[Part], fit_parts: Sequence[Part] | None = Non
     return patterns
 
 
-def dance_patterns(sequences: Iterable[folders.Sequence]) -> dict[str, BarPattern]:
+def dance_patterns(sequences: Iterable[folders.Recording]) -> dict[str, BarPattern]:
     """The bar pattern of each dance in a corpus with annotated beats: what `harmolab learn` writes.
 
     Raises
@@ -304,7 +304,7 @@ def constant_lags(
 
 
 def all_parts(
-    sequences: Iterable[folders.Sequence], beats: str, window: float | None, params: HarmonyParams
+    sequences: Iterable[folders.Recording], beats: str, window: float | None, params: HarmonyParams
 ) -> list[Part]:
     """The parts of every sequence."""
     return [part for item in sequences for part in cut_parts(item, beats, window, params)]

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri, stdtrit
 
 __all__ = ["auc", "bootstrap_interval", "p_value", "rotated_shares", "rotations"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+LEVEL = 0.95  # of every interval, unless another is given
 
 
 def rotations(duration: float, count: int) -> FloatArray:
@@ -56,6 +61,48 @@ def p_value(observed: float, null: ArrayLike) -> float:
     """
     values = np.asarray(null, dtype=np.float64)
     return float((1 + np.count_nonzero(values >= observed - 1e-12)) / (1 + values.size))
+
+
+def mean_interval(values: ArrayLike, level: float = LEVEL) -> tuple[float, float, float]:
+    """Mean of (n,) values and its interval by Student's t: (mean, low, high).
+
+    Both bounds are NaN with fewer than two values or an infinite one; so is the mean of no values.
+
+    >>> mean_interval([2.0])
+    (2.0, nan, nan)
+    """
+    numbers = np.asarray(values, dtype=np.float64)
+    mean = float(numbers.mean()) if numbers.size else math.nan
+    if numbers.size < 2 or np.isinf(numbers).any():
+        return mean, math.nan, math.nan
+    half = float(numbers.std(ddof=1) / np.sqrt(numbers.size) * stdtrit(numbers.size - 1, (1 + level) / 2))
+    return mean, mean - half, mean + half
+
+
+def wilson_interval(hits: float, n: float, level: float = LEVEL, *, freedom: float = math.inf) -> tuple[float, float]:
+    """Wilson's score interval of a share: `hits` of `n` answers, neither of which need be whole.
+
+    Parameters
+    ----------
+    hits, n : float
+    level : float
+    freedom : float
+        Degrees of freedom of the variance behind `n`; Student's quantile then takes the place of the Gaussian's.
+
+    Returns
+    -------
+    (low, high) within 0 and 1; both NaN without answers.
+
+    >>> [round(bound, 3) for bound in wilson_interval(8, 10)]
+    [0.49, 0.943]
+    """
+    if n == 0:
+        return math.nan, math.nan
+    share, quantile = hits / n, stdtrit(freedom, (1 + level) / 2) if np.isfinite(freedom) else ndtri((1 + level) / 2)
+    square = quantile**2 / n
+    centre = (share + square / 2) / (1 + square)
+    half = quantile * math.sqrt(share * (1 - share) / n + square / (4 * n)) / (1 + square)
+    return (float(max(centre - half, 0.0)) if hits > 0 else 0.0), (float(min(centre + half, 1.0)) if hits < n else 1.0)
 
 
 def bootstrap_interval(

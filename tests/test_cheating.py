@@ -164,8 +164,8 @@ def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordin
     }
     monkeypatch.setattr(module, "excerpt", lambda sequence, seconds: clips[sequence])
     monkeypatch.setattr(module, "synthetic_corpus", lambda profile: "folder")
-    monkeypatch.setattr(module, "readable_sequences", lambda folder: iter(["still", "dances"]))
-    monkeypatch.setattr(module, "study_sequences", lambda profile, corpus: iter(["still"]))
+    monkeypatch.setattr(module, "readable_recordings", lambda folder: iter(["still", "dances"]))
+    monkeypatch.setattr(module, "study_recordings", lambda profile, corpus: iter(["still"]))
     monkeypatch.setattr(module, "data_root", lambda: "recordings")
     assert [clip.name for clip in studied_clips(PROFILE, SYNTHETIC)] == ["b"]
     assert list(studied_clips(PROFILE, "recordings")) == []

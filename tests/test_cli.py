@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
-from harmolab.data.folders import load_sequence
+from harmolab.data.folders import load_recording
 from harmolab.data.synthetic import write_corpus
 from harmolab.harmony import score_clip
 from harmolab.params import HarmonyParams
@@ -39,7 +39,7 @@ def run(*arguments: object) -> Result:
 def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:
     result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json")
     printed = json.loads(result.stdout)
-    clip = load_sequence(clip_folder).clip
+    clip = load_recording(clip_folder).clip
     from dataclasses import replace
 
     for mode, params in (("paper", HarmonyParams.paper()), ("recommended", HarmonyParams.recommended())):

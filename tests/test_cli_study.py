@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
-from harmolab.data.folders import load_sequence
+from harmolab.data.folders import load_recording
 from harmolab.data.synthetic import write_corpus
 from harmolab.io import save_motion
 from harmolab.listening.folders import answer_log, read_key, read_page, read_scores, read_trials, write_scores
@@ -99,7 +99,7 @@ def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_
     against.mkdir()
     names = [path.name for path in sorted(corpus.glob("clip_*"))]
     for name in names[1:]:
-        motion = load_sequence(corpus / name).clip.motion
+        motion = load_recording(corpus / name).clip.motion
         assert motion is not None
         save_motion(against / f"{name}.npz", motion)
     result = run(

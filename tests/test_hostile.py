@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from harmolab.data.check import check
-from harmolab.data.folders import load_any_motion, load_sequence
+from harmolab.data.folders import load_any_motion, load_recording
 from harmolab.data.tang2018 import load_config
 from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_keypoints, load_motion
 from harmolab.io.pickles import read_array_pickle
@@ -291,7 +291,7 @@ def test_damaged_part_of_a_sequence_gives_a_clip_or_an_error_with_its_name(tmp_p
         for name in parts[folder]:
             content = mutated(valid[name], rng) if name == damaged else valid[name]
             (folder / name.replace("sound", "audio")).write_bytes(content)
-        outcome(folder, lambda folder: [load_sequence(folder).clip.motion.positions])
+        outcome(folder, lambda folder: [load_recording(folder).clip.motion.positions])
         if turn % 10 < 2:
             assert len(check(folder)) == 1
 

@@ -12,7 +12,7 @@ import pytest
 import scipy.stats
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.data.folders import find_sequences, load_sequence
+from harmolab.data.folders import find_recordings, load_recording
 from harmolab.data.synth_beats import beat_grid, movement_ends
 from harmolab.data.synth_body import FEET, HEADING, POSE_SIZE, joint_positions
 from harmolab.data.synth_figures import ARM_POSES, FIGURES, MANNERS
@@ -435,10 +435,10 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_corpus_is_read_by_the_ordinary_loaders_and_holds_the_truth(corpus: Path):
-    found = find_sequences(corpus)
+    found = find_recordings(corpus)
     assert len(found.folders) == 14
     assert not found.problems
-    first = load_sequence(found.folders[0])
+    first = load_recording(found.folders[0])
     recorded = json.loads((found.folders[0] / "beats.json").read_text())["settings"]
     recorded = {key: value for key, value in recorded.items() if key != "generator"}
     planted = planted_clip(ClipSettings(**{**recorded, "figures": tuple(recorded["figures"])}))
@@ -499,7 +499,7 @@ def test_stopped_run_goes_on_where_it_was(tmp_path: Path):
 def test_other_settings_rewrite_the_clips(tmp_path: Path):
     write_corpus(tmp_path, clips=2, seconds=1.0, fps=30.0)
     write_corpus(tmp_path, clips=2, seconds=1.0, fps=60.0)
-    assert load_sequence(tmp_path / "clip_0002_jive").clip.motion.fps == 60
+    assert load_recording(tmp_path / "clip_0002_jive").clip.motion.fps == 60
 
 
 def test_same_corpus_twice_is_equal_to_the_byte(tmp_path: Path):

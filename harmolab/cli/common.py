@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from harmolab.data.folders import Sequence
+    from harmolab.data.folders import Recording
     from harmolab.types import Audio, BeatTrack
 
 PAGES = (".html", ".htm")
@@ -61,17 +61,17 @@ class CountBar:
         self.bar.update(done - self.bar.n)
 
 
-def sequences_of(corpus: Path, dances: tuple[str, ...] = ()) -> Iterator[Sequence]:
+def sequences_of(corpus: Path, dances: tuple[str, ...] = ()) -> Iterator[Recording]:
     """Readable sequences, one at a time; what cannot be read is told on standard error."""
-    from harmolab.data.folders import Problem, find_sequences, load_sequence
+    from harmolab.data.folders import Problem, find_recordings, load_recording
 
-    found = find_sequences(corpus)
+    found = find_recordings(corpus)
     if not found.folders:
         raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
     problems = list(found.problems)
     for folder in progress(found.folders, corpus.name):
         try:
-            sequence = load_sequence(folder)
+            sequence = load_recording(folder)
         except (ValueError, FileNotFoundError) as error:
             problems.append(Problem(folder, str(error)))
             continue

@@ -73,9 +73,9 @@ def compare(
 
 def common_beats(*corpora: Path | None) -> str:
     """ "annotated" when every sequence has a beats.json, else "tracked"."""
-    from harmolab.data.folders import find_sequences
+    from harmolab.data.folders import find_recordings
 
-    folders = [folder for corpus in corpora if corpus for folder in find_sequences(corpus).folders]
+    folders = [folder for corpus in corpora if corpus for folder in find_recordings(corpus).folders]
     return "annotated" if folders and all((folder / "beats.json").is_file() for folder in folders) else "tracked"
 
 

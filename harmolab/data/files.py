@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from harmolab.beats.audio import music_beats
-from harmolab.data.folders import load_any_motion, told_start
+from harmolab.data.folders import load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
 from harmolab.io.beats import load_annotation
 from harmolab.io.errors import PathLike
@@ -84,7 +84,7 @@ def load_clip(
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     if offset is None:
-        offset = told_start(motion) or 0.0
+        offset = recorded_offset(motion) or 0.0
     track = None if beats is None else load_annotation(beats).track(audio.duration)
     try:
         clip = Clip(motion.stem or motion.name, audio, movement, offset, beats=track, dance=dance)

@@ -20,7 +20,7 @@ from harmolab.data.units import DanceUnit
 from harmolab.experiments.ablation import RECORDED, mean_interval
 from harmolab.experiments.generation import SYNTHETIC, VARIANTS, generator_corpora, trained
 from harmolab.experiments.judging import generate, meter_motion, score_unit, unit_motion
-from harmolab.experiments.study import data_root, excerpt, readable_sequences, study_sequences, synthetic_corpus
+from harmolab.experiments.study import data_root, excerpt, readable_recordings, study_recordings, synthetic_corpus
 from harmolab.harmony import score_harmony
 from harmolab.metrics import jerk
 from harmolab.params import HarmonyParams, RunProfile
@@ -111,7 +111,7 @@ BASES = MappingProxyType(
 def studied_clips(profile: RunProfile, corpus: str) -> Iterator[Clip]:
     """Six seconds from the middle of each sequence of a corpus, with tracked beats; as many as the profile takes."""
     planted = corpus == SYNTHETIC and data_root() is not None
-    found = readable_sequences(synthetic_corpus(profile)) if planted else study_sequences(profile, corpus)
+    found = readable_recordings(synthetic_corpus(profile)) if planted else study_recordings(profile, corpus)
     for sequence in found:
         clip = excerpt(sequence, SECONDS)
         if clip.motion is not None and clip.beats is not None and len(clip.beats) > 1:

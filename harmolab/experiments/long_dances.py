@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Sequence, load_sequence
+from harmolab.data.folders import Recording, load_recording
 from harmolab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
 from harmolab.harmony import score_motion
 from harmolab.metrics import bone_error, foot_skating, jerk, largest_step
@@ -73,7 +73,7 @@ def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) 
     names = _songs(run)
     if not 0 <= place < len(names):
         raise ValueError(f"place must be 0 to {len(names) - 1}, the test songs of {corpus}, got {place}")
-    song = load_sequence(corpus_root(profile, corpus) / names[place])
+    song = load_recording(corpus_root(profile, corpus) / names[place])
     made, beats = _danced(run, song, _seconds(profile))
     audio = song.clip.audio.span(song.clip.offset, made.duration)
     return DancedSong(names[place], audio, beats, _dancer(song).span(0.0, made.duration), made)
@@ -96,7 +96,7 @@ def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
     for corpus in generator_corpora(profile):
         for seed in range(1, profile.n_seeds + 1):
             runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
-            songs = [load_sequence(corpus_root(profile, corpus) / name) for name in _songs(runs["paper"])]
+            songs = [load_recording(corpus_root(profile, corpus) / name) for name in _songs(runs["paper"])]
             recorded = _recorded(songs, seconds)
             for song, (name, run) in product(songs, runs.items()):
                 about = {"corpus": corpus, "seed": seed, "variant": name}
@@ -114,7 +114,7 @@ def _songs(run: Trained) -> list[str]:
     return [names[place * len(names) // count] for place in range(count)]
 
 
-def _recorded(songs: list[Sequence], seconds: float) -> dict[str, float]:
+def _recorded(songs: list[Recording], seconds: float) -> dict[str, float]:
     """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
     motions = [_dancer(song).span(0.0, seconds) for song in songs]
     return {
@@ -124,13 +124,13 @@ def _recorded(songs: list[Sequence], seconds: float) -> dict[str, float]:
     }
 
 
-def _dancer(song: Sequence) -> Motion:
+def _dancer(song: Recording) -> Motion:
     if song.clip.motion is None:
         raise ValueError(f"{song.folder}: has no motion")
     return song.clip.motion
 
 
-def _measured(run: Trained, song: Sequence, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
+def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
     """One long dance, in multiples of what is `recorded`."""
     made, beats = _danced(run, song, seconds)
     score = score_motion(beats, made, params=HarmonyParams.valleys(), n_rotations=0)
@@ -147,7 +147,7 @@ def _measured(run: Trained, song: Sequence, recorded: dict[str, float], seconds:
     }
 
 
-def _danced(run: Trained, song: Sequence, seconds: float) -> tuple[Motion, BeatTrack]:
+def _danced(run: Trained, song: Recording, seconds: float) -> tuple[Motion, BeatTrack]:
     """A generated dance, as long as asked for and recorded, and the music's beats on its time line."""
     clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
     length = min(seconds, _dancer(song).duration)

@@ -19,7 +19,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-__all__ = ["MAX_BYTES", "MAX_JSON_BYTES", "MAX_TEXT_BYTES", "PathLike", "read_json", "read_text", "reading"]
+__all__ = [
+    "MAX_BYTES",
+    "MAX_JSON_BYTES",
+    "MAX_TEXT_BYTES",
+    "MissingFrameRate",
+    "PathLike",
+    "read_json",
+    "read_text",
+    "reading",
+]
 
 PathLike = str | os.PathLike[str]
 
@@ -47,6 +56,10 @@ _FAULTS = (
 )
 
 
+class MissingFrameRate(ValueError):
+    """A motion file holds no frame rate, and none was passed; with a rate it may be read."""
+
+
 @contextmanager
 def reading(path: PathLike, what: str, *, max_bytes: int | None = MAX_BYTES) -> Iterator[Path]:
     """The path, checked to be an ordinary file with bytes in it; faults inside the block name the file.
@@ -64,7 +77,8 @@ def reading(path: PathLike, what: str, *, max_bytes: int | None = MAX_BYTES) -> 
     FileNotFoundError
         There is no such file.
     ValueError
-        It is a folder, a device, empty or too large, or the block failed on its content.
+        It is a folder, a device, empty or too large, or the block failed on its content; a `MissingFrameRate` of the
+        block stays one.
     """
     try:
         _check_file(Path(path), max_bytes)
@@ -74,7 +88,8 @@ def reading(path: PathLike, what: str, *, max_bytes: int | None = MAX_BYTES) -> 
     except MemoryError as error:
         raise ValueError(f"{path}: needs more memory than this machine has; read a part of it") from error
     except _FAULTS as error:
-        raise ValueError(_message(str(path), what, error)) from error
+        kind = MissingFrameRate if isinstance(error, MissingFrameRate) else ValueError
+        raise kind(_message(str(path), what, error)) from error
 
 
 def _check_file(path: Path, max_bytes: int | None) -> None:
@@ -95,7 +110,7 @@ def _message(path: str, what: str, error: Exception) -> str:
     text = " ".join(str(error).split())[:400]
     if text.startswith(path):
         return text
-    if type(error) is ValueError:
+    if type(error) in (ValueError, MissingFrameRate):
         return f"{path}: {text}"
     return f"{path}: cannot be read as {what} ({text or type(error).__name__})"
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from harmolab.io import layouts
 from harmolab.io.arrays import checked_motion, read_npy
-from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, PathLike, read_json, reading
+from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, MissingFrameRate, PathLike, read_json, reading
 from harmolab.io.layouts import MEDIAPIPE_33
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
@@ -71,7 +71,7 @@ def load_keypoints(
             values = _dancer(layouts.people_by_frame(content))
         rate = about.get("fps") if fps is None else fps
         if rate is None:
-            raise ValueError("holds key points but no frame rate; pass fps")
+            raise MissingFrameRate("holds key points but no frame rate; pass fps")
         is_world = about.get("world", False) if world is None else world
         if not isinstance(is_world, bool):
             raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
@@ -158,7 +158,7 @@ def _filled(points: NDArray[Any], seen: BoolArray, skeleton: Skeleton) -> FloatA
 def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
     """One dancer from OpenPose's JSON files, one a frame in the order of their numbers."""
     if fps is None:
-        raise ValueError(f"{folder}: holds no frame rate; pass fps")
+        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps")
     frames = []
     for path in _frame_files(folder):
         with reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):

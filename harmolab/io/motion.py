@@ -53,7 +53,7 @@ from harmolab.io.arrays import checked_motion, in_metres, read_npy
 from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.errors import MAX_BYTES, PathLike, reading
+from harmolab.io.errors import MAX_BYTES, MissingFrameRate, PathLike, reading
 from harmolab.io.keypoints import keypoints_motion, load_keypoints
 from harmolab.io.layouts import named_skeleton
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
@@ -101,7 +101,7 @@ def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[s
     if path.is_dir() and (path / "motion.npz").is_file():
         path, suffix = path / "motion.npz", ".npz"
     elif path.is_dir() and (path / "skeletons.json").is_file():
-        raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.data.load_sequence")
+        raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.data.load_recording")
     if path.is_dir() or suffix in (".json", ".jsonl"):
         return load_keypoints(path, fps=fps, joints=joints)
     if suffix == ".npz":
@@ -122,7 +122,7 @@ def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[
         with file.open("rb") as stream:
             values = read_npy(stream, file.stat().st_size)
         if fps is None and not is_aist_name(file):
-            raise ValueError("holds no frame rate; pass fps")
+            raise MissingFrameRate("holds no frame rate; pass fps")
         rate = AIST_FPS if fps is None else fps
         if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             return keypoints_motion(values, rate, joints=joints)
