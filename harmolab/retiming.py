@@ -6,7 +6,7 @@ gradient wants: no joint moves further than it may, and every bone keeps the len
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_harmony
+from harmolab.io.files import Progress, silent
 from harmolab.models.losses import foot_loss, jerk_loss
 from harmolab.models.poses import ancestors
 from harmolab.models.soft_harmony import anneal, soft_harmony
@@ -42,7 +43,7 @@ def harmonise(
     params: HarmonyParams | None = None,
     steps: int = 300,
     seed: int = 0,
-    progress: Callable[[Iterable[int], str], Iterable[int]] | None = None,
+    progress: Progress = silent,
 ) -> Motion:
     """The motion with its joints moved a little, so that its visual beats meet the music's.
 
@@ -81,7 +82,7 @@ def harmonise(
     if len(music) == 0 or best >= 1 - 1e-9:
         return motion
     body, splines = _Body.of(motion), _Splines.of(motion)
-    found, turns = motion, (progress or _silent)(range(steps), "harmonising")
+    found, turns = motion, progress(range(steps), "harmonising")
     for knots in _search(motion, music, reach=reach, params=chosen, turns=turns, steps=steps, seed=seed):
         candidate = replace(motion, positions=body.moved(splines.at(knots), reach).numpy())
         score = _above_chance(candidate, music, chosen)
@@ -215,7 +216,3 @@ def _every_nth(motion: Motion, n: int) -> Motion:
     if n == 1:
         return motion
     return Motion(motion.positions[::n], motion.fps / n, motion.skeleton, motion.valid[::n])
-
-
-def _silent(turns: Iterable[int], _: str) -> Iterable[int]:
-    return turns

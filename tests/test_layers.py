@@ -17,6 +17,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
 LAYERS = {
     "types": 0,
     "params": 0,
+    "templates": 0,
     "io": 1,
     "kinematics": 1,
     "beats": 1,

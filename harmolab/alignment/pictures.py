@@ -8,12 +8,13 @@ tenth of a second before them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.flow import LAG, flow_directograms
+from harmolab.io.files import Progress, silent
 from harmolab.types import Motion, Skeleton
 
 __all__ = ["PICTURE", "picture_motion"]
@@ -26,7 +27,7 @@ def picture_motion(
     fps: float,
     *,
     lag: float = LAG,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = silent,
 ) -> Motion:
     """The movement of a whole picture, as a point on a line.
 

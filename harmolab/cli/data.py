@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from harmolab.cli.common import CountBar, plain_errors, show
+from harmolab.cli.common import plain_errors, progress, show
 
 __all__ = ["data_app"]
 
@@ -73,6 +73,6 @@ def data_synth(
         write_corpus(
             out, clips=clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, lateness=lateness,
             omission=omission, redundancy=redundancy, drift=drift, seed=seed,
-            progress=CountBar("making clips"),
+            progress=progress,
         )  # fmt: skip
     typer.echo(f"{clips} clips in {out}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypedDict
 import typer
 
 from harmolab import __version__
-from harmolab.cli.common import PAGES, CountBar, check_out, plain_errors
+from harmolab.cli.common import PAGES, check_out, plain_errors, progress
 
 if TYPE_CHECKING:
     from harmolab.own_dance import OwnDance, Recording
@@ -100,11 +100,7 @@ def _read(path: Path, fps: float | None, joints: str) -> Recording:
     from harmolab.own_dance import load_recording
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) or None
-    bar = CountBar("reading the pictures")
-    try:
-        return load_recording(path, fps=fps, joints=names, progress=lambda done: bar(done, 0))
-    finally:
-        bar.bar.close()
+    return load_recording(path, fps=fps, joints=names, progress=progress)
 
 
 def _told(song: Path, recording: Recording, beats: Path | None, wishes: _Wishes) -> OwnDance:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import webbrowser
 from dataclasses import replace
 from enum import StrEnum
@@ -234,6 +233,7 @@ def analyse(
 
     Example: `harmolab study analyse my_study --out results`
     """
+    from harmolab.io.files import plain
     from harmolab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
 
     with plain_errors():
@@ -241,7 +241,7 @@ def analyse(
         key = read_key(study / KEY_FILE)
         tables = _tables(answers, key, read_scores(study / SCORES_FILE), seed)
         summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
-        text = json.dumps(_plain(summary), indent=2)
+        text = json.dumps(plain(summary), indent=2)
         if out is not None:
             _save(out, tables, text)
     for note in answers.notes:
@@ -291,15 +291,6 @@ def _save(out: Path, tables: Tables, text: str) -> None:
     for name, rows in tables.items():
         write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
     write_text(out / "analysis.json", text)
-
-
-def _plain(value: Any) -> Any:
-    """What JSON can hold: a number that does not exist is null."""
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _print(tables: Tables, answers: Answers, kind: str) -> None:

@@ -17,7 +17,7 @@ from harmolab.data import tang2018
 from harmolab.data.folders import find_sequences, load_any_motion, load_sequence
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.types import Audio, BoolArray, Motion
 
 __all__ = ["Finding", "check"]

@@ -13,7 +13,7 @@ from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.folders import load_any_motion
 from harmolab.data.stage import FRACTION_BITS
 from harmolab.features.poses import skull_and_limbs
-from harmolab.io.errors import PathLike, read_json
+from harmolab.io.files import PathLike, read_json
 from harmolab.io.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25
 from harmolab.io.landmarks import is_landmarks, load_landmarks
 from harmolab.io.video import VideoFrames

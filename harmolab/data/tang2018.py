@@ -27,7 +27,7 @@ import numpy as np
 
 from harmolab.io.arrays import checked_motion, in_metres, number_array
 from harmolab.io.audio import load_audio
-from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
+from harmolab.io.files import MAX_JSON_BYTES, PathLike, read_json, reading
 from harmolab.types import Clip, FloatArray, Motion, Skeleton
 
 __all__ = [

@@ -24,8 +24,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, atomic_write
 from harmolab.types import FloatArray, Motion, Skeleton
 
 __all__ = ["save_bvh"]
@@ -87,7 +86,7 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
     bones = _fitted(motion, order, depth)
     extent = np.ptp(_rest(bones.offsets, motion.skeleton, order), axis=0).max()
     scale = 100.0 if extent > CENTIMETRES_FROM else 1.0
-    with written_aside(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
+    with atomic_write(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in _hierarchy(motion.skeleton, bones, scale))
         stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
         np.savetxt(stream, _table(bones, scale), fmt="%.6f")

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from harmolab.io.arrays import number_array
-from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_text, reading
+from harmolab.io.files import MAX_JSON_BYTES, PathLike, read_text, reading
 from harmolab.io.keypoints import COCO_17, dancer_motion
 from harmolab.types import FloatArray, Motion
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, number_array, read_npy
-from harmolab.io.errors import PathLike, read_json, reading
+from harmolab.io.files import PathLike, read_json, reading
 from harmolab.types import FloatArray, Motion, Skeleton
 
 __all__ = [

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, number_array, read_npy
-from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
+from harmolab.io.files import MAX_JSON_BYTES, PathLike, read_json, reading
 from harmolab.io.keypoints import joint_indices, skeleton_part
 from harmolab.types import FloatArray, Motion, Skeleton
 

@@ -49,11 +49,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres, read_npy
-from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.coco import coco_people, people_motion, read_lines
-from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, PathLike, reading
+from harmolab.io.files import MAX_BYTES, MAX_JSON_BYTES, PathLike, atomic_write, reading
 from harmolab.io.keypoints import joint_indices, keypoints_motion, load_openpose, named_skeleton, skeleton_part
 from harmolab.io.landmarks import MEDIAPIPE_33, is_landmarks, landmarks_motion, load_landmarks
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
@@ -244,7 +243,7 @@ def save_motion(path: PathLike, motion: Motion) -> None:
         return
     if suffix != ".npz":
         raise ValueError(f"{path}: motion is saved as .npz or .bvh; choose a name that ends so")
-    with written_aside(path) as aside, aside.open("wb") as stream:
+    with atomic_write(path) as aside, aside.open("wb") as stream:
         np.savez(
             stream,
             positions=motion.positions,

@@ -16,7 +16,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, reading
+from harmolab.io.files import MAX_TEXT_BYTES, PathLike, reading
 from harmolab.listening.trials import CHOICES, Trial, TrialSet
 
 __all__ = ["SIMULATED", "Answer", "AnswerLog", "Answers", "merge", "read_answers"]

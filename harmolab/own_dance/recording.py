@@ -6,14 +6,14 @@ The surest of four sources tells the start: the user, the folder of the recordin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from harmolab.alignment import SoundOffset, find_offset, find_sound_offset, picture_motion
 from harmolab.data.folders import load_any_motion, told_start
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video, video_frames
 from harmolab.io.video_sound import video_sound
 from harmolab.types import Audio, BeatTrack, Motion
@@ -24,7 +24,6 @@ HEIGHT = 160  # pixels of the video that flow is measured on
 SURE = 0.95  # confidence of an offset by movement, below which it means little
 
 Source = Literal["given", "folder", "same", "sound", "movement"]
-Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +104,7 @@ def load_recording(
     fps: float | None = None,
     joints: Sequence[str] | None = None,
     height: int = HEIGHT,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Recording:
     """A motion file, a folder, or a video (by its suffix) with its sound.
 
@@ -114,8 +113,7 @@ def load_recording(
     path : str or path
     fps, joints : see `harmolab.io.motion.load_motion`; not for a video
     height : int, pixels that a video is made smaller to
-    progress : callable, optional
-        Called with the number of pictures done.
+    progress : function(iterable, label) -> iterable
 
     Raises
     ------

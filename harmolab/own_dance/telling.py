@@ -16,7 +16,7 @@ from harmolab.alignment import attack_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.explaining import Explanation, Finding, explain
 from harmolab.harmony import first_shared, overlap, score_motion
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.io.video_sound import load_sound
 from harmolab.own_dance.recording import Placement, Recording, place_recording
 from harmolab.params import HarmonyParams

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.io.video import video_frames, write_video
 from harmolab.timewarp.warps import TimeWarp
 from harmolab.types import Audio

@@ -7,12 +7,9 @@ import html
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import jinja2
 import numpy as np
 import soundfile
 from numpy.typing import NDArray
@@ -21,14 +18,14 @@ from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import motion_curve
 from harmolab.features.poses import mean_heading, skull_and_limbs
 from harmolab.harmony import hit_pairs
-from harmolab.io.aside import written_aside
+from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.params import HarmonyParams
+from harmolab.templates import rendered
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
 __all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
 
-TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 FOLLOW = 0.8  # seconds over which the camera's way is smoothed
 LONGEST = 600.0  # seconds; a page of more is too large to open
@@ -64,10 +61,9 @@ class _Framed:
     def _repr_html_(self) -> str:
         return framed(self.page, title=f"{self.title}: player", height=self.height)
 
-    def save(self, path: str | PathLike[str]) -> None:
+    def save(self, path: PathLike) -> None:
         """Write the page to a file, aside first."""
-        with written_aside(Path(path)) as aside:
-            aside.write_text(self.page, encoding="utf-8")
+        write_text(path, self.page)
 
 
 class Player(_Framed):
@@ -156,7 +152,7 @@ def player_page(
         "lag": chosen.lag,
         "dancers": [_dancer(dancer, heard, chosen) for dancer in dancers],
     }
-    return _rendered("player.html.j2", title=title, facts=facts, data=data)
+    return rendered("player.html.j2", title=title, facts=facts, data=data)
 
 
 def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
@@ -179,7 +175,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
     dancers = [{"name": name, **_movement(motion)} for name, motion in zip(names, motions, strict=True)]
     data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
-    return _rendered("blind.html.j2", data=data)
+    return rendered("blind.html.j2", data=data)
 
 
 def _duration(motions: Sequence[Motion]) -> float:
@@ -190,11 +186,6 @@ def _duration(motions: Sequence[Motion]) -> float:
     if duration > LONGEST:
         raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
     return duration
-
-
-def _rendered(template: str, **values: Any) -> str:
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
-    return environment.get_template(template).render(**values)
 
 
 def _music(music: BeatTrack, params: HarmonyParams) -> list[dict[str, Any]]:
