@@ -7,37 +7,19 @@ answers of both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import binomtest, norm, rankdata, t
+from scipy.stats import rankdata
 
 from harmolab.listening.answers import Answers
 from harmolab.listening.trials import CHOICES, Key
-from harmolab.significance import auc
+from harmolab.significance import auc, bootstrap_interval_of, wilson_interval
+from harmolab.types import BoolArray, FloatArray
 
-__all__ = [
-    "Grid",
-    "Rate",
-    "agreement_row",
-    "answer_grid",
-    "cohen_kappa",
-    "krippendorff_alpha",
-    "pooled_rate",
-    "rater_rows",
-    "score_rows",
-    "version_rows",
-    "wilson_rate",
-]
-
-FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
-
-LEVEL = 0.95
-N_BOOTSTRAP = 1000
 
 
 @dataclass(frozen=True)
@@ -117,10 +99,7 @@ def wilson_rate(values: FloatArray) -> Rate:
     """Share of ones among independent answers, with Wilson's interval; NaN entries do not count."""
     given = values[~np.isnan(values)]
     hits, n = int(given.sum()), given.size
-    if n == 0:
-        return Rate(0, 0, math.nan, math.nan)
-    interval = binomtest(hits, n).proportion_ci(LEVEL, method="wilson")
-    return Rate(hits, n, float(interval.low), float(interval.high))
+    return Rate(hits, n, *wilson_interval(hits, n))
 
 
 def pooled_rate(values: FloatArray) -> Rate:
@@ -152,25 +131,17 @@ def pooled_rate(values: FloatArray) -> Rate:
         max(part - noise, 0.0) ** 2 / max(int(given.any(axis).sum()) - 1, 1)
         for part, axis in ((by_rater, 1), (by_trial, 0))
     )
-    quantile = t.ppf(0.5 + LEVEL / 2, variance**2 / doubt) if doubt > 0 else norm.ppf(0.5 + LEVEL / 2)
-    return Rate(hits, n, *_wilson(share, worth, float(quantile)))
+    freedom = variance**2 / doubt if doubt > 0 else math.inf
+    return Rate(hits, n, *wilson_interval(share * worth, worth, freedom=freedom))
 
 
-def _cluster_variance(residual: FloatArray, given: NDArray[np.bool_], axis: int) -> float:
+def _cluster_variance(residual: FloatArray, given: BoolArray, axis: int) -> float:
     """Variance of the mean if the clusters along the other axis are what was drawn; 0 with fewer than two."""
     clusters = int(given.any(axis).sum())
     if clusters < 2:
         return 0.0
     sums = residual.sum(axis)
     return float(clusters / (clusters - 1) * (sums**2).sum() / given.sum() ** 2)
-
-
-def _wilson(share: float, n: float, quantile: float) -> tuple[float, float]:
-    """Wilson's score interval for a share of `n` answers, which need not be whole."""
-    square = quantile**2 / n
-    centre = (share + square / 2) / (1 + square)
-    half = quantile * math.sqrt(share * (1 - share) / n + square / (4 * n)) / (1 + square)
-    return max(centre - half, 0.0), min(centre + half, 1.0)
 
 
 def rater_rows(grid: Grid) -> list[Row]:
@@ -251,7 +222,7 @@ def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
         raise ValueError("agreement needs two raters or more; merge their files first")
     measure, name = (_kappa, "Cohen's kappa") if n_raters == 2 else (krippendorff_alpha, "Krippendorff's alpha")
     shared = grid.second[:, (~np.isnan(grid.second)).sum(0) >= 2]
-    low, high = _bootstrap(lambda drawn: measure(shared[:, drawn]), shared.shape[1], seed)
+    low, high = bootstrap_interval_of(lambda drawn: measure(shared[:, drawn]), shared.shape[1], seed=seed)
     row = {"measure": name, "raters": n_raters, "n": shared.shape[1], "rate": measure(shared), "low": low, "high": high}
     return _labelled([row], grid)[0]
 
@@ -301,8 +272,8 @@ def _trial_scores(grid: Grid, name: str, values: Mapping[str, float]) -> FloatAr
 def _correlations(score: FloatArray, liked: FloatArray, seed: int) -> Row:
     """Both correlations of (T,) scores with (R, T) answers, and the AUC of single answers."""
     share = np.nanmean(liked, axis=0) if score.size else np.empty(0)
-    ranks = _bootstrap(lambda drawn: _rank(score[drawn], share[drawn]), score.size, seed)
-    singles = _bootstrap(lambda drawn: _point_biserial(score[drawn], liked[:, drawn]), score.size, seed)
+    ranks = bootstrap_interval_of(lambda drawn: _rank(score[drawn], share[drawn]), score.size, seed=seed)
+    singles = bootstrap_interval_of(lambda drawn: _point_biserial(score[drawn], liked[:, drawn]), score.size, seed=seed)
     every = np.broadcast_to(score, liked.shape)
     return {
         "rank": _rank(score, share),
@@ -331,18 +302,6 @@ def _pearson(one: FloatArray, other: FloatArray) -> float:
     a, b = one - one.mean(), other - other.mean()
     scale = math.sqrt(float((a**2).sum() * (b**2).sum()))
     return float((a * b).sum() / scale) if scale > 1e-12 else math.nan
-
-
-def _bootstrap(measure: Callable[[NDArray[np.int64]], float], n: int, seed: int) -> tuple[float, float]:
-    """Percentile interval of a measure of drawn trials; NaN if there are fewer than two, or it is rarely defined."""
-    if n < 2:
-        return math.nan, math.nan
-    drawn = np.random.default_rng(seed).integers(0, n, (N_BOOTSTRAP, n))
-    found = np.array([measure(row) for row in drawn])
-    if np.isnan(found).mean() > 0.5:
-        return math.nan, math.nan
-    low, high = np.nanquantile(found, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(low), float(high)
 
 
 def _labelled(rows: Sequence[Row], grid: Grid) -> list[Row]:
