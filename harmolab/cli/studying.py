@@ -152,22 +152,9 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     trials = make_trials(pieces.items, kind=kind.value, n=n, seed=seed, rater=ANYONE, truth=truth)
     out.mkdir(parents=True, exist_ok=True)
     for trial, asked in progress(key.trials.items(), "writing trials"):
-        piece = pieces.named(asked.item)
-        write_page(out, trial, blind_page(piece.audio, [piece.motions[version] for version in asked.versions]))
-    write_scores(out, _scores(pieces, key))
+        write_page(out, trial, blind_page(*pieces.shown(asked)))
+    write_scores(out, pieces.scores(progress(key.trials.values(), "scoring")))
     write_study(out, trials, key)
-
-
-def _scores(pieces: Pieces, key: Key) -> dict[str, dict[str, float]]:
-    """Every score of every dance that is shown."""
-    from harmolab.listening.corpus_study import clip_scores
-
-    found: dict[str, dict[str, float]] = {}
-    for asked in progress(key.trials.values(), "scoring"):
-        for version, source in zip(asked.versions, asked.sources, strict=True):
-            for name, value in clip_scores(pieces.named(asked.item).clip(version)).items():
-                found.setdefault(name, {})[source] = value
-    return found
 
 
 @study_app.command()
@@ -186,7 +173,6 @@ def ask(
     from harmolab.listening.answers import SIMULATED
     from harmolab.listening.folders import TRIALS_FILE, answer_log, read_page, read_trials
     from harmolab.listening.presenting import StudyServer
-    from harmolab.widgets.player import framed
 
     with plain_errors():
         if rater.startswith(SIMULATED):
@@ -196,7 +182,7 @@ def ask(
             read_page(study, trial.id)  # a page that is missing must not come up half way through
         log = answer_log(study, rater)
         if log.resume(trials):
-            server = StudyServer(trials, log, lambda trial: framed(read_page(study, trial.id)), port=port)
+            server = StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
             _serve(server, no_open)
         _say_how_far(trials, log)
 

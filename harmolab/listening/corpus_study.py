@@ -14,18 +14,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import audio_beats
 from harmolab.harmony import score_clip
 from harmolab.kinematics import resample_motion, upsample_motion
-from harmolab.listening.trials import Item
+from harmolab.listening.trials import Asked, Item
 from harmolab.params import DANCES, HarmonyParams
-from harmolab.types import Audio, BeatTrack, Clip, Motion
-
-__all__ = ["Pieces", "StudyPiece", "clip_scores", "lagged_pieces", "paired_pieces", "swapped_pieces"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 
 FPS = 60.0  # of every motion shown, so that its rate does not tell where it comes from
 FADE = 0.05  # seconds, at both ends of the sound
@@ -81,6 +76,21 @@ class Pieces:
     def named(self, name: str) -> StudyPiece:
         """The piece of that name, which a key calls item."""
         return next(piece for piece in self.pieces if piece.name == name)
+
+    def shown(self, asked: Asked) -> tuple[Audio, list[Motion]]:
+        """The music of a trial and its dance, or its two dances (left, right): what `blind_page` takes."""
+        piece = self.named(asked.item)
+        return piece.audio, [piece.motions[version] for version in asked.versions]
+
+    def scores(self, asked: Iterable[Asked]) -> dict[str, dict[str, float]]:
+        """`clip_scores` of every dance that is shown: {score: {source: value}}."""
+        rows = {
+            source: clip_scores(self.named(one.item).clip(version))
+            for one in asked
+            for version, source in zip(one.versions, one.sources, strict=True)
+        }
+        names = next(iter(rows.values()), {})
+        return {name: {source: row[name] for source, row in rows.items()} for name in names}
 
 
 def lagged_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces:

@@ -1,4 +1,4 @@
-"""A study as a plain local page, without a notebook; the browser talks to this machine alone."""
+"""A study as a plain local page, in a browser or in a frame of a notebook; it talks to this machine alone."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from urllib.parse import parse_qs
 
 from harmolab.listening.answers import AnswerLog
 from harmolab.listening.trials import Trial, TrialSet
-
-__all__ = ["StudyServer", "trial_page"]
+from harmolab.templates import framed
 
 HOST = "127.0.0.1"
+TITLE = "Listening study"
 MOST_BYTES = 4096  # of a form
 IDLE_SECONDS = 30.0
+FRAME_HEIGHT = 860  # pixels: question, player and answers
 
 
 def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Trial], str], *, action: str) -> str:
@@ -31,7 +32,7 @@ def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Tri
     ----------
     trials : TrialSet
     waiting : tuple of Trial, those without an answer
-    show : callable, ``show(trial)`` returns the HTML of a trial
+    show : callable, ``show(trial)`` returns the page of a trial, such as `blind_page`, which is framed
     action : str, address that the answer is sent to
     """
     if not waiting:
@@ -41,7 +42,7 @@ def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Tri
     return _page(
         f'<p class="count">Trial {number} of {len(trials)}</p>'
         f'<progress max="{len(trials)}" value="{number - 1}"></progress>'
-        f"<h1>{html.escape(trials.question)}</h1>{show(trial)}"
+        f"<h1>{html.escape(trials.question)}</h1>{framed(show(trial))}"
         f'<form method="post" action="{html.escape(action, quote=True)}">'
         f'<input type="hidden" name="trial" value="{trial.id}">{buttons}</form>'
     )
@@ -61,7 +62,7 @@ STYLE = """
 
 def _page(body: str) -> str:
     return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Listening study</title>'
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
         f"<style>{STYLE}</style></head><body>{body}</body></html>"
     )
@@ -75,7 +76,7 @@ class StudyServer:
     trials : TrialSet
     log : AnswerLog
         An answer is written through before the next page is sent.
-    show : callable, ``show(trial)`` returns the HTML of a trial
+    show : callable, ``show(trial)`` returns the page of a trial, such as `blind_page`, which is framed
     port : int, 0 for any free one
 
     Notes
@@ -83,8 +84,12 @@ class StudyServer:
     It listens on 127.0.0.1 only. Its address holds a secret, so that another page open in the browser can neither
     read the trials nor answer them.
 
+    In a notebook it shows itself as a frame whose buttons work while the kernel runs. The frame holds the trial itself,
+    so the offline report shows and plays it too.
+
     Examples
     --------
+    >>> StudyServer(trials, log, show).start()  # doctest: +SKIP
     >>> server = StudyServer(trials, log, show)  # doctest: +SKIP
     >>> with server.running() as address:  # doctest: +SKIP
     ...     webbrowser.open(address)
@@ -102,33 +107,45 @@ class StudyServer:
         self._answering = threading.Lock()
         self.finished = threading.Event()
         self._server = _Server(port, self)
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
 
     @property
     def address(self) -> str:
         """What to open in the browser."""
         return f"http://{HOST}:{self._server.server_port}{self.path}"
 
+    def start(self) -> StudyServer:
+        """Itself, serving until `stop` or the end of the program."""
+        self._thread.start()
+        return self
+
+    def stop(self) -> None:
+        """End serving; answers stay."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
     @contextmanager
     def running(self) -> Iterator[str]:
         """The address, served until the end of the ``with`` block."""
-        thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
-        thread.start()
+        self.start()
         try:
             yield self.address
         finally:
-            self._server.shutdown()
-            self._server.server_close()
-            thread.join()
+            self.stop()
 
     def page(self) -> str:
         """The page that the rater sees now."""
-        self._since = time.monotonic()
-        return trial_page(self._trials, self._log.resume(self._trials), self._show, action=self.path)
+        return self.turn()[1]
 
-    def sent(self) -> None:
-        """To be called when a page has gone out: after that of thanks nothing is left to do."""
-        if not self._log.resume(self._trials):
-            self.finished.set()
+    def turn(self) -> tuple[tuple[Trial, ...], str]:
+        """The trials without an answer, and the page that asks the first of them."""
+        self._since = time.monotonic()
+        waiting = self._log.resume(self._trials)
+        return waiting, trial_page(self._trials, waiting, self._show, action=self.address)
+
+    def _repr_html_(self) -> str:
+        return framed(self.page(), title=TITLE, height=FRAME_HEIGHT)
 
     def answer(self, trial: str, choice: str) -> None:
         """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""
@@ -158,8 +175,10 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._is_ours():
             return
         try:
-            self._reply(HTTPStatus.OK, self.server.study.page())
-            self.server.study.sent()
+            waiting, page = self.server.study.turn()
+            self._reply(HTTPStatus.OK, page)
+            if not waiting:
+                self.server.study.finished.set()
         except ValueError as error:  # a damaged file of answers or pages
             self._reply(HTTPStatus.INTERNAL_SERVER_ERROR, _page(f"<p>{html.escape(str(error))}</p>"))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,13 +20,14 @@ from harmolab.harmony import hit_pairs
 from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.params import HarmonyParams
-from harmolab.templates import rendered
+from harmolab.templates import framed, rendered
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
-__all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
+__all__ = ["Dancer", "Player", "blind_page", "player_page"]
 
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 FOLLOW = 0.8  # seconds over which the camera's way is smoothed
+HEIGHT = 880  # pixels of the frame
 LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
 LEVELS = 65535  # steps of a number in the page
@@ -51,28 +51,11 @@ class Dancer:
     visual: BeatTrack
 
 
-class _Framed:
-    """A page that shows itself in a frame, and can be saved."""
-
-    title: str
-    page: str
-    height: int
-
-    def _repr_html_(self) -> str:
-        return framed(self.page, title=f"{self.title}: player", height=self.height)
-
-    def save(self, path: PathLike) -> None:
-        """Write the page to a file, aside first."""
-        write_text(path, self.page)
-
-
-class Player(_Framed):
+class Player:
     """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
 
     >>> Player(audio, [Dancer("one", motion, beats)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
     """
-
-    height = 880
 
     def __init__(
         self,
@@ -87,29 +70,12 @@ class Player(_Framed):
         self.title = title
         self.page = player_page(audio, dancers, music=music, title=title, facts=facts, params=params)
 
+    def _repr_html_(self) -> str:
+        return framed(self.page, title=f"{self.title}: player", height=HEIGHT)
 
-class BlindPlayer(_Framed):
-    """The player of `blind_page`, as it shows itself to a rater in a notebook and in the offline report.
-
-    >>> BlindPlayer(audio, [motion])  # doctest: +SKIP
-    """
-
-    title = "Dance"
-    height = 520
-
-    def __init__(self, audio: Audio, motions: Sequence[Motion]) -> None:
-        self.page = blind_page(audio, motions)
-
-
-def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
-    """A player's page in a frame, as HTML to stand in another page.
-
-    The page sets the frame's height itself; `height`, in pixels, is for readers that run no script.
-    """
-    return (
-        f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}" '
-        f'style="width: 100%; height: {height}px; border: 0" loading="lazy"></iframe>'
-    )
+    def save(self, path: PathLike) -> None:
+        """Write the page to a file, whole or not at all."""
+        write_text(path, self.page)
 
 
 def player_page(
