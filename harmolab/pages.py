@@ -23,8 +23,6 @@ from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 from harmolab.templates import TEMPLATES, rendered
 from harmolab.viz.style import MANIFEST
 
-__all__ = ["MARK", "PAPER", "NotebookRun", "write_pages"]
-
 MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 

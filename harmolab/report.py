@@ -23,8 +23,6 @@ from harmolab.io.files import atomic_folder, atomic_write
 from harmolab.pages import MARK, NotebookRun, write_pages
 from harmolab.viz.style import MANIFEST
 
-__all__ = ["Report", "build", "main", "run_notebook"]
-
 
 @dataclass(frozen=True)
 class Report:

@@ -13,8 +13,7 @@ from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.timewarp import TimeWarp, beat_warp, lee_warp, retime, warp_video
 from harmolab.timewarp.beats import METHODS
-from harmolab.timewarp.resampling import motion_at
-from harmolab.timewarp.video import warped_frames
+from harmolab.timewarp.retime import motion_at, warped_frames
 from harmolab.types import BeatTrack, Motion, Skeleton
 
 SEEDS = range(6)

@@ -17,8 +17,6 @@ from harmolab.beats.flow import LAG, flow_directograms
 from harmolab.io.files import Progress, silent
 from harmolab.types import Motion, Skeleton
 
-__all__ = ["PICTURE", "picture_motion"]
-
 PICTURE = Skeleton(("picture",), (-1,))
 
 

@@ -12,8 +12,6 @@ import typer
 
 from harmolab.cli.common import plain_errors, progress, show
 
-__all__ = ["data_app"]
-
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
 

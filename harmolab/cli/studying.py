@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from harmolab.listening.trials import Key, TrialSet
     from harmolab.types import Clip, Motion
 
-__all__ = ["study_app"]
 
 Tables = dict[str, list[dict[str, Any]]]
 

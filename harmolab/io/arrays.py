@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
-__all__ = ["checked_fps", "checked_motion", "in_metres", "number_array", "read_npy"]
-
 MIN_FPS, MAX_FPS = 1.0, 1000.0
 
 

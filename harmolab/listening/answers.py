@@ -19,8 +19,6 @@ from filelock import FileLock
 from harmolab.io.files import MAX_TEXT_BYTES, PathLike, reading
 from harmolab.listening.trials import CHOICES, Trial, TrialSet
 
-__all__ = ["SIMULATED", "Answer", "AnswerLog", "Answers", "merge", "read_answers"]
-
 SIMULATED = "simulated-"
 START = b'{"study"'  # of every line
 LOCK_SECONDS = 30.0

@@ -20,21 +20,6 @@ from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, re
 from harmolab.listening.answers import AnswerLog
 from harmolab.listening.trials import MOST_TRIALS, Asked, Key, Trial, TrialSet
 
-__all__ = [
-    "KEY_FILE",
-    "SCORES_FILE",
-    "TRIALS_FILE",
-    "answer_files",
-    "answer_log",
-    "read_key",
-    "read_page",
-    "read_scores",
-    "read_trials",
-    "write_page",
-    "write_scores",
-    "write_study",
-]
-
 TRIALS_FILE, KEY_FILE, SCORES_FILE = "trials.json", "key.json", "scores.json"
 PAGES, ANSWERS = "pages", "answers"
 

@@ -9,8 +9,6 @@ import numpy as np
 from harmolab.listening.answers import SIMULATED, Answer
 from harmolab.listening.trials import Key, TrialSet
 
-__all__ = ["SimulatedRater"]
-
 
 @dataclass(frozen=True)
 class SimulatedRater:

@@ -19,19 +19,6 @@ from typing import Literal
 
 import numpy as np
 
-__all__ = [
-    "CHOICES",
-    "MOST_TRIALS",
-    "QUESTIONS",
-    "Asked",
-    "Item",
-    "Key",
-    "Trial",
-    "TrialSet",
-    "make_key",
-    "make_trials",
-]
-
 Kind = Literal["pick", "choice"]
 
 CHOICES: Mapping[str, tuple[str, str]] = MappingProxyType(
