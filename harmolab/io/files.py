@@ -41,21 +41,9 @@ UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
 
 # RuntimeError stands for RecursionError, NotImplementedError and the errors of libsndfile.
 _FAULTS = (
-    ValueError,
-    OSError,
-    EOFError,
-    RuntimeError,
-    ArithmeticError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    SyntaxError,
-    tokenize.TokenError,
-    struct.error,
-    zlib.error,
-    zipfile.BadZipFile,
-    pickle.UnpicklingError,
-)
+    ValueError, OSError, EOFError, RuntimeError, ArithmeticError, LookupError, TypeError, AttributeError, SyntaxError,
+    tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile, pickle.UnpicklingError,
+)  # fmt: skip
 
 
 def silent(items: Iterable[Any], label: str) -> Iterable[Any]:

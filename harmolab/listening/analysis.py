@@ -1,4 +1,4 @@
-"""What the answers of a study say: rates with intervals, agreement between raters, correlation with scores.
+"""Analysis of a study's answers: rates with intervals, agreement between raters, correlation with scores.
 
 Every row of a table says in its field "simulated" whether the raters behind it were people; `answer_grid` refuses
 answers of both.
@@ -64,9 +64,9 @@ class Grid:
     def right(self) -> FloatArray:
         """(R, T) array: 1.0 for a right answer, 0.0 for a wrong one, NaN where none was given or none is right."""
         first, second = CHOICES[self.key.kind]
-        wanted = [{first: 0.0, second: 1.0}.get(self.key.trials[one].right or "", math.nan) for one in self.trials]
-        missing = np.isnan(self.second) | np.isnan(wanted)
-        return np.where(missing, math.nan, self.second == np.asarray(wanted))
+        expected = [{first: 0.0, second: 1.0}.get(self.key.trials[one].right or "", math.nan) for one in self.trials]
+        missing = np.isnan(self.second) | np.isnan(expected)
+        return np.where(missing, math.nan, self.second == np.asarray(expected))
 
 
 def answer_grid(answers: Answers, key: Key) -> Grid:
@@ -93,6 +93,20 @@ def answer_grid(answers: Answers, key: Key) -> Grid:
             raise ValueError(f"{answer.rater}: the key knows no answer {answer.choice!r} to trial {answer.trial!r:.60}")
         second[rows[answer.rater], columns[answer.trial]] = CHOICES[key.kind].index(answer.choice)
     return Grid(second, raters, trials, answers.simulated, key)
+
+
+def study_tables(
+    answers: Answers, key: Key, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0
+) -> dict[str, list[Row]]:
+    """The rows of every table of a study by name; "raters" and "agreement" only where there are any."""
+    grid = answer_grid(answers, key)
+    tables = {
+        "raters": rater_rows(grid) if any(asked.right for asked in key.trials.values()) else [],
+        "versions": version_rows(grid),
+        "agreement": [agreement_row(grid, seed=seed)] if len(grid.raters) > 1 else [],
+        "scores": score_rows(grid, scores, seed=seed),
+    }
+    return {name: rows for name, rows in tables.items() if rows}
 
 
 def wilson_rate(values: FloatArray) -> Rate:
@@ -161,16 +175,16 @@ def rater_rows(grid: Grid) -> list[Row]:
 
 
 def version_rows(grid: Grid) -> list[Row]:
-    """What was picked: for "pick" the share of each condition that was called inharmonious, for "choice" that of each
-    pair of models in which the first was preferred.
+    """Shares of what was picked: for "pick" how often each condition was called inharmonious, for "choice" how often the
+    first of each pair of models was preferred.
     """
     asked = [grid.key.trials[one].versions for one in grid.trials]
     rows = []
     for versions in sorted({tuple(sorted(one)) for one in asked}):
-        mine = np.array([tuple(sorted(one)) == versions for one in asked])
+        these = np.array([tuple(sorted(one)) == versions for one in asked])
         # The second answer says "inharmonious", or that the dance on the right is better.
         flipped = np.array([len(one) == 2 and one[1] != versions[0] for one in asked])
-        picked = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, mine]
+        picked = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, these]
         rows.append({"version": " over ".join(versions), **pooled_rate(picked).row()})
     return _labelled(rows, grid)
 
