@@ -178,16 +178,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 300, full: 3600)")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
     options = parser.parse_args(arguments)
-    timeout = options.timeout or {"quick": 300.0, "full": 3600.0}[options.profile]
+    options.timeout = options.timeout or {"quick": 300.0, "full": 3600.0}[options.profile]
     try:
-        report = build(
-            options.notebooks,
-            options.out,
-            profile=options.profile,
-            figures=options.figures,
-            timeout=timeout,
-            jobs=options.jobs,
-        )
+        report = build(**vars(options))
     except (ValueError, FileNotFoundError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -175,8 +175,8 @@ def rater_rows(grid: Grid) -> list[Row]:
 
 
 def version_rows(grid: Grid) -> list[Row]:
-    """Shares of what was picked: for "pick" how often each condition was called inharmonious, for "choice" how often the
-    first of each pair of models was preferred.
+    """Shares of what was picked: how often each condition was called inharmonious ("pick"), how often the first of each
+    pair of models was preferred ("choice").
     """
     asked = [grid.key.trials[one].versions for one in grid.trials]
     rows = []
