@@ -138,7 +138,7 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
 
 
 def _cell(node: nbformat.NotebookNode, started: Sequence[int]) -> str:
-    """Which code cell ran last, counted as the reader counts them."""
+    """The code cell that ran last, counted as the reader counts them."""
     last = started[-1] if started else 0
     return f"code cell {sum(cell.cell_type == 'code' for cell in node.cells[: last + 1])}"
 

@@ -1,4 +1,4 @@
-"""What chance would reach: nulls by rotation in time, p-values, intervals (Student, Wilson, bootstrap), AUC."""
+"""Chance and uncertainty: nulls by rotation in time, p-values, intervals (Student, Wilson, bootstrap), AUC."""
 
 from __future__ import annotations
 

@@ -131,8 +131,8 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     key = make_key(pieces.items, kind=kind, n=n, seed=seed, truth=truth)
     trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
     out.mkdir(parents=True, exist_ok=True)
-    for trial, asked in progress(key.trials.items(), "writing trials"):
-        write_page(out, trial, blind_page(*pieces.shown(asked)))
+    for trial, entry in progress(key.trials.items(), "writing trials"):
+        write_page(out, trial, blind_page(*pieces.shown(entry)))
     write_scores(out, pieces.scores(progress(key.trials.values(), "scoring")))
     write_study(out, trials, key)
 

@@ -179,8 +179,8 @@ def grid_through(beat_times: ArrayLike, downbeat_times: ArrayLike, meter: int, s
     n_after = around + max(int(np.ceil((seconds - times[-1]) / last_pace)), 0)
     before = times[0] - first_pace * np.arange(n_before, 0, -1)
     after = times[-1] + last_pace * np.arange(1, n_after + 1)
-    known = np.asarray(downbeat_times, float).ravel()
-    downbeat = int(np.abs(times - known[0]).argmin()) if known.size else 0
+    downbeats = np.asarray(downbeat_times, float).ravel()
+    downbeat = int(np.abs(times - downbeats[0]).argmin()) if downbeats.size else 0
     return BeatGrid(np.concatenate([before, times, after]), (n_before + downbeat) % meter, meter)
 
 

@@ -93,12 +93,12 @@ def _plan(common: ClipSettings, clips: int) -> dict[str, ClipSettings]:
 
 def _figures(dance: str, seed: int, turn: int, seconds: float) -> tuple[str, ...]:
     """The figures of the `turn`-th clip of a dance: the vocabulary in a new order each time it is used up."""
-    known = figure_names(dance)
-    per_clip = int(np.clip(seconds // 8, FIGURES_PER_CLIP, len(known)))
-    per_round = len(known) // per_clip
-    order = np.random.default_rng([seed, 7, list(DANCES).index(dance), turn // per_round]).permutation(len(known))
+    names = figure_names(dance)
+    per_clip = int(np.clip(seconds // 8, FIGURES_PER_CLIP, len(names)))
+    per_round = len(names) // per_clip
+    order = np.random.default_rng([seed, 7, list(DANCES).index(dance), turn // per_round]).permutation(len(names))
     first = turn % per_round * per_clip
-    return tuple(known[place] for place in order[first : first + per_clip])
+    return tuple(names[place] for place in order[first : first + per_clip])
 
 
 def _check_folder(out: Path, expected: set[str]) -> None:
@@ -124,7 +124,7 @@ def _check_folder(out: Path, expected: set[str]) -> None:
 
 
 def _is_finished(folder: Path, settings: ClipSettings) -> bool:
-    """Whether a folder holds the very clip that the settings describe."""
+    """True if a folder holds the very clip that the settings describe."""
     if not all((folder / part).is_file() for part in PARTS):
         return False
     return bool(_read_json(folder / "beats.json").get("settings") == _recorded(settings))

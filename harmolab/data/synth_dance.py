@@ -85,6 +85,6 @@ def synthetic_motion(beat_times: ArrayLike, downbeat_times: ArrayLike = (), **se
     """
     if given := MUSICAL & settings.keys():
         raise ValueError(f"{min(given)} is no setting of a motion to given beats")
-    chosen = ClipSettings(**settings)
-    grid = grid_through(beat_times, downbeat_times, DANCES[chosen.dance].meter, chosen.seconds)
-    return dance_motion(choreography(grid, chosen), chosen)
+    clip = ClipSettings(**settings)
+    grid = grid_through(beat_times, downbeat_times, DANCES[clip.dance].meter, clip.seconds)
+    return dance_motion(choreography(grid, clip), clip)

@@ -113,7 +113,7 @@ ARM_POSES = MappingProxyType(
 
 @dataclass(frozen=True)
 class Manner:
-    """How a dance is danced. Lengths are metres for a dancer of 1.7 m and a movement of half a second;
+    """The manner of a dance. Lengths are metres for a dancer of 1.7 m and a movement of half a second;
     angles degrees.
 
     Parameters

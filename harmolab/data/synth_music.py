@@ -16,7 +16,7 @@ from harmolab.types import Audio, BeatTrack, FloatArray
 
 @dataclass(frozen=True)
 class Groove:
-    """What the band plays in one bar; every string spans the bar, so its length sets the grid.
+    """The notes of the band in one bar; every string spans the bar, so its length sets the grid.
 
     Drums and chords: digits are loudness (9 is full), dots rest. Bass: R root, F fifth, O octave, small letters
     softly. `swell` is the loudness of each beat of the bar, `minor` the mode.

@@ -68,12 +68,12 @@ def _figure(name: str, dance: str) -> _Figure:
     steps = tuple(FIGURES[dance][name.removeprefix(f"{dance} ")].split())
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     poses = MANNERS[dance].arms
-    chosen = np.empty((len(steps), 2), int)
+    arm_poses = np.empty((len(steps), 2), int)
     for side in range(2):
-        chosen[0, side] = rng.integers(len(poses))
+        arm_poses[0, side] = rng.integers(len(poses))
         for beat in range(1, len(steps)):  # never the same pose twice running
-            chosen[beat, side] = (chosen[beat - 1, side] + rng.integers(1, len(poses))) % len(poses)
-    arms = np.radians([ARM_POSES[pose] for pose in poses])[chosen]
+            arm_poses[beat, side] = (arm_poses[beat - 1, side] + rng.integers(1, len(poses))) % len(poses)
+    arms = np.radians([ARM_POSES[pose] for pose in poses])[arm_poses]
     # Signs alternate, so that the chest moves on every beat.
     chest = rng.uniform(0.4, 1.0, (len(steps), 4)) * np.where(np.arange(len(steps)) % 2, 1, -1)[:, None]
     return _Figure(steps, arms, chest)
@@ -113,15 +113,15 @@ def _routine(grid: BeatGrid, settings: ClipSettings, rng: np.random.Generator) -
 def _plan(
     dance: str, grid: BeatGrid, routine: tuple[str, ...]
 ) -> tuple[list[tuple[_Figure, int] | None], tuple[Unit, ...]]:
-    """What to do on each beat (a figure and the place in it), and the figures as units."""
+    """The figure of each beat and the place in it, and the figures as units."""
     plan: list[tuple[_Figure, int] | None] = [None] * grid.times.size
-    known = {name: _figure(name, dance) for name in set(routine)}
+    figures = {name: _figure(name, dance) for name in set(routine)}
     counts = dict.fromkeys(routine, 0)
     units, beat, turn = [], grid.first_downbeat or grid.meter, 0
     while beat < grid.times.size:
         name = routine[turn % len(routine)]
-        steps = min(len(known[name].steps), grid.times.size - beat)
-        plan[beat : beat + steps] = [(known[name], place) for place in range(steps)]
+        steps = min(len(figures[name].steps), grid.times.size - beat)
+        plan[beat : beat + steps] = [(figures[name], place) for place in range(steps)]
         counts[name] += 1
         start, end = grid.times[[beat - 1, beat + steps - 1]]
         units.append(Unit(f"{name} {counts[name]}", float(start), float(end), steps, name))

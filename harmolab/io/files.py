@@ -173,7 +173,7 @@ def plain(content: Any) -> Any:
 
 
 def cache_folder() -> Path | None:
-    """Where analyses are kept: ``HARMOLAB_CACHE``, else the user's cache folder; None when the variable is "off"."""
+    """Folder of kept analyses: ``HARMOLAB_CACHE``, else the user's cache folder; None when the variable is "off"."""
     named = os.environ.get("HARMOLAB_CACHE")
     if named == "off":
         return None

@@ -101,7 +101,7 @@ def study_tables(
     """The rows of every table of a study by name; "raters" and "agreement" only where there are any."""
     grid = answer_grid(answers, key)
     tables = {
-        "raters": rater_rows(grid) if any(asked.right for asked in key.trials.values()) else [],
+        "raters": rater_rows(grid) if any(entry.right for entry in key.trials.values()) else [],
         "versions": version_rows(grid),
         "agreement": [agreement_row(grid, seed=seed)] if len(grid.raters) > 1 else [],
         "scores": score_rows(grid, scores, seed=seed),
@@ -111,8 +111,8 @@ def study_tables(
 
 def wilson_rate(values: FloatArray) -> Rate:
     """Share of ones among independent answers, with Wilson's interval; NaN entries do not count."""
-    given = values[~np.isnan(values)]
-    hits, n = int(given.sum()), given.size
+    answered = values[~np.isnan(values)]
+    hits, n = int(answered.sum()), answered.size
     return Rate(hits, n, *wilson_interval(hits, n))
 
 
@@ -129,33 +129,33 @@ def pooled_rate(values: FloatArray) -> Rate:
     ----------
     values : (R, T) array of 0, 1 and NaN
     """
-    given = ~np.isnan(values)
-    hits, n = int(np.nansum(values)), int(given.sum())
+    answered = ~np.isnan(values)
+    hits, n = int(np.nansum(values)), int(answered.sum())
     if n == 0:
         return Rate(0, 0, math.nan, math.nan)
     share = hits / n
     noise = share * (1 - share) / n
-    residual = np.where(given, values - share, 0.0)
-    by_rater, by_trial = (_cluster_variance(residual, given, axis) for axis in (1, 0))
+    residual = np.where(answered, values - share, 0.0)
+    by_rater, by_trial = (_cluster_variance(residual, answered, axis) for axis in (1, 0))
     alike = max(by_rater - noise, 0.0) + max(by_trial - noise, 0.0)
     variance = noise + alike
     worth = share * (1 - share) / variance if variance > 0 else float(n)
     # Few raters tell little about how much raters differ: Student's quantile, by Satterthwaite's degrees of freedom.
     doubt = sum(
-        max(part - noise, 0.0) ** 2 / max(int(given.any(axis).sum()) - 1, 1)
+        max(part - noise, 0.0) ** 2 / max(int(answered.any(axis).sum()) - 1, 1)
         for part, axis in ((by_rater, 1), (by_trial, 0))
     )
     freedom = variance**2 / doubt if doubt > 0 else math.inf
     return Rate(hits, n, *wilson_interval(share * worth, worth, freedom=freedom))
 
 
-def _cluster_variance(residual: FloatArray, given: BoolArray, axis: int) -> float:
+def _cluster_variance(residual: FloatArray, answered: BoolArray, axis: int) -> float:
     """Variance of the mean if the clusters along the other axis are what was drawn; 0 with fewer than two."""
-    clusters = int(given.any(axis).sum())
+    clusters = int(answered.any(axis).sum())
     if clusters < 2:
         return 0.0
     sums = residual.sum(axis)
-    return float(clusters / (clusters - 1) * (sums**2).sum() / given.sum() ** 2)
+    return float(clusters / (clusters - 1) * (sums**2).sum() / answered.sum() ** 2)
 
 
 def rater_rows(grid: Grid) -> list[Row]:
@@ -178,12 +178,12 @@ def version_rows(grid: Grid) -> list[Row]:
     """Shares of what was picked: how often each condition was called inharmonious ("pick"), how often the first of each
     pair of models was preferred ("choice").
     """
-    asked = [grid.key.trials[one].versions for one in grid.trials]
+    shown = [grid.key.trials[one].versions for one in grid.trials]
     rows = []
-    for versions in sorted({tuple(sorted(one)) for one in asked}):
-        these = np.array([tuple(sorted(one)) == versions for one in asked])
+    for versions in sorted({tuple(sorted(one)) for one in shown}):
+        these = np.array([tuple(sorted(one)) == versions for one in shown])
         # The second answer says "inharmonious", or that the dance on the right is better.
-        flipped = np.array([len(one) == 2 and one[1] != versions[0] for one in asked])
+        flipped = np.array([len(one) == 2 and one[1] != versions[0] for one in shown])
         picked = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, these]
         rows.append({"version": " over ".join(versions), **pooled_rate(picked).row()})
     return _labelled(rows, grid)
@@ -222,7 +222,7 @@ def krippendorff_alpha(values: FloatArray) -> float:
 
 
 def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
-    """How well the raters agree beyond chance: Cohen's kappa of two, Krippendorff's alpha of more.
+    """Agreement of the raters beyond chance: Cohen's kappa of two, Krippendorff's alpha of more.
 
     The interval is a bootstrap over trials.
 
@@ -246,7 +246,7 @@ def _kappa(values: FloatArray) -> float:
 
 
 def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0) -> list[Row]:
-    """How the answers go with every score; the interval of both correlations is a bootstrap over trials.
+    """Correlation of the answers with every score; the interval of both correlations is a bootstrap over trials.
 
     Parameters
     ----------
@@ -269,8 +269,8 @@ def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: i
     for name, values in scores.items():
         score = _trial_scores(grid, name, values)
         liked = grid.second if grid.key.kind == "choice" else 1.0 - grid.second
-        asked = ~np.isnan(liked).all(0) & ~np.isnan(score)
-        rows.append({"score": name, "n": int(asked.sum()), **_correlations(score[asked], liked[:, asked], seed)})
+        defined = ~np.isnan(liked).all(0) & ~np.isnan(score)
+        rows.append({"score": name, "n": int(defined.sum()), **_correlations(score[defined], liked[:, defined], seed)})
     return _labelled(rows, grid)
 
 
@@ -305,8 +305,8 @@ def _rank(score: FloatArray, share: FloatArray) -> float:
 
 
 def _point_biserial(score: FloatArray, liked: FloatArray) -> float:
-    given = ~np.isnan(liked)
-    return _pearson(np.broadcast_to(score, liked.shape)[given], liked[given])
+    answered = ~np.isnan(liked)
+    return _pearson(np.broadcast_to(score, liked.shape)[answered], liked[answered])
 
 
 def _pearson(one: FloatArray, other: FloatArray) -> float:

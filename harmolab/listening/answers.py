@@ -154,7 +154,7 @@ class AnswerLog:
         return answer
 
     def read(self) -> Answers:
-        """What was answered so far; nothing if the file is not there yet."""
+        """The answers so far; nothing if the file is not there yet."""
         return read_answers(self.path) if self.path.exists() else Answers(())
 
     def resume(self, trials: TrialSet) -> tuple[Trial, ...]:

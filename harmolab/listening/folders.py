@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading, write_json, write_text
 from harmolab.listening.answers import AnswerLog
-from harmolab.listening.trials import MOST_TRIALS, Asked, Key, Trial, TrialSet
+from harmolab.listening.trials import MOST_TRIALS, Key, KeyEntry, Trial, TrialSet
 
 TRIALS_FILE, KEY_FILE, SCORES_FILE = "trials.json", "key.json", "scores.json"
 PAGES, ANSWERS = "pages", "answers"
@@ -62,19 +62,19 @@ def read_key(path: PathLike) -> Key:
         content = _fields(read_json(file), "study", "kind", "trials")
         if not isinstance(content["trials"], dict):
             raise ValueError("trials must be an object from trial to what it asks")
-        trials = {name: _asked(row) for name, row in content["trials"].items()}
+        trials = {name: _key_entry(row) for name, row in content["trials"].items()}
         return Key(content["study"], content["kind"], trials)
 
 
 def write_page(folder: PathLike, trial: str, page: str) -> None:
-    """Writes what a trial shows; `trial` is its id."""
+    """Write the page of a trial; `trial` is its id."""
     path = _page_path(folder, trial)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, page)
 
 
 def read_page(folder: PathLike, trial: str) -> str:
-    """What a trial shows, as HTML.
+    """The page of a trial, HTML.
 
     Raises
     ------
@@ -132,16 +132,16 @@ def _number(value: Any) -> float:
     return float(value)
 
 
-def _asked(content: Any) -> Asked:
+def _key_entry(content: Any) -> KeyEntry:
     row = _fields(content, "item", "versions", "sources", "right")
-    return Asked(_texts([row["item"]])[0], _texts(row["versions"]), _texts(row["sources"]), row["right"])
+    return KeyEntry(_texts([row["item"]])[0], _texts(row["versions"]), _texts(row["sources"]), row["right"])
 
 
 def _fields(content: Any, *names: str) -> dict[str, Any]:
     """`content`, if it is an object with just these fields: any other might tell the rater something."""
     if not isinstance(content, dict) or set(content) != set(names):
-        found = sorted(content) if isinstance(content, dict) else type(content).__name__
-        raise ValueError(f"must have the fields {', '.join(names)} and no other, got {found!s:.200}")
+        content_names = sorted(content) if isinstance(content, dict) else type(content).__name__
+        raise ValueError(f"must have the fields {', '.join(names)} and no other, got {content_names!s:.200}")
     return content
 
 

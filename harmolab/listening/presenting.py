@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -106,12 +107,12 @@ class StudyServer:
         self._since = time.monotonic()
         self._answering = threading.Lock()
         self.finished = threading.Event()
-        self._server = _Server(port, self)
+        self._server = ThreadingHTTPServer((HOST, port), partial(_Handler, self))
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
 
     @property
     def address(self) -> str:
-        """What to open in the browser."""
+        """The page's address, for a browser of this machine."""
         return f"http://{HOST}:{self._server.server_port}{self.path}"
 
     def start(self) -> StudyServer:
@@ -155,30 +156,23 @@ class StudyServer:
                 self._log.record(self._trials, trial, choice, seconds=seconds)
 
 
-class _Server(ThreadingHTTPServer):
-    """A server on this machine alone that knows its study."""
-
-    daemon_threads = True
-
-    def __init__(self, port: int, study: StudyServer) -> None:
-        self.study = study
-        super().__init__((HOST, port), _Handler)
-
-
 class _Handler(BaseHTTPRequestHandler):
     """GET shows the trial, POST answers it."""
 
-    server: _Server
     timeout = IDLE_SECONDS
+
+    def __init__(self, study: StudyServer, *args: Any) -> None:
+        self.study = study
+        super().__init__(*args)  # answers the request
 
     def do_GET(self) -> None:
         if not self._is_ours():
             return
         try:
-            waiting, page = self.server.study.turn()
+            waiting, page = self.study.turn()
             self._reply(HTTPStatus.OK, page)
             if not waiting:
-                self.server.study.finished.set()
+                self.study.finished.set()
         except ValueError as error:  # a damaged file of answers or pages
             self._reply(HTTPStatus.INTERNAL_SERVER_ERROR, _page(f"<p>{html.escape(str(error))}</p>"))
 
@@ -187,7 +181,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             form = self._form()
-            self.server.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
+            self.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
         except (ValueError, OSError) as error:
             self._reply(HTTPStatus.BAD_REQUEST, _page(f"<p>The answer was not saved: {html.escape(str(error))}</p>"))
         else:
@@ -200,7 +194,7 @@ class _Handler(BaseHTTPRequestHandler):
         return parse_qs(self.rfile.read(int(length)).decode("utf-8", "replace"))
 
     def _is_ours(self) -> bool:
-        if self.path == self.server.study.path:
+        if self.path == self.study.path:
             return True
         self._reply(HTTPStatus.NOT_FOUND, _page("<p>There is nothing here.</p>"))
         return False
