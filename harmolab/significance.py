@@ -20,13 +20,7 @@ def rotations(duration: float, count: int) -> FloatArray:
 
 
 def rotated_shares(
-    audio_times: FloatArray,
-    visual_times: FloatArray,
-    weights: FloatArray,
-    *,
-    delay: float,
-    duration: float,
-    count: int,
+    audio_times: FloatArray, visual_times: FloatArray, weights: FloatArray, *, delay: float, duration: float, count: int
 ) -> FloatArray:
     """Weighted hits after each of `count` rotations of the visual beats within the clip.
 

@@ -21,11 +21,7 @@ PICTURE = Skeleton(("picture",), (-1,))
 
 
 def picture_motion(
-    frames: Iterable[NDArray[np.uint8]],
-    fps: float,
-    *,
-    lag: float = LAG,
-    progress: Progress = silent,
+    frames: Iterable[NDArray[np.uint8]], fps: float, *, lag: float = LAG, progress: Progress = silent
 ) -> Motion:
     """The movement of a whole picture, as a point on a line.
 

@@ -29,12 +29,7 @@ ROTATING = {"dance", "figures"}  # settings that differ from clip to clip
 
 
 def write_corpus(
-    out: PathLike,
-    *,
-    clips: int = 200,
-    seed: int = 1,
-    progress: Progress = silent,
-    **settings: Any,
+    out: PathLike, *, clips: int = 200, seed: int = 1, progress: Progress = silent, **settings: Any
 ) -> Path:
     """Write synthetic clips, the seven dances in turn, as `OUT/clip_0001_cha-cha` and so on; returns the folder.
 

@@ -21,12 +21,8 @@ import numpy as np
 
 Kind = Literal["pick", "choice"]
 
-CHOICES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")}
-)
-QUESTIONS: Mapping[str, str] = MappingProxyType(
-    {"pick": "Does the dance fit its music?", "choice": "Which dance fits the music better?"}
-)
+CHOICES = MappingProxyType({"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")})
+QUESTIONS = MappingProxyType({"pick": "Does the dance fit its music?", "choice": "Which dance fits the music better?"})
 ID = re.compile(r"[0-9a-f]{12}")
 MOST_TRIALS = 10_000
 
