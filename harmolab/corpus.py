@@ -16,17 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.data import folders
+from harmolab.io.files import Progress, silent
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.parts import (
     PART_SECONDS,
     Part,
-    Progress,
     all_parts,
     constant_lags,
     learn_patterns,
     score_others,
     score_parts,
-    silent,
 )
 from harmolab.significance import auc
 

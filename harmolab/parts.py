@@ -7,9 +7,8 @@ on parts of other sequences that share no figure with the judged part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.data import folders
 from harmolab.data.beats import music_beats
 from harmolab.harmony import above_chance
+from harmolab.io.files import Progress, silent
 from harmolab.metrics import beat_align, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.pattern import (
@@ -49,11 +49,6 @@ FloatArray = NDArray[np.float64]
 
 PART_SECONDS = 6.0
 N_OTHERS = 5  # pieces of other music for the "other" null
-Progress = Callable[[Iterable[Any], str], Iterable[Any]]
-
-
-def silent(items: Iterable[Any], _: str) -> Iterable[Any]:
-    return items
 
 
 @dataclass(frozen=True, eq=False)

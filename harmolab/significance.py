@@ -1,17 +1,15 @@
-"""What chance would reach: nulls by rotation in time, p-values, bootstrap intervals, AUC."""
+"""Chance and uncertainty: nulls by rotation in time, p-values, intervals (Student, Wilson, bootstrap), AUC."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri, stdtrit
 
-__all__ = ["auc", "bootstrap_interval", "p_value", "rotated_shares", "rotations"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from harmolab.types import FloatArray
 
 LEVEL = 0.95  # of every interval, unless another is given
 
@@ -22,13 +20,7 @@ def rotations(duration: float, count: int) -> FloatArray:
 
 
 def rotated_shares(
-    audio_times: FloatArray,
-    visual_times: FloatArray,
-    weights: FloatArray,
-    *,
-    delay: float,
-    duration: float,
-    count: int,
+    audio_times: FloatArray, visual_times: FloatArray, weights: FloatArray, *, delay: float, duration: float, count: int
 ) -> FloatArray:
     """Weighted hits after each of `count` rotations of the visual beats within the clip.
 
@@ -47,9 +39,9 @@ def rotated_shares(
     if visual_times.size == 0 or audio_times.size == 0:
         return np.zeros(count)
     around = np.concatenate([visual_times[-1:] - duration, visual_times, visual_times[:1] + duration])
-    asked = np.mod(audio_times[None, :] - rotations(duration, count)[:, None], duration)
-    after = np.clip(np.searchsorted(around, asked), 1, around.size - 1)
-    distance = np.minimum(np.abs(around[after] - asked), np.abs(asked - around[after - 1]))
+    shifted = np.mod(audio_times[None, :] - rotations(duration, count)[:, None], duration)
+    after = np.clip(np.searchsorted(around, shifted), 1, around.size - 1)
+    distance = np.minimum(np.abs(around[after] - shifted), np.abs(shifted - around[after - 1]))
     return (distance <= delay + 1e-9) @ weights
 
 
@@ -106,7 +98,7 @@ def wilson_interval(hits: float, n: float, level: float = LEVEL, *, freedom: flo
 
 
 def bootstrap_interval(
-    values: ArrayLike, weights: ArrayLike | None = None, *, count: int = 1000, seed: int = 0, level: float = 0.95
+    values: ArrayLike, weights: ArrayLike | None = None, *, count: int = 1000, seed: int = 0, level: float = LEVEL
 ) -> tuple[float, float]:
     """Percentile interval of the weighted mean of `values`, resampled with replacement.
 
@@ -119,11 +111,31 @@ def bootstrap_interval(
     numbers = np.asarray(values, dtype=np.float64)
     mass = np.ones_like(numbers) if weights is None else np.asarray(weights, dtype=np.float64)
     if numbers.size < 2 or mass.sum() <= 0:
-        return float("nan"), float("nan")
+        return math.nan, math.nan
     drawn = np.random.default_rng(seed).integers(0, numbers.size, (count, numbers.size))
     total = mass[drawn].sum(axis=1)
     means = np.divide((numbers * mass)[drawn].sum(axis=1), total, out=np.zeros(count), where=total > 0)
-    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2])
+    return _percentiles(means, level)
+
+
+def bootstrap_interval_of(
+    statistic: Callable[[NDArray[np.int64]], float], n: int, *, count: int = 1000, seed: int = 0, level: float = LEVEL
+) -> tuple[float, float]:
+    """Percentile interval of ``statistic(places)`` over resamplings of the places 0 to n - 1.
+
+    Returns
+    -------
+    (low, high); both NaN with fewer than two places, or where more than half of the values are NaN.
+    """
+    if n < 2:
+        return math.nan, math.nan
+    drawn = np.random.default_rng(seed).integers(0, n, (count, n))
+    values = np.array([statistic(places) for places in drawn])
+    return (math.nan, math.nan) if np.isnan(values).mean() > 0.5 else _percentiles(values, level)
+
+
+def _percentiles(values: FloatArray, level: float) -> tuple[float, float]:
+    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2])
     return float(low), float(high)
 
 

@@ -26,8 +26,9 @@ from harmolab.harmony import score_harmony
 from harmolab.io import save_motion
 from harmolab.kinematics import resample_motion
 from harmolab.params import HarmonyParams
+from harmolab.templates import framed
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from harmolab.widgets.player import BlindPlayer, Dancer, Player, blind_page, framed, player_page
+from harmolab.widgets.player import Dancer, Player, blind_page, player_page
 
 VALLEYS = HarmonyParams.valleys()
 
@@ -271,7 +272,7 @@ def test_two_blind_dancers_are_called_left_and_right(clip: Clip) -> None:
 
 def test_blind_trial_of_ten_seconds_with_two_dancers_is_small() -> None:
     clip = harmolab.synthetic_clip("jive", seconds=10.0, seed=1)
-    assert len(BlindPlayer(clip.audio, [clip.motion] * 2)._repr_html_()) < 600_000
+    assert len(framed(blind_page(clip.audio, [clip.motion] * 2))) < 600_000
 
 
 def test_blind_page_of_three_dancers_is_refused(clip: Clip) -> None:

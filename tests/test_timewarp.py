@@ -13,8 +13,7 @@ from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.timewarp import TimeWarp, beat_warp, lee_warp, retime, warp_video
 from harmolab.timewarp.beats import METHODS
-from harmolab.timewarp.resampling import motion_at
-from harmolab.timewarp.video import warped_frames
+from harmolab.timewarp.retime import motion_at, warped_frames
 from harmolab.types import BeatTrack, Motion, Skeleton
 
 SEEDS = range(6)
@@ -198,11 +197,11 @@ def test_jitter_of_each_movement_by_itself_is_mended_too():
     clips = [
         planted_clip(ClipSettings(dance, seconds=SECONDS, jitter=0.15, seed=seed)).clip
         for dance in dances
-        for seed in range(5)
+        for seed in range(2)
     ]
     retimed = [retime(clip.motion, clip.beats) for clip in clips]
     lost = [one for one in retimed if one.before.harmony_above_chance < 0.2]
-    assert len(lost) >= 8  # many a dance has beats in time by luck
+    assert len(lost) >= 4  # many a dance has beats in time by luck
     assert np.mean([one.after.harmony_above_chance for one in lost]) > 0.8
     assert np.mean([one.after.harmony_above_chance for one in retimed]) > 0.8
 

@@ -19,7 +19,6 @@ PAGES = (".html", ".htm")
 
 __all__ = [
     "PAGES",
-    "CountBar",
     "check_out",
     "finding_beats",
     "plain_errors",
@@ -46,19 +45,6 @@ def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
     from tqdm import tqdm
 
     return tqdm(items, desc=label, unit="", leave=False, disable=not sys.stderr.isatty())
-
-
-class CountBar:
-    """A progress bar for functions that call back with (done, total)."""
-
-    def __init__(self, label: str) -> None:
-        from tqdm import tqdm
-
-        self.bar = tqdm(desc=label, leave=False, disable=not sys.stderr.isatty())
-
-    def __call__(self, done: int, total: int) -> None:
-        self.bar.total = total
-        self.bar.update(done - self.bar.n)
 
 
 def sequences_of(corpus: Path, dances: tuple[str, ...] = ()) -> Iterator[Recording]:
@@ -118,8 +104,7 @@ def show(value: Any) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write aside, then rename."""
-    from harmolab.io.aside import written_aside
+    """Write a line or more of text, whole or not at all."""
+    from harmolab.io import files
 
-    with written_aside(path) as aside:
-        aside.write_text(text + "\n", encoding="utf-8")
+    files.write_text(path, text + "\n")

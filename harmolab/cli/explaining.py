@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab import __version__
-from harmolab.cli.common import PAGES, CountBar, check_out, plain_errors
+from harmolab.cli.common import PAGES, check_out, plain_errors, progress
 
 if TYPE_CHECKING:
     from harmolab.own_dance import Performance
@@ -102,8 +102,4 @@ def _load(path: Path, fps: float | None, joints: str) -> Performance:
     from harmolab.own_dance import load_performance
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) or None
-    bar = CountBar("reading the pictures")
-    try:
-        return load_performance(path, fps=fps, joints=names, progress=lambda done: bar(done, 0))
-    finally:
-        bar.bar.close()
+    return load_performance(path, fps=fps, joints=names, progress=progress)

@@ -112,7 +112,7 @@ def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: fl
 
 def read_pattern(path: Path, dance: str) -> BarPattern:
     """The pattern of a dance out of a file written by `learn`; the only one when there is one only."""
-    from harmolab.io.errors import read_json, reading
+    from harmolab.io.files import read_json, reading
     from harmolab.params import BarPattern
 
     with reading(path, "bar patterns written by `harmolab learn`"):

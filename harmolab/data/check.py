@@ -16,7 +16,7 @@ from harmolab.data import tang2018
 from harmolab.data.folders import find_recordings, load_any_motion, load_recording
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation
-from harmolab.io.errors import MissingFrameRate, PathLike
+from harmolab.io.files import MissingFrameRate, PathLike
 from harmolab.types import Audio, Motion
 
 MAX_SPEED = 10.0

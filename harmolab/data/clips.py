@@ -6,10 +6,10 @@ as in `harmolab.features.poses`. Everything is numpy, at the rate of `FeaturePar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,10 @@ from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.features.audio import audio_features
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.features.priors import temporal_index
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.params import FeatureParams
 from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
-
-Progress = Callable[[Iterable[Any], str], Iterable[Any]]
 
 METERS = (4, 5, 6)  # beats in the categories of Eq. 22
 EXTRA_METER = 4  # beats in the meter of an additional training unit
@@ -220,7 +218,7 @@ def load_units(
     params: FeatureParams,
     *,
     step: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> UnitSet:
     """The units of one corpus or several.
 
@@ -241,7 +239,7 @@ def load_units(
     roots = list(roots) if isinstance(roots, list | tuple) else [roots]
     folders, notes = _folders(roots)
     contents: list[_Contents] = []
-    for folder in progress(folders, "reading sequences") if progress else folders:
+    for folder in progress(folders, "reading sequences"):
         try:
             contents.append(_contents(load_recording(folder), params, step))
         except (ValueError, FileNotFoundError) as error:

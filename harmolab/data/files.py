@@ -9,7 +9,7 @@ from harmolab.beats.audio import music_beats
 from harmolab.data.folders import load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
 from harmolab.io.beats import load_annotation
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.io.video_sound import load_sound
 from harmolab.params import DANCES, HarmonyParams
 from harmolab.types import Clip, HarmonyScore

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from harmolab.data import tang2018
 from harmolab.io.audio import load_audio
 from harmolab.io.beats import BeatAnnotation, load_annotation
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
 from harmolab.types import Clip, Motion
 

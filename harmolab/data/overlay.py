@@ -10,7 +10,7 @@ import numpy as np
 from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.folders import load_any_motion
 from harmolab.data.stage import FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.io.keypoints import load_keypoints
 from harmolab.io.layouts import COCO_17, OPENPOSE_18, OPENPOSE_25
 from harmolab.io.video import VideoFrames

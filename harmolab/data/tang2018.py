@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harmolab.io.arrays import checked_motion, in_metres, number_array
-from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
+from harmolab.io.files import MAX_JSON_BYTES, PathLike, read_json, reading
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
 FPS = 25.0

@@ -18,7 +18,7 @@ from harmolab.data.beats import music_beats
 from harmolab.data.folders import Problem, Recording, find_recordings, iter_recordings, load_recording
 from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.harmony import hit_mask
-from harmolab.io.cache import cache_folder
+from harmolab.io.files import cache_folder
 from harmolab.params import BarPattern, HarmonyParams, RunProfile
 from harmolab.parts import cut_parts, learn_patterns
 from harmolab.significance import rotations

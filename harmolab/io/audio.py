@@ -16,7 +16,7 @@ import soundfile
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.io.errors import PathLike, reading
+from harmolab.io.files import PathLike, reading
 from harmolab.types import Audio
 
 __all__ = ["AudioInfo", "audio_info", "load_audio"]

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from harmolab.io.arrays import checked_motion, in_metres
-from harmolab.io.errors import PathLike, read_text, reading
+from harmolab.io.files import PathLike, read_text, reading
 from harmolab.skeletons import ancestors
 from harmolab.types import FloatArray, Motion, Skeleton
 

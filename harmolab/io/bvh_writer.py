@@ -24,8 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, atomic_write
 from harmolab.skeletons import ancestors, children, tree_order
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion, Skeleton
 
@@ -91,7 +90,7 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
     bones = _fitted(motion, order)
     above = ancestors(skeleton.parents)
     scale = 100.0 if np.ptp(above @ bones.offsets, axis=0).max() > CENTIMETRES_FROM else 1.0
-    with written_aside(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
+    with atomic_write(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in _hierarchy(skeleton, order, above.sum(axis=1) - 1, bones, scale))
         stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
         np.savetxt(stream, _table(bones, order, scale), fmt="%.6f")

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from harmolab.io import layouts
 from harmolab.io.arrays import checked_motion, read_npy
-from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, MissingFrameRate, PathLike, read_json, reading
+from harmolab.io.files import MAX_BYTES, MAX_JSON_BYTES, MissingFrameRate, PathLike, read_json, reading
 from harmolab.io.layouts import MEDIAPIPE_33
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton

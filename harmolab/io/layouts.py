@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harmolab.io.arrays import number_array
-from harmolab.io.errors import read_text
+from harmolab.io.files import read_text
 from harmolab.types import FloatArray, Skeleton
 
 

@@ -50,10 +50,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres, read_npy
-from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.errors import MAX_BYTES, MissingFrameRate, PathLike, reading
+from harmolab.io.files import MAX_BYTES, MissingFrameRate, PathLike, atomic_write, reading
 from harmolab.io.keypoints import keypoints_motion, load_keypoints
 from harmolab.io.layouts import named_skeleton
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
@@ -199,7 +198,7 @@ def save_motion(path: PathLike, motion: Motion) -> None:
         return
     if suffix != ".npz":
         raise ValueError(f"{path}: motion is saved as .npz or .bvh; choose a name that ends so")
-    with written_aside(path) as aside, aside.open("wb") as stream:
+    with atomic_write(path) as aside, aside.open("wb") as stream:
         np.savez(
             stream,
             positions=motion.positions,

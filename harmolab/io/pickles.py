@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres
-from harmolab.io.errors import PathLike, reading
+from harmolab.io.files import PathLike, reading
 from harmolab.io.layouts import COCO_17
 from harmolab.types import Motion
 

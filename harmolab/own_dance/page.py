@@ -6,22 +6,19 @@ import base64
 import io
 from collections.abc import Iterator
 from importlib.metadata import version
-from pathlib import Path
 from typing import NamedTuple
 
 import cv2
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, write_text
 from harmolab.io.video import video_frames
 from harmolab.own_dance.recording import OwnDance
+from harmolab.templates import rendered
 from harmolab.viz.timing import timing_figure
 from harmolab.widgets.player import LONGEST, Dancer, Player
 
-TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 DPI = 150
 WIDE, NARROW = (9.0, 3.6), (4.4, 4.4)  # inches
 STRIP_HEIGHT = 200  # pixels
@@ -53,9 +50,7 @@ def dance_player(dance: OwnDance) -> Player:
 
 def save_page(path: PathLike, dance: OwnDance) -> None:
     """Write `dance_page` to a file, aside first."""
-    page = dance_page(dance)
-    with written_aside(Path(path)) as aside:
-        aside.write_text(page, encoding="utf-8")
+    write_text(path, dance_page(dance))
 
 
 def dance_page(dance: OwnDance) -> str:
@@ -68,9 +63,9 @@ def dance_page(dance: OwnDance) -> str:
     ValueError
         The video has gone or changed since it was read.
     """
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
     is_short = dance.motion.duration <= LONGEST
-    return environment.get_template("own_dance.html.j2").render(
+    return rendered(
+        "own_dance.html.j2",
         title=_title(dance),
         dance=dance,
         wide=_timing_png(dance, WIDE),

@@ -7,7 +7,7 @@ being early or late throughout, and nothing is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,7 @@ from harmolab.alignment import SoundOffset, attack_beats, find_offset, find_soun
 from harmolab.data.folders import load_any_motion, recorded_offset
 from harmolab.harmony import music_and_motion, score_motion
 from harmolab.io.beats import BeatAnnotation
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video, video_frames
 from harmolab.io.video_sound import load_sound, video_sound
 from harmolab.own_dance.telling import Explanation, Finding, explain
@@ -29,7 +29,6 @@ HEIGHT = 160  # pixels of the video that flow is measured on
 SURE = 0.95  # confidence of an offset by movement, below which it means little
 
 Source = Literal["given", "folder", "same", "sound", "movement"]
-Progress = Callable[[int], object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +109,7 @@ def load_performance(
     fps: float | None = None,
     joints: Sequence[str] | None = None,
     height: int = HEIGHT,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Performance:
     """A motion file, a folder, or a video (by its suffix) with its sound.
 
@@ -119,8 +118,7 @@ def load_performance(
     path : str or path
     fps, joints : see `harmolab.io.motion.load_motion`; not for a video
     height : int, pixels that a video is made smaller to
-    progress : callable, optional
-        Called with the number of pictures done.
+    progress : function(iterable, label) -> iterable
 
     Raises
     ------

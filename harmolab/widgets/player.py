@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import jinja2
 import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
 from harmolab.beats.visual import motion_curve
-from harmolab.io.aside import written_aside
+from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.params import HarmonyParams
 from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height
+from harmolab.templates import framed, rendered
 from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
 
-__all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
+__all__ = ["Dancer", "Player", "blind_page", "player_page"]
 
-TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
+HEIGHT = 880  # pixels of the frame
 LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
 LEVELS = 65535  # steps of a number in the page
@@ -51,29 +48,11 @@ class Dancer:
     score: HarmonyScore
 
 
-class _Framed:
-    """A page that shows itself in a frame, and can be saved."""
-
-    title: str
-    page: str
-    height: int
-
-    def _repr_html_(self) -> str:
-        return framed(self.page, title=f"{self.title}: player", height=self.height)
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the page to a file, aside first."""
-        with written_aside(Path(path)) as aside:
-            aside.write_text(self.page, encoding="utf-8")
-
-
-class Player(_Framed):
+class Player:
     """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
 
     >>> Player(audio, [Dancer("one", motion, score)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
     """
-
-    height = 880
 
     def __init__(
         self,
@@ -87,29 +66,12 @@ class Player(_Framed):
         self.title = title
         self.page = player_page(audio, dancers, music=music, title=title, facts=facts)
 
+    def _repr_html_(self) -> str:
+        return framed(self.page, title=f"{self.title}: player", height=HEIGHT)
 
-class BlindPlayer(_Framed):
-    """The player of `blind_page`, as it shows itself to a rater in a notebook and in the offline report.
-
-    >>> BlindPlayer(audio, [motion])  # doctest: +SKIP
-    """
-
-    title = "Dance"
-    height = 520
-
-    def __init__(self, audio: Audio, motions: Sequence[Motion]) -> None:
-        self.page = blind_page(audio, motions)
-
-
-def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
-    """A player's page in a frame, as HTML to stand in another page.
-
-    The page sets the frame's height itself; `height`, in pixels, is for readers that run no script.
-    """
-    return (
-        f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}" '
-        f'style="width: 100%; height: {height}px; border: 0" loading="lazy"></iframe>'
-    )
+    def save(self, path: PathLike) -> None:
+        """Write the page to a file, whole or not at all."""
+        write_text(path, self.page)
 
 
 def player_page(
@@ -148,7 +110,7 @@ def player_page(
         "lag": score.params.lag,
         "dancers": [_dancer(dancer) for dancer in dancers],
     }
-    return _rendered("player.html.j2", title=title, facts=facts, data=data)
+    return rendered("player.html.j2", title=title, facts=facts, data=data)
 
 
 def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
@@ -171,7 +133,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
     dancers = [{"name": name, **_movement(motion)} for name, motion in zip(names, motions, strict=True)]
     data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
-    return _rendered("blind.html.j2", data=data)
+    return rendered("blind.html.j2", data=data)
 
 
 def _duration(motions: Sequence[Motion]) -> float:
@@ -182,11 +144,6 @@ def _duration(motions: Sequence[Motion]) -> float:
     if duration > LONGEST:
         raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
     return duration
-
-
-def _rendered(template: str, **values: Any) -> str:
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
-    return environment.get_template(template).render(**values)
 
 
 def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
