@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import runpy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -27,17 +26,17 @@ from harmolab.training.run import _networks
 from harmolab.training.schedule import adversarial_rate, epoch_order, pretrain_rate
 from harmolab.training.steps import Danced, Networks, critic_terms, danced, generator_terms, meter_span, pretrain_terms
 from harmolab.training.validation import validate
+from tests import tiny_training as tiny
 
-tiny = runpy.run_path(str(Path(__file__).with_name("tiny_training.py")))
-PAPER: TrainParams = tiny["PAPER"]
-RECOMMENDED: TrainParams = tiny["RECOMMENDED"]
+PAPER: TrainParams = tiny.PAPER
+RECOMMENDED: TrainParams = tiny.RECOMMENDED
 OTHERS = [f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot")]  # beside pose and harmony
-MODEL: ModelParams = tiny["MODEL"]
+MODEL: ModelParams = tiny.MODEL
 
 
 @pytest.fixture(scope="module")
 def split() -> Split:
-    return tiny["tiny_split"]()
+    return tiny.tiny_split()
 
 
 @pytest.fixture(scope="module")
