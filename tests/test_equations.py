@@ -45,7 +45,8 @@ from harmolab.models.losses import (
 )
 from harmolab.models.soft_harmony import SoftHarmony
 from harmolab.params import HarmonyParams, TrainParams
-from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import along_x, track
 
 EQUATIONS: dict[int, Callable[..., object]] = {
     1: score_clip,
@@ -88,15 +89,9 @@ EVERY_BEAT = HarmonyParams(audio_threshold=0.0, visual_threshold=None, fps=None,
 HOP_SECONDS = 512 / 22050
 
 
-def track(times: list[float], strengths: list[float] | None = None) -> BeatTrack:
-    return BeatTrack(times, np.ones(len(times)) if strengths is None else strengths, 15.0, 10.0)
-
-
 def one_stop() -> Motion:
     """A joint that goes 3, 1, 0, 2, 3 steps in 0.5 s: its speed turns once, at 0.3 s."""
-    positions = np.zeros((6, 1, 3))
-    positions[:, 0, 0] = [0, 3, 4, 4, 6, 9]
-    return Motion(positions, 10.0, Skeleton.unnamed(1))
+    return along_x([0, 3, 4, 4, 6, 9], fps=10.0)
 
 
 @pytest.fixture(autouse=True)

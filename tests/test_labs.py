@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from PIL import Image
 
 from harmolab.harmony import score_clip
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.types import BeatTrack, Clip, Motion, Skeleton
-from harmolab.viz.style import figure_style
+from harmolab.types import BeatTrack, Clip, Motion
 from harmolab.widgets.explorer import Explorer
 from harmolab.widgets.labs import N_ROTATIONS, Stage, draw_lab, lab_params, scoring_lab
-from harmolab.widgets.quickdraw import plain
+from tests.builders import along_x
 
 PNG = b"\x89PNG\r\n"
 HALF_BAR = BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")
@@ -50,9 +47,7 @@ def shared_turn() -> Motion:
     """A hand that slows down once, at 1.15 s, in six seconds at 50 fps."""
     time = np.arange(300) / 50
     speed = 1.0 - 0.8 * np.exp(-0.5 * ((time - 1.15) / 0.1) ** 2)
-    positions = np.zeros((300, 1, 3))
-    positions[:, 0, 0] = np.cumsum(speed) / 50
-    return Motion(positions, 50.0, Skeleton.unnamed(1))
+    return along_x(np.cumsum(speed) / 50, fps=50.0)
 
 
 def test_a_mode_sets_the_other_controls_to_its_own(planted_clip: Clip):
@@ -78,17 +73,6 @@ def test_a_change_of_mode_draws_one_picture(planted_clip: Clip, monkeypatch: pyt
     monkeypatch.setattr(lab, "_draw", lambda **values: drawn.append(values["mode"]) or original(**values))
     lab.controls["mode"].value = "valleys"
     assert drawn == ["valleys"]
-
-
-def test_file_holds_the_pixels_that_were_drawn(planted_clip: Clip):
-    lab = scoring_lab(planted_clip, delay=0.1)
-    figure = Figure(dpi=90)
-    with figure_style():
-        drawn = plain(draw_lab(Stage.of(planted_clip), delay=0.1, figure=figure))
-    shown = np.asarray(Image.open(io.BytesIO(lab.png)))
-    assert shown.shape == (504, 900, 3)
-    # Kept layers are blended once more, which may round a pixel differently.
-    np.testing.assert_allclose(shown.astype(int), drawn[..., :3], atol=1)
 
 
 def test_picture_is_the_one_that_draw_lab_makes_when_called_directly(planted_clip: Clip):

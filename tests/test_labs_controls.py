@@ -20,6 +20,7 @@ from harmolab.types import BeatTrack, Clip, Motion, Skeleton
 from harmolab.viz.style import figure_style
 from harmolab.widgets.labs import Lab, corpus_lab, detector_lab, meter_lab, params_line, saliency_lab, scoring_lab
 from harmolab.widgets.quickdraw import plain
+from tests.builders import along_x
 
 PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())
 
@@ -27,9 +28,7 @@ PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.val
 def holding_dancer(fps: float = 30.0) -> Motion:
     """A hand that speeds up, keeps its speed for four frames and slows down, over and over."""
     speed = np.tile([1.0, 2.0, 3.0, 4.0, 4.0, 4.0, 4.0, 3.0, 2.0, 1.0, 0.5], 16)
-    positions = np.zeros((speed.size, 1, 3))
-    positions[:, 0, 0] = np.cumsum(speed) / 32  # exact in binary, so that a plateau is a tie
-    return Motion(positions, fps, Skeleton.unnamed(1))
+    return along_x(np.cumsum(speed) / 32, fps=fps)  # exact in binary, so that a plateau is a tie
 
 
 @pytest.fixture(scope="module")

@@ -58,6 +58,7 @@ def people(rows: list[str], key_seed: int = 0) -> Grid:
     return answer_grid(Answers(tuple(given)), key)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("skill", [0.5, 0.8])
 def test_interval_of_every_rater_and_of_all_covers_the_planted_skill_as_often_as_it_says(skill: float):
     one, everyone = [], []
@@ -69,6 +70,7 @@ def test_interval_of_every_rater_and_of_all_covers_the_planted_skill_as_often_as
     assert 0.90 <= np.mean(everyone) <= 0.99
 
 
+@pytest.mark.slow
 def test_interval_of_all_holds_for_raters_of_unequal_skill_where_counting_answers_fails():
     rng = np.random.default_rng(1)
     pooled, counted = [], []
@@ -182,7 +184,7 @@ def test_one_rater_has_nobody_to_agree_with():
 
 def test_correlation_with_the_planted_truth_is_covered_by_its_interval():
     truth = {"truth": {source: float(source.endswith("t")) for clip in CLIPS for source in clip.versions.values()}}
-    rows = [score_rows(study([0.9] * 4, seed=seed), truth)[0] for seed in range(FEW)]
+    rows = [score_rows(study([0.9] * 4, seed=seed), truth)[0] for seed in range(8)]
     # Right in 90 %, two values of each: the correlation of single answers is 0.9 - 0.1, their AUC 0.9.
     assert np.mean([row["point_biserial"] for row in rows]) == pytest.approx(0.8, abs=0.03)
     assert np.mean([row["auc"] for row in rows]) == pytest.approx(0.9, abs=0.015)

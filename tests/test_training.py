@@ -306,6 +306,7 @@ def test_nobody_trains_the_pose_network(split: Split, networks: Networks, fabric
     assert torch.equal(weights(networks.pose_net), before)
 
 
+@pytest.mark.slow
 def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batch: Tensors):
     generator = _networks(
         split.train, Tensors.of(split.train), replace(MODEL, hidden=64, pose_features=64), networks.pose_net, seed=1
