@@ -59,13 +59,13 @@ def ends_meet(spans: list[tuple[int, int]], total: int) -> bool:
     return edges[0][0] == 0 and edges[-1][1] == total and all(a[1] == b[0] for a, b in pairwise(edges))
 
 
-@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("n_beats", [5, 6, 7, 9, 10, 11, 12, 13, 30, 101])
-def test_a_track_is_tiled_by_four_to_six_beats(n_beats: int, seed: int):
-    strengths = np.random.default_rng(seed).random(n_beats)
-    spans = meter_spans(metronome(strengths), PARAMS)
-    assert ends_meet(spans, n_beats - 1)
-    assert {count for _, count in spans} <= {4, 5, 6}
+def test_a_track_is_tiled_by_four_to_six_beats(n_beats: int):
+    for seed in range(5):
+        strengths = np.random.default_rng(seed).random(n_beats)
+        spans = meter_spans(metronome(strengths), PARAMS)
+        assert ends_meet(spans, n_beats - 1)
+        assert {count for _, count in spans} <= {4, 5, 6}
 
 
 def test_meter_units_stay_where_they_are():

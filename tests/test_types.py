@@ -265,9 +265,9 @@ def test_zero_is_a_setting_and_none_keeps_everything():
     assert (params.reaction_delay, params.visual_threshold, params.fps) == (0.0, None, None)
 
 
-@pytest.mark.parametrize(("name", "choice"), [(name, choice) for name in CHOICES for choice in CHOICES[name]])
-def test_every_named_reading_is_accepted(name, choice):
-    assert getattr(HarmonyParams(**{name: choice}), name) == choice
+def test_every_named_reading_is_accepted():
+    for name, choices in CHOICES.items():
+        assert [getattr(HarmonyParams(**{name: choice}), name) for choice in choices] == list(choices)
 
 
 def test_seven_dances_have_a_tempo_range_and_a_meter():
