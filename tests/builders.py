@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
+import soundfile
 from numpy.typing import ArrayLike
 from typer import Typer
 from typer.testing import CliRunner, Result
 
 from harmolab.data.synthetic import synthetic_clip
+from harmolab.io import save_motion
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
 
 
@@ -65,6 +68,19 @@ def bone_lengths(motion: Motion) -> np.ndarray:
 def planted_dance(dance: str = "cha-cha", *, seconds: float = 6.0, fps: float = 60.0, seed: int = 1) -> Clip:
     """The same synthetic clip for every test that asks for it: an exact dancer to beats that are known."""
     return synthetic_clip(dance, seconds=seconds, fps=fps, seed=seed)
+
+
+def write_song(path: Path, clip: Clip) -> Path:
+    """The file, which then holds the clip's music."""
+    soundfile.write(path, clip.audio.samples, round(clip.audio.sample_rate))
+    return path
+
+
+def write_dance(path: Path, clip: Clip) -> Path:
+    """The file, which then holds the clip's movement."""
+    assert clip.motion is not None
+    save_motion(path, clip.motion)
+    return path
 
 
 def bobbing(first_rest: float, *, size: float = 0.2, fps: float = 15.0, seconds: float = 4.0) -> np.ndarray:

@@ -28,14 +28,14 @@ from harmolab.kinematics import resample_motion
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 from harmolab.widgets.player import BlindPlayer, Dancer, Player, blind_page, framed, player_page
-from tests.builders import still, track
+from tests.builders import planted_dance, still, track, write_dance, write_song
 
 VALLEYS = HarmonyParams.valleys()
 
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return harmolab.synthetic_clip("cha-cha", seconds=6.0, seed=1)
+    return planted_dance()
 
 
 def dancer_of(motion: Motion, name: str = "dancer") -> Dancer:
@@ -309,8 +309,8 @@ def test_player_needs_no_widget_library() -> None:
 def files(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """song.wav, dance.npz (60 frames per second) and other.npz (25)."""
     folder = tmp_path_factory.mktemp("files")
-    soundfile.write(folder / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))
-    save_motion(folder / "dance.npz", clip.motion)
+    write_song(folder / "song.wav", clip)
+    write_dance(folder / "dance.npz", clip)
     save_motion(folder / "other.npz", resample_motion(clip.motion, 25.0))
     return folder
 
