@@ -99,7 +99,7 @@ def test_pooled_rate_of_one_rater_without_repeats_is_wilsons():
 def test_pooled_rate_of_answers_that_are_alike_counts_raters_or_trials_not_answers():
     values = np.repeat([[1.0], [1.0], [0.0], [0.0]], 50, axis=1)
     for alike in (values, values.T):  # four raters who never waver; four trials that all answer in the same way
-        # Variance 1/12 as of 3 answers: Wilson gives 0.125 to 0.875, with Student's quantile for 3 degrees 0.063 to 0.937.
+        # A variance of 1/12, as of 3 answers: Wilson's low is 0.125, with Student's quantile (3 degrees) 0.063.
         assert 0.02 < pooled_rate(alike).low < 0.1
         assert 0.9 < pooled_rate(alike).high < 0.98
 
