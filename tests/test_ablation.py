@@ -23,6 +23,7 @@ from harmolab.experiments.dances import danced_unit
 from harmolab.experiments.generation import VARIANTS
 from harmolab.params import FeatureParams, RunProfile
 from harmolab.types import Skeleton
+from tests.builders import bobbing
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 MEASURES = ("above_chance", "count_ratio", "jerk", "fid")
@@ -174,13 +175,6 @@ def test_targets_are_those_the_project_set_itself():
 
 FPS = 15.0
 JOINT = Skeleton(("joint",), (-1,))
-
-
-def bobbing(first_rest: float, size: float = 0.2) -> np.ndarray:
-    """Motion code of four seconds, at rest at `first_rest`, and every half second after."""
-    code = np.zeros((60, 6))
-    code[:, 1] = 1.0 + size * np.cos(2 * np.pi * (np.arange(60) / FPS - first_rest))
-    return code
 
 
 def unit(name: str, first_rest: float = 0.25) -> DanceUnit:

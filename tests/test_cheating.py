@@ -35,6 +35,7 @@ from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 from harmolab.viz.cheating import CHEAT_MEASURES, cheating_figure, draw_dumbbells
 from harmolab.viz.style import COLOURS
 from harmolab.viz.variants import LOOKS
+from tests.builders import bobbing
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 TWO = Skeleton(("hip", "knee"), (-1, 0))
@@ -169,13 +170,6 @@ def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordin
     monkeypatch.setattr(module, "data_root", lambda: "recordings")
     assert [clip.name for clip in studied_clips(PROFILE, SYNTHETIC)] == ["b"]
     assert list(studied_clips(PROFILE, "recordings")) == []
-
-
-def bobbing(first_rest: float) -> np.ndarray:
-    """Motion code of one joint for four seconds, at rest at `first_rest`, and every half second after."""
-    code = np.zeros((60, 6))
-    code[:, 1] = 1.0 + 0.2 * np.cos(2 * np.pi * (np.arange(60) / 15 - first_rest))
-    return code
 
 
 def test_generator_that_listens_falls_with_late_music_and_one_beside_the_beat_rises(monkeypatch: pytest.MonkeyPatch):

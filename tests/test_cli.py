@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
 from harmolab.data.folders import load_recording
 from harmolab.data.synthetic import write_corpus
 from harmolab.harmony import score_clip
 from harmolab.params import HarmonyParams
+from tests.builders import called
 
 MODE_KEYS = {
     "harmony", "harmony_above_chance", "hit_rate", "chance", "hitting_score", "n_audio", "n_visual", "p_value",
@@ -32,8 +33,7 @@ def clip_folder(corpus: Path) -> Path:
     return sorted(corpus.glob("clip_*_rumba"))[0]
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+run = partial(called, app)
 
 
 def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:

@@ -8,12 +8,12 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from functools import partial
 from pathlib import Path
 from urllib.parse import urlencode
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
 from harmolab.data.folders import load_recording
@@ -21,6 +21,7 @@ from harmolab.data.synthetic import write_corpus
 from harmolab.io import save_motion
 from harmolab.listening.folders import answer_log, read_key, read_page, read_scores, read_trials, write_scores
 from harmolab.listening.raters import SimulatedRater
+from tests.builders import called
 
 N = 8
 
@@ -30,8 +31,7 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_corpus(tmp_path_factory.mktemp("corpus") / "dances", clips=14, seconds=7.0, fps=30.0, seed=2)
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+run = partial(called, app)
 
 
 def made(corpus: Path, out: Path, *options: object) -> Path:

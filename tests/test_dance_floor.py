@@ -10,6 +10,7 @@ from harmolab.data.dance_floor import FLOOR, WALL, render_dance
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.types import BeatTrack, Motion, Skeleton
 from harmolab.viz.style import COLOURS
+from tests.builders import track
 
 MAN = Skeleton(("foot", "hip", "head"), (-1, 0, 1))
 STANDING = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.7, 0.0]])
@@ -99,12 +100,8 @@ def test_disc_lights_up_at_each_beat_only_where_beats_are_given() -> None:
     assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in render_dance(motion))
 
 
-def beats(*times: float) -> BeatTrack:
-    return BeatTrack(list(times), [1.0] * len(times), 30.0, 2.0)
-
-
 def test_dancer_and_hits_have_marks_of_their_own() -> None:
-    frames = render_dance(dance(*[STANDING] * 60), beats=beats(0.5, 1.5), dancer_beats=beats(0.566, 1.0))
+    frames = render_dance(dance(*[STANDING] * 60), beats=track([0.5, 1.5]), dancer_beats=track([0.566, 1.0]))
     lit = {"music": [], "dancer": [], "hit": []}
     for index, frame in enumerate(frames):
         for name, colour in (("music", MUSIC), ("dancer", DANCER), ("hit", HIT)):
@@ -121,9 +118,9 @@ def test_marks_have_the_projects_colours() -> None:
 
 
 def test_hit_falls_on_the_later_beat_of_the_two() -> None:
-    np.testing.assert_allclose(hit_times(beats(0.5, 1.0, 1.5), beats(0.4, 1.05, 1.65)), [0.5, 1.05])
-    assert hit_times(beats(0.5), beats()).size == hit_times(beats(), beats(0.5)).size == 0
-    np.testing.assert_allclose(hit_times(beats(0.5), beats(0.55)), [0.55])
+    np.testing.assert_allclose(hit_times(track([0.5, 1.0, 1.5]), track([0.4, 1.05, 1.65])), [0.5, 1.05])
+    assert hit_times(track([0.5]), track([])).size == hit_times(track([]), track([0.5])).size == 0
+    np.testing.assert_allclose(hit_times(track([0.5]), track([0.55])), [0.55])
 
 
 def test_floor_in_front_of_a_small_dancer_is_not_drawn_from_behind_the_camera() -> None:

@@ -31,6 +31,7 @@ from harmolab.experiments import (
 from harmolab.io.motion import save_motion
 from harmolab.params import BarPattern, HarmonyParams, RunProfile
 from harmolab.types import Audio, BeatTrack, Motion
+from tests.builders import track
 
 TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 RATE = 8000
@@ -206,12 +207,8 @@ def test_without_anything_to_learn_from_movements_stop_on_the_beat(recordings: P
 # Tables
 
 
-def track(*times: float) -> BeatTrack:
-    return BeatTrack(times, np.ones(len(times)), 15.0, 4.0)
-
-
 def test_agreement_counts_pairs_and_what_rotations_would_pair():
-    found = agreement(track(1.0, 2.0, 3.0), track(1.05, 2.5), delay=0.1, n_rotations=4)
+    found = agreement(track([1.0, 2.0, 3.0], duration=4.0), track([1.05, 2.5], duration=4.0), delay=0.1, n_rotations=4)
     # Turned by 0.5, 1.5, 2.5, 3.5 of 4 s, the visual beats hit 1, 0, 1 and 1 music beats.
     assert found == Agreement(3, 2, 1, 0.75)
     assert (found.omitted, found.redundant) == (2, 1)
@@ -224,7 +221,7 @@ def test_agreements_add_up():
 
 
 def test_agreement_without_music_is_defined():
-    nothing = agreement(BeatTrack([], [], 15.0, 4.0), track(1.0), delay=0.1, n_rotations=3)
+    nothing = agreement(BeatTrack([], [], 15.0, 4.0), track([1.0], duration=4.0), delay=0.1, n_rotations=3)
     assert (nothing.hits, nothing.hit_rate, nothing.chance) == (0, 0.0, 0.0)
 
 

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from harmolab.beats.visual import visual_beats
-from harmolab.data.synthetic import synthetic_clip, synthetic_motion
+from harmolab.data.synthetic import synthetic_motion
 from harmolab.explaining import beat_timing
 from harmolab.harmony import score_harmony
 from harmolab.own_dance.telling import Explanation, explain, explain_timing
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion
+from tests.builders import planted_dance
 
 RECOMMENDED = HarmonyParams.recommended()
 LENGTH = 30.0
@@ -37,7 +38,7 @@ def timing_of(music: BeatTrack, visual: BeatTrack, params: HarmonyParams | None 
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return synthetic_clip("cha-cha", seconds=SECONDS, seed=5)
+    return planted_dance(seconds=SECONDS, seed=5)
 
 
 def danced(beats: np.ndarray) -> BeatTrack:

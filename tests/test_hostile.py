@@ -33,29 +33,29 @@ TIMES = int(os.environ.get("HARMOLAB_HOSTILE_TIMES", "1"))
 
 # Mutated files of each format.
 FILES = {
-    "sound.wav": 500,
-    "sound.flac": 500,
-    "sound.ogg": 500,
-    "sound.mp3": 400,
-    "motion.npz": 700,
-    "packed.npz": 500,
-    "points.npy": 400,
-    "flat.npy": 200,
-    "walk.bvh": 600,
-    "gBR_sBM_cAll_d04_mBR0_ch01.pkl": 600,
-    "skeletons.json": 300,
-    "config.json": 200,
-    "frames/dance_000000000001_keypoints.json": 250,
-    "coco.json": 250,
-    "lines.jsonl": 250,
-    "landmarks.json": 250,
-    "song.beats": 250,
-    "song.csv": 250,
-    "song.txt": 150,
-    "beats.json": 300,
+    "sound.wav": 350,
+    "sound.flac": 350,
+    "sound.ogg": 350,
+    "sound.mp3": 280,
+    "motion.npz": 490,
+    "packed.npz": 350,
+    "points.npy": 280,
+    "flat.npy": 140,
+    "walk.bvh": 420,
+    "gBR_sBM_cAll_d04_mBR0_ch01.pkl": 420,
+    "skeletons.json": 210,
+    "config.json": 140,
+    "frames/dance_000000000001_keypoints.json": 180,
+    "coco.json": 180,
+    "lines.jsonl": 180,
+    "landmarks.json": 180,
+    "song.beats": 180,
+    "song.csv": 180,
+    "song.txt": 100,
+    "beats.json": 210,
 }
-SEQUENCES = 150  # whole folders with one damaged part
-ARRAYS = 100  # arrays made by hypothesis, for each of three types
+SEQUENCES = 120  # whole folders with one damaged part
+ARRAYS = 60  # arrays made by hypothesis, for each of three types
 
 
 def wave(channels: int = 1) -> np.ndarray:

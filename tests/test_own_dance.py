@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import soundfile
 
 from harmolab.data.stage import render_skeleton
 from harmolab.data.synthetic import synthetic_clip, synthetic_motion
@@ -20,13 +19,14 @@ from harmolab.io.video_sound import load_sound
 from harmolab.own_dance import OwnDance, Placement, explain_performance, load_performance, place_performance
 from harmolab.own_dance.page import dance_page, dance_player, save_page
 from harmolab.types import Audio, Clip, Motion
+from tests.builders import planted_dance, write_song
 
 SECONDS, START = 20.0, 0.4
 
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return synthetic_clip("cha-cha", seconds=SECONDS, seed=1)
+    return planted_dance(seconds=SECONDS)
 
 
 def danced(clip: Clip, late: Callable[[np.ndarray], np.ndarray]) -> Motion:
@@ -40,7 +40,7 @@ def danced(clip: Clip, late: Callable[[np.ndarray], np.ndarray]) -> Motion:
 def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A song; a dance 80 ms late in its second half, as motion, as video with the song's sound, and as silent video."""
     folder = tmp_path_factory.mktemp("own")
-    soundfile.write(folder / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))
+    write_song(folder / "song.wav", clip)
     motion = danced(clip, lambda beats: 0.08 * (beats > SECONDS / 2 + START / 2))
     save_motion(folder / "dance.npz", motion)
     heard = clip.audio.span(START, SECONDS - START)

@@ -10,12 +10,12 @@ from typing import Any
 import nbformat
 import pytest
 
-import harmolab
 from harmolab.listening.answers import AnswerLog
 from harmolab.listening.presenting import StudyServer
 from harmolab.listening.trials import Item, TrialSet, make_trials
 from harmolab.types import Clip
 from harmolab.widgets.player import blind_page
+from tests.builders import planted_dance
 from tests.test_browser import TOKEN, running_jupyterlab
 
 pytestmark = pytest.mark.browser
@@ -29,7 +29,7 @@ WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return harmolab.synthetic_clip("cha-cha", seconds=5.0, seed=1)
+    return planted_dance(seconds=5.0)
 
 
 def trials_of(kind: str) -> TrialSet:
