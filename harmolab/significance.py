@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
 
-__all__ = ["auc", "bootstrap_interval", "p_value", "rotated_shares", "rotations"]
+__all__ = ["auc", "bootstrap_interval", "mean_interval", "p_value", "rotated_shares", "rotations"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -56,6 +57,25 @@ def p_value(observed: float, null: ArrayLike) -> float:
     """
     values = np.asarray(null, dtype=np.float64)
     return float((1 + np.count_nonzero(values >= observed - 1e-12)) / (1 + values.size))
+
+
+def mean_interval(values: ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
+    """(mean, low, high): mean of (n,) values and its interval by Student's t.
+
+    Returns
+    -------
+    `low` and `high` are NaN where there is one value, or an infinite one.
+
+    >>> mean_interval([2.0])
+    (2.0, nan, nan)
+    """
+    numbers = np.asarray(values, dtype=np.float64)
+    mean = float(numbers.mean())
+    if numbers.size < 2 or np.isinf(numbers).any():
+        return mean, np.nan, np.nan
+    # `stdtrit` is the quantile of scipy.stats.t, which would take half a second to import.
+    half = float(numbers.std(ddof=1) / np.sqrt(numbers.size) * stdtrit(numbers.size - 1, (1 + level) / 2))
+    return mean, mean - half, mean + half
 
 
 def bootstrap_interval(

@@ -9,20 +9,21 @@ import pandas as pd
 import pytest
 
 from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.experiments import ablation, dances
+from harmolab.experiments import ablation, judging
 from harmolab.experiments.ablation import (
     PAPER_MEANS,
     TARGETS,
     forced_choice,
     gains,
-    mean_interval,
     seed_means,
     targets_met,
 )
 from harmolab.experiments.dances import danced_unit
 from harmolab.experiments.generation import VARIANTS
+from harmolab.features.poses import decode_motion
 from harmolab.params import FeatureParams, RunProfile
-from harmolab.types import Skeleton
+from harmolab.significance import mean_interval
+from harmolab.types import Motion, Skeleton
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 MEASURES = ("above_chance", "count_ratio", "jerk", "fid")
@@ -203,10 +204,11 @@ def stubs(monkeypatch: pytest.MonkeyPatch) -> UnitSet:
     def trained(profile: RunProfile, corpus: str, variant: object, seed: int) -> SimpleNamespace:
         return SimpleNamespace(generator=names[id(variant)], split=SimpleNamespace(test=units), pose_net=None)
 
-    def generate(generator: str, chosen: UnitSet) -> list[np.ndarray]:
-        return [codes.get(generator, np.tile([0.0, 1.0, 0.0, 0.0, 0.0, 0.0], (60, 1)))] * len(chosen)
+    def generate(generator: str, units: UnitSet) -> list[Motion]:
+        code = codes.get(generator, np.tile([0.0, 1.0, 0.0, 0.0, 0.0, 0.0], (60, 1)))
+        return [Motion(decode_motion(code, FPS, JOINT), FPS, JOINT)] * len(units)
 
-    for module in (ablation, dances):
+    for module in (ablation, judging):
         monkeypatch.setattr(module, "trained", trained)
         monkeypatch.setattr(module, "generate", generate)
     return units
@@ -216,7 +218,9 @@ def test_table_has_every_variant_and_the_recorded_motion_for_each_corpus_and_see
     stubs: UnitSet, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(ablation, "generator_corpora", lambda profile: ("one", "two"))
-    monkeypatch.setattr(ablation, "judge", lambda codes, units, net, seed: {"height": float(np.ptp(codes[0][:, 1]))})
+    monkeypatch.setattr(
+        ablation, "judge", lambda motions, *_, seed: {"height": float(np.ptp(motions[0].positions[..., 1]))}
+    )
     table = ablation.ablation(PROFILE)
     assert len(table) == 2 * 3 * 5
     assert table["seed"].unique().tolist() == [1, 2, 3]
