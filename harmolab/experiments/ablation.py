@@ -193,8 +193,14 @@ def targets_met(table: pd.DataFrame) -> pd.DataFrame:
             least, most = TARGETS[measure]
             mean, low, high = mean_interval(values)
             good = int(((values >= least) & (values <= most)).sum())
-            row = {"corpus": corpus, "loss": loss, "target": TARGET_WORDS[measure], "asked": _asked(least, most)}
-            row |= {"reached": mean, "low": low, "high": high, "met": bool(least <= mean <= most)}
+            row: dict[str, Any] = {"corpus": corpus, "loss": loss, "target": TARGET_WORDS[measure]}
+            row |= {
+                "asked": _asked(least, most),
+                "reached": mean,
+                "low": low,
+                "high": high,
+                "met": bool(least <= mean <= most),
+            }
             rows.append({**row, "seeds that meet it": f"{good} of {len(values)}"})
     return pd.DataFrame(rows)
 

@@ -101,7 +101,7 @@ def motion_measures(profile: RunProfile) -> pd.DataFrame:
         meters[FROZEN] = [replace(motion, positions=_held(motion)) for motion in meters[RECORDED]]
         reference = _geometric(meters[RECORDED])
         for name, motions in meters.items():
-            row = {measure.__name__: np.mean([measure(motion) for motion in motions]) for measure in BY_METER}
+            row = {measure.__name__: float(np.mean([measure(motion) for motion in motions])) for measure in BY_METER}
             features = standardise(_geometric(motions), reference)
             distance = frechet_distance(features, standardise(reference, reference)).value
             row["fid_geometric"] = np.nan if name == RECORDED else distance
