@@ -24,7 +24,7 @@ from harmolab.listening.analysis import (
 from harmolab.listening.answers import Answer, Answers
 from harmolab.listening.raters import SimulatedRater
 from harmolab.listening.trials import Item, make_key, make_trials
-from harmolab.viz.listening import draw_rates, rates_figure, scores_figure, study_title
+from harmolab.viz.listening import draw_rates, rates_figure, study_title
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
 SONGS = [Item(f"song {n}", {"A": f"{n} A", "B": f"{n} B"}) for n in range(40)]
@@ -258,12 +258,8 @@ def titles(figure: Figure) -> list[str]:
 
 def test_figures_of_simulated_raters_say_so_and_those_of_people_do_not():
     grid = study([0.9, 0.6])
-    scores = {"h": {source: len(source) + 0.0 for clip in CLIPS for source in clip.versions.values()}}
-    for figure in (
-        rates_figure(rater_rows(grid), label="right answers", title="Who was right?"),
-        scores_figure(score_rows(grid, scores), title="Scores"),
-    ):
-        assert all(title.endswith("(simulated raters, no people)") for title in titles(figure))
+    figure = rates_figure(rater_rows(grid), label="right answers", title="Who was right?")
+    assert all(title.endswith("(simulated raters, no people)") for title in titles(figure))
     figure = rates_figure(rater_rows(people(["01" * 20])), label="right answers", title="Who was right?")
     assert titles(figure) == ["Who was right?"]
 

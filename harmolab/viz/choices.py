@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harmolab.viz.style import COLOURS, figure_style
-from harmolab.viz.variants import LOOKS
-
-__all__ = ["draw_choices", "forced_choice_figure"]
-
-Record = Mapping[str, Any]
+from harmolab.viz.variants import LOOKS, Record
 
 # The colours of these scores in `harmolab.viz.results.disturbances_figure`.
 JUDGES = MappingProxyType({"paper's harmony": ("^", "#56B4E9"), "above chance": ("s", "#CC79A7")})

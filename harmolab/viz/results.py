@@ -14,18 +14,6 @@ from harmolab.params import BarPattern
 from harmolab.pattern import evaluate_pattern
 from harmolab.viz.style import COLOURS, figure_style
 
-__all__ = [
-    "SCORE_LABELS",
-    "auc_figure",
-    "disturbances_figure",
-    "draw_auc",
-    "draw_disturbances",
-    "draw_patterns",
-    "draw_picks",
-    "patterns_figure",
-    "picks_figure",
-]
-
 SCORE_LABELS = {
     "recommended": "recommended (bar pattern)",
     "peaks_lagged": "speed peaks, one lag a dance",

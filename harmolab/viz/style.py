@@ -22,19 +22,6 @@ from matplotlib.figure import Figure
 from harmolab.io.aside import written_aside
 from harmolab.params import RunProfile
 
-__all__ = [
-    "COLOURS",
-    "MANIFEST",
-    "MARKERS",
-    "STYLE",
-    "Saved",
-    "figure_style",
-    "figures_folder",
-    "save_figure",
-    "save_table",
-    "write_figure",
-]
-
 MANIFEST = "manifest.json"
 
 # One meaning per colour. Blue, orange and green are Okabe and Ito's, chosen for colour-blind readers; the red is

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from harmolab.viz.style import COLOURS, figure_style
 from harmolab.viz.variants import LOOKS
 
-__all__ = ["TERMS", "VALIDATED", "draw_term", "draw_validated", "losses_figure", "validation_figure"]
-
 FloatArray = NDArray[np.float64]
 Record = Mapping[str, Any]
 
