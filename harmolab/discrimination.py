@@ -14,15 +14,6 @@ from harmolab.experiments import corpus_folders, readable_sequences, study_seque
 from harmolab.params import BarPattern, RunProfile
 from harmolab.types import FloatArray
 
-__all__ = [
-    "auc_table",
-    "compare_corpora",
-    "dance_patterns_of",
-    "dance_table",
-    "disturbance_table",
-    "pick_table",
-]
-
 
 def compare_corpora(profile: RunProfile, *, window: float | None = 6.0) -> dict[str, CorpusResult]:
     """`compare` on every study corpus, and always on the synthetic one as the control that must succeed.

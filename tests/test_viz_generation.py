@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -37,17 +37,6 @@ def texts(ax: Axes) -> list[str]:
 # Fig. 7
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part as `harmolab.models.anatomy` measures it."""
-
-    network: str
-    name: str
-    layers: str
-    parameters: int
-    shape: str
-
-
 NETWORKS = {
     "generator": "audio initial hearing encoder seeing decoder flat_head depth_head path_head motion flat",
     "cross_domain": "audio motion hearing seeing both verdict output",
@@ -55,7 +44,13 @@ NETWORKS = {
 }
 SIGNALS = ("audio", "initial", "motion", "flat", "output")
 PARTS = [
-    Part(network, name, "input" if name in SIGNALS else "GRU", 0 if name in SIGNALS else 1_100, f"of {name}")
+    {
+        "network": network,
+        "name": name,
+        "layers": "input" if name in SIGNALS else "GRU",
+        "parameters": 0 if name in SIGNALS else 1_100,
+        "shape": f"of {name}",
+    }
     for network, names in NETWORKS.items()
     for name in names.split()
 ]
@@ -66,8 +61,8 @@ def test_every_measured_part_has_a_box_with_its_layers_size_and_shape():
     (ax,) = networks_figure(PARTS).axes
     assert sum(patch.get_gid() == "box" for patch in ax.patches) == len(PARTS) + 3  # three in the legend
     for part in PARTS:
-        assert (part.shape if part.name in SIGNALS else f"to {part.shape}") in texts(ax)
-    assert texts(ax).count("GRU, 1.1 k") == sum(part.parameters > 0 for part in PARTS)
+        assert (part["shape"] if part["name"] in SIGNALS else f"to {part['shape']}") in texts(ax)
+    assert texts(ax).count("GRU, 1.1 k") == sum(part["parameters"] > 0 for part in PARTS)
     assert "generator $G$: 7.7 k parameters" in texts(ax)
 
 

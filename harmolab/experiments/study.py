@@ -23,21 +23,7 @@ from harmolab.io.cache import cache_folder
 from harmolab.params import BarPattern, HarmonyParams, RunProfile
 from harmolab.parts import cut_parts, learn_patterns
 from harmolab.significance import rotations
-from harmolab.types import BeatTrack, Clip
-
-__all__ = [
-    "Agreement",
-    "agreement",
-    "beat_agreement",
-    "clip_of_study",
-    "corpus_folders",
-    "data_root",
-    "excerpt",
-    "pattern_of_study",
-    "strong_by_place",
-    "study_sequences",
-    "synthetic_corpus",
-]
+from harmolab.types import BeatTrack, Clip, Motion
 
 Detector = Literal["turns", "valleys", "peaks", "direction"]
 SAME_BEAT = 0.07  # seconds: the window within which a tracked beat counts as an annotated one
@@ -168,19 +154,24 @@ def excerpt(sequence: disk.Sequence, seconds: float, beats: str = "tracked") -> 
     if clip.motion is None:
         raise ValueError(f"{sequence.folder}: no motion")
     track = music_beats(sequence, "tracked" if sequence.annotation is None else beats)
-    first, last = max(0.0, -clip.offset), min(clip.motion.duration, clip.audio.duration - clip.offset)
-    length = min(seconds, last - first)
-    # On a frame, and never before the music.
-    start = np.ceil((first + (last - first - length) / 2) * clip.motion.fps - 1e-6) / clip.motion.fps
-    heard = max(0.0, clip.offset + start)
+    start, length = _middle(clip, clip.motion, seconds)
+    offset = max(0.0, clip.offset + start)
     return Clip(
-        f"{clip.name} from {heard:.1f} s",
-        clip.audio.span(heard, length),
+        f"{clip.name} from {offset:.1f} s",
+        clip.audio.span(offset, length),
         clip.motion.span(start, length),
         source=clip.source,
-        beats=track.span(heard, length),
+        beats=track.span(offset, length),
         dance=clip.dance,
     )
+
+
+def _middle(clip: Clip, motion: Motion, seconds: float) -> tuple[float, float]:
+    """(start on the time line of the motion, length) of the middle of what music and motion share, seconds."""
+    first, last = max(0.0, -clip.offset), min(motion.duration, clip.audio.duration - clip.offset)
+    length = min(seconds, last - first)
+    # On a frame, and never before the music.
+    return float(np.ceil((first + (last - first - length) / 2) * motion.fps - 1e-6) / motion.fps), length
 
 
 def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0) -> BarPattern:
@@ -189,10 +180,10 @@ def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: fl
     Movements that stop on the beat where nothing can be learnt: in synthetic clips, and without annotated beats.
     """
     shown = _first_of_dance(profile, dance, seconds)
-    if data_root() is None or shown.annotation is None:
+    if data_root() is None or shown.annotation is None or shown.clip.motion is None:
         return BarPattern.stop_on_the_beat()
     settings = HarmonyParams.recommended()
-    start = float(excerpt(shown, seconds).name.split()[-2])
+    start = shown.clip.offset + _middle(shown.clip, shown.clip.motion, seconds)[0]
     own = cut_parts(shown, "annotated", None, settings)
     near = [part for part in own if part.start < start + seconds and start < part.start + part.duration]
     judged = replace(near[0], figures=frozenset().union(*(part.figures for part in near)))
@@ -242,7 +233,7 @@ class Agreement:
 
     def __add__(self, other: Agreement) -> Agreement:
         pairs = zip(astuple(self), astuple(other), strict=True)
-        return Agreement(*(mine + theirs for mine, theirs in pairs))
+        return Agreement(*(one + another for one, another in pairs))
 
 
 def agreement(music: BeatTrack, visual: BeatTrack, *, delay: float, n_rotations: int) -> Agreement:

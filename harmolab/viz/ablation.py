@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -79,8 +80,8 @@ def draw_measure(ax: Axes, rows: Iterable[Record], *, measure: str, targets: Tar
 def _shade(ax: Axes, across: tuple[float, float], up: tuple[float, float]) -> None:
     """The part of a rectangle within the axes, pale green; its ends may be infinite."""
     (left, right), (bottom, top) = np.clip(across, *ax.get_xlim()), np.clip(up, *ax.get_ylim())
-    look = {"facecolor": COLOURS["hit"], "alpha": 0.13, "linewidth": 0, "zorder": 0, "gid": "target"}
-    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, **look))
+    look: dict[str, Any] = {"facecolor": COLOURS["hit"], "alpha": 0.13, "linewidth": 0, "gid": "target"}
+    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, zorder=0, **look))
 
 
 def _asked(targets: Targets, before: Record, recorded: Record) -> dict[str, tuple[float, float]]:

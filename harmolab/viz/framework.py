@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,6 +19,7 @@ from matplotlib.path import Path as Outline
 
 from harmolab.params import TrainParams
 from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.variants import Record
 
 DRAWING = Path(__file__).with_name("fig07.json")
 # Pale forms of the colours for music and movement, dark enough to be told apart without their edges.
@@ -28,27 +29,12 @@ _DASHES = (0, (4, 2))
 _LINE = 0.155  # inches from one line of text to the next
 
 
-class Part(Protocol):
-    """A measured part of a network: `harmolab.models.anatomy.Part`."""
-
-    @property
-    def network(self) -> str: ...
-    @property
-    def name(self) -> str: ...
-    @property
-    def layers(self) -> str: ...
-    @property
-    def parameters(self) -> int: ...
-    @property
-    def shape(self) -> str: ...
-
-
-def framework_figure(parts: Iterable[Part], params: Mapping[str, TrainParams]) -> Figure:
+def framework_figure(parts: Iterable[Record], params: Mapping[str, TrainParams]) -> Figure:
     """Fig. 7a and 7b: training and dancing, with the size of each network and the weight of each loss.
 
     Parameters
     ----------
-    parts : records of `harmolab.models.anatomy.anatomy`
+    parts : records with the fields of `harmolab.models.anatomy.Part`
     params : name of a way to train -> its settings; their loss weights are written out, 0 is a term that is off
     """
     names = [name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")]
@@ -56,7 +42,7 @@ def framework_figure(parts: Iterable[Part], params: Mapping[str, TrainParams]) -
     return _diagram("framework", _sizes(parts) | {f"weight.{name}": text for name, text in weights.items()})
 
 
-def networks_figure(parts: Iterable[Part]) -> Figure:
+def networks_figure(parts: Iterable[Record]) -> Figure:
     """Fig. 7c: generator and discriminators side by side; `parts` as for `framework_figure`."""
     return _diagram("networks", _sizes(parts))
 
@@ -67,14 +53,14 @@ def _weight(params: TrainParams, name: str) -> str:
     return f"{weight} ($D_{{st}}$ alone)" if name == "gan" and params.cross_domain_weight == 0 else weight
 
 
-def _sizes(parts: Iterable[Part]) -> dict[str, str]:
+def _sizes(parts: Iterable[Record]) -> dict[str, str]:
     """Text for "network" (its parameters) and for "network.part" (layers, parameters and shape)."""
     texts, totals = {}, dict[str, int]()
     for part in parts:
-        totals[part.network] = totals.get(part.network, 0) + part.parameters
-        signal = part.layers in ("input", "output")
-        words = part.shape if signal else f"{part.layers}, {count_text(part.parameters)}\nto {part.shape}"
-        texts[f"{part.network}.{part.name}"] = words
+        network, count = part["network"], part["parameters"]
+        totals[network] = totals.get(network, 0) + count
+        layers = "" if part["layers"] in ("input", "output") else f"{part['layers']}, {count_text(count)}\nto "
+        texts[f"{network}.{part['name']}"] = layers + part["shape"]
     return texts | {network: count_text(total) for network, total in totals.items()}
 
 
@@ -124,8 +110,8 @@ def draw_diagram(ax: Axes, drawing: Mapping[str, Sequence[Any]]) -> Axes:
     for x, y in drawing.get("joins", ()):
         ax.text(x, y, "+", ha="center", va="center", fontsize=11, bbox=plus, zorder=3)
     for x, y, width, height in drawing.get("hatched", ()):
-        look = {"facecolor": TINTS["motion"], "edgecolor": COLOURS["visual"], "linewidth": 0, "hatch": "///"}
-        ax.add_patch(Rectangle((x, y), width, height, zorder=3, **look))
+        look: dict[str, Any] = {"facecolor": TINTS["motion"], "edgecolor": COLOURS["visual"], "linewidth": 0}
+        ax.add_patch(Rectangle((x, y), width, height, hatch="///", zorder=3, **look))
     for kind, size in (("titles", 11), ("labels", 9)):
         for x, y, text in drawing.get(kind, ()):
             ax.text(x, y, text, va="center", fontsize=size, color=COLOURS["ink"])
@@ -135,8 +121,8 @@ def draw_diagram(ax: Axes, drawing: Mapping[str, Sequence[Any]]) -> Axes:
 def _draw_box(ax: Axes, middle: tuple[float, float], width: float, tint: str, lines: Sequence[str], style: str) -> None:
     """A box as high as its lines need, the first of them bold."""
     (x, y), height = middle, (_LINE * len(lines) if lines[0] else 0.0) + 0.13
-    look = {"boxstyle": style, "facecolor": TINTS[tint], "edgecolor": _EDGES[tint], "zorder": 2, "gid": "box"}
-    ax.add_patch(FancyBboxPatch((x - width / 2, y - height / 2), width, height, **look))
+    look: dict[str, Any] = {"boxstyle": style, "facecolor": TINTS[tint], "edgecolor": _EDGES[tint], "gid": "box"}
+    ax.add_patch(FancyBboxPatch((x - width / 2, y - height / 2), width, height, zorder=2, **look))
     for row, line in enumerate(lines):
         up = y + _LINE * ((len(lines) - 1) / 2 - row)
         weight = "normal" if row else "bold"
@@ -146,6 +132,6 @@ def _draw_box(ax: Axes, middle: tuple[float, float], width: float, tint: str, li
 def _draw_arrow(ax: Axes, points: Sequence[tuple[float, float]], line: Any, head: str) -> None:
     """Straight pieces from the first point to the last."""
     outline = Outline(list(points), [Outline.MOVETO, *[Outline.LINETO] * (len(points) - 1)])
-    look = {"mutation_scale": 9, "linewidth": 1.1, "color": COLOURS["ink"], "joinstyle": "miter", "zorder": 1}
-    arrow = FancyArrowPatch(path=outline, arrowstyle=head, linestyle=line, shrinkA=0, shrinkB=0, gid="arrow", **look)
-    ax.add_patch(arrow)
+    look: dict[str, Any] = {"mutation_scale": 9, "linewidth": 1.1, "color": COLOURS["ink"], "joinstyle": "miter"}
+    look |= {"arrowstyle": head, "linestyle": line, "shrinkA": 0, "shrinkB": 0, "zorder": 1, "gid": "arrow"}
+    ax.add_patch(FancyArrowPatch(path=outline, **look))

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from harmolab.params import BarPattern
 from harmolab.pattern import evaluate_pattern
 from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.variants import rows_by_name
 
 SCORE_LABELS = {
     "recommended": "recommended (bar pattern)",
@@ -41,23 +42,16 @@ def draw_auc(ax: Axes, scores: Mapping[str, Mapping[str, Any]], *, title: str = 
     scores : the "scores" of a `harmolab compare` summary
     title : str
     """
-    names = [name for name in SCORE_LABELS if name in scores][::-1]
-    for row, name in enumerate(names):
-        low, high = scores[name]["chance_band"]
-        value = scores[name]["auc"]
-        ax.barh(
-            row,
-            high - low,
-            left=low,
-            height=0.7,
-            color=COLOURS["faint"],
-            label="chance band (95 %)" if not row else None,
-        )
+    places = rows_by_name(ax, [name for name in SCORE_LABELS if name in scores], SCORE_LABELS)
+    for name, row in places.items():
+        (low, high), value = scores[name]["chance_band"], scores[name]["auc"]
+        label = None if row else "chance band (95 %)"
+        ax.barh(row, high - low, left=low, height=0.7, color=COLOURS["faint"], label=label)
         colour = COLOURS["hit"] if value > high else COLOURS["ink"] if value >= low else COLOURS["miss"]
         ax.plot(value, row, "o" if value > high else "x", color=colour, markersize=8, markeredgewidth=2)
         ax.annotate(f"{value:.2f}", (value, row), xytext=(9, 0), textcoords="offset points", va="center", color=colour)
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
-    ax.set(yticks=range(len(names)), yticklabels=[SCORE_LABELS[name] for name in names], xlim=(0, 1.1))
+    ax.set_xlim(0, 1.1)
     ax.set_xlabel("AUC: true above wrong music (0.5 = coin, 1 = always)")
     ax.set_title(title)
     return ax
@@ -86,16 +80,17 @@ def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
     ----------
     table : DataFrame with columns "judge", "paper", "harmolab" (shares; one of the two is NaN), "low", "high"
     """
-    for row, (_, judge) in enumerate(table[::-1].iterrows()):
-        human = pd.notna(judge["paper"])
-        value = judge["paper"] if human else judge["harmolab"]
-        colour = COLOURS["chance"] if human else SCORE_COLOURS[2]
-        ax.barh(row, value, color=colour, hatch="//" if human else None, height=0.65, edgecolor="white")
+    places = rows_by_name(ax, list(table["judge"]))
+    for judge in table.to_dict("records"):
+        human, row = pd.notna(judge["paper"]), places[judge["judge"]]
+        value, end = (judge["paper"], judge["paper"]) if human else (judge["harmolab"], judge["high"])
+        colour, hatch = (COLOURS["chance"], "//") if human else (SCORE_COLOURS[2], None)
+        ax.barh(row, value, color=colour, hatch=hatch, height=0.65, edgecolor="white")
         if not human:
             ax.plot([judge["low"], judge["high"]], [row, row], color=COLOURS["ink"], linewidth=2)
-        ax.annotate(f" {value:.0%}", (max(value, judge["high"]) if not human else value, row), va="center")
+        ax.annotate(f" {value:.0%}", (max(value, end), row), va="center")
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1.5)
-    ax.set(yticks=range(len(table)), yticklabels=table["judge"][::-1], xlim=(0, 1.12))
+    ax.set_xlim(0, 1.12)
     ax.set_xlabel("inharmonious clips picked out (dotted: by guessing; black: 95 % of draws)")
     return ax
 

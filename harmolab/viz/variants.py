@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -91,7 +91,7 @@ def panels(
     size: tuple[float, float],
     top: float = 0.0,
     handles: Sequence[Artist] = (),
-    legend: str = "outside upper center",
+    legend: Literal["outside upper center", "outside lower center"] = "outside upper center",
 ) -> Figure:
     """A row of panels for each corpus, one for each measure; a free row of `top` inches above them if there is one.
 
