@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.style import COLOURS, styled_axes
 from harmolab.viz.variants import Look, draw_mean
 
 Row = Mapping[str, Any]
@@ -57,7 +57,6 @@ def draw_rates(ax: Axes, rows: Sequence[Row], *, label: str, title: str = "") ->
 
 def rates_figure(rows: Sequence[Row], *, label: str, title: str) -> Figure:
     """`draw_rates` in a figure of its own."""
-    with figure_style():
-        figure = Figure(figsize=(8.0, 1.4 + 0.35 * len(rows)), layout="constrained")
-        draw_rates(figure.subplots(), rows, label=label, title=title)
+    with styled_axes((8.0, 1.4 + 0.35 * len(rows))) as (figure, (ax,)):
+        draw_rates(ax, rows, label=label, title=title)
     return figure

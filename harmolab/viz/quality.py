@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from harmolab.types import FloatArray, Motion
 from harmolab.viz.motion import draw_poses
-from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.style import COLOURS, styled_axes
 from harmolab.viz.variants import LOOKS, PRINTED, Record, panels, rows_by_name, spread
 
 DISTANCES = MappingProxyType(
@@ -135,9 +135,7 @@ def sequences_figure(
     ----------
     motions : name in `LOOKS` -> Motion, all equally long
     """
-    with figure_style():
-        figure = Figure(figsize=(11.0, 1.5 * len(motions) + 0.9), layout="constrained")
-        axes = figure.subplots(len(motions), 1, sharex=True, squeeze=False)[:, 0]
+    with styled_axes((11.0, 1.5 * len(motions) + 0.9), len(motions), sharex=True) as (figure, axes):
         for ax, (name, motion) in zip(axes, motions.items(), strict=True):
             look = LOOKS[name]
             draw_sequence(ax, motion, shots=shots, start=start, turn=turn, colour=look.colour).set_title(look.label)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from harmolab.params import BarPattern
 from harmolab.pattern import evaluate_pattern
-from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.style import COLOURS, styled_axes
 from harmolab.viz.variants import rows_by_name
 
 SCORE_LABELS = {
@@ -117,9 +117,7 @@ def auc_figure(summaries: Mapping[str, Mapping[str, Any]]) -> Figure:
     ----------
     summaries : corpus -> the summary of its comparison
     """
-    with figure_style():
-        figure = Figure(figsize=(4.4 + 3.6 * len(summaries), 4.6), layout="constrained")
-        axes = figure.subplots(1, len(summaries), sharey=True, squeeze=False)[0]
+    with styled_axes((4.4 + 3.6 * len(summaries), 4.6), 1, len(summaries), sharey=True) as (figure, axes):
         for ax, (name, summary) in zip(axes, summaries.items(), strict=True):
             draw_auc(ax, summary["scores"], title=f"{name} (n = {summary['n']}, {summary['beats']} beats)")
     return figure
@@ -127,25 +125,21 @@ def auc_figure(summaries: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 def patterns_figure(patterns: Mapping[str, BarPattern], *, title: str) -> Figure:
     """`draw_patterns` in a figure of its own."""
-    with figure_style():
-        figure = Figure(figsize=(8.0, 3.8), layout="constrained")
-        draw_patterns(figure.subplots(), patterns).set_title(title)
+    with styled_axes((8.0, 3.8)) as (figure, (ax,)):
+        draw_patterns(ax, patterns).set_title(title)
     return figure
 
 
 def picks_figure(table: pd.DataFrame, *, title: str) -> Figure:
     """`draw_picks` in a figure of its own."""
-    with figure_style():
-        figure = Figure(figsize=(8.0, 2.8), layout="constrained")
-        draw_picks(figure.subplots(), table).set_title(title)
+    with styled_axes((8.0, 2.8)) as (figure, (ax,)):
+        draw_picks(ax, table).set_title(title)
     return figure
 
 
 def disturbances_figure(tables: Sequence[pd.DataFrame], scores: Sequence[str]) -> Figure:
     """`draw_disturbances` for several disturbances side by side, with one legend."""
-    with figure_style():
-        figure = Figure(figsize=(4.0 * len(tables), 3.8), layout="constrained")
-        axes = figure.subplots(1, len(tables), sharey=True, squeeze=False)[0]
+    with styled_axes((4.0 * len(tables), 3.8), 1, len(tables), sharey=True) as (figure, axes):
         for ax, table in zip(axes, tables, strict=True):
             draw_disturbances(ax, table, scores)
         axes[-1].legend(loc="lower right", fontsize=9)

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from harmolab.types import FloatArray
-from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.style import COLOURS, styled_axes
 from harmolab.viz.variants import LOOKS, Record
 
 PRETRAIN = "pretrain"
@@ -98,9 +98,7 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
     """`draw_term` for every term of Eq. 32 and its parts, before weighting."""
     table = list(rows)
     names = _named(table)
-    with figure_style():
-        figure = Figure(figsize=(11.0, 8.2), layout="constrained")
-        axes = figure.subplots(3, 4).ravel()
+    with styled_axes((11.0, 8.2), 3, 4) as (figure, axes):
         for ax, (title, column, shared) in zip(axes, TERMS, strict=True):
             has = [name for name in names if np.isfinite(_column(table, column, name)).any()]
             draw_term(ax, table, column, [name for name in has if shared is None or name in shared]).set_title(title)
@@ -115,9 +113,8 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
 def validation_figure(rows: Iterable[Record]) -> Figure:
     """`draw_validated` for the paper's two scores, and beside them what they do not tell."""
     table = list(rows)
-    with figure_style():
-        figure = Figure(figsize=(11.0, 6.2), layout="constrained")
-        for ax, column in zip(figure.subplots(2, 2).ravel(), VALIDATED, strict=True):
+    with styled_axes((11.0, 6.2), 2, 2) as (figure, axes):
+        for ax, column in zip(axes, VALIDATED, strict=True):
             draw_validated(ax, table, column)
         figure.legend(handles=_handles(_named(table)), loc="outside upper left", ncols=4)
     return figure
