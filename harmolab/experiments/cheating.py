@@ -15,21 +15,19 @@ import numpy as np
 import pandas as pd
 
 from harmolab.beats.visual import visual_beats
-from harmolab.data.units import DanceUnit
 from harmolab.experiments.ablation import group_means
 from harmolab.experiments.generation import SYNTHETIC, generator_corpora
-from harmolab.experiments.judging import danced_units, meter_motion, score_unit
+from harmolab.experiments.judging import MODES, danced_units, harmony_columns, meter_motion, unit_columns
 from harmolab.experiments.study import data_root, excerpt, readable_sequences, study_sequences, synthetic_corpus
 from harmolab.harmony import score_harmony
 from harmolab.metrics import jerk
-from harmolab.params import HarmonyParams, RunProfile
-from harmolab.types import BeatTrack, HarmonyScore, Motion
+from harmolab.params import RunProfile
+from harmolab.types import BeatTrack, Motion
 
 Trick = Callable[[Motion, np.random.Generator], Motion]
 
 SECONDS = 6.0
 TRUE, LATE = "true", "half a beat late"
-MODES = MappingProxyType({"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys()})
 
 
 def trembling(motion: Motion, hertz: float, size: float) -> Motion:
@@ -104,7 +102,7 @@ def cheating(profile: RunProfile) -> pd.DataFrame:
     Returns
     -------
     DataFrame, a row for each corpus, clip, trick and music (`TRUE`, `LATE`): in paper mode (`paper_`) and for valleys
-    within 0.1 s harmony, hit_rate, chance, above_chance and count_ratio (M / N); jerk (m/s^3).
+    within 0.1 s harmony, hit_rate, chance, above_chance, n_visual, n_audio and count_ratio (M / N); jerk (m/s^3).
     """
     rng = np.random.default_rng(profile.seed)
     rows = []
@@ -122,7 +120,7 @@ def _clip_rows(motion: Motion, beats: BeatTrack) -> Iterator[dict[str, Any]]:
     about = {"jerk": jerk(motion)}
     for music, track in ((TRUE, beats), (LATE, half_a_beat_late(beats))):
         scores = {mode: score_harmony(track, visual[mode], params=MODES[mode], n_rotations=0) for mode in MODES}
-        yield {"music": music, **_columns(scores), **about}
+        yield {"music": music, **harmony_columns(scores), **about}
 
 
 def generators_half_a_beat_late(profile: RunProfile) -> pd.DataFrame:
@@ -139,17 +137,14 @@ def generators_half_a_beat_late(profile: RunProfile) -> pd.DataFrame:
         units, dances = danced_units(profile, corpus)
         for name, motions in dances.items():
             for motion, unit in zip(motions, units.units, strict=True):
-                about = {"corpus": corpus, "clip": unit.name, "trick": name}
-                steadiness = {"jerk": jerk(meter_motion(motion, unit))}
-                rows += [about | row | steadiness for row in _unit_rows(motion, unit)]
+                steadiness = jerk(meter_motion(motion, unit))
+                about = {"corpus": corpus, "clip": unit.name, "trick": name, "jerk": steadiness}
+                late = replace(unit, beats=unit.beats + np.median(np.diff(unit.beats)) / 2)
+                rows += [
+                    {**about, "music": music, **unit_columns(motion, each)}
+                    for music, each in ((TRUE, unit), (LATE, late))
+                ]
     return pd.DataFrame(rows)
-
-
-def _unit_rows(motion: Motion, unit: DanceUnit) -> Iterator[dict[str, Any]]:
-    """One row for each music."""
-    late = replace(unit, beats=unit.beats + np.median(np.diff(unit.beats)) / 2)
-    for music, danced in ((TRUE, unit), (LATE, late)):
-        yield {"music": music, **_columns({mode: score_unit(motion, danced, MODES[mode]) for mode in MODES})}
 
 
 def trick_means(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
@@ -187,21 +182,6 @@ def trick_gains(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
         for trick, base in BASES.items():
             rows.append({"corpus": corpus, "trick": trick, "put on": base, **(means.loc[trick] - means.loc[base])})
     return pd.DataFrame(rows)
-
-
-def _columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
-    """What the tables hold of the two modes' scores."""
-    columns: dict[str, float] = {}
-    for mode, score in scores.items():
-        prefix = "paper_" if mode == "paper" else ""
-        columns |= {
-            f"{prefix}harmony": score.harmony,
-            f"{prefix}hit_rate": score.hit_rate,
-            f"{prefix}chance": score.chance,
-            f"{prefix}above_chance": score.harmony_above_chance,
-            f"{prefix}count_ratio": score.n_visual / max(score.n_audio, 1),
-        }
-    return columns
 
 
 def half_a_beat_late(beats: BeatTrack) -> BeatTrack:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from harmolab.experiments.judging import danced_units, score_unit
+from harmolab.data.units import DanceUnit
+from harmolab.experiments.judging import RECORDED, danced_units, score_unit, unit_beats
 from harmolab.params import HarmonyParams, RunProfile
 from harmolab.types import BeatTrack, HarmonyScore, Motion
 
@@ -47,10 +48,13 @@ def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
     units, dances = danced_units(profile, corpus)
     if not 0 <= place < len(units):
         raise ValueError(f"place must be 0 to {len(units) - 1}, the test units of {corpus}, got {place}")
-    unit = units.units[place]
-    motions = {name: dance[place] for name, dance in dances.items()}
+    return danced(units.units[place], {name: motions[place] for name, motions in dances.items()})
+
+
+def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
+    """A unit with the motions danced to it, the recorded one among them, and their scores."""
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
-    beats = BeatTrack(unit.beats, unit.strengths, unit.fps, max(unit.n_frames / unit.fps, float(unit.beats.max())))
+    beats = unit_beats(unit, motions[RECORDED])
     return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)
 
 

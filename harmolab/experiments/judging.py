@@ -5,7 +5,8 @@ Everything here takes motions: a system is judged by the joints it moves, not by
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import torch
@@ -24,6 +25,7 @@ from harmolab.params import HarmonyParams, RunProfile
 from harmolab.types import BeatTrack, FloatArray, HarmonyScore, Motion
 
 RECORDED = "recorded"
+MODES = MappingProxyType({"paper_": HarmonyParams.paper(), "": HarmonyParams.valleys()})  # prefix of a column -> score
 
 
 def danced_units(
@@ -72,10 +74,16 @@ def meter_motions(motions: Sequence[Motion], units: UnitSet) -> list[Motion]:
 
 def score_unit(motion: Motion, unit: DanceUnit, params: HarmonyParams) -> HarmonyScore:
     """Harmony of a unit's motion over its meter: visual beats come from all of it, those of the meter count."""
-    start, end = unit.n_prior / unit.fps, motion.duration
-    music = BeatTrack(unit.beats, unit.strengths, motion.fps, max(end, float(unit.beats.max(initial=0.0))))
-    visual = visual_beats(motion, params=params)
-    return score_harmony(music.span(start, end - start), visual.span(start, end - start), params=params, n_rotations=0)
+    start = unit.n_prior / unit.fps
+    music, visual = unit_beats(unit, motion), visual_beats(motion, params=params)
+    meter = (start, motion.duration - start)
+    return score_harmony(music.span(*meter), visual.span(*meter), params=params, n_rotations=0)
+
+
+def unit_beats(unit: DanceUnit, motion: Motion) -> BeatTrack:
+    """The music beats of a unit on the time line of a motion danced to it, seconds from its first frame."""
+    duration = max(motion.duration, float(unit.beats.max(initial=0.0)))
+    return BeatTrack(unit.beats, unit.strengths, motion.fps, duration)
 
 
 def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed: int = 0) -> dict[str, float]:
@@ -105,8 +113,7 @@ def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed:
     kinetic, reference = (np.stack([kinetic_features(motion) for motion in cut]) for cut in (meters, recorded_meters))
     kinetic, reference = standardise(kinetic, reference), standardise(reference, reference)
     return {
-        **_harmony(motions, units, HarmonyParams.paper(), "paper_"),
-        **_harmony(motions, units, HarmonyParams.valleys(), ""),
+        **_harmony(motions, units),
         "jerk": float(np.mean([jerk(motion) for motion in meters])),
         "foot_skating": float(np.mean([foot_skating(motion) for motion in meters])),
         "fid": frechet_distance(values, target, seed=seed).value,
@@ -117,16 +124,30 @@ def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed:
     }
 
 
-def _harmony(motions: Sequence[Motion], units: UnitSet, params: HarmonyParams, prefix: str) -> dict[str, float]:
-    """Mean harmony figures of one mode."""
-    scores = [score_unit(motion, unit, params) for motion, unit in zip(motions, units.units, strict=True)]
+def harmony_columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
+    """What tables hold of the scores of `MODES`, by prefix of their columns."""
     fields = ("harmony", "hit_rate", "chance", "harmony_above_chance", "n_visual", "n_audio")
-    means = {
-        f"{prefix}{field.removeprefix('harmony_')}": float(np.mean([getattr(score, field) for score in scores]))
-        for field in fields
+    return {
+        **{
+            f"{mode}{field.removeprefix('harmony_')}": getattr(scores[mode], field)
+            for mode in scores
+            for field in fields
+        },
+        **{f"{mode}count_ratio": score.n_visual / max(score.n_audio, 1) for mode, score in scores.items()},
     }
-    means[f"{prefix}count_ratio"] = means[f"{prefix}n_visual"] / max(means[f"{prefix}n_audio"], 1e-9)
-    return means
+
+
+def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
+    """`harmony_columns` of `score_unit` in all modes."""
+    return harmony_columns({mode: score_unit(motion, unit, params) for mode, params in MODES.items()})
+
+
+def _harmony(motions: Sequence[Motion], units: UnitSet) -> dict[str, float]:
+    """Means over units of `unit_columns`; M / N is the ratio of the means."""
+    columns = [unit_columns(*pair) for pair in zip(motions, units.units, strict=True)]
+    means = {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
+    ratios = {mode: means[f"{mode}n_visual"] / max(means[f"{mode}n_audio"], 1e-9) for mode in MODES}
+    return means | {f"{mode}count_ratio": ratio for mode, ratio in ratios.items()}
 
 
 @torch.no_grad()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import pandas as pd
 
 from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.experiments.ablation import ablation, seed_means
+from harmolab.experiments.dances import DancedUnit, danced
 from harmolab.experiments.generation import VARIANTS, Trained, generator_corpora, trained
 from harmolab.experiments.judging import RECORDED, danced_units, embed, meter_motions, recorded_motions
 from harmolab.features.geometric import geometric_features
@@ -144,17 +145,7 @@ def _others(features: FloatArray, others: FloatArray, rng: np.random.Generator) 
     return frechet_distance(others[chosen], features, seed=int(rng.integers(2**31))).value
 
 
-@dataclass(frozen=True, eq=False)
-class Example:
-    """One test unit, as danced and as generated. Up to `start` (seconds) all were given the same movement."""
-
-    name: str
-    dance: str
-    start: float
-    motions: dict[str, Motion]
-
-
-def typical_unit(profile: RunProfile, corpus: str, variants: tuple[str, ...] = ("paper", "recommended")) -> Example:
+def typical_unit(profile: RunProfile, corpus: str, variants: tuple[str, ...] = ("paper", "recommended")) -> DancedUnit:
     """The test unit on which the first variant (first seed) is neither good nor bad: its error is the median.
 
     The error is the mean distance of the joints from where they were recorded, over the meter, in the dancer's frame.
@@ -162,9 +153,7 @@ def typical_unit(profile: RunProfile, corpus: str, variants: tuple[str, ...] = (
     units, dances = danced_units(profile, corpus, variants)
     errors = [_error(*trio) for trio in zip(dances[variants[0]], dances[RECORDED], units.units, strict=True)]
     place = int(np.argsort(errors, kind="stable")[len(errors) // 2])
-    unit = units.units[place]
-    motions = {name: dance[place] for name, dance in dances.items()}
-    return Example(unit.name, unit.dance, unit.n_prior / unit.fps, motions)
+    return danced(units.units[place], {name: motions[place] for name, motions in dances.items()})
 
 
 def _error(motion: Motion, recorded: Motion, unit: DanceUnit) -> float:
