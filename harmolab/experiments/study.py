@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -262,29 +262,21 @@ def beat_agreement(
     -------
     DataFrame, a row for each detector and delay, added up over the middle minute of the study's sequences.
     """
-    asked = list(product(detectors, delays))
-    found = {key: Agreement(0, 0, 0, 0.0) for key in asked}
+    totals = dict.fromkeys(product(detectors, delays), Agreement(0, 0, 0, 0.0))
     for sequence in study_sequences(profile):
         clip = excerpt(sequence, 60.0)
         if clip.motion is None or clip.beats is None:
             continue
-        for detector, delay in asked:
+        for detector, delay in totals:
             visual = visual_beats(clip.motion, params=HarmonyParams(detector=detector))
-            found[detector, delay] += agreement(clip.beats, visual, delay=delay, n_rotations=profile.n_rotations // 4)
-    return pd.DataFrame([_agreement_row(detector, delay, found[detector, delay]) for detector, delay in asked])
-
-
-def _agreement_row(detector: str, delay: float, total: Agreement) -> dict[str, Any]:
-    return {
-        "detector": detector,
-        "tolerance (s)": delay,
-        "music beats": total.music_beats,
-        "visual beats": total.visual_beats,
-        "omitted": total.omitted,
-        "redundant": total.redundant,
-        "hit rate": round(total.hit_rate, 3),
-        "chance": round(total.chance, 3),
-    }
+            totals[detector, delay] += agreement(clip.beats, visual, delay=delay, n_rotations=profile.n_rotations // 4)
+    columns = ["detector", "tolerance (s)", "music beats", "visual beats", "omitted", "redundant", "hit rate", "chance"]
+    rows = [
+        (*setting, each.music_beats, each.visual_beats, each.omitted, each.redundant, each.hit_rate, each.chance)
+        for setting, each in totals.items()
+    ]
+    table = pd.DataFrame(rows, columns=columns)
+    return table.assign(**{name: table[name].map(lambda share: round(share, 3)) for name in columns[-2:]})
 
 
 def strong_by_place(profile: RunProfile) -> pd.DataFrame:
