@@ -115,11 +115,8 @@ def _songs(run: Trained) -> list[str]:
 def _recorded(songs: list[Sequence], seconds: float) -> dict[str, float]:
     """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
     motions = [_dancer(song).span(0.0, seconds) for song in songs]
-    return {
-        "peak": float(np.mean([largest_step(motion).percentile_999 for motion in motions])),
-        "skating": float(np.mean([foot_skating(motion) for motion in motions])),
-        "jerk": float(np.mean([jerk(motion) for motion in motions])),
-    }
+    measures = {"peak": lambda motion: largest_step(motion).percentile_999, "skating": foot_skating, "jerk": jerk}
+    return {name: float(np.mean([measure(motion) for motion in motions])) for name, measure in measures.items()}
 
 
 def _dancer(song: Sequence) -> Motion:

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from harmolab.params import TrainParams
-from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.style import COLOURS, figure_style, styled_axes
 from harmolab.viz.variants import LOOKS, PRINTED, Record, draw_mean, panels, rows_by_name, shaded, spread
 
 Targets = Mapping[str, tuple[float, float]]  # name -> (least, most); either may be infinite
@@ -226,10 +226,9 @@ def trade_off_figure(
     others : corpus -> name in `LOOKS` -> record; "recorded" among them
     targets : as for `ablation_figure`
     """
-    with figure_style():
-        figure = Figure(figsize=(12.0, 3.5 * len(sweeps) + 0.5), layout="constrained")
-        axes = figure.subplots(len(sweeps), 3, squeeze=False, sharey="row")
-        for line, (corpus, sweep) in zip(axes, sweeps.items(), strict=True):
+    with styled_axes((12.0, 3.5 * len(sweeps) + 0.5), len(sweeps), 3, sharey="row") as (figure, axes):
+        for row, (corpus, sweep) in enumerate(sweeps.items()):
+            line = axes[3 * row : 3 * row + 3]
             asked = _asked(targets, sweep[0], others[corpus][RECORDED])
             least = asked["above_chance"][0]
             for ax, measure in zip(line, ("jerk", "fid", "count_ratio"), strict=True):
