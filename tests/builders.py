@@ -83,11 +83,10 @@ def write_dance(path: Path, clip: Clip) -> Path:
     return path
 
 
-def bobbing(first_rest: float, *, size: float = 0.2, fps: float = 15.0, seconds: float = 4.0) -> np.ndarray:
-    """Motion code (T, 6) of one joint that rests at `first_rest` and every half second after."""
-    code = np.zeros((round(seconds * fps), 6))
-    code[:, 1] = 1.0 + size * np.cos(2 * np.pi * (np.arange(len(code)) / fps - first_rest))
-    return code
+def bobbing(first_rest: float, *, size: float = 0.2, fps: float = 15.0, seconds: float = 4.0) -> Motion:
+    """One joint that rests at `first_rest` and every half second after."""
+    heights = 1.0 + size * np.cos(2 * np.pi * (np.arange(round(seconds * fps)) / fps - first_rest))
+    return Motion(heights[:, None, None] * np.array([0.0, 1.0, 0.0]), fps, Skeleton(("joint",), (-1,)))
 
 
 def called(app: Typer, *arguments: object) -> Result:

@@ -24,9 +24,7 @@ from harmolab.models.poses_bank import load_poses
 from harmolab.params import HarmonyParams, RunProfile
 from harmolab.synthesis import synthesize_dance
 from harmolab.training.run import MODEL
-from harmolab.types import Audio, BeatTrack, Motion
-
-__all__ = ["LIMITS", "DancedSong", "dance_limits", "danced_song", "long_dances"]
+from harmolab.types import Audio, BeatTrack, Clip, Motion
 
 SONGS = 8  # of the test split, spread over it
 SECONDS = 30.0
@@ -51,14 +49,14 @@ class DancedSong:
     name : str, of the song's folder
     audio : Audio
     beats : BeatTrack of the music
-    recorded, made : Motion
+    recorded, generated : Motion
     """
 
     name: str
     audio: Audio
     beats: BeatTrack
     recorded: Motion
-    made: Motion
+    generated: Motion
 
 
 def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) -> DancedSong:
@@ -74,9 +72,9 @@ def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) 
     if not 0 <= place < len(names):
         raise ValueError(f"place must be 0 to {len(names) - 1}, the test songs of {corpus}, got {place}")
     song = load_recording(corpus_root(profile, corpus) / names[place])
-    made, beats = _danced(run, song, _seconds(profile))
-    audio = song.clip.audio.span(song.clip.offset, made.duration)
-    return DancedSong(names[place], audio, beats, _dancer(song).span(0.0, made.duration), made)
+    dance, beats = _danced(run, song, _seconds(profile))
+    audio = song.clip.audio.span(song.clip.offset, dance.duration)
+    return DancedSong(names[place], audio, beats, _dancer(song).span(0.0, dance.duration), dance)
 
 
 def long_dances(profile: RunProfile) -> pd.DataFrame:
@@ -117,11 +115,8 @@ def _songs(run: Trained) -> list[str]:
 def _recorded(songs: list[Recording], seconds: float) -> dict[str, float]:
     """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
     motions = [_dancer(song).span(0.0, seconds) for song in songs]
-    return {
-        "peak": float(np.mean([largest_step(motion).percentile_999 for motion in motions])),
-        "skating": float(np.mean([foot_skating(motion) for motion in motions])),
-        "jerk": float(np.mean([jerk(motion) for motion in motions])),
-    }
+    measures = {"peak": lambda motion: largest_step(motion).percentile_999, "skating": foot_skating, "jerk": jerk}
+    return {name: float(np.mean([measure(motion) for motion in motions])) for name, measure in measures.items()}
 
 
 def _dancer(song: Recording) -> Motion:
@@ -132,30 +127,34 @@ def _dancer(song: Recording) -> Motion:
 
 def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
     """One long dance, in multiples of what is `recorded`."""
-    made, beats = _danced(run, song, seconds)
-    score = score_motion(beats, made, params=HarmonyParams.valleys(), n_rotations=0)
+    dance, beats = _danced(run, song, seconds)
+    score = score_motion(beats, dance, params=HarmonyParams.valleys(), n_rotations=0)
     return {
         "song": song.folder.name,
         "dance": song.clip.dance,
-        "seconds": made.duration,
-        "bones": bone_error(made, run.generator.bone_lengths.double().numpy()),
-        "jump": largest_step(made).largest / recorded["peak"],
-        "skating": foot_skating(made) / recorded["skating"],
-        "jerk": jerk(made) / recorded["jerk"],
+        "seconds": dance.duration,
+        "bones": bone_error(dance, run.generator.bone_lengths.double().numpy()),
+        "jump": largest_step(dance).largest / recorded["peak"],
+        "skating": foot_skating(dance) / recorded["skating"],
+        "jerk": jerk(dance) / recorded["jerk"],
         "above_chance": score.harmony_above_chance,
         "count_ratio": score.n_visual / max(score.n_audio, 1),
     }
 
 
 def _danced(run: Trained, song: Recording, seconds: float) -> tuple[Motion, BeatTrack]:
-    """A generated dance, as long as asked for and recorded, and the music's beats on its time line."""
+    """A generated dance, `seconds` long unless the recorded one is shorter, and the music's beats on its time line."""
     clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
-    length = min(seconds, _dancer(song).duration)
-    poses = load_poses(run.folder / MODEL)
-    made = synthesize_dance(
-        run.generator, clip.audio, beats=beats, start=clip.offset, seconds=length, seed=1, poses=poses, dance=clip.dance
+    dance = _generated(run, clip, beats, min(seconds, _dancer(song).duration))
+    return dance, beats.span(clip.offset, dance.duration)
+
+
+def _generated(run: Trained, clip: Clip, beats: BeatTrack, seconds: float) -> Motion:
+    """A dance to a clip's music from its offset on: the only place that knows how a system is asked for one."""
+    poses, start = load_poses(run.folder / MODEL), clip.offset
+    return synthesize_dance(
+        run.generator, clip.audio, beats=beats, start=start, seconds=seconds, seed=1, poses=poses, dance=clip.dance
     )
-    return made, beats.span(clip.offset, made.duration)
 
 
 def dance_limits(dances: pd.DataFrame) -> pd.DataFrame:

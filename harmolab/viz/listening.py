@@ -8,7 +8,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.viz.style import COLOURS, figure_style
+from harmolab.viz.style import COLOURS, styled_axes
+from harmolab.viz.variants import Look, draw_mean
 
 Row = Mapping[str, Any]
 
@@ -42,11 +43,10 @@ def draw_rates(ax: Axes, rows: Sequence[Row], *, label: str, title: str = "") ->
     title : str; `study_title` is added
     """
     for level, row in enumerate(rows[::-1]):
-        face = COLOURS["ink"] if row["low"] > 0.5 or row["high"] < 0.5 else "white"
-        ax.plot([row["low"], row["high"]], [level, level], color=COLOURS["ink"], linewidth=1.5)
-        ax.plot(row["rate"], level, "o", color=COLOURS["ink"], markerfacecolor=face, markersize=8)
-        note = f"{row['rate']:.0%} of {row['n']}"
-        ax.annotate(note, (1.02, level), xycoords=("axes fraction", "data"), va="center", color=COLOURS["ink"])
+        look = Look("", COLOURS["ink"], "o", filled=row["low"] > 0.5 or row["high"] < 0.5)
+        draw_mean(ax, {**row, "mean": row["rate"]}, level, look, width=1.5)
+        text, place = f"{row['rate']:.0%} of {row['n']}", (1.02, level)
+        ax.annotate(text, place, xycoords=("axes fraction", "data"), va="center", color=COLOURS["ink"])
     names = [str(row.get("rater", row.get("version"))) for row in rows]
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1.5)
     ax.set(yticks=range(len(rows)), yticklabels=names[::-1], xlim=(-0.02, 1.02), ylim=(-0.6, len(rows) - 0.4))
@@ -57,7 +57,6 @@ def draw_rates(ax: Axes, rows: Sequence[Row], *, label: str, title: str = "") ->
 
 def rates_figure(rows: Sequence[Row], *, label: str, title: str) -> Figure:
     """`draw_rates` in a figure of its own."""
-    with figure_style():
-        figure = Figure(figsize=(8.0, 1.4 + 0.35 * len(rows)), layout="constrained")
-        draw_rates(figure.subplots(), rows, label=label, title=title)
+    with styled_axes((8.0, 1.4 + 0.35 * len(rows))) as (figure, (ax,)):
+        draw_rates(ax, rows, label=label, title=title)
     return figure

@@ -16,24 +16,12 @@ from typing import Any, Protocol
 import matplotlib as mpl
 from cycler import cycler
 from filelock import FileLock
+from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
 from harmolab.io.files import atomic_write, write_json
 from harmolab.params import RunProfile
-
-__all__ = [
-    "COLOURS",
-    "MANIFEST",
-    "MARKERS",
-    "STYLE",
-    "Saved",
-    "figure_style",
-    "figures_folder",
-    "save_figure",
-    "save_table",
-    "write_figure",
-]
 
 MANIFEST = "manifest.json"
 
@@ -101,6 +89,16 @@ def figure_style() -> Iterator[None]:
         yield
     finally:
         mpl.rcParams.update(before)
+
+
+@contextmanager
+def styled_axes(
+    size: tuple[float, float], rows: int = 1, columns: int = 1, **options: Any
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A new figure of `size` inches and its axes in reading order, in `figure_style`; options as for ``subplots``."""
+    with figure_style():
+        figure = Figure(figsize=size, layout="constrained")
+        yield figure, list(figure.subplots(rows, columns, squeeze=False, **options).flat)
 
 
 @dataclass(frozen=True)
