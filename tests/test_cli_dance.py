@@ -23,9 +23,9 @@ from harmolab.cli.dancing import dance_scores
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.io import load_audio, load_motion
 from harmolab.kinematics import resample_motion
-from harmolab.models.harmogan import Generator
+from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.models.weights import load_generator, save_weights
+from harmolab.models.weights import save_weights
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.synthesis import synthesize_dance
 from harmolab.types import BeatTrack, Clip, Motion
@@ -54,7 +54,7 @@ def run_folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     motion = resample_motion(clip.motion, FPS)
     code = encode_motion(motion.positions, FPS, motion.skeleton)
     generator = Generator(
-        ModelParams(hidden=8, layers=1, pose_features=8, critic=4), features.n_audio, motion.skeleton,
+        ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4), features.n_audio, motion.skeleton,
         torch.tensor(bone_lengths(motion.positions, motion.skeleton)), fps=FPS, features=features,
     )  # fmt: skip
     generator.motion_scale.set(torch.tensor(code.mean(axis=0)), torch.tensor(code.std(axis=0)))

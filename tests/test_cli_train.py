@@ -18,7 +18,7 @@ from typer.testing import CliRunner, Result
 
 from harmolab.cli.training import EpochBar, train
 from harmolab.data.synthetic import write_corpus
-from harmolab.models.weights import load_generator
+from harmolab.models.harmogan import load_generator
 from harmolab.params import ModelParams, TrainParams
 from harmolab.training import folders
 
@@ -37,7 +37,7 @@ def run() -> Run:
     app = typer.Typer(rich_markup_mode="markdown")
     app.command()(train)
     quick = {"pretrain_epochs": 2, "adversarial_epochs": 1, "pose_epochs": 1, "batch_size": 50}
-    tiny = ModelParams(hidden=8, layers=1, pose_features=8, critic=4)
+    tiny = ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
     kept = {name: replace(getattr(TrainParams, name)(), **quick) for name in ("paper", "recommended")}
 
     def invoke(*arguments: object) -> Result:

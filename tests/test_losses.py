@@ -11,7 +11,7 @@ from harmolab.models.losses import (
     above_chance_loss,
     adversarial_value,
     charbonnier_mse,
-    critic_loss,
+    discriminator_loss,
     energy_loss,
     feature_loss,
     foot_loss,
@@ -19,9 +19,9 @@ from harmolab.models.losses import (
     harmony_loss,
     jerk_loss,
     kl_loss,
-    total_loss,
 )
 from harmolab.models.soft_harmony import SoftHarmony
+from harmolab.training.shards import total_loss
 
 
 def soft(**known: list[float]) -> SoftHarmony:
@@ -134,15 +134,15 @@ def test_twice_and_half_the_beats_cost_the_same():
 
 def test_a_sure_critic_stays_finite():
     logits = torch.tensor([200.0, -200.0], requires_grad=True)
-    loss = critic_loss(logits, -logits) + generator_gan_loss(logits, logits)
+    loss = discriminator_loss(logits, -logits) + generator_gan_loss(logits, logits)
     loss.backward()
     assert torch.isfinite(loss)
     assert torch.isfinite(logits.grad).all()
 
 
-def test_a_critic_that_guesses_is_worth_two_bits():
+def test_a_discriminator_that_guesses_is_worth_two_bits():
     zero = torch.zeros(4)
-    assert number(critic_loss(zero, zero)) == pytest.approx(2 * np.log(2))
+    assert number(discriminator_loss(zero, zero)) == pytest.approx(2 * np.log(2))
     assert number(adversarial_value(zero, zero)) == pytest.approx(-2 * np.log(2))
 
 

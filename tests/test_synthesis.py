@@ -27,7 +27,7 @@ FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
 SKELETON = Skeleton(("hip", "toe L", "toe R", "head"), (-1, 0, 0, 0))
 REST = np.array([[0.0, 1.0, 0.0], [0.2, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.0, 1.6, 0.0]])
 C = 15
-TINY = ModelParams(hidden=8, layers=1, pose_features=8, critic=4)
+TINY = ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
 
 
 def beat_track(period: float = 0.5, seconds: float = 30.0, first: float = 0.2) -> BeatTrack:

@@ -23,10 +23,11 @@ from tensorboardX.proto.event_pb2 import Event
 from harmolab.data.splits import Split
 from harmolab.models.harmogan import Generator
 from harmolab.params import TrainParams
-from harmolab.training import loop, make_fabric, train_harmogan
+from harmolab.training import loop, make_fabric
 from harmolab.training.checkpoints import STATE, load_state, restore, save_state
 from harmolab.training.folders import check_folder
 from harmolab.training.history import EventLog, history_text
+from harmolab.training.run import train_harmogan
 
 PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
 tiny = runpy.run_path(str(Path(__file__).with_name("tiny_training.py")))
@@ -57,7 +58,7 @@ def train(split: Split, fabric: Fabric) -> Train:
     """`train(folder, stop_after=None, params=PAPER, ...)`; a run that stops raises Stopped."""
 
     def run(folder: Path, *, stop_after: int | None = None, params: TrainParams = PAPER, **more: Any) -> Generator:
-        def report(row: dict[str, Any]) -> None:
+        def report(row: dict[str, Any], end: int) -> None:
             if row["phase"] != "pose network" and row["epoch"] == stop_after:
                 raise Stopped
 

@@ -88,8 +88,8 @@ def _generator(weights: Path | None) -> tuple[Generator, PoseBank | None]:
         )
     chosen = shipped if weights is None else weights
     try:
+        from harmolab.models.harmogan import load_generator
         from harmolab.models.poses_bank import load_poses, poses_path
-        from harmolab.models.weights import load_generator
     except ModuleNotFoundError as error:
         raise ValueError(f"dancing needs {error.name}; install it with: pip install 'harmolab[train]'") from None
     generator = load_generator(chosen)

@@ -134,7 +134,8 @@ def _train(
 ) -> None:
     """Run the training with a bar that shows every term."""
     from harmolab.params import ModelParams
-    from harmolab.training import make_fabric, train_harmogan
+    from harmolab.training import make_fabric
+    from harmolab.training.run import train_harmogan
 
     model = ModelParams.paper() if preset == "paper" else ModelParams.small()
     fabric = make_fabric(accelerator=accelerator)

@@ -21,14 +21,13 @@ from harmolab.data.splits import Split, split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.experiments.study import corpus_folders, data_root
 from harmolab.io.cache import cache_folder
-from harmolab.models.harmogan import Generator
-from harmolab.models.pose_features import PoseNet
-from harmolab.models.weights import load_generator, load_pose_net
+from harmolab.models.harmogan import Generator, load_generator
+from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
-from harmolab.training import make_fabric, train_harmogan
+from harmolab.training import make_fabric
 from harmolab.training.history import HISTORY
 from harmolab.training.loop import settings_of
-from harmolab.training.run import MODEL, POSE_NET
+from harmolab.training.run import MODEL, POSE_NET, train_harmogan
 
 __all__ = [
     "SYNTHETIC",
@@ -173,7 +172,7 @@ def _model(profile: RunProfile) -> ModelParams:
         return small
     share = profile.hidden / small.hidden
     return ModelParams(
-        profile.hidden, small.layers, round(share * small.pose_features), max(round(share * small.critic), 4)
+        profile.hidden, small.layers, round(share * small.pose_features), max(round(share * small.discriminator), 4)
     )
 
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from harmolab.data.units import Batch
-from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic
+from harmolab.models.harmogan import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
 
 __all__ = ["Part", "anatomy", "parts_of"]
 
@@ -53,8 +53,8 @@ def anatomy(generator: Generator, batch: Batch) -> dict[str, tuple[Part, ...]]:
     """
     audio, initial, motion, mask = map(torch.from_numpy, (batch.audio, batch.initial, batch.motion, batch.mask))
     with torch.random.fork_rng(devices=[]):  # looking must not change what is trained afterwards
-        cross = CrossDomainCritic(generator.params, generator.n_audio, generator.skeleton)
-        temporal = SpatialTemporalCritic(generator.params, generator.skeleton)
+        cross = CrossDomainDiscriminator(generator.params, generator.n_audio, generator.skeleton)
+        temporal = SpatialTemporalDiscriminator(generator.params, generator.skeleton)
     return {
         "generator": parts_of(generator, audio=audio, initial=initial),
         "cross_domain": parts_of(cross, mask=mask, audio=audio, motion=motion),

@@ -12,9 +12,10 @@ import numpy as np
 
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.features.poses import encode_motion
-from harmolab.models.harmogan import Generator
+from harmolab.models.harmogan import Generator, load_generator
+from harmolab.models.pose_features import load_pose_net
 from harmolab.models.poses_bank import PoseBank, load_poses, retimed, save_poses
-from harmolab.models.weights import load_generator, load_pose_net, read_about, save_weights
+from harmolab.models.weights import read_about, save_weights
 from harmolab.params import DANCES
 from harmolab.synthesis.dance import synthesize_dance
 from harmolab.types import FloatArray

@@ -20,11 +20,9 @@ from torch import Tensor, nn
 
 from harmolab.io.errors import reading
 
-__all__ = ["STATE", "load_state", "optimiser_tensors", "restore", "save_state", "write_aside"]
-
 STATE = "state.safetensors"
 PART = ".part"  # ends the name of a file that is not finished
-FORMAT = "harmolab training state 1"
+FORMAT = "harmolab training state 2"
 
 
 def write_aside(path: Path, content: str | bytes) -> None:

@@ -12,9 +12,8 @@ from filelock import FileLock, Timeout
 
 from harmolab.data.splits import Split
 from harmolab.io.errors import MAX_JSON_BYTES, read_json, reading
+from harmolab.models.weights import renamed
 from harmolab.training.checkpoints import PART, write_aside
-
-__all__ = ["check_folder", "check_pretrained", "open_folder"]
 
 SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
 OTHERWISE = "ask for the same, or choose another folder"
@@ -94,7 +93,7 @@ def _read(path: Path) -> dict[str, Any]:
         found = read_json(path)
         if not isinstance(found, dict):
             raise ValueError("holds no settings of a run")
-    return found
+    return renamed(found)
 
 
 def _compare(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:

@@ -13,11 +13,9 @@ model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes 
 
 from __future__ import annotations
 
-import os
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import torch
 from lightning_fabric import Fabric
@@ -25,51 +23,26 @@ from lightning_fabric import Fabric
 from harmolab.data.splits import Split
 from harmolab.data.units import UnitSet
 from harmolab.io.errors import PathLike
-from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic, Statistics
-from harmolab.models.pose_features import PoseNet, train_pose_net
+from harmolab.models.harmogan import (
+    CrossDomainDiscriminator,
+    Generator,
+    SpatialTemporalDiscriminator,
+    Statistics,
+    load_generator,
+)
+from harmolab.models.pose_features import PoseNet, load_pose_net, train_pose_net
 from harmolab.models.poses_bank import pose_bank, poses_path, save_poses
-from harmolab.models.weights import load_generator, load_pose_net, save_weights
+from harmolab.models.weights import save_weights
 from harmolab.params import ModelParams, TrainParams
 from harmolab.training.batches import Tensors
 from harmolab.training.folders import check_pretrained, open_folder
 from harmolab.training.history import Report
-from harmolab.training.loop import PRETRAINED, fit, settings_of
-from harmolab.training.schedule import epoch_order
+from harmolab.training.loop import fit, make_fabric, settings_of
+from harmolab.training.phases import PRETRAINED, phases
+from harmolab.training.shards import Batching, check_shards
 from harmolab.training.steps import Networks
 
-__all__ = ["MODEL", "POSE_NET", "make_fabric", "train_harmogan"]
-
 MODEL, POSE_NET = "model", "pose_net"
-
-
-def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
-    """Fabric for this process: alone, or one of those that torchrun started.
-
-    Parameters
-    ----------
-    accelerator : "auto", "cpu" or "cuda"
-    precision : "32-true" or "bf16-mixed"; None is bf16 where a GPU computes in it, else 32 bit
-
-    Raises
-    ------
-    ValueError
-        If this machine has no such accelerator.
-    """
-    world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
-    if accelerator == "cuda" and not torch.cuda.is_available():
-        raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
-    if precision is None:
-        gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
-        precision = "bf16-mixed" if gpu else "32-true"
-    fabric = Fabric(
-        accelerator=accelerator,
-        devices=local,
-        num_nodes=max(world // local, 1),
-        strategy="ddp" if world > 1 else "auto",
-        precision=precision,
-    )
-    fabric.launch()
-    return fabric
 
 
 def train_harmogan(
@@ -81,7 +54,7 @@ def train_harmogan(
     resume: bool = False,
     pretrained: PathLike | None = None,
     fabric: Fabric | None = None,
-    report: Report = lambda row: None,
+    report: Report = lambda row, end: None,
 ) -> Generator:
     """Train a generator and keep everything about it in `folder`.
 
@@ -94,8 +67,8 @@ def train_harmogan(
     resume : go on where the run in `folder` stopped; start it when there is none
     pretrained : folder of another run on the same data, whose pretraining and pose network are taken over
     fabric : from `make_fabric`
-    report : called with each epoch's row of the history; before them with the pose network's epochs: phase
-        ("pose network"), epoch, train, validation
+    report : called with each epoch's row of the history and the epoch that its phase ends at; before them with those of
+        the pose network: phase ("pose network"), epoch, train, validation
 
     Raises
     ------
@@ -105,7 +78,8 @@ def train_harmogan(
     """
     fabric, folder = fabric or make_fabric(), Path(folder)
     pretrained = None if pretrained is None else Path(pretrained)
-    _check_shares(len(split.train), params, fabric.world_size)
+    batching = Batching(params.batch_size, params.shards, params.seed)
+    check_shards(len(split.train), batching, fabric.world_size)
     params = params if pretrained is None else replace(params, pretrain_epochs=0)
     settings = settings_of(
         model=model,
@@ -128,21 +102,12 @@ def train_harmogan(
             networks.generator.load_state_dict(load_generator(pretrained / PRETRAINED).state_dict())
         for part in (*networks.modules().values(), pose_net):
             fabric.to_device(part)
-        fit(fabric, networks, train, validation, params, folder, settings=settings, resume=resume, report=report)
+        steps = phases(networks, validation, params, folder, settings)
+        fit(fabric, steps, train, batching, folder, settings=settings, resume=resume, report=report)
         if first:
             about = {"settings": settings, "source": split.train.source, "units": len(split.train)}
             save_weights(folder / MODEL, networks.generator, about)
     return networks.generator
-
-
-def _check_shares(n_units: int, params: TrainParams, world: int) -> None:
-    """ValueError unless every process gets equally many shards, and every shard a unit of every batch."""
-    shards = max(params.shards, world)
-    smallest = min(len(batch) for batch in epoch_order(n_units, 0, params))
-    if shards % world:
-        raise ValueError(f"{shards} shards cannot be spread evenly over {world} processes")
-    if smallest < shards:
-        raise ValueError(f"batches of {smallest} units cannot be cut into {shards} shards; {smallest} at most")
 
 
 def _pose_net(
@@ -156,7 +121,7 @@ def _pose_net(
                 split.validation,
                 seed=params.seed,
                 epochs=params.pose_epochs,
-                progress=lambda row: report({"phase": "pose network", **row}),
+                progress=lambda row: report({"phase": "pose network", **row}, params.pose_epochs),
             )
         else:
             net = load_pose_net(pretrained / POSE_NET)
@@ -172,7 +137,10 @@ def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: Pose
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
-        cross, temporal = CrossDomainCritic(model, n_audio, skeleton), SpatialTemporalCritic(model, skeleton)
+        cross, temporal = (
+            CrossDomainDiscriminator(model, n_audio, skeleton),
+            SpatialTemporalDiscriminator(model, skeleton),
+        )
     statistics = Statistics.of(train.audio, train.motion, train.mask)
     for part in (generator, cross, temporal):
         part.set_statistics(statistics)
