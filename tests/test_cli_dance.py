@@ -19,7 +19,7 @@ from typer.testing import CliRunner, Result
 
 import harmolab
 from harmolab.cli import app
-from harmolab.cli.dancing import dance_scores
+from harmolab.dance_scores import dance_scores
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.io import load_audio, load_motion
 from harmolab.kinematics import resample_motion
@@ -134,7 +134,7 @@ def test_several_samples_are_numbered_by_their_seeds(dance: Callable[..., Result
         ("dance.mp4", ("--start", 60), "start must lie within the music (0 to 6.00 s), got 60 s"),
         ("dance.mp4", ("--dance", "polka"), "unknown dance 'polka'"),
         ("dance.mp4", ("--seconds", -1), "seconds must be positive, got -1"),
-        ("dance.mp4", ("--weights", "nowhere"), "nowhere.safetensors: no such file"),
+        ("dance.mp4", ("--weights", "nowhere"), "nowhere.json: no such file"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_no_file(

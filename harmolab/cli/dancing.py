@@ -10,15 +10,11 @@ import typer
 
 from harmolab.cli.common import check_out, plain_errors, progress, show, track_beats
 from harmolab.cli.rendering import VIDEOS_OUT, write_dance
+from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from harmolab.models.harmogan import Generator
-    from harmolab.models.poses_bank import PoseBank
+    from harmolab.systems import System
     from harmolab.types import Audio, BeatTrack, Motion
-
-__all__ = ["dance", "dance_scores"]
 
 SUFFIXES = (*VIDEOS_OUT, ".html", ".bvh", ".npz")
 MEANINGS = (
@@ -41,12 +37,17 @@ def dance(
     weights: Annotated[
         Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file (default: those shipped).")
     ] = None,
+    system: Annotated[
+        str | None, typer.Option(help="System that made the weights; needed for package.module:Class.")
+    ] = None,
     seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
     start: Annotated[float, typer.Option(help="Audio time in seconds at which it begins.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
     dance: Annotated[str, typer.Option(help="Start as this dance; also a prior for the tempo (waltz, ...).")] = "",
     samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
-    plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
+    plant_feet: Annotated[
+        bool | None, typer.Option(help="Keep feet that carry from sliding.", show_default="plant-feet")
+    ] = None,
 ) -> None:
     """Dance to a song, and say how well it went.
 
@@ -54,11 +55,14 @@ def dance(
     """
     with plain_errors():
         wanted = _wanted(out, seed, samples)
-        generator, bank = _generator(weights)
+        dancer = _dancer(weights, system)
+        options = accepted(dancer.generate, {"dance": dance or None, "plant_feet": plant_feet}, {"progress": progress})
         audio, track = _music(song, dance)
+        from harmolab.dance_scores import dance_scores
+
         table: dict[str, dict[str, float | int | None]] = {}
         for sample in wanted:
-            motion = _danced(generator, bank, audio, track, sample, seconds, start, dance, plant_feet)
+            motion = dancer.generate(audio, track, start=start, seconds=seconds, seed=sample.seed, **options)
             music = track.span(start, motion.duration)
             scores = dance_scores(motion, music)
             _write(sample.path, motion, music, song, start, scores)
@@ -76,8 +80,8 @@ def _wanted(out: Path, seed: int, samples: int) -> list[_Sample]:
     return [_Sample(number, out.with_stem(f"{out.stem}_{number}")) for number in range(seed, seed + samples)]
 
 
-def _generator(weights: Path | None) -> tuple[Generator, PoseBank | None]:
-    """The generator and the bank of poses beside it, if there is one."""
+def _dancer(weights: Path | None, system: str | None) -> System:
+    """The system in a folder; the shipped one when left out."""
     import harmolab
 
     shipped = Path(harmolab.__file__).with_name("weights")
@@ -86,15 +90,12 @@ def _generator(weights: Path | None) -> tuple[Generator, PoseBank | None]:
             f"no weights are shipped with this installation ({shipped} has none); train some with "
             "`harmolab train DATA --out RUN` and pass --weights RUN"
         )
-    chosen = shipped if weights is None else weights
     try:
-        from harmolab.models.harmogan import load_generator
-        from harmolab.models.poses_bank import load_poses, poses_path
+        from harmolab.systems import load
+
+        return load(shipped if weights is None else weights, system=system)
     except ModuleNotFoundError as error:
         raise ValueError(f"dancing needs {error.name}; install it with: pip install 'harmolab[train]'") from None
-    generator = load_generator(chosen)
-    has_bank = poses_path(chosen).is_file()
-    return generator, load_poses(chosen, n_channels=generator.n_motion) if has_bank else None
 
 
 def _music(song: Path, dance: str) -> tuple[Audio, BeatTrack]:
@@ -104,62 +105,6 @@ def _music(song: Path, dance: str) -> tuple[Audio, BeatTrack]:
 
     audio = load_sound(song)
     return audio, track_beats(audio, dance if dance in DANCES else "")
-
-
-def _danced(
-    generator: Generator,
-    bank: PoseBank | None,
-    audio: Audio,
-    track: BeatTrack,
-    sample: _Sample,
-    seconds: float | None,
-    start: float,
-    dance: str,
-    plant_feet: bool,
-) -> Motion:
-    """The dance of one seed."""
-    from harmolab.synthesis import synthesize_dance
-
-    return synthesize_dance(
-        generator, audio, beats=track, seconds=seconds, start=start, seed=sample.seed, poses=bank,
-        dance=dance or None, plant_feet=plant_feet, progress=progress,
-    )  # fmt: skip
-
-
-def dance_scores(motion: Motion, music: BeatTrack) -> dict[str, float | int | None]:
-    """What a dance is judged by, name -> number; None where it is too short for that, or has no feet to judge.
-
-    Parameters
-    ----------
-    motion : Motion
-    music : BeatTrack on the motion's time line
-    """
-    from harmolab.harmony import score_motion
-    from harmolab.metrics.quality import foot_skating, jerk
-    from harmolab.params import HarmonyParams
-
-    valleys = score_motion(music, motion, params=HarmonyParams.valleys())
-    paper = score_motion(music, motion, params=HarmonyParams.paper(), n_rotations=0)
-    return {
-        "harmony above chance": valleys.harmony_above_chance,
-        "p value": valleys.p_value,
-        "visual beats M": valleys.n_visual,
-        "music beats N": valleys.n_audio,
-        "paper: harmony": paper.harmony,
-        "paper: hit rate": paper.hit_rate,
-        "paper: chance": paper.chance,
-        "paper: visual beats M": paper.n_visual,
-        "jerk, m/s³": _or_none(jerk, motion),
-        "foot skating, m/s": _or_none(foot_skating, motion),
-    }
-
-
-def _or_none(measure: Callable[[Motion], float], motion: Motion) -> float | None:
-    """A measure, or None where it does not apply."""
-    try:
-        return measure(motion)
-    except ValueError:
-        return None
 
 
 def _write(

@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from harmolab.beats.audio import audio_beats
 from harmolab.features.audio import audio_features
-from harmolab.features.poses import decode_motion
+from harmolab.features.poses import decode_motion, encode_motion
 from harmolab.features.priors import initial_poses, temporal_index
+from harmolab.kinematics import resample_motion
 from harmolab.models.harmogan import Generator
 from harmolab.models.poses import PATH_CHANNELS, fix_bones, local_joints
 from harmolab.models.poses_bank import PoseBank, retimed
@@ -27,8 +28,6 @@ from harmolab.synthesis.borders import continued
 from harmolab.synthesis.grid import MeterFrames, meter_frames
 from harmolab.synthesis.grounding import on_floor, planted_feet
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
-
-__all__ = ["synthesize_dance"]
 
 Progress = Callable[[Iterable[Any], str], Iterable[Any]]
 
@@ -42,6 +41,7 @@ def synthesize_dance(
     start: float = 0.0,
     seed: int = 0,
     poses: PoseBank | ArrayLike | None = None,
+    initial: Motion | None = None,
     dance: str | None = None,
     plant_feet: bool = True,
     progress: Progress | None = None,
@@ -60,6 +60,7 @@ def synthesize_dance(
         Chooses the movement that the dance starts from: another seed, another dance.
     poses : PoseBank or (K, T0, C) array of motion codes to start from
         Left out: the mean pose at rest, which makes the same dance for every seed.
+    initial : Motion of the generator's skeleton that the dance follows, frame by frame; then `seed` draws nothing
     dance : name of a dance; starts from a movement of that dance if the bank has one
     plant_feet : bool
         Keep feet that carry from sliding (`harmolab.synthesis.grounding`).
@@ -73,7 +74,7 @@ def synthesize_dance(
     ------
     ValueError
         If `start` or `seconds` lies outside the music, `dance` is unknown to both the bank and the tempo table, the
-        poses do not fit the generator, or it was built without features.
+        poses or `initial` do not fit the generator, or it was built without features.
 
     Examples
     --------
@@ -84,13 +85,16 @@ def synthesize_dance(
     n_frames = _length(audio, start, seconds, generator.fps)
     if generator.features is None:
         raise ValueError("this generator does not say which audio features it hears; build it with features=...")
-    clip = _first_movement(generator, poses, dance, seed)
+    clip = _first_movement(generator, poses, dance, seed) if initial is None else _coded(generator, initial)
     track = audio_beats(audio, tempo=dance if dance in DANCES else None) if beats is None else beats
     meters = meter_frames(track, generator.features, start=start, n_frames=n_frames, fps=generator.fps)
     first, last = meters[0].begin, meters[-1].end
     times = start + np.arange(first, last) / generator.fps
-    heard = audio_features(audio, track, times, generator.features)
-    code = _danced(generator, heard, meters, clip, progress)[-first : n_frames - first]
+    music = audio_features(audio, track, times, generator.features)
+    # A movement of the bank fills the beats before a meter of four; what was danced before keeps its speed.
+    prior = meters[0].meter - first
+    taken = max(1, round(meters[0].share * len(clip))) if initial is None else prior
+    code = _danced(generator, music, meters, retimed(clip[-taken:], prior), progress)[-first : n_frames - first]
     positions = decode_motion(_with_bones(generator, code), generator.fps, generator.skeleton)
     positions = on_floor(positions, generator.fps)
     if plant_feet:
@@ -125,6 +129,15 @@ def _first_movement(
     return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
 
 
+def _coded(generator: Generator, motion: Motion) -> FloatArray:
+    """The motion code (T0, C) of a motion of the generator's skeleton."""
+    if motion.skeleton.joints != generator.skeleton.joints:
+        joints = len(motion.skeleton.joints), len(generator.skeleton.joints)
+        raise ValueError(f"initial has other joints ({joints[0]}) than the generator ({joints[1]}); retarget it first")
+    motion = resample_motion(motion, generator.fps)
+    return encode_motion(motion.positions, motion.fps, motion.skeleton).astype(np.float64)
+
+
 def _clips(generator: Generator, poses: PoseBank | ArrayLike | None, dance: str | None) -> FloatArray:
     """The motion codes to choose from; without any, the mean pose, at rest."""
     if isinstance(poses, PoseBank):
@@ -138,30 +151,29 @@ def _clips(generator: Generator, poses: PoseBank | ArrayLike | None, dance: str 
 
 def _danced(
     generator: Generator,
-    heard: NDArray[np.float32],
+    music: NDArray[np.float32],
     meters: list[MeterFrames],
-    clip: FloatArray,
+    prior: FloatArray,
     progress: Progress | None,
 ) -> FloatArray:
-    """The motion code (T, C) of all meters and the beats before the first, one meter after the other."""
-    origin, first = meters[0].begin, meters[0]
+    """The motion code (T, C) of all meters, one after the other, and of the beats before the first: `prior`."""
+    origin = meters[0].begin
     code = np.zeros((meters[-1].end - origin, generator.n_motion))
-    taken = max(1, round(first.share * len(clip)))
-    code[: first.meter - origin] = retimed(clip[-taken:], first.meter - origin)
+    code[: len(prior)] = prior
     with _evaluating(generator):
         for meter in progress(meters, "dancing") if progress else meters:
             begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
-            made = _meter(generator, heard[begin:end], code[begin:end], now - begin)
-            code[now:end] = continued(code[:now], made, generator.fps)
+            motion = _meter(generator, music[begin:end], code[begin:end], now - begin)
+            code[now:end] = continued(code[:now], motion, generator.fps)
     return code
 
 
-def _meter(generator: Generator, heard: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
-    """What the generator makes of one meter, (T - n_prior, C), from its music (T, F) and what was danced before."""
+def _meter(generator: Generator, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
+    """Motion code of one meter, (T - n_prior, C), from its music (T, F) and what was danced before."""
     initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
     device = generator.bone_lengths.device
-    made = generator(torch.from_numpy(heard[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
-    return made[0, n_prior:].double().cpu().numpy()
+    motion = generator(torch.from_numpy(music[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
+    return motion[0, n_prior:].double().cpu().numpy()
 
 
 @contextmanager
