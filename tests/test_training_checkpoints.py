@@ -443,6 +443,19 @@ def test_pretraining_that_is_not_there_is_missed_by_name(train: Train, tmp_path:
     assert not (tmp_path / "new").exists()
 
 
+def test_pretraining_of_an_earlier_version_is_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
+    """It calls discriminators critics, and rollout "goes_on"."""
+    old = shutil.copytree(undisturbed, tmp_path / "old")
+    for name in ("settings.json", "pretrained.json"):
+        text = (old / name).read_text().replace('"discriminator', '"critic').replace('"rollout"', '"goes_on"')
+        (old / name).write_text(text)
+    assert '"critic": 4' in text and '"system": "harmogan"' in text
+    (old / name).write_text(text.replace('"system": "harmogan",', ""))
+    for run, source in ((tmp_path / "one", undisturbed), (tmp_path / "two", old)):
+        train(run, pretrained=source)
+    assert (tmp_path / "one" / "history.csv").read_bytes() == (tmp_path / "two" / "history.csv").read_bytes()
+
+
 def test_a_run_on_taken_over_pretraining_can_stop_too(undisturbed: Path, train: Train, tmp_path: Path):
     at_once, stopped = tmp_path / "at_once", tmp_path / "stopped"
     train(at_once, pretrained=undisturbed)

@@ -29,19 +29,6 @@ from harmolab.training.history import HISTORY
 from harmolab.training.loop import settings_of
 from harmolab.training.run import MODEL, POSE_NET, train_harmogan
 
-__all__ = [
-    "SYNTHETIC",
-    "VARIANTS",
-    "Trained",
-    "Variant",
-    "corpus_root",
-    "generator_corpora",
-    "histories",
-    "trained",
-    "training_split",
-    "weight_sweep",
-]
-
 SYNTHETIC = "synthetic"
 SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
 UNIT_STEP = 3  # beats between the starts of training units
@@ -184,14 +171,6 @@ def histories(profile: RunProfile, corpus: str) -> pd.DataFrame:
     """Losses and validation of every variant, epoch by epoch (first seed): columns of history.csv and "variant"."""
     tables = (trained(profile, corpus, variant, 1).history.assign(variant=name) for name, variant in VARIANTS.items())
     return pd.concat(tables, ignore_index=True)
-
-
-def all_trained(profile: RunProfile) -> Iterator[tuple[str, str, int, Trained]]:
-    """(corpus, variant, seed, training) of the whole ablation."""
-    for corpus in generator_corpora(profile):
-        for seed in range(1, profile.n_seeds + 1):
-            for name, variant in VARIANTS.items():
-                yield corpus, name, seed, trained(profile, corpus, variant, seed)
 
 
 def weight_sweep(profile: RunProfile, corpus: str) -> Iterator[tuple[float, Trained]]:
