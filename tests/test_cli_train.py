@@ -16,7 +16,7 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from harmolab.cli.training import EpochBar, train
+from harmolab.cli.training import epoch_bar, train
 from harmolab.data.synthetic import write_corpus
 from harmolab.models.harmogan import load_generator
 from harmolab.params import ModelParams, TrainParams
@@ -252,7 +252,7 @@ def epoch(phase: str, number: int, values: dict[str, float]) -> dict[str, Any]:
 
 def test_a_terminal_shows_every_term_and_the_validation(monkeypatch: pytest.MonkeyPatch):
     def draw() -> None:
-        with EpochBar() as report:
+        with epoch_bar() as report:
             report(epoch("adversarial", 229, TERMS | JUDGES | SCORES), 270)
 
     shown = on_terminal(draw, monkeypatch)
@@ -265,7 +265,7 @@ def test_a_terminal_shows_every_term_and_the_validation(monkeypatch: pytest.Monk
 
 def test_the_last_validation_stays_in_sight(monkeypatch: pytest.MonkeyPatch):
     def draw() -> None:
-        with EpochBar() as report:
+        with epoch_bar() as report:
             report(epoch("pretrain", 4, {"mse": 250.0} | SCORES), 225)
             report(epoch("pretrain", 5, {"mse": 249.0}), 225)
 
@@ -275,7 +275,7 @@ def test_the_last_validation_stays_in_sight(monkeypatch: pytest.MonkeyPatch):
 
 def test_the_bar_leaves_the_terminal_usable_after_a_fault(monkeypatch: pytest.MonkeyPatch):
     def draw() -> None:
-        with pytest.raises(ValueError, match="broken"), EpochBar() as report:
+        with pytest.raises(ValueError, match="broken"), epoch_bar() as report:
             report({"phase": "pose network", "epoch": 0, "train": 1.5, "validation": 2.5}, 40)
             raise ValueError("broken")
 
@@ -287,13 +287,13 @@ def test_the_bar_leaves_the_terminal_usable_after_a_fault(monkeypatch: pytest.Mo
 def test_nothing_is_drawn_before_the_first_epoch(monkeypatch: pytest.MonkeyPatch):
     # Processes beside the first are told of no epoch, and reading the recordings has a bar of its own.
     def draw() -> None:
-        with EpochBar():
+        with epoch_bar():
             pass
 
     assert on_terminal(draw, monkeypatch) == ""
 
 
 def test_numbers_are_shown_with_three_digits(capsys: pytest.CaptureFixture[str]):
-    with EpochBar() as report:
+    with epoch_bar() as report:
         report(epoch("pretrain", 4, {"mse": np.pi * 100, "val_mse": 1 / 3}), 225)
     assert capsys.readouterr().err == "pretrain epoch 5: rate 0.0001  tau 0.25  mse 314  val_mse 0.333\n"

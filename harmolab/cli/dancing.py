@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,15 +22,8 @@ MEANINGS = (
 )
 
 
-@dataclass(frozen=True)
-class _Sample:
-    """One dance that is asked for: its seed and where it goes."""
-
-    seed: int
-    path: Path
-
-
 def dance(
+    context: typer.Context,
     song: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],
     out: Annotated[Path, typer.Option(help="mp4 or webm (with sound), html (a player), bvh (Blender) or npz.")],
     weights: Annotated[
@@ -45,39 +37,37 @@ def dance(
     seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
     dance: Annotated[str, typer.Option(help="Start as this dance; also a prior for the tempo (waltz, ...).")] = "",
     samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
-    plant_feet: Annotated[
-        bool | None, typer.Option(help="Keep feet that carry from sliding.", show_default="plant-feet")
-    ] = None,
+    plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
 ) -> None:
     """Dance to a song, and say how well it went.
 
     Example: `harmolab dance song.mp3 --seconds 20 --dance waltz --out dance.mp4`
     """
     with plain_errors():
-        wanted = _wanted(out, seed, samples)
+        paths = _paths(out, seed, samples)
         dancer = _dancer(weights, system)
-        options = accepted(dancer.generate, {"dance": dance or None, "plant_feet": plant_feet}, {"progress": progress})
+        options = accepted(dancer.generate, context, {"progress": progress})
         audio, track = _music(song, dance)
         from harmolab.dance_scores import dance_scores
 
         table: dict[str, dict[str, float | int | None]] = {}
-        for sample in wanted:
-            motion = dancer.generate(audio, track, start=start, seconds=seconds, seed=sample.seed, **options)
+        for number, path in paths.items():
+            motion = dancer.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
             music = track.span(start, motion.duration)
             scores = dance_scores(motion, music)
-            _write(sample.path, motion, music, song, start, scores)
-            table[f"seed {sample.seed}"] = scores
+            _write(path, motion, music, song, start, scores)
+            table[f"seed {number}"] = scores
     _print(table)
-    for sample in wanted:
-        typer.echo(f"wrote {sample.path}")
+    for path in paths.values():
+        typer.echo(f"wrote {path}")
 
 
-def _wanted(out: Path, seed: int, samples: int) -> list[_Sample]:
-    """The files to write, checked before any work is done."""
+def _paths(out: Path, seed: int, samples: int) -> dict[int, Path]:
+    """The file of each seed, checked before any work is done."""
     check_out(out, "a dance", SUFFIXES)
     if samples == 1:
-        return [_Sample(seed, out)]
-    return [_Sample(number, out.with_stem(f"{out.stem}_{number}")) for number in range(seed, seed + samples)]
+        return {seed: out}
+    return {number: out.with_stem(f"{out.stem}_{number}") for number in range(seed, seed + samples)}
 
 
 def _dancer(weights: Path | None, system: str | None) -> System:

@@ -3,53 +3,43 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated, Any
 
 import typer
 
 from harmolab.cli.common import plain_errors, progress
 
+# Arguments that every system is given, and those that are no business of it.
+ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples"}
+
 
 def train(
+    context: typer.Context,
     data: Annotated[list[Path], typer.Argument(help="Corpora: folders of sequences (see `harmolab data check`).")],
     out: Annotated[Path, typer.Option(help="Folder of the run: weights, history, split, settings.")],
     system: Annotated[str, typer.Option(help="A system of harmolab, or a class: package.module:Class.")] = "harmogan",
-    preset: Annotated[
-        str | None, typer.Option(help="Size: small (1 M parameters, a laptop) or paper (8 M).", show_default="small")
-    ] = None,
-    params: Annotated[
-        str | None,
-        typer.Option(help="Losses and features: paper (Sec. 5.2) or recommended.", show_default="recommended"),
-    ] = None,
+    preset: Annotated[str, typer.Option(help="Size: small (1 M parameters, a laptop) or paper (8 M).")] = "small",
+    params: Annotated[str, typer.Option(help="Losses and features: paper (Sec. 5.2) or recommended.")] = "recommended",
     harmony_weight: Annotated[
         float | None, typer.Option(help="Weight of the harmony loss; 0 is the ablation.", show_default="1")
     ] = None,
-    pretrain_epochs: Annotated[
-        int | None, typer.Option(help="Epochs of pretraining.", min=0, show_default="225")
-    ] = None,
-    adversarial_epochs: Annotated[int | None, typer.Option(help="Epochs after it.", min=0, show_default="45")] = None,
+    pretrain_epochs: Annotated[int, typer.Option(help="Epochs of pretraining.", min=0)] = 225,
+    adversarial_epochs: Annotated[int, typer.Option(help="Epochs after it.", min=0)] = 45,
     pretrained: Annotated[
         Path | None, typer.Option(help="Run on the same data whose pretraining is taken over.")
     ] = None,
-    step: Annotated[
-        int | None, typer.Option(help="Beats between the starts of training units.", min=1, show_default="2")
-    ] = None,
+    step: Annotated[int, typer.Option(help="Beats between the starts of training units.", min=1)] = 2,
     seed: Annotated[int, typer.Option(help="Of first weights, order of the units and the pose network.", min=0)] = 1,
-    split_seed: Annotated[
-        int | None, typer.Option(help="Of the split by motion group.", min=0, show_default="0")
-    ] = None,
+    split_seed: Annotated[int, typer.Option(help="Of the split by motion group.", min=0)] = 0,
     shards: Annotated[
-        int | None,
-        typer.Option(
-            help="Parts of a batch; as many as processes: the same result to the last bit.", min=1, show_default="1"
-        ),
-    ] = None,
+        int, typer.Option(help="Parts of a batch; as many as processes: the same result to the last bit.", min=1)
+    ] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
-    accelerator: Annotated[str | None, typer.Option(help="auto, cpu or cuda.", show_default="auto")] = None,
+    accelerator: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
 ) -> None:
     """Train a system: HarmoGAN in 225 epochs of pretraining, then 45 adversarial ones.
 
@@ -74,30 +64,13 @@ def train(
     **A system of your own** is a class that fulfils `harmolab.systems.System`; it takes the options that its `train`
     has. Name it in both commands: `--system package.module:Class`.
     """
-    options: dict[str, Any] = {
-        "preset": preset, "params": params, "harmony_weight": harmony_weight, "pretrain_epochs": pretrain_epochs,
-        "adversarial_epochs": adversarial_epochs, "pretrained": pretrained, "step": step, "split_seed": split_seed,
-        "shards": shards, "accelerator": accelerator,
-    }  # fmt: skip
-    with plain_errors():
-        _train(system, data, out, options, seed=seed, resume=resume)
-
-
-def _train(system: str, data: list[Path], out: Path, options: dict[str, Any], *, seed: int, resume: bool) -> None:
-    """Run the training with a bar that shows every term; the first process alone tells of it."""
-    first = int(os.environ.get("RANK", 0)) == 0
-
-    def notice(line: str) -> None:
-        if first:
-            typer.echo(line if line.startswith("units: ") else f"harmolab: {line}", err=True)
-
-    with EpochBar() as bar:
+    first = int(os.environ.get("RANK", 0)) == 0  # of several processes, the one that tells
+    with plain_errors(), epoch_bar() as report:
         try:
             from harmolab.systems import find
 
-            trained = find(system).train
-            told = accepted(trained, options, {"report": bar, "notice": notice, "progress": progress})
-            trained(data, out, seed=seed, resume=resume, **told)
+            extras = {"report": report, "notice": _notice if first else lambda line: None, "progress": progress}
+            find(system).train(data, out, **accepted(find(system).train, context, extras))
         except ModuleNotFoundError as error:
             raise ValueError(f"training needs {error.name}; install it with: pip install 'harmolab[train]'") from None
     if first:
@@ -105,8 +78,12 @@ def _train(system: str, data: list[Path], out: Path, options: dict[str, Any], *,
         typer.echo(f"trained: {out}; dance with it: harmolab dance SONG --weights {out}{named} --out dance.mp4")
 
 
-def accepted(function: Callable[..., Any], options: Mapping[str, Any], extras: Mapping[str, Any]) -> dict[str, Any]:
-    """Keywords for a system's function: the options that were given (not None), and those extras that it takes.
+def _notice(line: str) -> None:
+    typer.echo(line if line.startswith("units: ") else f"harmolab: {line}", err=True)
+
+
+def accepted(function: Callable[..., Any], context: typer.Context, extras: Mapping[str, Any]) -> dict[str, Any]:
+    """Keywords for a system's function: the options on the command line, and those extras that it takes.
 
     Raises
     ------
@@ -115,65 +92,53 @@ def accepted(function: Callable[..., Any], options: Mapping[str, Any], extras: M
     """
     known = signature(function).parameters
     takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
-    given = {name: value for name, value in options.items() if value is not None}
-    if other := [name for name in given if name not in known and not takes_all]:
+    options = {
+        name: value
+        for name, value in context.params.items()
+        if name not in ANY_SYSTEM and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
+    if other := [name for name in options if name not in known and not takes_all]:
         raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
-    return given | {name: value for name, value in extras.items() if name in known}
+    return options | {name: value for name, value in extras.items() if name in known}
 
 
-class EpochBar:
-    """Progress over the epochs of each phase, with every loss term and the last validation below it.
+@contextmanager
+def epoch_bar() -> Iterator[Callable[[Mapping[str, Any], int], None]]:
+    """A function that shows an epoch: its row of the history and the epoch that its phase ends at.
 
-    Where standard error is no terminal: a line for each validated epoch.
-
-    Nothing is drawn before the first epoch.
+    On a terminal it is a bar, with every loss term and the last validation below it, from the first epoch on. Where
+    standard error is no terminal: a line for each validated epoch.
     """
+    from rich.console import Console, Group
+    from rich.live import Live
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.text import Text
 
-    def __init__(self) -> None:
-        from rich.console import Console
-        from rich.live import Live
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
+    )
+    task, live = bar.add_task("", total=None), Live(bar, console=console)
+    scores: dict[str, float] = {}  # of the last validation
 
-        console = Console(stderr=True)
-        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-        self.bar = Progress(*columns, console=console)
-        self.task = self.bar.add_task("preparing", total=None)
-        self.terms: dict[str, float] = {}
-        self.live = Live(self.bar, console=console) if console.is_terminal else None
-
-    def __enter__(self) -> Callable[[Mapping[str, Any], int], None]:
-        return self.show
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self.live is not None:
-            self.live.stop()
-
-    def show(self, row: Mapping[str, Any], end: int) -> None:
-        """One more epoch: a row of the history, and the epoch that its phase ends at."""
+    def show(row: Mapping[str, Any], end: int) -> None:
         values = {name: value for name, value in row.items() if isinstance(value, float)}
-        if self.live is None:
-            if any(name.startswith("val_") for name in row):
+        validation = {name.removeprefix("val_"): value for name, value in values.items() if name.startswith("val_")}
+        scores.update(validation)
+        if not console.is_terminal:
+            if validation:
                 typer.echo(f"{row['phase']} epoch {row['epoch'] + 1}: {_line(values)}", err=True)
             return
-        self.live.start()
-        kept = {name: value for name, value in self.terms.items() if name.startswith("val_")}
-        self.terms = kept | values
-        self.bar.update(self.task, description=row["phase"], total=end, completed=row["epoch"] + 1)
-        self.live.update(self._drawn(), refresh=True)
+        losses = {name: value for name, value in values.items() if not name.startswith("val_")}
+        lines = [Text(_line(losses)), *([Text(f"validation: {_line(scores)}")] if scores else [])]
+        bar.update(task, description=row["phase"], total=end, completed=row["epoch"] + 1)
+        live.start()
+        live.update(Group(bar, *lines), refresh=True)
 
-    def _drawn(self) -> Any:
-        """The bar, the terms of the last epoch, the scores of the last validation."""
-        from rich.console import Group
-        from rich.text import Text
-
-        found = {name: value for name, value in self.terms.items() if name.startswith("val_")}
-        losses = {name: value for name, value in self.terms.items() if name not in found}
-        lines = [Text(_line(losses))]
-        if found:
-            lines.append(Text(f"validation: {_line({name[4:]: value for name, value in found.items()})}"))
-        return Group(self.bar, *lines)
+    try:
+        yield show
+    finally:
+        live.stop()
 
 
 def _line(values: Mapping[str, float]) -> str:

@@ -51,7 +51,6 @@ def charbonnier_mse(
     mask: Tensor,
     *,
     epsilon: float = 1e-3,
-    scale: Tensor | None = None,
 ) -> Tensor:
     """Distance of every frame from the recorded one, prior frames counting half, added up over time (Eq. 25).
 
@@ -64,17 +63,14 @@ def charbonnier_mse(
     index : (N, T) tensor, TI: 1 where a frame belongs to the last meter
     mask : (N, T) tensor, 1 at real frames
     epsilon : float
-    scale : (C,) tensor, optional
-        Differences are divided by this, so that channels in other units weigh alike.
 
     Returns
     -------
     Mean over clips of the sum over real frames.
     """
     _check_shapes(motion, target, mask)
-    difference = motion - target if scale is None else (motion - target) / scale
     weights = (2 - index.to(motion.dtype)) / 2
-    distance = torch.sqrt(weights * difference.square().sum(dim=-1) + epsilon**2)
+    distance = torch.sqrt(weights * (motion - target).square().sum(dim=-1) + epsilon**2)
     return (distance * mask.to(motion.dtype)).sum(dim=1).mean()
 
 

@@ -11,8 +11,6 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-__all__ = ["PATH_CHANNELS", "ancestors", "decode", "fix_bones", "local_joints", "root_path"]
-
 # Root velocity to the side and forward, yaw rate: the last channels of a code.
 PATH_CHANNELS = 3
 # Square of a length (0.1 mm) below which a bone has no direction.

@@ -10,8 +10,6 @@ import numpy as np
 from harmolab.models.poses import ancestors
 from harmolab.types import FloatArray, Skeleton
 
-__all__ = ["Leg", "find_leg", "moved_foot"]
-
 STRETCHED = 0.99  # of its length: a leg is not pulled further, since a knee snaps where a leg becomes straight
 FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not tell
 TINY = 1e-9  # metres

@@ -20,8 +20,6 @@ from harmolab.params import DANCES
 from harmolab.synthesis.dance import synthesize_dance
 from harmolab.types import FloatArray
 
-__all__ = ["danced_bank", "ship"]
-
 SECONDS = 24.0  # of each dance
 SETTLED = 10.0  # seconds after which nothing of the movement it started from is left: several meters
 

@@ -89,14 +89,10 @@ def find(name: str) -> type[System]:
         if not outside or error.name != module.partition(".")[0]:
             raise
         raise ValueError(f"system {name}: there is no module {module}; put its folder on PYTHONPATH") from None
-    classes = [
-        value
-        for key, value in content.items()
-        if isinstance(value, type) and (key == wanted if outside else key.lower() == name)
-    ]
-    if not classes:
-        raise ValueError(f"system {name}: {module} has no class {wanted or name}")
-    return classes[0]
+    for key, value in content.items():
+        if isinstance(value, type) and (key == wanted if outside else key.lower() == name):
+            return value
+    raise ValueError(f"system {name}: {module} has no class {wanted or name}")
 
 
 def load(folder: PathLike, *, system: str | None = None) -> System:

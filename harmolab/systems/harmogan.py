@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from harmolab.data.clips import load_units
-from harmolab.data.splits import Split, split_units
+from harmolab.data.splits import split_units
 from harmolab.io.errors import PathLike
 from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.poses_bank import PoseBank, load_poses, poses_path, save_poses
@@ -122,7 +122,13 @@ class HarmoGAN:
         settings: TrainParams = replace(getattr(TrainParams, params)(), **changes)
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume)  # before the recordings are read, which takes minutes
-        split = _split(data, getattr(FeatureParams, params)(), step, split_seed, notice, progress)
+        features: FeatureParams = getattr(FeatureParams, params)()
+        units = load_units([Path(root) for root in data], features, step=step, progress=progress)
+        split = split_units(units, seed=split_seed)
+        for line in units.notes:
+            notice(f"left out: {line}")
+        counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
+        notice(f"units: {counts}; data: {split.train.source}")
         fabric = make_fabric(accelerator=accelerator)
         train_harmogan(
             split, out, model=getattr(ModelParams, preset)(), params=settings, resume=resume, pretrained=pretrained,
@@ -130,21 +136,3 @@ class HarmoGAN:
         )  # fmt: skip
         fabric.barrier()
         return cls.load(out)
-
-
-def _split(
-    data: Sequence[PathLike],
-    features: FeatureParams,
-    step: int,
-    seed: int,
-    notice: Callable[[str], None],
-    progress: Progress | None,
-) -> Split:
-    """Units of all corpora, split by motion group."""
-    units = load_units([Path(root) for root in data], features, step=step, progress=progress)
-    split = split_units(units, seed=seed)
-    for line in units.notes:
-        notice(f"left out: {line}")
-    counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
-    notice(f"units: {counts}; data: {split.train.source}")
-    return split

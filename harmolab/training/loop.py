@@ -87,8 +87,8 @@ class Phase:
     validate_every: int = 1
     patience: int | None = None
     error: str = "val_mse"
-    keep: Callable[[], None] | None = None
-    recall: Callable[[], None] | None = None
+    keep: Callable[[], object] | None = None
+    recall: Callable[[], object] | None = None
 
 
 @dataclass(eq=False)

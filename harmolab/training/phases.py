@@ -51,32 +51,26 @@ def _pretraining(
 ) -> Phase:
     """L_pretrain = 0.1 L_kl + L_mse; ends with the best epoch."""
     generator = networks.generator
-    weights = {"kl": params.pretrain_kl_weight, "mse": 1.0}
+    learner = Player(
+        "generator",
+        [*generator.parameters()],
+        lambda output, shard, row: pose_terms(generator, output, shard.own, params),
+        {"kl": params.pretrain_kl_weight, "mse": 1.0},
+    )
     return Phase(
         "pretrain",
         params.pretrain_epochs,
         rate=lambda number: pretrain_rate(number, params),
         modules={"generator": generator},
-        players=[
-            Player(
-                "generator",
-                [*generator.parameters()],
-                lambda output, shard, row: pose_terms(generator, output, shard.own, params),
-                weights,
-            )
-        ],
+        players=[learner],
         forward=lambda shard, last: generator(shard.own.audio, shard.own.initial),
         schedule=lambda number: {"tau": ""},
         validate=lambda: validate(generator, validation, params),
         validate_every=VALIDATE_EVERY,
         patience=params.patience,
         keep=lambda: save_weights(folder / PRETRAINED, generator, {"settings": settings}),
-        recall=lambda: _recall(generator, folder / PRETRAINED),
+        recall=lambda: generator.load_state_dict(load_generator(folder / PRETRAINED).state_dict()),
     )
-
-
-def _recall(generator: Generator, path: Path) -> None:
-    generator.load_state_dict(load_generator(path).state_dict())
 
 
 def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -> Phase:
