@@ -20,7 +20,7 @@ from harmolab.cli.training import epoch_bar, train
 from harmolab.data.synthetic import write_corpus
 from harmolab.models.harmogan import load_generator
 from harmolab.params import ModelParams, TrainParams
-from harmolab.training import folders
+from harmolab.training import checkpoints
 
 Run = Callable[..., Result]
 
@@ -205,7 +205,7 @@ def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.Monk
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "settings.json").write_text("{}")
     monkeypatch.setenv("RANK", "1")
-    monkeypatch.setattr(folders, "check_folder", lambda *given, **more: pytest.fail("it looked"))
+    monkeypatch.setattr(checkpoints, "check_folder", lambda *given, **more: pytest.fail("it looked"))
     assert "nowhere" in told(run(tmp_path / "nowhere", "--out", tmp_path / "run"))
 
 

@@ -42,8 +42,7 @@ from harmolab.systems.harmogan import HarmoGAN
 from harmolab.training import Phase, Player, fit, make_fabric
 from harmolab.training import loop as training_loop
 from harmolab.training.batches import Tensors
-from harmolab.training.checkpoints import load_state
-from harmolab.training.folders import open_folder
+from harmolab.training.checkpoints import load_state, open_folder
 from harmolab.training.shards import Batching
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
@@ -481,12 +480,12 @@ def test_the_toy_is_compared_as_all_dancers_are(danced: Path):
 # What all of them share
 
 SHARED = (
-    *(f"training/{name}" for name in ("loop", "shards", "checkpoints", "folders", "history", "batches")),
+    *(f"training/{name}" for name in ("loop", "shards", "checkpoints", "history", "batches")),
     *(f"models/{name}" for name in ("layers", "weights", "poses", "poses_bank", "pose_features")),
     *(f"synthesis/{name}" for name in ("borders", "grounding", "legs")),
 )
 HARMOGANS_OWN = ("models.harmogan", "models.losses", "models.soft_harmony", "systems")
-HARMOGANS_OWN += ("training.run", "training.phases", "training.steps", "synthesis.dance")
+HARMOGANS_OWN += ("training.run", "training.steps", "synthesis.dance")
 
 
 @pytest.mark.parametrize("module", SHARED)

@@ -21,10 +21,9 @@ from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.models.weights import read_about
 from harmolab.params import ModelParams, TrainParams
 from harmolab.training import fit, make_fabric
-from harmolab.training import phases as harmogan
+from harmolab.training import run as harmogan
 from harmolab.training.batches import Tensors
-from harmolab.training.phases import adversarial_rate, phases, pretrain_rate, validate
-from harmolab.training.run import _networks, train_harmogan
+from harmolab.training.run import _networks, adversarial_rate, phases, pretrain_rate, train_harmogan, validate
 from harmolab.training.shards import Batching, epoch_order, total_loss
 from harmolab.training.steps import (
     Danced,

@@ -24,8 +24,7 @@ from harmolab.data.splits import Split
 from harmolab.models.harmogan import Generator
 from harmolab.params import TrainParams
 from harmolab.training import loop, make_fabric
-from harmolab.training.checkpoints import STATE, load_state, restore, save_state
-from harmolab.training.folders import check_folder
+from harmolab.training.checkpoints import STATE, check_folder, load_state, restore, save_state
 from harmolab.training.history import EventLog, history_text
 from harmolab.training.run import train_harmogan
 

@@ -112,7 +112,7 @@ class HarmoGAN:
         ValueError
             For an unknown name or value, a folder that holds something else, or too few recordings.
         """
-        from harmolab.training.folders import check_folder
+        from harmolab.training.checkpoints import check_folder
         from harmolab.training.loop import make_fabric
         from harmolab.training.run import train_harmogan
 
