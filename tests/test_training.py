@@ -123,6 +123,16 @@ def test_pretraining_ends_when_nothing_is_gained_and_goes_back_to_the_best_epoch
     assert not torch.equal(kept[1], kept[3])
 
 
+def test_patience_shorter_than_the_way_to_the_first_validation_waits_for_it(
+    networks: Networks, split: Split, fabric: Fabric, tmp_path: Path
+):
+    hasty = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=1)
+    rows = run(fabric, networks, split, hasty, tmp_path)
+    assert len(rows) > harmogan.VALIDATE_EVERY and "val_mse" in rows[harmogan.VALIDATE_EVERY - 1]
+    stored = load_generator(tmp_path / "pretrained")
+    assert torch.equal(weights(stored), weights(networks.generator))
+
+
 def test_without_patience_every_epoch_is_run_and_the_last_one_stays(
     networks: Networks, split: Split, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

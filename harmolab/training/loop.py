@@ -205,7 +205,7 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         restore(saved, phase.modules, optimisers)
     first = sum(row["phase"] != phase.name for row in run.rows)
     for epoch in range(len(run.rows), first + phase.epochs):
-        if phase.patience is not None and epoch > _best_epoch(run.rows, phase, first) + phase.patience:
+        if phase.patience is not None and epoch > _best_epoch(run.rows, phase) + phase.patience:
             break
         rate = _set_rate(optimisers, phase.rate(epoch - first))
         row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
@@ -216,10 +216,10 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         phase.recall()
 
 
-def _best_epoch(rows: list[Row], phase: Phase, first: int) -> int:
-    """The epoch of a phase with the least error so far; its first before any was validated."""
+def _best_epoch(rows: list[Row], phase: Phase) -> int:
+    """The epoch of a phase with the least error so far; the present one before any was validated."""
     errors = [(row[phase.error], row["epoch"]) for row in rows if row["phase"] == phase.name and phase.error in row]
-    return min(errors)[1] if errors else first
+    return min(errors)[1] if errors else len(rows)
 
 
 def _epoch_means(run: _Run, phase: Phase, optimisers: Optimisers, row: Row) -> dict[str, float]:
@@ -271,7 +271,7 @@ def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first:
     run.rows.append(row)
     if run.events is None:
         return
-    best = phase.patience is None or _best_epoch(run.rows, phase, first) == row["epoch"]
+    best = phase.patience is None or _best_epoch(run.rows, phase) == row["epoch"]
     if validated and best and phase.keep is not None:
         phase.keep()  # before the state, which may say that the phase is over
     cost, when = run.saving
