@@ -223,6 +223,21 @@ def test_beats_are_tracked_when_none_are_given():
     np.testing.assert_array_equal(motion.positions, again.positions)
 
 
+@pytest.mark.parametrize("start", [0.0, 0.9, 1.7, 2.6])
+@pytest.mark.parametrize("length", [0.6, 4.0])
+def test_dance_goes_on_from_where_a_motion_ended(start: float, length: float, untrained: Generator, clip: Clip):
+    # Also where a meter is under way when the dance begins.
+    before = resample_motion(clip.motion, FPS).span(1.0, length)
+    dance = synthesize_dance(
+        untrained, clip.audio, beats=clip.beats, start=start, seconds=2.0, initial=before, plant_feet=False
+    )
+    codes = [encode_motion(motion.positions, FPS, motion.skeleton) for motion in (before, dance)]
+    joints = [code[:, :-3].reshape(len(code), -1, 3)[..., [0, 2]] for code in codes]  # the floor may shift heights
+    farthest = np.abs(np.diff(joints[0], axis=0)).max()  # that a joint goes from one frame to the next
+    assert np.abs(joints[1][0] - joints[0][-1]).max() < farthest
+    assert np.abs(joints[1][-1] - joints[0][-1]).max() > farthest  # it does not stay there
+
+
 def test_generator_is_left_in_the_mode_it_was_in(untrained: Generator, clip: Clip):
     for training in (True, False):
         untrained.train(training)

@@ -60,7 +60,7 @@ def synthesize_dance(
         Chooses the movement that the dance starts from: another seed, another dance.
     poses : PoseBank or (K, T0, C) array of motion codes to start from
         Left out: the mean pose at rest, which makes the same dance for every seed.
-    initial : Motion of the generator's skeleton that the dance follows, frame by frame; then `seed` draws nothing
+    initial : Motion of the generator's skeleton that the dance goes on from; then `seed` draws nothing
     dance : name of a dance; starts from a movement of that dance if the bank has one
     plant_feet : bool
         Keep feet that carry from sliding (`harmolab.synthesis.grounding`).
@@ -78,7 +78,7 @@ def synthesize_dance(
 
     Examples
     --------
-    >>> from harmolab.models.weights import load_generator
+    >>> from harmolab.models.harmogan import load_generator
     >>> generator = load_generator("run/model")  # doctest: +SKIP
     >>> motion = synthesize_dance(generator, load_audio("song.mp3"), seconds=20.0, seed=3)  # doctest: +SKIP
     """
@@ -91,10 +91,12 @@ def synthesize_dance(
     first, last = meters[0].begin, meters[-1].end
     times = start + np.arange(first, last) / generator.fps
     music = audio_features(audio, track, times, generator.features)
-    # A movement of the bank fills the beats before a meter of four; what was danced before keeps its speed.
-    prior = meters[0].meter - first
-    taken = max(1, round(meters[0].share * len(clip))) if initial is None else prior
-    code = _danced(generator, music, meters, retimed(clip[-taken:], prior), progress)[-first : n_frames - first]
+    if initial is None:  # a movement of the bank fills the beats before a meter of four
+        taken = max(1, round(meters[0].share * len(clip)))
+        prior = retimed(clip[-taken:], meters[0].meter - first)
+    else:  # what was danced before keeps its speed, and ends where the dance begins: the meter may be under way
+        prior = retimed(clip[first:], -first)
+    code = _danced(generator, music, meters, prior, progress)[-first : n_frames - first]
     positions = decode_motion(_with_bones(generator, code), generator.fps, generator.skeleton)
     positions = on_floor(positions, generator.fps)
     if plant_feet:
@@ -156,7 +158,7 @@ def _danced(
     prior: FloatArray,
     progress: Progress | None,
 ) -> FloatArray:
-    """The motion code (T, C) of all meters, one after the other, and of the beats before the first: `prior`."""
+    """The motion code (T, C) of all meters, one after the other, from the end of `prior` (P, C), its first frames."""
     origin = meters[0].begin
     code = np.zeros((meters[-1].end - origin, generator.n_motion))
     code[: len(prior)] = prior
@@ -164,7 +166,8 @@ def _danced(
         for meter in progress(meters, "dancing") if progress else meters:
             begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
             motion = _meter(generator, music[begin:end], code[begin:end], now - begin)
-            code[now:end] = continued(code[:now], motion, generator.fps)
+            new = max(now, len(prior))
+            code[new:end] = continued(code[:new], motion[new - now :], generator.fps)
     return code
 
 

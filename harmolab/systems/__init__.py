@@ -42,7 +42,7 @@ class System(Protocol):
         start : float, seconds of audio time
         seconds : float, length of the motion; to the end of the music when left out or longer
         seed : int; the same seed gives the same motion
-        initial : Motion that the new one follows, frame by frame; drawn by `seed` when left out
+        initial : Motion that the new one goes on from, in pose if not in place; drawn by `seed` when left out
 
         Raises
         ------
