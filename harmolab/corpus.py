@@ -28,10 +28,7 @@ from harmolab.parts import (
     score_parts,
 )
 from harmolab.significance import auc
-
-__all__ = ["LAGS", "CorpusResult", "compare"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray
 
 LAGS = (3, 4, 5, 6, 7)  # tenths of a beat: what "lagged music" means
 

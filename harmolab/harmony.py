@@ -22,23 +22,6 @@ from harmolab.pattern import PatternFit, fit_of_motion
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares
 from harmolab.types import Audio, BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore, IntArray, Motion
 
-__all__ = [
-    "above_chance",
-    "chance_level",
-    "f_score",
-    "harmony_from_hits",
-    "hit_mask",
-    "hit_pairs",
-    "hitting_score",
-    "interval_matrix",
-    "music_and_motion",
-    "nearest_intervals",
-    "position_matrix",
-    "score_clip",
-    "score_harmony",
-    "score_motion",
-]
-
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9
 

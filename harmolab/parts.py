@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
@@ -30,22 +29,7 @@ from harmolab.pattern import (
     pattern_sums,
 )
 from harmolab.rescoring import BeatBatch, rescore
-from harmolab.types import BeatTrack, Motion
-
-__all__ = [
-    "PART_SECONDS",
-    "Part",
-    "all_parts",
-    "constant_lags",
-    "cut_parts",
-    "dance_patterns",
-    "learn_patterns",
-    "score_others",
-    "score_parts",
-    "usable",
-]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import BeatTrack, FloatArray, Motion
 
 PART_SECONDS = 6.0
 N_OTHERS = 5  # pieces of other music for the "other" null

@@ -22,26 +22,7 @@ from harmolab.beats.saliency import salient_audio
 from harmolab.beats.visual import RATE, motion_curve
 from harmolab.kinematics import upsample_motion
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.types import BeatTrack, Motion
-
-__all__ = [
-    "PatternFit",
-    "PatternSums",
-    "beat_curve",
-    "beat_moments",
-    "beat_positions",
-    "evaluate_pattern",
-    "fit_of_motion",
-    "fit_of_speed",
-    "fit_pattern",
-    "joint_fits",
-    "moment_ranks",
-    "normalised_speed",
-    "pattern_sums",
-]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
 
 GRID = 24  # samples per beat on which curve and pattern are compared
 DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat

@@ -23,12 +23,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.harmony import EDGE
 from harmolab.params import HarmonyParams
 from harmolab.pattern import beat_curve, beat_moments, joint_fits, normalised_speed
-from harmolab.types import BeatTrack, Motion
-
-__all__ = ["BatchScores", "BeatBatch", "PatternBatch", "rescore", "rescore_patterns"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
 
 
 @dataclass(frozen=True, eq=False)

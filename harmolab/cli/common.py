@@ -17,18 +17,6 @@ if TYPE_CHECKING:
 
 PAGES = (".html", ".htm")
 
-__all__ = [
-    "PAGES",
-    "check_out",
-    "finding_beats",
-    "plain_errors",
-    "progress",
-    "sequences_of",
-    "show",
-    "track_beats",
-    "write_text",
-]
-
 
 @contextmanager
 def plain_errors() -> Iterator[None]:

@@ -12,8 +12,6 @@ import typer
 
 from harmolab.cli.common import plain_errors, progress, sequences_of, show, write_text
 
-__all__ = ["Beats", "Null", "compare", "learn"]
-
 
 class Null(StrEnum):
     """What the wrong music is."""

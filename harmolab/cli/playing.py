@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from harmolab.types import Audio, BeatTrack, Clip, Motion
 
-__all__ = ["play"]
-
 
 def play(
     audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],

@@ -12,7 +12,6 @@ from harmolab.cli.common import check_out, plain_errors, progress, track_beats
 if TYPE_CHECKING:
     from harmolab.types import Audio, BeatTrack, Motion
 
-__all__ = ["VIDEOS_OUT", "music_of", "render", "sound_of", "write_dance"]
 
 VIDEOS_OUT = (".mp4", ".webm")
 RATE = 30.0  # pictures a second where nothing else is asked for

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from harmolab.timewarp import Retimed
     from harmolab.types import BeatTrack, Motion
 
-__all__ = ["Method", "retime"]
 
 MOTION_SUFFIXES = (".npz", ".bvh", *VIDEOS_OUT)
 MEANINGS = (

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from harmolab.params import BarPattern, HarmonyParams
     from harmolab.types import Clip, HarmonyScore
 
-__all__ = ["Mode", "score"]
-
 
 class Mode(StrEnum):
     """Which settings to score with."""

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from harmolab.io.files import PathLike, reading
 from harmolab.types import Audio
 
-__all__ = ["AudioInfo", "audio_info", "load_audio"]
-
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
 MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
 # The densest thing there is, digital silence in FLAC, packs some 5,000 samples into a byte.

@@ -29,8 +29,6 @@ from harmolab.synthesis.grid import MeterFrames, meter_frames
 from harmolab.synthesis.grounding import on_floor, planted_feet
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
-__all__ = ["synthesize_dance"]
-
 
 def synthesize_dance(
     generator: Generator,

@@ -21,8 +21,6 @@ from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standi
 from harmolab.templates import framed, rendered
 from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
 
-__all__ = ["Dancer", "Player", "blind_page", "player_page"]
-
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 HEIGHT = 880  # pixels of the frame
 LONGEST = 600.0  # seconds; a page of more is too large to open
