@@ -10,17 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from harmolab.beats.flow import (
-    directogram,
-    flow_beats,
-    flow_directograms,
-    flow_envelope,
-    impact_envelope,
-    local_peaks,
-    normalise_envelope,
-    optical_flow,
-)
-from harmolab.beats.impacts import envelope_beats
+from harmolab.beats.flow import directogram, flow_beats, flow_directograms, flow_envelope, optical_flow
+from harmolab.beats.impacts import envelope_beats, impact_envelope, local_peaks, normalise_envelope
 from harmolab.data.stage import moving_box, render_skeleton
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.io.video import video_frames
