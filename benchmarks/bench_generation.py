@@ -15,7 +15,7 @@ from benchmarks.timing import best_of
 from harmolab.data.tang2018 import TANG_23
 from harmolab.models.harmogan import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
 from harmolab.models.pose_features import PoseNet
-from harmolab.params import ModelParams
+from harmolab.params.learning import ModelParams
 
 N_AUDIO, FPS = 23, 15.0
 CLIPS, FRAMES = 64, 90

@@ -24,15 +24,17 @@ if TYPE_CHECKING:
     from harmolab.io.audio import load_audio
     from harmolab.io.beats import load_beats
     from harmolab.io.motion import load_motion, save_motion
-    from harmolab.params import BarPattern, HarmonyParams, RunProfile
-    from harmolab.synthesis import synthesize_dance
+    from harmolab.params import BarPattern, HarmonyParams
+    from harmolab.profile import RunProfile
+    from harmolab.synthesis.dance import synthesize_dance
     from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion, Skeleton
 
 __version__ = "0.1.0"
 
 _HOME = {
     "harmolab.types": ("Audio", "BeatTrack", "Clip", "HarmonyScore", "Motion", "Skeleton"),
-    "harmolab.params": ("BarPattern", "HarmonyParams", "RunProfile"),
+    "harmolab.params": ("BarPattern", "HarmonyParams"),
+    "harmolab.profile": ("RunProfile",),
     "harmolab.io.audio": ("load_audio",),
     "harmolab.io.beats": ("load_beats",),
     "harmolab.io.motion": ("load_motion", "save_motion"),
@@ -42,8 +44,8 @@ _HOME = {
     "harmolab.beats.saliency": ("salient_audio", "salient_visual"),
     "harmolab.harmony": ("score_clip", "score_harmony", "score_motion"),
     "harmolab.corpus": ("compare",),
-    "harmolab.data.synthetic": ("synthetic_clip",),
-    "harmolab.synthesis": ("synthesize_dance",),
+    "harmolab.data.synth_clip": ("synthetic_clip",),
+    "harmolab.synthesis.dance": ("synthesize_dance",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

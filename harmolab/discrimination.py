@@ -10,8 +10,9 @@ import pandas as pd
 
 from harmolab.corpus import CorpusResult, compare
 from harmolab.data.folders import find_recordings
-from harmolab.experiments import corpus_folders, readable_recordings, study_recordings, synthetic_corpus
-from harmolab.params import BarPattern, RunProfile
+from harmolab.experiments.study import corpus_folders, readable_recordings, study_recordings, synthetic_corpus
+from harmolab.params import BarPattern
+from harmolab.profile import RunProfile
 from harmolab.types import FloatArray
 
 

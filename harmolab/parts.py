@@ -18,7 +18,7 @@ from harmolab.data import folders
 from harmolab.data.beats import music_beats
 from harmolab.harmony import above_chance
 from harmolab.io.files import Progress, silent
-from harmolab.metrics import beat_align, beat_hit_rate, kinematic_params, mir_eval_scores
+from harmolab.metrics.beats import beat_align, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.pattern import (
     PatternSums,

@@ -13,7 +13,7 @@ from typer import Typer
 from typer.testing import CliRunner, Result
 
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.io import save_motion
+from harmolab.io.motion import save_motion
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
 
 

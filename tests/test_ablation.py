@@ -21,7 +21,8 @@ from harmolab.experiments.ablation import (
 from harmolab.experiments.dances import danced_unit
 from harmolab.experiments.generation import VARIANTS
 from harmolab.features.poses import encode_motion
-from harmolab.params import FeatureParams, RunProfile
+from harmolab.params.learning import FeatureParams
+from harmolab.profile import RunProfile
 from harmolab.significance import mean_interval
 from harmolab.types import Motion, Skeleton
 from tests.builders import bobbing

@@ -9,7 +9,9 @@ import pytest
 import soxr
 from scipy.signal import butter, sosfilt
 
-from harmolab.alignment import attack_beats, find_offset, find_sound_offset, picture_motion, rest_at_beats
+from harmolab.alignment.movement import attack_beats, find_offset, rest_at_beats
+from harmolab.alignment.pictures import picture_motion
+from harmolab.alignment.sound import find_sound_offset
 from harmolab.beats.audio import audio_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.data.stage import render_skeleton

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from harmolab.data.units import Batch
 from harmolab.models.anatomy import Part, anatomy, layers_of, parts_of
 from harmolab.models.harmogan import Generator
-from harmolab.params import ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.types import Skeleton
 
 TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)

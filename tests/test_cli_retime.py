@@ -11,13 +11,13 @@ import soundfile
 import typer
 from typer.testing import CliRunner, Result
 
-from harmolab.alignment import picture_motion
+from harmolab.alignment.pictures import picture_motion
 from harmolab.beats.visual import visual_beats
 from harmolab.cli.retiming import retime
 from harmolab.data.stage import render_skeleton
 from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.harmony import score_harmony
-from harmolab.io import load_motion
+from harmolab.io.motion import load_motion
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip

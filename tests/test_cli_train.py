@@ -19,7 +19,7 @@ from typer.testing import CliRunner, Result
 from harmolab.cli.training import epoch_bar, train
 from harmolab.data.synthetic import write_corpus
 from harmolab.models.harmogan import load_generator
-from harmolab.params import ModelParams, TrainParams
+from harmolab.params.learning import ModelParams, TrainParams
 from harmolab.training import checkpoints
 
 Run = Callable[..., Result]

@@ -23,7 +23,7 @@ from harmolab.features.poses import encode_motion
 from harmolab.io.beats import BeatAnnotation, Unit
 from harmolab.io.motion import save_motion
 from harmolab.kinematics import resample_motion
-from harmolab.params import FeatureParams
+from harmolab.params.learning import FeatureParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from tests.builders import metronome
 

@@ -18,7 +18,7 @@ from harmolab.corpus import LAGS, CorpusResult, compare
 from harmolab.data.beats import music_beats
 from harmolab.data.folders import Recording
 from harmolab.io.beats import BeatAnnotation, Unit
-from harmolab.metrics import beat_align
+from harmolab.metrics.beats import beat_align
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.parts import cut_parts, dance_patterns, learn_patterns, score_parts
 from harmolab.pattern import fit_pattern

@@ -18,7 +18,8 @@ from harmolab.discrimination import (
     disturbance_table,
     pick_table,
 )
-from harmolab.params import BarPattern, RunProfile
+from harmolab.params import BarPattern
+from harmolab.profile import RunProfile
 from harmolab.viz.results import draw_auc, draw_disturbances, draw_patterns, draw_picks
 
 

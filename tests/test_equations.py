@@ -43,7 +43,8 @@ from harmolab.models.losses import (
     literal_harmony_loss,
 )
 from harmolab.models.soft_harmony import SoftHarmony
-from harmolab.params import HarmonyParams, TrainParams
+from harmolab.params import HarmonyParams
+from harmolab.params.learning import TrainParams
 from harmolab.training.shards import total_loss
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from tests.builders import along_x, track

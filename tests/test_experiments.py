@@ -13,7 +13,8 @@ import soundfile
 
 from harmolab.data.beats import music_beats
 from harmolab.data.folders import Recording, load_recording
-from harmolab.experiments import (
+from harmolab.experiments import study
+from harmolab.experiments.study import (
     Agreement,
     agreement,
     beat_agreement,
@@ -24,12 +25,12 @@ from harmolab.experiments import (
     pattern_of_study,
     readable_recordings,
     strong_by_place,
-    study,
     study_recordings,
     synthetic_corpus,
 )
 from harmolab.io.motion import save_motion
-from harmolab.params import BarPattern, HarmonyParams, RunProfile
+from harmolab.params import BarPattern, HarmonyParams
+from harmolab.profile import RunProfile
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import track
 

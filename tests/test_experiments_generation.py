@@ -31,7 +31,7 @@ from harmolab.experiments.long_dances import dance_limits, danced_song, long_dan
 from harmolab.features.poses import turned
 from harmolab.kinematics import resample_motion
 from harmolab.models.weights import read_about
-from harmolab.params import RunProfile
+from harmolab.profile import RunProfile
 from harmolab.types import Motion, Skeleton
 
 PROFILE = RunProfile(

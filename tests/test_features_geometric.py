@@ -14,7 +14,7 @@ from harmolab.data.synthetic import synthetic_clip
 from harmolab.data.tang2018 import PAPER_21, TANG_23
 from harmolab.features.body_points import BODY_POINTS, body_points
 from harmolab.features.geometric import GEOMETRIC_FEATURES, geometric_features
-from harmolab.io import COCO_17
+from harmolab.io.layouts import COCO_17
 from harmolab.types import Motion, Skeleton
 
 SMPL_24: Skeleton = bench_motion_features.SMPL_24

@@ -18,7 +18,7 @@ from harmolab.models.harmogan import (
     segments,
 )
 from harmolab.models.poses import local_joints
-from harmolab.params import FeatureParams, ModelParams
+from harmolab.params.learning import FeatureParams, ModelParams
 from harmolab.types import Skeleton
 
 TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)

@@ -24,7 +24,10 @@ from hypothesis.extra import numpy as hnp
 from harmolab.data.check import check
 from harmolab.data.folders import load_any_motion, load_recording
 from harmolab.data.tang2018 import load_config
-from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_keypoints, load_motion
+from harmolab.io.audio import audio_info, load_audio
+from harmolab.io.beats import load_annotation, load_beats
+from harmolab.io.keypoints import load_keypoints
+from harmolab.io.motion import load_motion
 from harmolab.io.pickles import read_array_pickle
 from harmolab.types import Audio, BeatTrack, Motion, Skeleton
 

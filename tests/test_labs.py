@@ -13,7 +13,8 @@ from harmolab.harmony import score_clip
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion
 from harmolab.widgets.explorer import Explorer
-from harmolab.widgets.labs import N_ROTATIONS, Stage, draw_lab, lab_params, scoring_lab
+from harmolab.widgets.labs.scoring import N_ROTATIONS, draw_lab, lab_params, scoring_lab
+from harmolab.widgets.labs.stage import Stage
 from tests.builders import along_x
 
 PNG = b"\x89PNG\r\n"

@@ -18,7 +18,12 @@ from harmolab.data.synthetic import synthetic_clip
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
 from harmolab.viz.style import figure_style
-from harmolab.widgets.labs import Lab, corpus_lab, detector_lab, meter_lab, params_line, saliency_lab, scoring_lab
+from harmolab.widgets.labs.corpus import corpus_lab
+from harmolab.widgets.labs.detector import detector_lab
+from harmolab.widgets.labs.lab import Lab, params_line
+from harmolab.widgets.labs.meter import meter_lab
+from harmolab.widgets.labs.saliency import saliency_lab
+from harmolab.widgets.labs.scoring import scoring_lab
 from harmolab.widgets.quickdraw import plain
 from tests.builders import along_x
 

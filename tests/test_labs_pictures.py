@@ -14,18 +14,12 @@ from harmolab.harmony import score_harmony
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.rescoring import BeatBatch, rescore
 from harmolab.types import BeatTrack, Clip
-from harmolab.widgets.labs import (
-    Corpus,
-    Stage,
-    corpus_lab,
-    detector_lab,
-    draw_corpus_lab,
-    draw_meter_lab,
-    draw_saliency_lab,
-    meter_lab,
-    saliency_lab,
-)
-from harmolab.widgets.labs.meter import Song
+from harmolab.widgets.labs.clips import Corpus
+from harmolab.widgets.labs.corpus import corpus_lab, draw_corpus_lab
+from harmolab.widgets.labs.detector import detector_lab
+from harmolab.widgets.labs.meter import Song, draw_meter_lab, meter_lab
+from harmolab.widgets.labs.saliency import draw_saliency_lab, saliency_lab
+from harmolab.widgets.labs.stage import Stage
 
 
 def board(figure: Figure) -> dict[str, str]:

@@ -22,6 +22,7 @@ LAYERS = {
     "io": 1,
     "kinematics": 1,
     "beats": 1,
+    "profile": 2,
     "harmony": 2,
     "pattern": 2,
     "rescoring": 2,

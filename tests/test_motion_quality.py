@@ -26,7 +26,8 @@ from harmolab.experiments.quality import (
 )
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
-from harmolab.params import FeatureParams, ModelParams, RunProfile
+from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.profile import RunProfile
 from harmolab.types import Motion, Skeleton
 
 HAND = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # the hand forwards, nothing else

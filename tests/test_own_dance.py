@@ -16,8 +16,8 @@ from harmolab.data.synthetic import synthetic_clip, synthetic_motion
 from harmolab.io.motion import save_motion
 from harmolab.io.video import write_video
 from harmolab.io.video_sound import load_sound
-from harmolab.own_dance import OwnDance, Placement, explain_performance, load_performance, place_performance
 from harmolab.own_dance.page import dance_page, dance_player, save_page
+from harmolab.own_dance.recording import OwnDance, Placement, explain_performance, load_performance, place_performance
 from harmolab.types import Audio, Clip, Motion
 from tests.builders import planted_dance, write_song
 

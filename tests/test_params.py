@@ -7,7 +7,8 @@ from dataclasses import asdict, fields, replace
 
 import pytest
 
-from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
+from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
+from harmolab.profile import RunProfile
 
 
 def test_training_settings_are_those_of_section_5_2():

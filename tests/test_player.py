@@ -23,7 +23,7 @@ import harmolab
 from harmolab.beats.visual import visual_beats
 from harmolab.cli.playing import play
 from harmolab.harmony import score_harmony
-from harmolab.io import save_motion
+from harmolab.io.motion import save_motion
 from harmolab.kinematics import resample_motion
 from harmolab.params import HarmonyParams
 from harmolab.templates import framed

@@ -20,7 +20,7 @@ from harmolab.harmony import (
     score_harmony,
     score_motion,
 )
-from harmolab.metrics import other_scores
+from harmolab.metrics.beats import other_scores
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.pattern import fit_of_motion
 from harmolab.rescoring import BeatBatch, rescore

@@ -15,7 +15,7 @@ from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
 from harmolab.models.weights import read_about, save_weights
-from harmolab.params import FeatureParams, ModelParams
+from harmolab.params.learning import FeatureParams, ModelParams
 from harmolab.synthesis.shipping import ship
 from harmolab.types import Motion
 

@@ -15,9 +15,9 @@ from harmolab.kinematics import resample_motion
 from harmolab.metrics.quality import foot_skating
 from harmolab.models.harmogan import Generator, GeneratorOutput
 from harmolab.models.poses_bank import PoseBank
-from harmolab.params import FeatureParams, ModelParams
-from harmolab.synthesis import synthesize_dance
+from harmolab.params.learning import FeatureParams, ModelParams
 from harmolab.synthesis.borders import FADE, continued
+from harmolab.synthesis.dance import synthesize_dance
 from harmolab.synthesis.grid import filled_beats, meter_frames
 from harmolab.synthesis.grounding import on_floor, planted_feet
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton

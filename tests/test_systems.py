@@ -30,19 +30,19 @@ from harmolab.data.splits import split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.features.audio import audio_features
 from harmolab.features.poses import bone_lengths, decode_motion, encode_motion
-from harmolab.io import load_motion
 from harmolab.io.files import PathLike
+from harmolab.io.motion import load_motion
 from harmolab.kinematics import resample_motion
 from harmolab.models.harmogan import Generator
 from harmolab.models.poses_bank import PoseBank
 from harmolab.models.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
-from harmolab.params import FeatureParams, ModelParams
+from harmolab.params.learning import FeatureParams, ModelParams
 from harmolab.systems import System, find, load, names
 from harmolab.systems.harmogan import HarmoGAN
-from harmolab.training import Phase, Player, fit, make_fabric
 from harmolab.training import loop as training_loop
 from harmolab.training.batches import Tensors
 from harmolab.training.checkpoints import load_state, open_folder
+from harmolab.training.loop import Phase, Player, fit, make_fabric
 from harmolab.training.shards import Batching
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 

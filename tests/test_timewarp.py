@@ -11,9 +11,9 @@ from harmolab.beats.visual import visual_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
-from harmolab.timewarp import TimeWarp, beat_warp, lee_warp, retime, warp_video
-from harmolab.timewarp.beats import METHODS
-from harmolab.timewarp.retime import motion_at, warped_frames
+from harmolab.timewarp.beats import METHODS, beat_warp, lee_warp
+from harmolab.timewarp.retime import motion_at, retime, warp_video, warped_frames
+from harmolab.timewarp.warps import TimeWarp
 from harmolab.types import BeatTrack, Motion, Skeleton
 from tests.builders import bone_lengths, track
 

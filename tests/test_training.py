@@ -18,10 +18,10 @@ from harmolab.models.harmogan import GeneratorOutput, load_generator
 from harmolab.models.losses import discriminator_loss
 from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.models.weights import read_about
-from harmolab.params import ModelParams, TrainParams
-from harmolab.training import fit, make_fabric
+from harmolab.params.learning import ModelParams, TrainParams
 from harmolab.training import run as harmogan
 from harmolab.training.batches import Tensors
+from harmolab.training.loop import fit, make_fabric
 from harmolab.training.run import _networks, adversarial_rate, phases, pretrain_rate, train_harmogan, validate
 from harmolab.training.shards import Batching, epoch_order, total_loss
 from harmolab.training.steps import (

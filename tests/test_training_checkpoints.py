@@ -21,10 +21,11 @@ from tensorboardX.proto.event_pb2 import Event
 
 from harmolab.data.splits import Split
 from harmolab.models.harmogan import Generator
-from harmolab.params import TrainParams
-from harmolab.training import loop, make_fabric
+from harmolab.params.learning import TrainParams
+from harmolab.training import loop
 from harmolab.training.checkpoints import STATE, check_folder, load_state, restore, save_state
 from harmolab.training.history import EventLog, history_text
+from harmolab.training.loop import make_fabric
 from harmolab.training.run import train_harmogan
 from tests import tiny_training as tiny
 

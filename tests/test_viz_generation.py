@@ -15,7 +15,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.offsetbox import AnnotationBbox
 
-from harmolab.params import TrainParams
+from harmolab.params.learning import TrainParams
 from harmolab.types import Motion, Skeleton
 from harmolab.viz.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
 from harmolab.viz.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times

@@ -22,8 +22,8 @@ import torch
 from harmolab.data.splits import Split
 from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.features.poses import bone_lengths, encode_motion
-from harmolab.params import FeatureParams, ModelParams, TrainParams
-from harmolab.training import make_fabric
+from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
+from harmolab.training.loop import make_fabric
 from harmolab.training.run import train_harmogan
 from harmolab.types import Skeleton
 

@@ -12,7 +12,7 @@ from harmolab import __version__
 from harmolab.cli.common import PAGES, check_out, plain_errors, progress
 
 if TYPE_CHECKING:
-    from harmolab.own_dance import Performance
+    from harmolab.own_dance.recording import Performance
 
 
 def explain(
@@ -65,7 +65,7 @@ def explain(
 
     from harmolab.cli.scoring import read_pattern
     from harmolab.io.beats import load_annotation
-    from harmolab.own_dance import explain_performance
+    from harmolab.own_dance.recording import explain_performance
     from harmolab.params import HarmonyParams
 
     with plain_errors():
@@ -99,7 +99,7 @@ def explain(
 
 def _load(path: Path, fps: float | None, joints: str) -> Performance:
     """The performance in a file, with a count of pictures on standard error where it is a video."""
-    from harmolab.own_dance import load_performance
+    from harmolab.own_dance.recording import load_performance
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) or None
     return load_performance(path, fps=fps, joints=names, progress=progress)

@@ -12,7 +12,7 @@ from harmolab.cli.common import check_out, plain_errors, progress, show
 from harmolab.cli.rendering import VIDEOS_OUT, music_of, sound_of, write_dance
 
 if TYPE_CHECKING:
-    from harmolab.timewarp import Retimed
+    from harmolab.timewarp.retime import Retimed
     from harmolab.types import BeatTrack, Motion
 
 
@@ -54,8 +54,8 @@ def retime(
     Example: `harmolab retime dance.bvh song.mp3 --out mended.mp4 --dance waltz`
     """
     from harmolab.io.video import is_video
-    from harmolab.timewarp import retime as bend
-    from harmolab.timewarp import warp_video
+    from harmolab.timewarp.retime import retime as bend
+    from harmolab.timewarp.retime import warp_video
 
     with plain_errors():
         is_film = is_video(motion)
@@ -75,7 +75,7 @@ def retime(
 
 def _moves(path: Path, fps: float | None) -> Motion:
     """The motion in a file; of a video that of its pictures as a whole, whose rests are those of the dancer."""
-    from harmolab.alignment import picture_motion
+    from harmolab.alignment.pictures import picture_motion
     from harmolab.data.folders import load_any_motion
     from harmolab.io.video import is_video, video_frames
 

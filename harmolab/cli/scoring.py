@@ -89,7 +89,7 @@ def other_measures(clip: Clip, clock: float) -> dict[str, float]:
 
     from harmolab.beats.visual import visual_beats
     from harmolab.harmony import music_and_motion
-    from harmolab.metrics import kinematic_params, other_scores
+    from harmolab.metrics.beats import kinematic_params, other_scores
 
     beats, motion = music_and_motion(clip, clock=clock)
     timed = replace(motion, fps=motion.fps / clock)

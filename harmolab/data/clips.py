@@ -24,7 +24,7 @@ from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.features.priors import temporal_index
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
-from harmolab.params import FeatureParams
+from harmolab.params.learning import FeatureParams
 from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
 
 METERS = (4, 5, 6)  # beats in the categories of Eq. 22

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.features.priors import initial_poses
-from harmolab.params import FeatureParams
+from harmolab.params.learning import FeatureParams
 from harmolab.types import FloatArray, Skeleton
 
 SingleArray = NDArray[np.float32]

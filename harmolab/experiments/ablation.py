@@ -13,7 +13,8 @@ import pandas as pd
 from harmolab.data.units import UnitSet
 from harmolab.experiments.generation import VARIANTS, Trained, generator_corpora, trained, weight_sweep
 from harmolab.experiments.judging import RECORDED, danced_units, generate, judge, recorded_motions, score_unit
-from harmolab.params import HarmonyParams, RunProfile
+from harmolab.params import HarmonyParams
+from harmolab.profile import RunProfile
 from harmolab.significance import mean_interval
 from harmolab.types import FloatArray, Motion
 

@@ -20,8 +20,8 @@ from harmolab.experiments.generation import SYNTHETIC, generator_corpora
 from harmolab.experiments.judging import MODES, danced_units, harmony_columns, meter_motion, unit_columns
 from harmolab.experiments.study import data_root, excerpt, readable_recordings, study_recordings, synthetic_corpus
 from harmolab.harmony import score_harmony
-from harmolab.metrics import jerk
-from harmolab.params import RunProfile
+from harmolab.metrics.quality import jerk
+from harmolab.profile import RunProfile
 from harmolab.types import BeatTrack, Motion
 
 Trick = Callable[[Motion, np.random.Generator], Motion]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from harmolab.data.units import DanceUnit
 from harmolab.experiments.judging import RECORDED, danced_units, score_unit, unit_beats
-from harmolab.params import HarmonyParams, RunProfile
+from harmolab.params import HarmonyParams
+from harmolab.profile import RunProfile
 from harmolab.types import BeatTrack, HarmonyScore, Motion
 
 

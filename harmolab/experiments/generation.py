@@ -23,10 +23,10 @@ from harmolab.experiments.study import corpus_folders, data_root
 from harmolab.io.files import cache_folder
 from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.pose_features import PoseNet, load_pose_net
-from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
-from harmolab.training import make_fabric
+from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
+from harmolab.profile import RunProfile
 from harmolab.training.history import HISTORY
-from harmolab.training.loop import settings_of
+from harmolab.training.loop import make_fabric, settings_of
 from harmolab.training.run import MODEL, POSE_NET, train_harmogan
 
 SYNTHETIC = "synthetic"

@@ -18,10 +18,12 @@ from harmolab.features.kinetic import kinetic_features
 from harmolab.features.poses import decode_motion, encode_motion
 from harmolab.harmony import score_harmony
 from harmolab.kinematics import resample_motion
-from harmolab.metrics import diversity, foot_skating, frechet_distance, jerk, standardise
+from harmolab.metrics.frechet import diversity, frechet_distance, standardise
+from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
-from harmolab.params import HarmonyParams, RunProfile
+from harmolab.params import HarmonyParams
+from harmolab.profile import RunProfile
 from harmolab.types import BeatTrack, FloatArray, HarmonyScore, Motion
 
 RECORDED = "recorded"

@@ -19,10 +19,11 @@ from harmolab.data.beats import music_beats
 from harmolab.data.folders import Recording, load_recording
 from harmolab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
 from harmolab.harmony import score_motion
-from harmolab.metrics import bone_error, foot_skating, jerk, largest_step
+from harmolab.metrics.quality import bone_error, foot_skating, jerk, largest_step
 from harmolab.models.poses_bank import load_poses
-from harmolab.params import HarmonyParams, RunProfile
-from harmolab.synthesis import synthesize_dance
+from harmolab.params import HarmonyParams
+from harmolab.profile import RunProfile
+from harmolab.synthesis.dance import synthesize_dance
 from harmolab.training.run import MODEL
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 

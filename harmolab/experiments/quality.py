@@ -17,8 +17,9 @@ from harmolab.experiments.judging import RECORDED, danced_units, embed, meter_mo
 from harmolab.features.geometric import geometric_features
 from harmolab.features.kinetic import kinetic_features
 from harmolab.features.poses import encode_motion
-from harmolab.metrics import frechet_distance, freezing, multimodality, pfc, relative_jerk, standardise
-from harmolab.params import RunProfile
+from harmolab.metrics.frechet import frechet_distance, multimodality, standardise
+from harmolab.metrics.quality import freezing, pfc, relative_jerk
+from harmolab.profile import RunProfile
 from harmolab.types import FloatArray, Motion
 
 HALVES, OTHER_FIGURES, FROZEN = "recorded, halves", "recorded, other figures", "recorded, frozen"

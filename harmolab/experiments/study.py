@@ -19,8 +19,9 @@ from harmolab.data.folders import Problem, Recording, find_recordings, iter_reco
 from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.harmony import hit_mask
 from harmolab.io.files import cache_folder
-from harmolab.params import BarPattern, HarmonyParams, RunProfile
+from harmolab.params import BarPattern, HarmonyParams
 from harmolab.parts import cut_parts, learn_patterns
+from harmolab.profile import RunProfile
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, onset_envelope
 from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
-from harmolab.params import FeatureParams
+from harmolab.params.learning import FeatureParams
 from harmolab.types import Audio, BeatTrack, FloatArray
 
 SingleArray = NDArray[np.float32]

@@ -20,7 +20,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.harmony import music_and_motion, score_clip
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.listening.trials import Item, KeyEntry
-from harmolab.metrics import kinematic_params, other_scores
+from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 

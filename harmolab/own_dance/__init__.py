@@ -2,21 +2,3 @@
 
 The page, in `harmolab.own_dance.page`, needs jinja2 of the extra `lab`; the rest does not.
 """
-
-from harmolab.own_dance.recording import (
-    OwnDance,
-    Performance,
-    Placement,
-    explain_performance,
-    load_performance,
-    place_performance,
-)
-
-__all__ = [
-    "OwnDance",
-    "Performance",
-    "Placement",
-    "explain_performance",
-    "load_performance",
-    "place_performance",
-]

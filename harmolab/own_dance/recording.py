@@ -14,7 +14,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from harmolab.alignment import SoundOffset, attack_beats, find_offset, find_sound_offset, picture_motion
+from harmolab.alignment.movement import attack_beats, find_offset
+from harmolab.alignment.pictures import picture_motion
+from harmolab.alignment.sound import SoundOffset, find_sound_offset
 from harmolab.data.folders import load_any_motion, recorded_offset
 from harmolab.harmony import music_and_motion, score_motion
 from harmolab.io.beats import BeatAnnotation

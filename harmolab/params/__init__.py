@@ -1,16 +1,7 @@
-"""Frozen settings. A variant is a difference: ``replace(HarmonyParams.paper(), beta=1.0)``."""
+"""Settings: of scoring (`scoring`), of what a generator hears and how it is trained (`learning`)."""
 
-from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
-from harmolab.params.scoring import CHOICES, DANCES, BarPattern, Dance, HarmonyParams, RunProfile
-
-__all__ = [
-    "CHOICES",
-    "DANCES",
-    "BarPattern",
-    "Dance",
-    "FeatureParams",
-    "HarmonyParams",
-    "ModelParams",
-    "RunProfile",
-    "TrainParams",
-]
+from harmolab.params.scoring import CHOICES as CHOICES
+from harmolab.params.scoring import DANCES as DANCES
+from harmolab.params.scoring import BarPattern as BarPattern
+from harmolab.params.scoring import Dance as Dance
+from harmolab.params.scoring import HarmonyParams as HarmonyParams

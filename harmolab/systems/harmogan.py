@@ -14,7 +14,7 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.poses_bank import PoseBank, load_poses, poses_path, save_poses
 from harmolab.models.weights import DEFAULT_STEM, read_about, save_weights
-from harmolab.params import FeatureParams, ModelParams, TrainParams
+from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
 from harmolab.synthesis.dance import synthesize_dance
 from harmolab.types import Audio, BeatTrack, Motion
 

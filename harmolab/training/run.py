@@ -37,7 +37,8 @@ from harmolab.models.pose_features import PoseNet, load_pose_net, train_pose_net
 from harmolab.models.poses_bank import pose_bank, poses_path, save_poses
 from harmolab.models.soft_harmony import anneal
 from harmolab.models.weights import save_weights
-from harmolab.params import HarmonyParams, ModelParams, TrainParams
+from harmolab.params import HarmonyParams
+from harmolab.params.learning import ModelParams, TrainParams
 from harmolab.training.batches import Tensors
 from harmolab.training.checkpoints import check_pretrained, open_folder
 from harmolab.training.history import Report

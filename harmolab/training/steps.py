@@ -25,7 +25,8 @@ from harmolab.models.losses import (
 from harmolab.models.pose_features import PoseNet
 from harmolab.models.poses import local_joints
 from harmolab.models.soft_harmony import SoftHarmony, soft_harmony
-from harmolab.params import HarmonyParams, TrainParams
+from harmolab.params import HarmonyParams
+from harmolab.params.learning import TrainParams
 from harmolab.skeletons import foot_joints
 from harmolab.training.batches import Tensors
 from harmolab.types import Skeleton

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from harmolab.params import TrainParams
+from harmolab.params.learning import TrainParams
 from harmolab.viz.style import COLOURS, figure_style, styled_axes
 from harmolab.viz.variants import LOOKS, PRINTED, Record, draw_mean, panels, rows_by_name, shaded, spread
 

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, Rectangle
 from matplotlib.path import Path as Outline
 
-from harmolab.params import TrainParams
+from harmolab.params.learning import TrainParams
 from harmolab.viz.style import COLOURS, figure_style
 from harmolab.viz.variants import Record
 

@@ -21,7 +21,7 @@ from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
 from harmolab.io.files import atomic_write, write_json
-from harmolab.params import RunProfile
+from harmolab.profile import RunProfile
 
 MANIFEST = "manifest.json"
 
