@@ -10,8 +10,10 @@ moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,25 +22,11 @@ from scipy.stats import rankdata
 
 from harmolab.beats.saliency import salient_audio
 from harmolab.beats.visual import RATE, motion_curve
+from harmolab.io.aside import written_aside
+from harmolab.io.errors import PathLike, read_json, reading
 from harmolab.kinematics import upsample_motion
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Motion
-
-__all__ = [
-    "PatternFit",
-    "PatternSums",
-    "beat_curve",
-    "beat_moments",
-    "beat_positions",
-    "evaluate_pattern",
-    "fit_of_motion",
-    "fit_of_speed",
-    "fit_pattern",
-    "joint_fits",
-    "moment_ranks",
-    "normalised_speed",
-    "pattern_sums",
-]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -273,3 +261,31 @@ def _best_places(
     best = int(np.argmax([share @ mass for share in shares]))
     null = np.max(nulls, axis=0)
     return PatternFit(shares[best], weights, null, 0.5 if len(options) == 1 else float(null.mean()))
+
+
+def save_patterns(path: PathLike, patterns: Mapping[str, BarPattern]) -> None:
+    """Write bar patterns by dance as JSON, whole or not at all; `load_pattern` reads one of them."""
+    with written_aside(Path(path)) as part:
+        text = json.dumps({dance: asdict(pattern) for dance, pattern in patterns.items()}, indent=2)
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+def load_pattern(path: PathLike, dance: str = "") -> BarPattern:
+    """The bar pattern of a dance in a file of `save_patterns`; without a dance the only one there is.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; a dance that is not in it is an error.
+    """
+    with reading(path, "bar patterns written by `harmolab learn`") as file:
+        patterns = read_json(file)
+        if not isinstance(patterns, dict) or not patterns:
+            raise ValueError("holds no bar patterns; write one with `harmolab learn`")
+        name = dance if dance or len(patterns) > 1 else next(iter(patterns))
+        if name not in patterns:
+            raise ValueError(f"holds no pattern for --dance {name!r}; it has {', '.join(patterns)}")
+        row = patterns[name]
+        if not isinstance(row, dict) or set(row) != {"beats", "cosines", "sines", "source"}:
+            raise ValueError(f"pattern {name!r} must have beats, cosines, sines and source")
+        return BarPattern(int(row["beats"]), tuple(row["cosines"]), tuple(row["sines"]), str(row["source"]))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import check_out, plain_errors, progress, show, track_beats
-from harmolab.cli.rendering import VIDEOS_OUT, write_dance
+from harmolab.cli.common import VIDEOS_OUT, check_out, plain_errors, progress, show, track_beats
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,9 +58,8 @@ def dance(
         table: dict[str, dict[str, float | int | None]] = {}
         for sample in wanted:
             motion = _danced(generator, bank, audio, track, sample, seconds, start, dance, plant_feet)
-            music = track.span(start, motion.duration)
-            scores = dance_scores(motion, music)
-            _write(sample.path, motion, music, song, start, scores)
+            scores = dance_scores(motion, track.span(start, motion.duration))
+            _write(sample.path, motion, track, song, start, scores)
             table[f"seed {sample.seed}"] = scores
     _print(table)
     for sample in wanted:
@@ -165,7 +163,7 @@ def _or_none(measure: Callable[[Motion], float], motion: Motion) -> float | None
 def _write(
     path: Path,
     motion: Motion,
-    music: BeatTrack,
+    track: BeatTrack,
     song: Path,
     start: float,
     scores: dict[str, float | int | None],
@@ -177,19 +175,17 @@ def _write(
     if suffix in (".npz", ".bvh"):
         save_motion(path, motion)
         return
-    if suffix in VIDEOS_OUT:
-        write_dance(path, motion, song, start, music)
-        return
-    from harmolab.harmony import score_motion
+    from harmolab.dance_video import write_dance
     from harmolab.io.video_sound import load_sound
-    from harmolab.params import HarmonyParams
-    from harmolab.widgets.player import Dancer, Player
+    from harmolab.types import Clip
+    from harmolab.widgets.player import player_of
 
-    sound = load_sound(song, start=start, duration=motion.duration, sample_rate=None)
-    score = score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)
-    dancer = Dancer("generated", motion, score)
-    shown = {name: show(value) for name, value in scores.items()}
-    Player(sound, [dancer], music=music, title=song.stem, facts=shown).save(path)
+    clip = Clip("generated", load_sound(song, sample_rate=None), motion, start, beats=track)
+    if suffix in VIDEOS_OUT:
+        write_dance(path, clip, progress=progress)
+        return
+    facts = {name: show(value) for name, value in scores.items()}
+    player_of([clip], title=song.stem, facts=facts).save(path)
 
 
 def _print(table: dict[str, dict[str, float | int | None]]) -> None:

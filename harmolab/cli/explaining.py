@@ -74,13 +74,13 @@ def explain(
 
     The song plays in the video and you have no other copy: `harmolab explain video.mp4 video.mp4 --out dance.html`
     """
-    from harmolab.cli.scoring import read_pattern
     from harmolab.params import HarmonyParams
+    from harmolab.pattern import load_pattern
 
     with plain_errors():
         if out is not None:
             check_out(out, "the page", PAGES)
-        params = HarmonyParams.recommended(read_pattern(pattern, dance) if pattern else None)
+        params = HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else None)
         wishes = _Wishes(offset=offset, guess=guess, search=search, dance=dance, params=params)
         told = _told(song, _read(dance_file, fps, joints), beats, wishes)
         if out is not None:

@@ -20,7 +20,7 @@ from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.stage import FRACTION_BITS
 from harmolab.features.poses import mean_heading, skull_and_limbs, turned
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
-from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.types import HarmonyScore, Motion, Skeleton
 
 __all__ = ["render_dance"]
 
@@ -83,8 +83,7 @@ def render_dance(
     height: int = 480,
     width: int | None = None,
     fps: float = 30.0,
-    beats: BeatTrack | None = None,
-    dancer_beats: BeatTrack | None = None,
+    score: HarmonyScore | None = None,
 ) -> Iterator[Frame]:
     """Frames of a dancer on a floor, seen from where she faces on average, by a camera that walks along.
 
@@ -95,9 +94,9 @@ def render_dance(
         `width` defaults to 4/3 of the height.
     fps : float, hertz
         Rate of the pictures; a slower motion is interpolated by cubic splines.
-    beats, dancer_beats : BeatTrack, optional
-        Beats of the music and of the dancer on the motion's time line; each lights its mark in the corner, and a ring
-        shows where both meet (`harmolab.data.beat_marks`).
+    score : HarmonyScore, optional
+        Of the motion with its music: each beat lights its mark in the corner, and a ring shows where two meet
+        (`harmolab.data.beat_marks`).
 
     Yields
     ------
@@ -116,7 +115,7 @@ def render_dance(
     if not (np.isfinite(fps) and fps > 0):
         raise ValueError(f"fps must be positive and finite, got {fps}")
     danced = _to_camera(resample_motion(upsample_motion(motion, fps), fps))
-    return _frames(danced, height, width, BeatMarks(height, beats, dancer_beats))
+    return _frames(danced, height, width, BeatMarks(height, score))
 
 
 def _to_camera(motion: Motion) -> Motion:

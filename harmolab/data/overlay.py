@@ -18,7 +18,7 @@ from harmolab.io.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25
 from harmolab.io.landmarks import is_landmarks, load_landmarks
 from harmolab.io.video import VideoFrames
 from harmolab.kinematics import resample_motion
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import HarmonyScore, Motion
 
 __all__ = ["load_points", "overlay_skeleton", "points_in_picture"]
 
@@ -98,8 +98,7 @@ def overlay_skeleton(
     fps: float,
     motion: Motion,
     *,
-    beats: BeatTrack | None = None,
-    dancer_beats: BeatTrack | None = None,
+    score: HarmonyScore | None = None,
 ) -> Iterator[Frame]:
     """The frames with the skeleton over them, as long as both last; the motion's first frame lies on the first frame.
 
@@ -110,8 +109,8 @@ def overlay_skeleton(
         A motion of another rate is interpolated.
     motion : Motion
         (T, J, 2) pixels of the frames, as from `points_in_picture`. Frames that are not valid are left undrawn.
-    beats, dancer_beats : BeatTrack, optional
-        Beats of the music and of the dancer on the motion's time line, as in `render_dance`.
+    score : HarmonyScore, optional
+        Of the motion with its music, as in `render_dance`.
 
     Yields
     ------
@@ -121,17 +120,15 @@ def overlay_skeleton(
         raise ValueError(f"the motion {IN_SPACE}")
     if not (np.isfinite(fps) and fps > 0):
         raise ValueError(f"fps must be positive and finite, got {fps}")
-    return _overlaid(frames, resample_motion(motion, fps), beats, dancer_beats)
+    return _overlaid(frames, resample_motion(motion, fps), score)
 
 
-def _overlaid(
-    frames: Iterable[Frame], motion: Motion, beats: BeatTrack | None, dancer_beats: BeatTrack | None
-) -> Iterator[Frame]:
+def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | None) -> Iterator[Frame]:
     _, limbs = skull_and_limbs(motion.skeleton)
     marks: BeatMarks | None = None
     # The motion first: zip would else read one frame too many.
     for index, (places, seen, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
-        marks = marks or BeatMarks(len(frame), beats, dancer_beats)
+        marks = marks or BeatMarks(len(frame), score)
         drawn = frame.copy()
         if seen:
             _draw_points(drawn, places, limbs)

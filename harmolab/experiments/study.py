@@ -21,7 +21,7 @@ from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.harmony import hit_mask
 from harmolab.io.cache import cache_folder
 from harmolab.params import BarPattern, HarmonyParams, RunProfile
-from harmolab.parts import cut_parts, learn_patterns
+from harmolab.parts import cut_clips, learn_patterns
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip
 
@@ -193,12 +193,12 @@ def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: fl
         return BarPattern.stop_on_the_beat()
     settings = HarmonyParams.recommended()
     start = float(excerpt(shown, seconds).name.split()[-2])
-    own = cut_parts(shown, "annotated", None, settings)
+    own = cut_clips(shown, "annotated", None, settings)
     near = [part for part in own if part.start < start + seconds and start < part.start + part.duration]
     judged = replace(near[0], figures=frozenset().union(*(part.figures for part in near)))
     others = (item for item in readable_sequences(shown.folder.parent) if item.folder != shown.folder)
     annotated = (item for item in others if item.annotation is not None and item.clip.dance == shown.clip.dance)
-    pieces = [part for item in annotated for part in cut_parts(item, "annotated", None, settings)]
+    pieces = [part for item in annotated for part in cut_clips(item, "annotated", None, settings)]
     return learn_patterns([judged], pieces)[0]
 
 

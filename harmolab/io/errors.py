@@ -14,14 +14,13 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-__all__ = ["MAX_BYTES", "MAX_JSON_BYTES", "MAX_TEXT_BYTES", "PathLike", "read_json", "read_text", "reading"]
-
 PathLike = str | os.PathLike[str]
+Progress = Callable[[Iterable[Any], str], Iterable[Any]]
 
 MAX_BYTES = 512 * 2**20
 # Parsed text takes many times its room.
@@ -45,6 +44,11 @@ _FAULTS = (
     zipfile.BadZipFile,
     pickle.UnpicklingError,
 )
+
+
+def silent(items: Iterable[Any], label: str) -> Iterable[Any]:
+    """The items as they are: the `Progress` that shows nothing."""
+    return items
 
 
 @contextmanager

@@ -6,23 +6,25 @@ import base64
 import html
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import jinja2
 import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import motion_curve
 from harmolab.features.poses import mean_heading, skull_and_limbs
+from harmolab.harmony import score_motion
 from harmolab.io.aside import written_aside
 from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.params import HarmonyParams
-from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, HarmonyScore, Motion
 
 __all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
 
@@ -100,6 +102,63 @@ class BlindPlayer(_Framed):
 
     def __init__(self, audio: Audio, motions: Sequence[Motion]) -> None:
         self.page = blind_page(audio, motions)
+
+
+def player_of(
+    clips: Sequence[Clip],
+    *,
+    start: float | None = None,
+    seconds: float | None = None,
+    title: str = "",
+    facts: Mapping[str, str] | None = None,
+) -> Player:
+    """A player of a clip, or of two dances to the same music side by side, cut to what music and motion share.
+
+    Parameters
+    ----------
+    clips : one Clip with a motion, or two that share sound and offset; the second is shown at the rate of the first
+    start : float, seconds of audio time; the motions' first frame when left out
+    seconds : float, length; to the end of the music when left out
+    title, facts : as in `player_page`; left out, the facts are what each dance scores by speed valleys
+
+    Raises
+    ------
+    ValueError
+        As `player_page`; also where there is no music or no motion, or start and seconds are no times.
+    """
+    if start is not None and not np.isfinite(start):
+        raise ValueError(f"start must be a finite number of seconds, got {start:g}")
+    if seconds is not None and not 0 < seconds < np.inf:
+        raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
+    first = clips[0]
+    begins = max(0.0, first.offset, first.offset if start is None else start)
+    length = first.audio.duration - begins if seconds is None else seconds
+    beats = music_beats(first)
+    shown = [replace(_alike(clip, first), beats=beats).span(begins, length).shared() for clip in clips]
+    dancers = [_scored(clip) for clip in shown]
+    longest = max(shown, key=lambda clip: clip.audio.duration)
+    facts = dict(map(_fact, dancers)) if facts is None else facts
+    return Player(longest.audio, dancers, music=music_beats(longest), title=title, facts=facts)
+
+
+def _fact(dancer: Dancer) -> tuple[str, str]:
+    """Name and text of what a dancer scores."""
+    score = dancer.score
+    return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
+
+
+def _alike(clip: Clip, other: Clip) -> Clip:
+    """The clip with its motion at the frame rate of the other, so that one frame of each is one moment."""
+    if clip.motion is None or other.motion is None:
+        raise ValueError(f"{clip.name}: there is no motion to play")
+    fps = other.motion.fps
+    return replace(clip, motion=resample_motion(upsample_motion(clip.motion, fps), fps))
+
+
+def _scored(clip: Clip) -> Dancer:
+    """The dancer of a shared clip, scored by speed valleys."""
+    motion = cast(Motion, clip.motion)
+    return Dancer(clip.name, motion, score_motion(music_beats(clip), motion, params=HarmonyParams.valleys()))
 
 
 def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
