@@ -18,15 +18,7 @@ from harmolab.data import folders
 from harmolab.data.files import corpus_recordings
 from harmolab.io.errors import PathLike, Progress, silent
 from harmolab.params import DANCES, BarPattern, HarmonyParams
-from harmolab.parts import (
-    CLIP_SECONDS,
-    BeatClip,
-    all_clips,
-    constant_lags,
-    learn_patterns,
-    score_others,
-    score_shifts,
-)
+from harmolab.parts import CLIP_SECONDS, BeatClip, all_clips, constant_lags, learn_patterns, score_others, score_shifts
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
 

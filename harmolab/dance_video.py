@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
 from harmolab.alignment import picture_motion
+from harmolab.beats.audio import music_beats
 from harmolab.data.dance_floor import render_dance
-from harmolab.data.files import TRACKED_AT, load_clip
-from harmolab.data.overlay import load_points, overlay_skeleton, points_in_picture
+from harmolab.data.files import load_clip
+from harmolab.data.overlay import overlay_skeleton, points_in_picture
 from harmolab.harmony import score_motion
 from harmolab.io.errors import PathLike, Progress, silent
 from harmolab.io.motion import save_motion
@@ -19,62 +19,50 @@ from harmolab.io.video import CODINGS, is_video, video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.timewarp import Retimed, retime, warp_video
 from harmolab.timewarp.beats import Method
-from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
+from harmolab.types import Audio, Clip, HarmonyScore, Motion
 
 RATE = 30.0  # pictures a second where nothing else is asked for
-NOTE = "finding the beats (the first time on a machine: half a minute)"
 
 
-def render_files(
-    song: PathLike,
-    motion: PathLike,
+def write_dance(
     out: PathLike,
+    clip: Clip,
     *,
     over: PathLike | None = None,
-    offset: float | None = None,
-    seconds: float | None = None,
     marks: bool = True,
-    dance: str = "",
-    beats: PathLike | None = None,
-    height: int = 480,
     rate: float | None = None,
-    fps: float | None = None,
-    joints: tuple[str, ...] | None = None,
+    height: int = 480,
     progress: Progress = silent,
 ) -> None:
-    """Write a motion file with its song as a video: a stick figure on a floor, or a skeleton over a video.
+    """Write the motion of a clip with its part of the sound as a video, a stick figure on a floor or over a video.
 
     Parameters
     ----------
-    song, motion, offset, seconds, dance, beats, fps, joints : as in `load_clip`
     out : str or path that ends in .mp4 or .webm
-    over : str or path of the video in which the points of `motion` were found, to draw them over it
-    marks : bool, whether marks light up on beats and hits
-    height : int, pixels
+    clip : Clip with a motion
+    over : str or path of the video in which the points of the motion were found, to draw them over it
+    marks : bool, whether marks light up on the beats of the clip, if it has any, on the dancer's and on hits
     rate : float, pictures a second, 30 when left out; a video keeps its own
-    progress : Progress over beat tracking and drawing
+    height : int, pixels
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file.
     """
-    if over is not None and rate is not None:
+    motion = _motion(clip)
+    if over is None:
+        rate = rate or RATE
+        frames = render_dance(motion, fps=rate, height=height, score=_score(clip, motion) if marks else None)
+    elif rate is not None:
         raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
-    if over is not None and Path(out).exists() and Path(out).samefile(over):
+    elif Path(out).exists() and Path(out).samefile(over):
         raise ValueError(f"{out}: is the video to draw over; choose another name")
-    movement = motion if over is None else load_points(motion, fps=fps, joints=joints)
-    for path in progress([song], NOTE):
-        clip = load_clip(
-            path, movement, offset=offset, seconds=seconds, dance=dance, beats=beats if marks else None,
-            track=marks, fps=fps, joints=joints, sample_rate=None,
-        )  # fmt: skip
-    if over is not None:
-        write_overlay(out, clip, over, height=height, progress=progress)
-    elif _motion(clip).positions.shape[2] == 2:
-        raise ValueError(f"{motion}: holds points of a picture; name the video to draw them over with --over")
     else:
-        write_dance(out, clip, rate=rate or RATE, height=height, progress=progress)
+        video = video_frames(over, height=height, colour=True)
+        motion, rate = points_in_picture(motion, video), video.fps
+        frames = overlay_skeleton(video, rate, motion, score=_score(clip, motion) if marks else None)
+    write_video(out, progress(frames, "drawing"), rate, audio=sound_of(clip))
 
 
 def retime_files(
@@ -110,36 +98,18 @@ def retime_files(
     """
     video = video_frames(motion) if is_video(motion) else None
     movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
-    has_sound = Path(out).suffix.lower() in CODINGS
-    for path in progress([song], NOTE):
-        rate = None if has_sound else TRACKED_AT
-        clip = load_clip(path, movement, offset=offset, dance=dance, beats=beats, fps=fps, sample_rate=rate)
-    retimed = retime(
-        _motion(clip), _music(clip), phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method
-    )
+    for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
+        clip = load_clip(path, movement, offset=offset, dance=dance, beats=beats, fps=fps, sample_rate=None)
+    moves = _motion(clip)
+    music = music_beats(clip).span(clip.offset, moves.duration)
+    retimed = retime(moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method)
     if video:
         warp_video(video.path, out, retimed.warp, sound_of(clip))
-    elif has_sound:
+    elif Path(out).suffix.lower() in CODINGS:
         write_dance(out, replace(clip, motion=retimed.motion), progress=progress)
     else:
         save_motion(out, retimed.motion)
     return retimed
-
-
-def write_dance(
-    out: PathLike, clip: Clip, *, rate: float = RATE, height: int = 480, progress: Progress = silent
-) -> None:
-    """Write the motion of a clip as a video with its part of the sound, and with marks of the beats if it has any."""
-    frames = render_dance(_motion(clip), fps=rate, height=height, score=_score(clip))
-    write_video(out, progress(frames, "drawing"), rate, audio=sound_of(clip))
-
-
-def write_overlay(out: PathLike, clip: Clip, over: PathLike, *, height: int = 480, progress: Progress = silent) -> None:
-    """Write the video `over`, from its beginning, with the points of a clip's motion and its part of the sound."""
-    video = video_frames(over, height=height, colour=True)
-    placed = replace(clip, motion=points_in_picture(_motion(clip), video))
-    frames = overlay_skeleton(video, video.fps, _motion(placed), score=_score(placed))
-    write_video(out, progress(frames, "drawing"), video.fps, audio=sound_of(clip))
 
 
 def sound_of(clip: Clip) -> Audio:
@@ -150,16 +120,14 @@ def sound_of(clip: Clip) -> Audio:
 
 
 def _motion(clip: Clip) -> Motion:
-    return cast(Motion, clip.motion)
+    if clip.motion is None:
+        raise ValueError(f"{clip.name}: there is no motion to show")
+    return clip.motion
 
 
-def _music(clip: Clip) -> BeatTrack:
-    """The beats of a clip on its motion's time line."""
-    return cast(BeatTrack, clip.beats).span(clip.offset, _motion(clip).duration)
-
-
-def _score(clip: Clip) -> HarmonyScore | None:
-    """What the marks of a video show: speed valleys on the clip's beats; None where it has no beats."""
+def _score(clip: Clip, motion: Motion) -> HarmonyScore | None:
+    """Hits of speed valleys, which the marks of a video show; None where the clip has no beats."""
     if clip.beats is None:
         return None
-    return score_motion(_music(clip), _motion(clip), params=HarmonyParams.valleys(), n_rotations=0)
+    music = clip.beats.span(clip.offset, motion.duration)
+    return score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)

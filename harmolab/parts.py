@@ -21,14 +21,7 @@ from harmolab.harmony import above_chance
 from harmolab.io.errors import PathLike, Progress, silent
 from harmolab.metrics import beat_align, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.params import DANCES, BarPattern, HarmonyParams
-from harmolab.pattern import (
-    PatternSums,
-    beat_positions,
-    fit_of_speed,
-    fit_pattern,
-    normalised_speed,
-    pattern_sums,
-)
+from harmolab.pattern import PatternSums, beat_positions, fit_of_speed, fit_pattern, normalised_speed, pattern_sums
 from harmolab.rescoring import BeatBatch, rescore
 from harmolab.types import BeatTrack, FloatArray, Motion
 

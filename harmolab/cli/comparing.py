@@ -50,17 +50,9 @@ def compare(
 
     with plain_errors():
         result = run(
-            corpus,
-            dances=names_in(dances),
-            window=window or None,
-            null=null.value,
-            beats=beats.value if beats else None,
-            fit_on=fit_on,
-            n_rotations=rotations,
-            seed=seed,
-            progress=progress,
-            report=left_out,
-        )
+            corpus, dances=names_in(dances), window=window or None, null=null.value, fit_on=fit_on,
+            beats=beats.value if beats else None, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
+        )  # fmt: skip
     if as_json:
         typer.echo(json.dumps(result.summary, indent=2))
     else:

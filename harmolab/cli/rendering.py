@@ -42,12 +42,18 @@ def render(
 
     `harmolab render take.mp4 keypoints/ --fps 25 --over take.mp4 --out checked.webm`
     """
-    from harmolab.dance_video import render_files
+    from harmolab.dance_video import write_dance
+    from harmolab.data.files import load_clip
+    from harmolab.data.overlay import load_points
 
+    names = common.names_in(joints) or None
     with common.plain_errors():
         common.check_out(out, "a video", common.VIDEOS_OUT)
-        render_files(
-            song, motion, out, over=over, offset=offset, seconds=seconds, marks=marks, dance=dance, beats=beats,
-            height=height, rate=rate, fps=fps, joints=common.names_in(joints) or None, progress=common.progress,
-        )  # fmt: skip
+        movement = load_points(motion, fps=fps, joints=names) if over else motion
+        with common.finding_beats():
+            clip = load_clip(
+                song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, track=marks, fps=fps,
+                joints=names, sample_rate=None,
+            )  # fmt: skip
+        write_dance(out, clip, over=over, marks=marks, rate=rate, height=height, progress=common.progress)
     typer.echo(f"wrote {out}")

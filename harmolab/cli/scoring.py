@@ -10,21 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab import __version__
-from harmolab.cli.common import (
-    AsJson,
-    Beats,
-    Dance,
-    DanceName,
-    Fps,
-    Offset,
-    PatternFile,
-    Seconds,
-    Song,
-    finding_beats,
-    plain_errors,
-    renamed,
-    show,
-)
+from harmolab.cli import common
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Seconds, Song, show
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -53,13 +40,13 @@ def score(
     pattern: PatternFile = None,
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
     clock: Annotated[float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.")] = 1.0,
-    as_json: AsJson = False,
+    as_json: common.AsJson = False,
     plot: Annotated[Path | None, typer.Option(help="Save a picture of beats, hits and misses as PNG.")] = None,
     others: Annotated[
         bool, typer.Option("--others", help="Print the field's other measures too: beat alignment, mir_eval.")
     ] = False,
-    _start: Annotated[str | None, renamed("--start", "--offset")] = None,
-    _duration: Annotated[str | None, renamed("--duration", "--seconds")] = None,
+    _start: Annotated[str | None, common.renamed("--start", "--offset")] = None,
+    _duration: Annotated[str | None, common.renamed("--duration", "--seconds")] = None,
 ) -> None:
     """Score a motion against its music.
 
@@ -72,9 +59,9 @@ def score(
     from harmolab.data.files import load_clip
     from harmolab.harmony import other_measures, score_clip
 
-    with plain_errors():
+    with common.plain_errors():
         modes = settings(mode, pattern, dance, lag, clock)
-        with finding_beats():
+        with common.finding_beats():
             clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps)
         scores = {name: score_clip(clip, params) for name, params in modes.items()}
         measures = other_measures(clip, clock=clock) if others else {}

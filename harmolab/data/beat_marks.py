@@ -33,7 +33,8 @@ class BeatMarks:
     Parameters
     ----------
     height : int, pixels of the pictures
-    score : HarmonyScore on the pictures' time line, whose attentional beats and pairs light the marks; or None: no marks
+    score : HarmonyScore or None
+        Its attentional beats and pairs, on the pictures' time line, light the marks; without it there are none.
     """
 
     def __init__(self, height: int, score: HarmonyScore | None) -> None:

@@ -109,7 +109,7 @@ def render_dance(
     """
     width = round(height * 4 / 3) if width is None else width
     if motion.positions.shape[2] != 3:
-        raise ValueError("a floor needs movement in space; draw image coordinates with render_skeleton")
+        raise ValueError("a floor needs movement in space; points of a picture go over their video (--over)")
     if min(height, width) < 64:
         raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
     if not (np.isfinite(fps) and fps > 0):

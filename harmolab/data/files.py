@@ -10,7 +10,7 @@ from pathlib import Path
 
 from harmolab.beats.audio import music_beats
 from harmolab.data import folders
-from harmolab.data.folders import Problem, find_sequences, load_any_motion, load_sequence, told_start
+from harmolab.data.folders import Problem, find_sequences, iter_sequences, load_any_motion, told_start
 from harmolab.harmony import score_clip
 from harmolab.io.audio import resampled
 from harmolab.io.beats import load_annotation
@@ -129,7 +129,7 @@ def corpus_recordings(
     corpus : str or path; recordings in its place are handed on
     dances : names; only recordings of these, of all when empty
     progress : Progress over the folders
-    report : function(Problem), called at the end for each recording that cannot be read
+    report : function(Problem), called for each recording that cannot be read
 
     Raises
     ------
@@ -139,17 +139,10 @@ def corpus_recordings(
     if not isinstance(corpus, str | os.PathLike):
         yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
         return
-    whole, broken = find_sequences(corpus)
-    if not whole:
+    if not find_sequences(corpus).folders:
         raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
-    problems = list(broken)
-    for folder in progress(whole, Path(corpus).name):
-        try:
-            recording = load_sequence(folder)
-        except (ValueError, FileNotFoundError) as error:
-            problems.append(Problem(folder, str(error)))
-            continue
-        if not dances or recording.clip.dance in dances:
-            yield recording
-    for problem in problems:
-        report(problem)
+    for item in progress(iter_sequences(corpus), Path(corpus).name):
+        if isinstance(item, Problem):
+            report(item)
+        elif not dances or item.clip.dance in dances:
+            yield item

@@ -26,8 +26,6 @@ from harmolab.kinematics import resample_motion, smooth, upsample_motion
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, HarmonyScore, Motion
 
-__all__ = ["BlindPlayer", "Dancer", "Player", "blind_page", "framed", "player_page"]
-
 TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 FOLLOW = 0.8  # seconds over which the camera's way is smoothed
@@ -135,16 +133,13 @@ def player_of(
     length = first.audio.duration - begins if seconds is None else seconds
     beats = music_beats(first)
     shown = [replace(_alike(clip, first), beats=beats).span(begins, length).shared() for clip in clips]
-    dancers = [_scored(clip) for clip in shown]
+    dancers = []
+    for clip in shown:
+        music, motion = cast(BeatTrack, clip.beats), cast(Motion, clip.motion)
+        dancers.append(Dancer(clip.name, motion, score_motion(music, motion, params=HarmonyParams.valleys())))
     longest = max(shown, key=lambda clip: clip.audio.duration)
     facts = dict(map(_fact, dancers)) if facts is None else facts
-    return Player(longest.audio, dancers, music=music_beats(longest), title=title, facts=facts)
-
-
-def _fact(dancer: Dancer) -> tuple[str, str]:
-    """Name and text of what a dancer scores."""
-    score = dancer.score
-    return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
+    return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
 
 
 def _alike(clip: Clip, other: Clip) -> Clip:
@@ -155,10 +150,10 @@ def _alike(clip: Clip, other: Clip) -> Clip:
     return replace(clip, motion=resample_motion(upsample_motion(clip.motion, fps), fps))
 
 
-def _scored(clip: Clip) -> Dancer:
-    """The dancer of a shared clip, scored by speed valleys."""
-    motion = cast(Motion, clip.motion)
-    return Dancer(clip.name, motion, score_motion(music_beats(clip), motion, params=HarmonyParams.valleys()))
+def _fact(dancer: Dancer) -> tuple[str, str]:
+    """Name and text of what a dancer scores."""
+    score = dancer.score
+    return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
 
 
 def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
