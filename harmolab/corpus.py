@@ -16,14 +16,14 @@ import numpy as np
 
 from harmolab.data import folders
 from harmolab.data.files import corpus_recordings
-from harmolab.io.errors import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.parts import CLIP_SECONDS, BeatClip, all_clips, constant_lags, learn_patterns, score_others, score_shifts
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
 
 LAGS = (3, 4, 5, 6, 7)  # tenths of a beat: what "lagged music" means
-Corpus = PathLike | Iterable[folders.Sequence]
+Corpus = PathLike | Iterable[folders.Recording]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,7 @@ def compare(
 def _common_beats(*corpora: Corpus | None) -> Literal["annotated", "tracked"]:
     """ "annotated" when every recording of the folders has a beats.json, else "tracked"."""
     roots = [corpus for corpus in corpora if isinstance(corpus, str | os.PathLike)]
-    found = [folder for root in roots for folder in folders.find_sequences(root).folders]
+    found = [folder for root in roots for folder in folders.find_recordings(root).folders]
     return "annotated" if all((folder / "beats.json").is_file() for folder in found) else "tracked"
 
 

@@ -13,7 +13,7 @@ from harmolab.data.dance_floor import render_dance
 from harmolab.data.files import load_clip
 from harmolab.data.overlay import overlay_skeleton, points_in_picture
 from harmolab.harmony import score_motion
-from harmolab.io.errors import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.motion import save_motion
 from harmolab.io.video import CODINGS, is_video, video_frames, write_video
 from harmolab.params import HarmonyParams

@@ -9,19 +9,10 @@ import numpy as np
 import pandas as pd
 
 from harmolab.corpus import CorpusResult, compare
-from harmolab.data.folders import find_sequences
-from harmolab.experiments import corpus_folders, readable_sequences, study_sequences, synthetic_corpus
+from harmolab.data.folders import find_recordings
+from harmolab.experiments import corpus_folders, readable_recordings, study_recordings, synthetic_corpus
 from harmolab.params import BarPattern, RunProfile
 from harmolab.types import FloatArray
-
-__all__ = [
-    "auc_table",
-    "compare_corpora",
-    "dance_patterns_of",
-    "dance_table",
-    "disturbance_table",
-    "pick_table",
-]
 
 
 def compare_corpora(profile: RunProfile, *, window: float | None = 6.0) -> dict[str, CorpusResult]:
@@ -33,9 +24,9 @@ def compare_corpora(profile: RunProfile, *, window: float | None = 6.0) -> dict[
     folders = {**corpus_folders(profile), "synthetic": synthetic_corpus(profile)}
     results = {}
     for name, root in folders.items():
-        found = find_sequences(root).folders
+        found = find_recordings(root).folders
         annotated = all((folder / "beats.json").is_file() for folder in found)
-        sequences = readable_sequences(root) if annotated else study_sequences(profile, name)
+        sequences = readable_recordings(root) if annotated else study_recordings(profile, name)
         results[name] = compare(
             sequences,
             corpus=name,
@@ -49,23 +40,24 @@ def compare_corpora(profile: RunProfile, *, window: float | None = 6.0) -> dict[
 
 def auc_table(results: dict[str, CorpusResult]) -> pd.DataFrame:
     """One row a corpus and score: AUC, interval, chance band, and whether it lies above the band."""
+    columns = [
+        "corpus",
+        "windows",
+        "beats",
+        "score",
+        "AUC",
+        "interval low",
+        "interval high",
+        "chance low",
+        "chance high",
+    ]
     rows = [
-        {
-            "corpus": name,
-            "windows": result.summary["n"],
-            "beats": result.summary["beats"],
-            "score": score,
-            "AUC": row["auc"],
-            "interval low": row["interval"][0],
-            "interval high": row["interval"][1],
-            "chance low": row["chance_band"][0],
-            "chance high": row["chance_band"][1],
-            "tells": "yes" if row["auc"] > row["chance_band"][1] else "no",
-        }
+        (name, result.summary["n"], result.summary["beats"], score, row["auc"], *row["interval"], *row["chance_band"])
         for name, result in results.items()
         for score, row in result.summary["scores"].items()
     ]
-    return pd.DataFrame(rows).round(3)
+    table = pd.DataFrame(rows, columns=columns)
+    return table.assign(tells=np.where(table["AUC"] > table["chance high"], "yes", "no")).round(3)
 
 
 def dance_table(results: dict[str, CorpusResult], score: str = "recommended") -> pd.DataFrame:
@@ -114,15 +106,19 @@ def disturbance_table(profile: RunProfile, what: str, levels: Sequence[float]) -
     what : "noise" (metres), "jitter" (seconds) or "fps" (hertz)
     levels : values of it
     """
-    units = {"noise": "sensor noise (cm)", "jitter": "beat jitter (ms)", "fps": "frame rate (fps)"}
-    scale = {"noise": 100.0, "jitter": 1000.0, "fps": 1.0}[what]
+    units = {
+        "noise": ("sensor noise (cm)", 100.0),
+        "jitter": ("beat jitter (ms)", 1000.0),
+        "fps": ("frame rate (fps)", 1.0),
+    }
+    label, scale = units[what]
     rows = []
     for level in levels:
         root = synthetic_corpus(profile, **{what: level})
-        result = compare(readable_sequences(root), corpus=what, n_rotations=0, seed=profile.seed)
+        result = compare(readable_recordings(root), corpus=what, n_rotations=0, seed=profile.seed)
         row = {name: entry["auc"] for name, entry in result.summary["scores"].items()}
         means = {f"mean {name}": result.summary["scores"][name]["mean_true"] for name in ("recommended", "paper")}
-        rows.append({units[what]: level * scale, **row, **means})
+        rows.append({label: level * scale, **row, **means})
     return pd.DataFrame(rows).round(3)
 
 

@@ -245,8 +245,8 @@ def _pattern_score(
 ) -> HarmonyScore:
     """A pattern fit in the terms of the paper: a music beat is hit where it fits better than the median moment."""
     music = salient_audio(audio_track, params)
-    nearest = hit_pairs(music.times, visual.times - params.lag, delay=np.inf, matching="many")
-    pairs = np.where(fit.shares > 0.5, nearest, -1)
+    times = visual.times - params.lag
+    pairs = hit_pairs(music.times, times, delay=params.reaction_delay, matching=params.matching)
     score = _score(params, music, visual, pairs, fit.shares, fit.mean if len(music) else fit.chance, fit.chance)
     return score if count == 0 or len(music) == 0 else _with_null(score, fit.null, count, seed)
 

@@ -12,24 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.types import Motion
-
-__all__ = [
-    "direction_spread",
-    "joint_speed",
-    "peak_frames",
-    "refine_extrema",
-    "resample_motion",
-    "smooth",
-    "smooth_positions",
-    "step_signs",
-    "turning_points",
-    "upsample_motion",
-    "valley_frames",
-]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import FloatArray, IntArray, Motion
 
 # A step smaller than this share of the curve's maximum counts as a tie (docs/readings.md, Eq. 8-9).
 TIE_TOLERANCE = 1e-6
@@ -93,7 +76,7 @@ def smooth(curve: FloatArray, sigma: float, fps: float) -> FloatArray:
 def smooth_positions(positions: FloatArray, sigma: float, fps: float) -> FloatArray:
     """Joint positions (T, J, D) smoothed along time by a Gaussian of `sigma` seconds; unchanged when `sigma` is 0.
 
-    Beyond its ends the motion is taken to go on as it came (a point reflection), so that no stop is made there.
+    Beyond its ends the motion is taken to go on as it came (a point reflection), so that there is no stop.
     """
     if sigma == 0:
         return positions
@@ -201,7 +184,7 @@ def upsample_motion(motion: Motion, fps: float) -> Motion:
 
 
 def _old_frames(motion: Motion, fps: float) -> tuple[FloatArray, IntArray]:
-    """Where the frames of `motion` at another rate lie among its own, and the frame at or before each."""
+    """Fractional frames of `motion` that its frames at another rate are, and the frame at or before each."""
     count = int(np.floor((motion.n_frames - 1) * fps / motion.fps + 1e-9)) + 1
     if count < 2:
         raise ValueError(f"a motion of {motion.duration:.3f} s has no two frames at {fps:g} fps")

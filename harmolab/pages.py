@@ -20,11 +20,9 @@ from latex2mathml.converter import convert as latex_to_mathml
 from nbconvert import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 
+from harmolab.templates import TEMPLATES, rendered
 from harmolab.viz.style import MANIFEST
 
-__all__ = ["MARK", "PAPER", "NotebookRun", "write_pages"]
-
-TEMPLATES = Path(__file__).with_name("templates")
 MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 
@@ -85,8 +83,8 @@ def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str) -> None
         (folder / run.page).write_text(_page(run, f"{profile} profile, {date}"), "utf-8")
     listed = folder / "figures" / MANIFEST
     manifest = json.loads(listed.read_text("utf-8")) if listed.is_file() else {}
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
-    index = environment.get_template("index.html.j2").render(
+    index = rendered(
+        "index.html.j2",
         runs=runs,
         failures=[run for run in runs if run.error],
         figures={name: entry for name, entry in manifest.items() if name.endswith(".png")},

@@ -18,7 +18,7 @@ from harmolab.data import folders
 from harmolab.data.beats import music_beats
 from harmolab.data.files import corpus_recordings
 from harmolab.harmony import above_chance
-from harmolab.io.errors import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.metrics import beat_align, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.pattern import PatternSums, beat_positions, fit_of_speed, fit_pattern, normalised_speed, pattern_sums
@@ -73,7 +73,7 @@ class BeatClip:
         return self.track.span(self.start - shift, self.duration)
 
 
-def cut_clips(recording: folders.Sequence, beats: str, window: float | None, params: HarmonyParams) -> list[BeatClip]:
+def cut_clips(recording: folders.Recording, beats: str, window: float | None, params: HarmonyParams) -> list[BeatClip]:
     """The clips of one recording, each of `CLIP_SECONDS` or more, as many as fit into its windows.
 
     `window` is in seconds, None for the whole recording; a shorter recording is one window.
@@ -95,7 +95,7 @@ def cut_clips(recording: folders.Sequence, beats: str, window: float | None, par
     return clips
 
 
-def _meter(recording: folders.Sequence, beats: str) -> int | None:
+def _meter(recording: folders.Recording, beats: str) -> int | None:
     """Beats in a bar: as annotated, or as the dance has it."""
     if beats == "annotated" and recording.annotation is not None:
         return recording.annotation.meter
@@ -103,7 +103,7 @@ def _meter(recording: folders.Sequence, beats: str) -> int | None:
 
 
 def _beat_clip(
-    recording: folders.Sequence,
+    recording: folders.Recording,
     window: int,
     start: float,
     motion: Motion,
@@ -136,7 +136,7 @@ def _visual_tracks(motion: Motion) -> dict[str, BeatTrack]:
     return {kind: visual_beats(motion, params=params) for kind, params in kinds.items()}
 
 
-def _units_in(recording: folders.Sequence, start: float, length: float) -> dict[tuple[str, str], float]:
+def _units_in(recording: folders.Recording, start: float, length: float) -> dict[tuple[str, str], float]:
     """Seconds that each (figure, unit) fills of a stretch of the audio time line."""
     seconds: dict[tuple[str, str], float] = {}
     for unit in recording.annotation.units if recording.annotation else ():
@@ -174,7 +174,7 @@ def learn_patterns(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | No
 
 
 def dance_patterns(
-    corpus: PathLike | Iterable[folders.Sequence],
+    corpus: PathLike | Iterable[folders.Recording],
     *,
     progress: Progress = silent,
     report: Callable[[folders.Problem], object] = lambda problem: None,
@@ -296,7 +296,7 @@ def constant_lags(
 
 
 def all_clips(
-    recordings: Iterable[folders.Sequence], beats: str, window: float | None, params: HarmonyParams
+    recordings: Iterable[folders.Recording], beats: str, window: float | None, params: HarmonyParams
 ) -> list[BeatClip]:
     """The clips of every recording."""
     return [clip for recording in recordings for clip in cut_clips(recording, beats, window, params)]

@@ -10,10 +10,8 @@ moves.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +20,7 @@ from scipy.stats import rankdata
 
 from harmolab.beats.saliency import salient_audio
 from harmolab.beats.visual import RATE, motion_curve
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike, read_json, reading
+from harmolab.io.files import PathLike, read_json, reading, write_json
 from harmolab.kinematics import upsample_motion
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Motion
@@ -265,9 +262,7 @@ def _best_places(
 
 def save_patterns(path: PathLike, patterns: Mapping[str, BarPattern]) -> None:
     """Write bar patterns by dance as JSON, whole or not at all; `load_pattern` reads one of them."""
-    with written_aside(Path(path)) as part:
-        text = json.dumps({dance: asdict(pattern) for dance, pattern in patterns.items()}, indent=2)
-        part.write_text(text + "\n", encoding="utf-8")
+    write_json(path, dict(patterns))
 
 
 def load_pattern(path: PathLike, dance: str = "") -> BarPattern:

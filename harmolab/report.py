@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import sys
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,10 +19,9 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from nbconvert.filters.ansi import strip_ansi
 from tqdm import tqdm
 
+from harmolab.io.files import atomic_folder, atomic_write
 from harmolab.pages import MARK, NotebookRun, write_pages
 from harmolab.viz.style import MANIFEST
-
-__all__ = ["Report", "build", "main", "run_notebook"]
 
 
 @dataclass(frozen=True)
@@ -77,21 +75,14 @@ def build(
     if out.is_dir() and any(out.iterdir()) and not _is_report(out):
         raise ValueError(f"{out} holds files that are no report of ours; name an empty or new folder")
     out.parent.mkdir(parents=True, exist_ok=True)
-    aside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    try:
-        aside.chmod(0o755)
-        drawn = aside / "figures"
+    with atomic_folder(out) as part:
+        drawn = part / "figures"
         drawn.mkdir()
         variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(drawn)}
         runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress))
-        write_pages(aside, runs, profile)
+        write_pages(part, runs, profile)
         if figures is not None and not any(run.error for run in runs):
             _publish(drawn, Path(figures))
-        if out.is_dir():
-            shutil.rmtree(out)
-        aside.replace(out)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
     return Report(out / "index.html", tuple(runs))
 
 
@@ -147,7 +138,7 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
 
 
 def _cell(node: nbformat.NotebookNode, started: Sequence[int]) -> str:
-    """Which code cell ran last, counted as the reader counts them."""
+    """The code cell that ran last, counted as the reader counts them."""
     last = started[-1] if started else 0
     return f"code cell {sum(cell.cell_type == 'code' for cell in node.cells[: last + 1])}"
 
@@ -173,9 +164,8 @@ def _publish(drawn: Path, figures: Path) -> None:
         if not (drawn / name).is_file():
             (figures / Path(name).name).unlink(missing_ok=True)
     for file in sorted(drawn.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
-        part = figures / f".{file.name}.part"
-        shutil.copyfile(file, part)
-        part.replace(figures / file.name)
+        with atomic_write(figures / file.name) as part:
+            shutil.copyfile(file, part)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -188,16 +178,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 300, full: 3600)")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
     options = parser.parse_args(arguments)
-    timeout = options.timeout or {"quick": 300.0, "full": 3600.0}[options.profile]
+    options.timeout = options.timeout or {"quick": 300.0, "full": 3600.0}[options.profile]
     try:
-        report = build(
-            options.notebooks,
-            options.out,
-            profile=options.profile,
-            figures=options.figures,
-            timeout=timeout,
-            jobs=options.jobs,
-        )
+        report = build(**vars(options))
     except (ValueError, FileNotFoundError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

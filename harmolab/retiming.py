@@ -1,4 +1,4 @@
-"""Brings a given dance into harmony with music: small movements of the joints that put its visual beats on the beat.
+"""A given dance brought into harmony with music: small movements of the joints put its visual beats on the beat.
 
 The relaxed harmony of `harmolab.models.soft_harmony` is raised by gradient. Two things hold exactly, whatever the
 gradient wants: no joint moves further than it may, and every bone keeps the length it has in each frame.
@@ -6,7 +6,7 @@ gradient wants: no joint moves further than it may, and every bone keeps the len
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,13 +15,12 @@ from torch import Tensor
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_harmony
+from harmolab.io.files import Progress, silent
 from harmolab.models.losses import foot_loss, jerk_loss
-from harmolab.models.poses import ancestors
 from harmolab.models.soft_harmony import anneal, soft_harmony
 from harmolab.params import HarmonyParams
+from harmolab.skeletons import ancestors
 from harmolab.types import BeatTrack, Motion
-
-__all__ = ["harmonise"]
 
 KNOT = 0.15  # seconds between the knots of the splines that offsets follow: little above 3 Hz is added
 RATE = 30.0  # hertz: the search looks at this many frames a second, or a few more
@@ -31,7 +30,7 @@ RATE_OF_STEPS = 0.03  # of the reach: what Adam changes a knot by in one step, a
 DISTANCE_WEIGHT, JERK_WEIGHT, FOOT_WEIGHT = 1.0, 0.2, 0.5
 FOOT_HEIGHT = 0.05  # metres: a joint that comes as close as this to the lowest one of all is part of a foot
 SHARPNESS = 16  # exponent of the bound: the higher, the closer to the reach a joint may come
-LOOKS = 6  # how many times on the way the hard score is asked which movement is best
+LOOKS = 6  # times on the way that the hard score chooses the best movement so far
 
 
 def harmonise(
@@ -42,7 +41,7 @@ def harmonise(
     params: HarmonyParams | None = None,
     steps: int = 300,
     seed: int = 0,
-    progress: Callable[[Iterable[int], str], Iterable[int]] | None = None,
+    progress: Progress = silent,
 ) -> Motion:
     """The motion with its joints moved a little, so that its visual beats meet the music's.
 
@@ -75,19 +74,19 @@ def harmonise(
         raise ValueError(f"reach must be positive, got {reach}")
     if steps < 1:
         raise ValueError(f"steps must be at least 1, got {steps}")
-    chosen = params or HarmonyParams.valleys()
+    params = params or HarmonyParams.valleys()
     music = beats.span(0.0, motion.duration)
-    best = _above_chance(motion, music, chosen)
+    best = _above_chance(motion, music, params)
     if len(music) == 0 or best >= 1 - 1e-9:
         return motion
     body, splines = _Body.of(motion), _Splines.of(motion)
-    found, turns = motion, (progress or _silent)(range(steps), "harmonising")
-    for knots in _search(motion, music, reach=reach, params=chosen, turns=turns, steps=steps, seed=seed):
+    best_motion, turns = motion, progress(range(steps), "harmonising")
+    for knots in _search(motion, music, reach=reach, params=params, turns=turns, steps=steps, seed=seed):
         candidate = replace(motion, positions=body.moved(splines.at(knots), reach).numpy())
-        score = _above_chance(candidate, music, chosen)
+        score = _above_chance(candidate, music, params)
         if score > best:
-            best, found = score, candidate
-    return found
+            best, best_motion = score, candidate
+    return best_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,8 +186,8 @@ def _loss(
     """-h_cc, mean squared distance in reaches, jerk above that of the motion, and feet that slide more than in it."""
     moved, before, valid = positions[None], torch.tensor(motion.positions)[None], torch.tensor(motion.valid)[None]
     times, strengths = torch.tensor(music.times)[None], torch.tensor(music.strengths)[None]
-    heard, frames = torch.ones_like(times), torch.ones_like(valid)
-    soft = soft_harmony(moved, times, strengths, heard, valid, fps=motion.fps, tau=tau, params=params)
+    present, frames = torch.ones_like(times), torch.ones_like(valid)
+    soft = soft_harmony(moved, times, strengths, present, valid, fps=motion.fps, tau=tau, params=params)
     loss = -soft.above_chance.sum() + DISTANCE_WEIGHT * (moved - before).square().sum(dim=-1).mean() / reach**2
     loss = loss + JERK_WEIGHT * jerk_loss(moved, before, frames, fps=motion.fps)
     if feet := _feet(motion):
@@ -215,7 +214,3 @@ def _every_nth(motion: Motion, n: int) -> Motion:
     if n == 1:
         return motion
     return Motion(motion.positions[::n], motion.fps / n, motion.skeleton, motion.valid[::n])
-
-
-def _silent(turns: Iterable[int], _: str) -> Iterable[int]:
-    return turns

@@ -1,14 +1,17 @@
-"""What chance would reach: nulls by rotation in time, p-values, bootstrap intervals, AUC."""
+"""Chance and uncertainty: nulls by rotation in time, p-values, intervals (Student, Wilson, bootstrap), AUC."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri, stdtrit
 
-__all__ = ["auc", "bootstrap_interval", "p_value", "rotated_shares", "rotations"]
+from harmolab.types import FloatArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+LEVEL = 0.95  # of every interval, unless another is given
 
 
 def rotations(duration: float, count: int) -> FloatArray:
@@ -17,13 +20,7 @@ def rotations(duration: float, count: int) -> FloatArray:
 
 
 def rotated_shares(
-    audio_times: FloatArray,
-    visual_times: FloatArray,
-    weights: FloatArray,
-    *,
-    delay: float,
-    duration: float,
-    count: int,
+    audio_times: FloatArray, visual_times: FloatArray, weights: FloatArray, *, delay: float, duration: float, count: int
 ) -> FloatArray:
     """Weighted hits after each of `count` rotations of the visual beats within the clip.
 
@@ -42,9 +39,9 @@ def rotated_shares(
     if visual_times.size == 0 or audio_times.size == 0:
         return np.zeros(count)
     around = np.concatenate([visual_times[-1:] - duration, visual_times, visual_times[:1] + duration])
-    asked = np.mod(audio_times[None, :] - rotations(duration, count)[:, None], duration)
-    after = np.clip(np.searchsorted(around, asked), 1, around.size - 1)
-    distance = np.minimum(np.abs(around[after] - asked), np.abs(asked - around[after - 1]))
+    shifted = np.mod(audio_times[None, :] - rotations(duration, count)[:, None], duration)
+    after = np.clip(np.searchsorted(around, shifted), 1, around.size - 1)
+    distance = np.minimum(np.abs(around[after] - shifted), np.abs(shifted - around[after - 1]))
     return (distance <= delay + 1e-9) @ weights
 
 
@@ -58,8 +55,50 @@ def p_value(observed: float, null: ArrayLike) -> float:
     return float((1 + np.count_nonzero(values >= observed - 1e-12)) / (1 + values.size))
 
 
+def mean_interval(values: ArrayLike, level: float = LEVEL) -> tuple[float, float, float]:
+    """Mean of (n,) values and its interval by Student's t: (mean, low, high).
+
+    Both bounds are NaN with fewer than two values or an infinite one; so is the mean of no values.
+
+    >>> mean_interval([2.0])
+    (2.0, nan, nan)
+    """
+    numbers = np.asarray(values, dtype=np.float64)
+    mean = float(numbers.mean()) if numbers.size else math.nan
+    if numbers.size < 2 or np.isinf(numbers).any():
+        return mean, math.nan, math.nan
+    half = float(numbers.std(ddof=1) / np.sqrt(numbers.size) * stdtrit(numbers.size - 1, (1 + level) / 2))
+    return mean, mean - half, mean + half
+
+
+def wilson_interval(hits: float, n: float, level: float = LEVEL, *, freedom: float = math.inf) -> tuple[float, float]:
+    """Wilson's score interval of a share: `hits` of `n` answers, neither of which need be whole.
+
+    Parameters
+    ----------
+    hits, n : float
+    level : float
+    freedom : float
+        Degrees of freedom of the variance behind `n`; Student's quantile then takes the place of the Gaussian's.
+
+    Returns
+    -------
+    (low, high) within 0 and 1; both NaN without answers.
+
+    >>> [round(bound, 3) for bound in wilson_interval(8, 10)]
+    [0.49, 0.943]
+    """
+    if n == 0:
+        return math.nan, math.nan
+    share, quantile = hits / n, stdtrit(freedom, (1 + level) / 2) if np.isfinite(freedom) else ndtri((1 + level) / 2)
+    square = quantile**2 / n
+    centre = (share + square / 2) / (1 + square)
+    half = quantile * math.sqrt(share * (1 - share) / n + square / (4 * n)) / (1 + square)
+    return (float(max(centre - half, 0.0)) if hits > 0 else 0.0), (float(min(centre + half, 1.0)) if hits < n else 1.0)
+
+
 def bootstrap_interval(
-    values: ArrayLike, weights: ArrayLike | None = None, *, count: int = 1000, seed: int = 0, level: float = 0.95
+    values: ArrayLike, weights: ArrayLike | None = None, *, count: int = 1000, seed: int = 0, level: float = LEVEL
 ) -> tuple[float, float]:
     """Percentile interval of the weighted mean of `values`, resampled with replacement.
 
@@ -72,11 +111,31 @@ def bootstrap_interval(
     numbers = np.asarray(values, dtype=np.float64)
     mass = np.ones_like(numbers) if weights is None else np.asarray(weights, dtype=np.float64)
     if numbers.size < 2 or mass.sum() <= 0:
-        return float("nan"), float("nan")
+        return math.nan, math.nan
     drawn = np.random.default_rng(seed).integers(0, numbers.size, (count, numbers.size))
     total = mass[drawn].sum(axis=1)
     means = np.divide((numbers * mass)[drawn].sum(axis=1), total, out=np.zeros(count), where=total > 0)
-    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2])
+    return _percentiles(means, level)
+
+
+def bootstrap_interval_of(
+    statistic: Callable[[NDArray[np.int64]], float], n: int, *, count: int = 1000, seed: int = 0, level: float = LEVEL
+) -> tuple[float, float]:
+    """Percentile interval of ``statistic(places)`` over resamplings of the places 0 to n - 1.
+
+    Returns
+    -------
+    (low, high); both NaN with fewer than two places, or where more than half of the values are NaN.
+    """
+    if n < 2:
+        return math.nan, math.nan
+    drawn = np.random.default_rng(seed).integers(0, n, (count, n))
+    values = np.array([statistic(places) for places in drawn])
+    return (math.nan, math.nan) if np.isnan(values).mean() > 0.5 else _percentiles(values, level)
+
+
+def _percentiles(values: FloatArray, level: float) -> tuple[float, float]:
+    low, high = np.nanquantile(values, [(1 - level) / 2, (1 + level) / 2])
     return float(low), float(high)
 
 

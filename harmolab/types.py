@@ -275,8 +275,8 @@ class HarmonyScore:
     params : HarmonyParams, the settings it was computed with
     music, visual : BeatTrack, the attentional beats of both sides on the motion's time line, the lag not taken off
     pairs : (N,) array of int
-        Index of the visual beat that hits each attentional music beat, -1 for a miss. With a bar pattern: of the
-        visual beat that is nearest to a music beat that fits.
+        Index of the visual beat within the delay of each attentional music beat, -1 for a miss (Eq. 18). The score by
+        a bar pattern does not rest on them, but pictures of who meets whom do.
     shares : (N,) array
         Share of each attentional music beat in the score: 1 for a hit and 0 for a miss, or with a bar pattern its
         percentile rank among all moments.
@@ -315,7 +315,7 @@ class HarmonyScore:
 
     @property
     def hits(self) -> BoolArray:
-        """Whether each attentional music beat is hit, (N,) (Eq. 18); with a bar pattern, whether it fits."""
+        """Whether each attentional music beat counts as hit, (N,) (Eq. 18); with a bar pattern, whether it fits."""
         return self.shares > 0.5
 
     @property

@@ -9,20 +9,22 @@ import pandas as pd
 import pytest
 
 from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.experiments import ablation, dances
+from harmolab.experiments import ablation, judging
 from harmolab.experiments.ablation import (
     PAPER_MEANS,
     TARGETS,
     forced_choice,
     gains,
-    mean_interval,
     seed_means,
     targets_met,
 )
 from harmolab.experiments.dances import danced_unit
 from harmolab.experiments.generation import VARIANTS
+from harmolab.features.poses import encode_motion
 from harmolab.params import FeatureParams, RunProfile
-from harmolab.types import Skeleton
+from harmolab.significance import mean_interval
+from harmolab.types import Motion, Skeleton
+from tests.builders import bobbing
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 MEASURES = ("above_chance", "count_ratio", "jerk", "fid")
@@ -176,19 +178,12 @@ FPS = 15.0
 JOINT = Skeleton(("joint",), (-1,))
 
 
-def bobbing(first_rest: float, size: float = 0.2) -> np.ndarray:
-    """Motion code of four seconds, at rest at `first_rest`, and every half second after."""
-    code = np.zeros((60, 6))
-    code[:, 1] = 1.0 + size * np.cos(2 * np.pi * (np.arange(60) / FPS - first_rest))
-    return code
-
-
 def unit(name: str, first_rest: float = 0.25) -> DanceUnit:
     """A unit with a beat every half second from 0.25 s, two seconds of them before the meter."""
     beats = 0.25 + 0.5 * np.arange(8)
     frames = np.zeros((60, 1), np.float32)
     index = np.repeat([1.0, 0.0], 30).astype(np.float32)
-    motion = bobbing(first_rest).astype(np.float32)
+    motion = encode_motion(bobbing(first_rest).positions, FPS, JOINT)
     groups = frozenset({"a"})
     return DanceUnit(name, "s", "waltz", groups, groups, 0.0, frames, motion, index, beats, np.ones(8), FPS)
 
@@ -197,16 +192,17 @@ def unit(name: str, first_rest: float = 0.25) -> DanceUnit:
 def stubs(monkeypatch: pytest.MonkeyPatch) -> UnitSet:
     """Generators without a network: "recommended" rests on every beat, "paper" beside it, the others stand still."""
     units = UnitSet((unit("one"), unit("two")), JOINT, np.zeros(1), FeatureParams())
-    codes = {"recommended": bobbing(0.25), "paper": bobbing(0.5)}
+    still = Motion(np.tile([0.0, 1.0, 0.0], (60, 1, 1)), FPS, JOINT)
+    dances = {"recommended": bobbing(0.25), "paper": bobbing(0.5)}
     names = {id(variant): name for name, variant in VARIANTS.items()}
 
     def trained(profile: RunProfile, corpus: str, variant: object, seed: int) -> SimpleNamespace:
         return SimpleNamespace(generator=names[id(variant)], split=SimpleNamespace(test=units), pose_net=None)
 
-    def generate(generator: str, chosen: UnitSet) -> list[np.ndarray]:
-        return [codes.get(generator, np.tile([0.0, 1.0, 0.0, 0.0, 0.0, 0.0], (60, 1)))] * len(chosen)
+    def generate(generator: str, units: UnitSet) -> list[Motion]:
+        return [dances.get(generator, still)] * len(units)
 
-    for module in (ablation, dances):
+    for module in (ablation, judging):
         monkeypatch.setattr(module, "trained", trained)
         monkeypatch.setattr(module, "generate", generate)
     return units
@@ -216,7 +212,9 @@ def test_table_has_every_variant_and_the_recorded_motion_for_each_corpus_and_see
     stubs: UnitSet, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(ablation, "generator_corpora", lambda profile: ("one", "two"))
-    monkeypatch.setattr(ablation, "judge", lambda codes, units, net, seed: {"height": float(np.ptp(codes[0][:, 1]))})
+    monkeypatch.setattr(
+        ablation, "judge", lambda motions, *_, seed: {"height": float(np.ptp(motions[0].positions[..., 1]))}
+    )
     table = ablation.ablation(PROFILE)
     assert len(table) == 2 * 3 * 5
     assert table["seed"].unique().tolist() == [1, 2, 3]

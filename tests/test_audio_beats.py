@@ -13,7 +13,7 @@ import pytest
 
 import harmolab.beats.audio as listening
 from harmolab.beats.audio import audio_beats, beat_strengths, onset_envelope, tempo_range
-from harmolab.io.cache import cache_folder
+from harmolab.io.files import cache_folder
 from harmolab.types import Audio
 
 Clicks = Callable[..., Audio]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -29,12 +28,13 @@ from harmolab.experiments.cheating import (
     trick_gains,
     trick_means,
 )
-from harmolab.experiments.generation import SYNTHETIC, VARIANTS
+from harmolab.experiments.generation import SYNTHETIC
 from harmolab.params import FeatureParams, RunProfile
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 from harmolab.viz.cheating import CHEAT_MEASURES, cheating_figure, draw_dumbbells
 from harmolab.viz.style import COLOURS
 from harmolab.viz.variants import LOOKS
+from tests.builders import bobbing
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 TWO = Skeleton(("hip", "knee"), (-1, 0))
@@ -105,8 +105,8 @@ def test_single_beat_has_no_half():
 def table(monkeypatch: pytest.MonkeyPatch, swinging_arm: Callable[..., Motion]) -> pd.DataFrame:
     """Tricks on one clip: an arm that rests on every beat."""
     beats = BeatTrack(0.25 + 0.5 * np.arange(12), np.ones(12), 100.0, 6.0)
-    clip = Clip("arm", Audio(np.zeros(6000), 1000.0), swinging_arm(1.0, 60.0), beats=beats)
     monkeypatch.setattr(module, "generator_corpora", lambda profile: ("one", "two"))
+    clip = ("arm", swinging_arm(1.0, 60.0), beats)
     monkeypatch.setattr(module, "studied_clips", lambda profile, corpus: iter([clip]))
     return cheating(PROFILE)
 
@@ -164,38 +164,23 @@ def test_synthetic_clips_are_read_from_their_own_corpus_where_there_are_recordin
     }
     monkeypatch.setattr(module, "excerpt", lambda sequence, seconds: clips[sequence])
     monkeypatch.setattr(module, "synthetic_corpus", lambda profile: "folder")
-    monkeypatch.setattr(module, "readable_sequences", lambda folder: iter(["still", "dances"]))
-    monkeypatch.setattr(module, "study_sequences", lambda profile, corpus: iter(["still"]))
+    monkeypatch.setattr(module, "readable_recordings", lambda folder: iter(["still", "dances"]))
+    monkeypatch.setattr(module, "study_recordings", lambda profile, corpus: iter(["still"]))
     monkeypatch.setattr(module, "data_root", lambda: "recordings")
-    assert [clip.name for clip in studied_clips(PROFILE, SYNTHETIC)] == ["b"]
+    assert [name for name, *_ in studied_clips(PROFILE, SYNTHETIC)] == ["b"]
     assert list(studied_clips(PROFILE, "recordings")) == []
-
-
-def bobbing(first_rest: float) -> np.ndarray:
-    """Motion code of one joint for four seconds, at rest at `first_rest`, and every half second after."""
-    code = np.zeros((60, 6))
-    code[:, 1] = 1.0 + 0.2 * np.cos(2 * np.pi * (np.arange(60) / 15 - first_rest))
-    return code
 
 
 def test_generator_that_listens_falls_with_late_music_and_one_beside_the_beat_rises(monkeypatch: pytest.MonkeyPatch):
     beats, index = 0.25 + 0.5 * np.arange(8), np.repeat([1.0, 0.0], 30).astype(np.float32)
     unit = DanceUnit(
         "one", "s", "waltz", frozenset("a"), frozenset("a"), 0.0, np.zeros((60, 1), np.float32),
-        bobbing(0.25).astype(np.float32), index, beats, np.ones(8), 15.0,
+        np.zeros((60, 6), np.float32), index, beats, np.ones(8), 15.0,
     )  # fmt: skip
     units = UnitSet((unit,), Skeleton(("joint",), (-1,)), np.zeros(1), FeatureParams())
-    names = {id(variant): name for name, variant in VARIANTS.items()}
-    codes = {"recommended": bobbing(0.25), "paper": bobbing(0.5)}
+    dances = {"recorded": [bobbing(0.25)], "recommended": [bobbing(0.25)], "paper": [bobbing(0.5)]}
     monkeypatch.setattr(module, "generator_corpora", lambda profile: ("made up",))
-    monkeypatch.setattr(module, "generate", lambda name, chosen: [codes.get(name, np.ones((60, 6)))])
-    monkeypatch.setattr(
-        module,
-        "trained",
-        lambda profile, corpus, variant, seed: SimpleNamespace(
-            generator=names[id(variant)], split=SimpleNamespace(test=units)
-        ),
-    )
+    monkeypatch.setattr(module, "danced_units", lambda profile, corpus: (units, dances))
     rates = generators_half_a_beat_late(PROFILE).set_index(["trick", "music"])["hit_rate"]
     assert (rates["recommended", TRUE], rates["recommended", LATE]) == (1.0, 0.0)
     assert (rates["paper", TRUE], rates["paper", LATE]) == (0.0, 1.0)

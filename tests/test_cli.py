@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
-from harmolab.data.folders import load_sequence
+from harmolab.data.folders import load_recording
 from harmolab.data.synthetic import write_corpus
 from harmolab.harmony import score_clip
 from harmolab.params import HarmonyParams
+from tests.builders import called
 
 MODE_KEYS = {
     "harmony", "harmony_above_chance", "hit_rate", "chance", "hitting_score", "n_audio", "n_visual", "p_value",
@@ -35,14 +36,13 @@ def clip_folder(corpus: Path) -> Path:
     return sorted(corpus.glob("clip_*_rumba"))[0]
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+run = partial(called, app)
 
 
 def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:
     result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json")
     printed = json.loads(result.stdout)
-    clip = load_sequence(clip_folder).clip
+    clip = load_recording(clip_folder).clip
     from dataclasses import replace
 
     for mode, params in (("paper", HarmonyParams.paper()), ("recommended", HarmonyParams.recommended())):

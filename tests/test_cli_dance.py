@@ -13,7 +13,6 @@ from typing import Any
 import av
 import numpy as np
 import pytest
-import soundfile
 import torch
 from typer.testing import CliRunner, Result
 
@@ -29,21 +28,20 @@ from harmolab.models.weights import load_generator, save_weights
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.synthesis import synthesize_dance
 from harmolab.types import BeatTrack, Clip, Motion
+from tests.builders import planted_dance, write_song
 
 FPS = 15.0
 
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return harmolab.synthetic_clip("cha-cha", seed=1)
+    return planted_dance()
 
 
 @pytest.fixture(scope="module")
 def song(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six seconds of a synthetic cha-cha."""
-    path = tmp_path_factory.mktemp("music") / "song.wav"
-    soundfile.write(path, clip.audio.samples, round(clip.audio.sample_rate))
-    return path
+    return write_song(tmp_path_factory.mktemp("music") / "song.wav", clip)
 
 
 @pytest.fixture(scope="module")

@@ -6,21 +6,17 @@ import json
 from pathlib import Path
 
 import pytest
-import soundfile
 from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
-from harmolab.io.motion import save_motion
 from harmolab.types import Clip
+from tests.builders import write_dance, write_song
 
 
 @pytest.fixture
 def files(planted_clip: Clip, tmp_path: Path) -> tuple[Path, Path]:
     """Song and motion of a synthetic cha-cha."""
-    song, motion = tmp_path / "song.wav", tmp_path / "dance.npz"
-    soundfile.write(song, planted_clip.audio.samples, round(planted_clip.audio.sample_rate))
-    save_motion(motion, planted_clip.motion)
-    return song, motion
+    return write_song(tmp_path / "song.wav", planted_clip), write_dance(tmp_path / "dance.npz", planted_clip)
 
 
 def explain(*arguments: object) -> Result:

@@ -17,10 +17,11 @@ from harmolab.cli.retiming import retime
 from harmolab.data.stage import render_skeleton
 from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.harmony import score_harmony
-from harmolab.io import load_motion, save_motion
+from harmolab.io import load_motion
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip
+from tests.builders import write_dance, write_song
 
 app = typer.Typer()
 app.command()(retime)
@@ -33,17 +34,12 @@ def clip() -> Clip:
 
 @pytest.fixture(scope="module")
 def song(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("music") / "song.wav"
-    soundfile.write(path, clip.audio.samples, round(clip.audio.sample_rate))
-    return path
+    return write_song(tmp_path_factory.mktemp("music") / "song.wav", clip)
 
 
 @pytest.fixture(scope="module")
 def dance(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("motion") / "dance.npz"
-    assert clip.motion is not None
-    save_motion(path, clip.motion)
-    return path
+    return write_dance(tmp_path_factory.mktemp("motion") / "dance.npz", clip)
 
 
 def call(*arguments: object) -> Result:

@@ -8,19 +8,20 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from functools import partial
 from pathlib import Path
 from urllib.parse import urlencode
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
-from harmolab.data.folders import load_sequence
+from harmolab.data.folders import load_recording
 from harmolab.data.synthetic import write_corpus
 from harmolab.io import save_motion
 from harmolab.listening.folders import answer_log, read_key, read_page, read_scores, read_trials, write_scores
 from harmolab.listening.raters import SimulatedRater
+from tests.builders import called
 
 N = 8
 
@@ -30,8 +31,7 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_corpus(tmp_path_factory.mktemp("corpus") / "dances", clips=14, seconds=7.0, fps=30.0, seed=2)
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+run = partial(called, app)
 
 
 def made(corpus: Path, out: Path, *options: object) -> Path:
@@ -99,7 +99,7 @@ def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_
     against.mkdir()
     names = [path.name for path in sorted(corpus.glob("clip_*"))]
     for name in names[1:]:
-        motion = load_sequence(corpus / name).clip.motion
+        motion = load_recording(corpus / name).clip.motion
         assert motion is not None
         save_motion(against / f"{name}.npz", motion)
     result = run(

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from harmolab.beats.meter import meter_units
-from harmolab.data.clips import load_units, meter_spans, sequence_units, split_units
-from harmolab.data.folders import Sequence
+from harmolab.data.clips import load_units, meter_spans, recording_units
+from harmolab.data.folders import Recording
 from harmolab.data.groups import Segment
+from harmolab.data.splits import split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.features.audio import audio_features
 from harmolab.features.poses import encode_motion
@@ -24,32 +25,28 @@ from harmolab.io.motion import save_motion
 from harmolab.kinematics import resample_motion
 from harmolab.params import FeatureParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import metronome
 
 PARAMS = FeatureParams(fps=10.0, n_mfcc=4)
 # Accents of two 4/4 meters, as in the tests of Eq. 22.
 BAR = [3.0, 1.0, 2.0, 1.0]
 
 
-def track(strengths: list[float] | np.ndarray) -> BeatTrack:
-    """Beats every half second."""
-    return BeatTrack(np.arange(len(strengths)) * 0.5, strengths, 15.0, len(strengths) * 0.5 + 1.0)
-
-
 @pytest.fixture
-def danced(swinging_arm: Callable[..., Motion], click_track: Callable[..., Audio]) -> Callable[..., Sequence]:
+def danced(swinging_arm: Callable[..., Motion], click_track: Callable[..., Audio]) -> Callable[..., Recording]:
     """`danced()`: an arm that swings at 20 fps from second 2 on; beats every half second are written down.
 
     The music is silent then, so that all beats are equal and no accents make a meter. Without annotation it clicks.
     """
 
-    def build(*, seconds: float = 12.0, offset: float = 2.0, annotated: bool = True, valid=None, units=()) -> Sequence:
+    def build(*, seconds: float = 12.0, offset: float = 2.0, annotated: bool = True, valid=None, units=()) -> Recording:
         motion = swinging_arm(1.0, 20.0, seconds=seconds)
         if valid is not None:
             motion = replace(motion, valid=valid(np.arange(motion.n_frames) / motion.fps))
         audio = Audio(np.zeros(16 * 22050), 22050.0) if annotated else click_track(120, seconds=16.0)
         annotation = BeatAnnotation(np.arange(0, 16, 0.5), units=units, meter=4)
         clip = Clip("arm", audio, motion, offset, beats=annotation.track(16.0), dance="cha-cha")
-        return Sequence(clip, annotation if annotated else None, Path("corpus/arm"))
+        return Recording(clip, annotation if annotated else None, Path("corpus/arm"))
 
     return build
 
@@ -63,26 +60,26 @@ def ends_meet(spans: list[tuple[int, int]], total: int) -> bool:
     return edges[0][0] == 0 and edges[-1][1] == total and all(a[1] == b[0] for a, b in pairwise(edges))
 
 
-@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("n_beats", [5, 6, 7, 9, 10, 11, 12, 13, 30, 101])
-def test_a_track_is_tiled_by_four_to_six_beats(n_beats: int, seed: int):
-    strengths = np.random.default_rng(seed).random(n_beats)
-    spans = meter_spans(track(strengths), PARAMS)
-    assert ends_meet(spans, n_beats - 1)
-    assert {count for _, count in spans} <= {4, 5, 6}
+def test_a_track_is_tiled_by_four_to_six_beats(n_beats: int):
+    for seed in range(5):
+        strengths = np.random.default_rng(seed).random(n_beats)
+        spans = meter_spans(metronome(strengths), PARAMS)
+        assert ends_meet(spans, n_beats - 1)
+        assert {count for _, count in spans} <= {4, 5, 6}
 
 
 def test_meter_units_stay_where_they_are():
     # 5 weak beats, two meters, 5 weak beats: 0 + 5 + 4 + 4 + 5.
     strengths = [5.0, 4.0, 3.0, 2.0, 1.0, *BAR, *BAR, 4.0, 3.0, 2.0, 1.0, 0.5, 0.4]
-    music = track(strengths)
+    music = metronome(strengths)
     assert [unit.start for unit in meter_units(music)][:2] == [2.5, 4.5]
     assert meter_spans(music, PARAMS)[:3] == [(0, 5), (5, 4), (9, 4)]
 
 
 def test_a_gap_too_short_for_a_meter_joins_a_neighbour():
     # One beat, a meter of four, one more beat: neither gap can stand alone.
-    music = track([2.0, *BAR, 9.0, 8.0])
+    music = metronome([2.0, *BAR, 9.0, 8.0])
     assert [unit.start for unit in meter_units(music)] == [0.5]
     assert meter_spans(music, PARAMS) == [(0, 6)]
 
@@ -92,18 +89,18 @@ def test_a_gap_too_short_for_a_meter_joins_a_neighbour():
     [(0, []), (1, []), (2, [(0, 1)]), (4, [(0, 3)]), (5, [(0, 4)]), (8, [(0, 7)])],
 )
 def test_few_beats_make_one_span_or_none(n_beats: int, spans: list[tuple[int, int]]):
-    assert meter_spans(track(np.ones(n_beats)), PARAMS) == spans
+    assert meter_spans(metronome(np.ones(n_beats)), PARAMS) == spans
 
 
 def test_seven_intervals_are_two_spans_where_units_are_that_short():
-    assert meter_spans(track(np.ones(8)), FeatureParams(unit_beats=7)) == [(0, 4), (4, 3)]
+    assert meter_spans(metronome(np.ones(8)), FeatureParams(unit_beats=7)) == [(0, 4), (4, 3)]
 
 
 # Units of a sequence
 
 
-def test_a_unit_is_a_meter_and_the_beats_that_fill_it_up(danced: Callable[..., Sequence]):
-    units = sequence_units(danced(), PARAMS)
+def test_a_unit_is_a_meter_and_the_beats_that_fill_it_up(danced: Callable[..., Recording]):
+    units = recording_units(danced(), PARAMS)
     # 25 beats fall into the motion (2.0 to 14.0 s): six meters of four, the first of which has nothing before it.
     assert [unit.name.rpartition(":")[2] for unit in units] == ["0+4+4", "4+4+4", "8+4+4", "12+4+4", "16+4+4"]
     assert [unit.start for unit in units] == [2.0, 4.0, 6.0, 8.0, 10.0]
@@ -115,9 +112,9 @@ def test_a_unit_is_a_meter_and_the_beats_that_fill_it_up(danced: Callable[..., S
     }
 
 
-def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable[..., Sequence]):
+def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable[..., Recording]):
     sequence = danced(annotated=False)
-    unit = sequence_units(sequence, PARAMS)[-1]
+    unit = recording_units(sequence, PARAMS)[-1]
     motion = resample_motion(sequence.clip.motion, PARAMS.fps)
     first = round((unit.start - 2.0) * 10)
     code = encode_motion(motion.positions, 10.0, motion.skeleton)
@@ -127,26 +124,26 @@ def test_a_unit_holds_the_motion_code_and_the_music_of_its_time(danced: Callable
     np.testing.assert_allclose(unit.audio, heard, rtol=1e-5, atol=1e-4)
 
 
-def test_without_annotation_beats_are_tracked(danced: Callable[..., Sequence]):
-    units = sequence_units(danced(annotated=False), PARAMS)
+def test_without_annotation_beats_are_tracked(danced: Callable[..., Recording]):
+    units = recording_units(danced(annotated=False), PARAMS)
     assert len(units) >= 3
     for unit in units:
         np.testing.assert_allclose(np.diff(unit.beats), 0.5, atol=0.06)
         assert (unit.strengths > 0).all()
 
 
-def test_beats_between_frames_fall_to_the_frame_before(danced: Callable[..., Sequence]):
+def test_beats_between_frames_fall_to_the_frame_before(danced: Callable[..., Recording]):
     # Frames at 2.03, 2.13 ...: the beat at 2.5 is .07 s after its frame, and half a frame of grace admits that at 2.0.
-    units = sequence_units(danced(offset=2.03), PARAMS)
+    units = recording_units(danced(offset=2.03), PARAMS)
     assert [round(unit.start, 6) for unit in units[:2]] == [2.03, 3.93]
     np.testing.assert_allclose(units[0].beats[:3], [0.0, 0.47, 0.97])
     np.testing.assert_allclose(units[1].beats[:2], [0.07, 0.57])
 
 
 @pytest.mark.parametrize(("offset", "seconds"), [(2.0, 12.0), (2.03, 11.9), (0.26, 7.77), (3.01, 12.98)])
-def test_units_lie_within_motion_and_music(danced: Callable[..., Sequence], offset: float, seconds: float):
+def test_units_lie_within_motion_and_music(danced: Callable[..., Recording], offset: float, seconds: float):
     sequence = danced(offset=offset, seconds=seconds)
-    units = sequence_units(sequence, PARAMS, step=1)
+    units = recording_units(sequence, PARAMS, step=1)
     assert units
     for unit in units:
         assert unit.start >= offset - 1e-9
@@ -156,66 +153,66 @@ def test_units_lie_within_motion_and_music(danced: Callable[..., Sequence], offs
         assert (np.diff(unit.index) <= 0).all()
 
 
-def test_meters_tile_the_time_without_gap_or_overlap(danced: Callable[..., Sequence]):
-    units = sequence_units(danced(offset=2.03), PARAMS)
+def test_meters_tile_the_time_without_gap_or_overlap(danced: Callable[..., Recording]):
+    units = recording_units(danced(offset=2.03), PARAMS)
     for one, other in pairwise(units):
         assert other.meter_start == pytest.approx(one.end)
 
 
-def test_a_motion_too_short_for_a_unit_has_none(danced: Callable[..., Sequence]):
-    assert sequence_units(danced(seconds=3.9), PARAMS, step=1) == []
+def test_a_motion_too_short_for_a_unit_has_none(danced: Callable[..., Recording]):
+    assert recording_units(danced(seconds=3.9), PARAMS, step=1) == []
 
 
-def test_additional_units_start_at_every_step_th_beat(danced: Callable[..., Sequence]):
-    units = sequence_units(danced(), PARAMS, step=2)
+def test_additional_units_start_at_every_step_th_beat(danced: Callable[..., Recording]):
+    units = recording_units(danced(), PARAMS, step=2)
     extras = [unit for unit in units if unit.extra]
     # Starts 0, 2 ... 16 leave eight beats and the one that ends them; 0, 4 ... 16 are there already.
     assert [unit.name.rpartition(":")[2] for unit in extras] == ["2+4+4", "6+4+4", "10+4+4", "14+4+4"]
-    assert [unit.name for unit in units if not unit.extra] == [unit.name for unit in sequence_units(danced(), PARAMS)]
+    assert [unit.name for unit in units if not unit.extra] == [unit.name for unit in recording_units(danced(), PARAMS)]
 
 
 @pytest.mark.parametrize("step", [0, -2])
-def test_a_step_that_leads_nowhere_is_refused(danced: Callable[..., Sequence], step: int):
+def test_a_step_that_leads_nowhere_is_refused(danced: Callable[..., Recording], step: int):
     with pytest.raises(ValueError, match=f"step must be a positive number of beats, got {step}"):
-        sequence_units(danced(), PARAMS, step=step)
+        recording_units(danced(), PARAMS, step=step)
 
 
-def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..., Sequence]):
+def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..., Recording]):
     # A splice of .3 s costs four or five frames of forty.
-    spliced = sequence_units(danced(valid=lambda time: (time < 3.0) | (time > 3.25)), PARAMS)
+    spliced = recording_units(danced(valid=lambda time: (time < 3.0) | (time > 3.25)), PARAMS)
     assert [unit.start for unit in spliced] == [2.0, 4.0, 6.0, 8.0, 10.0]
     # One of .6 s from 5.0 to 5.6 s of audio time costs the two units that hold it.
-    broken = sequence_units(danced(valid=lambda time: (time < 3.0) | (time > 3.6)), PARAMS)
+    broken = recording_units(danced(valid=lambda time: (time < 3.0) | (time > 3.6)), PARAMS)
     assert [unit.start for unit in broken] == [6.0, 8.0, 10.0]
 
 
-def test_beats_minutes_apart_make_no_unit(danced: Callable[..., Sequence]):
+def test_beats_minutes_apart_make_no_unit(danced: Callable[..., Recording]):
     sequence = danced()
     music = BeatTrack(np.arange(12) * 60.0, np.ones(12), 100.0, 1000.0)
     motion = replace(sequence.clip.motion, fps=0.5)
     clip = replace(sequence.clip, motion=motion, offset=0.0, audio=Audio(np.zeros(22050), 22050.0))
     slow = BeatAnnotation(music.times[:2])
-    assert sequence_units(replace(sequence, clip=clip, annotation=slow), FeatureParams(fps=0.5, n_mfcc=4)) == []
+    assert recording_units(replace(sequence, clip=clip, annotation=slow), FeatureParams(fps=0.5, n_mfcc=4)) == []
 
 
-def test_a_unit_names_the_groups_that_it_and_its_meter_touch(danced: Callable[..., Sequence]):
+def test_a_unit_names_the_groups_that_it_and_its_meter_touch(danced: Callable[..., Recording]):
     figures = [Segment(2.0, 4.0, "box"), Segment(4.0, 7.0, "turn"), Segment(7.0, 14.0, "walk")]
-    units = sequence_units(danced(), PARAMS, segments=figures)
+    units = recording_units(danced(), PARAMS, segments=figures)
     assert [sorted(unit.groups) for unit in units[:3]] == [["box", "turn"], ["turn", "walk"], ["turn", "walk"]]
     assert [sorted(unit.meter_groups) for unit in units[:3]] == [["turn"], ["turn", "walk"], ["walk"]]
 
 
-def test_without_segments_groups_are_the_annotated_figures(danced: Callable[..., Sequence]):
+def test_without_segments_groups_are_the_annotated_figures(danced: Callable[..., Recording]):
     figures = (Unit("a", 2.0, 8.0, 12, "box"), Unit("b", 8.0, 14.0, 12, "turn"))
-    units = sequence_units(danced(units=figures), PARAMS)
+    units = recording_units(danced(units=figures), PARAMS)
     assert [sorted(unit.groups) for unit in units] == [["box"], ["box"], ["box", "turn"], ["turn"], ["turn"]]
 
 
-def test_motion_in_a_picture_is_refused(danced: Callable[..., Sequence]):
+def test_motion_in_a_picture_is_refused(danced: Callable[..., Recording]):
     sequence = danced()
     flat = replace(sequence.clip.motion, positions=sequence.clip.motion.positions[..., :2])
     with pytest.raises(ValueError, match="corpus/arm: needs a motion in three dimensions"):
-        sequence_units(replace(sequence, clip=replace(sequence.clip, motion=flat)), PARAMS)
+        recording_units(replace(sequence, clip=replace(sequence.clip, motion=flat)), PARAMS)
 
 
 # Corpora

@@ -16,7 +16,7 @@ import pytest
 
 from harmolab.corpus import LAGS, CorpusResult, compare
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Sequence
+from harmolab.data.folders import Recording
 from harmolab.io.beats import BeatAnnotation, Unit
 from harmolab.metrics import beat_align
 from harmolab.params import BarPattern, HarmonyParams
@@ -59,7 +59,7 @@ def danced(
     dance: str = "cha-cha",
     unit: str | None = None,
     bars: bool = True,
-) -> Sequence:
+) -> Recording:
     """A sequence to a silent song; each figure fills an equal stretch of it."""
     seconds = START + motion.duration + 1.0
     times = np.arange(round(seconds / period)) * period + START % period
@@ -68,20 +68,20 @@ def danced(
     downbeats = START + 4 * period * np.arange(2) if bars else None
     annotation = BeatAnnotation(times, downbeats, 4 if bars else None, 60 / period, dance, units, START)
     clip = Clip(name, Audio(np.zeros(round(seconds * 2000)), 2000), motion, START, "hand-made", dance=dance)
-    return Sequence(clip, annotation, Path("corpus") / name)
+    return Recording(clip, annotation, Path("corpus") / name)
 
 
-def corpus(count: int = 6, *, peak: float = 0.3, **options: object) -> list[Sequence]:
+def corpus(count: int = 6, *, peak: float = 0.3, **options: object) -> list[Recording]:
     """As many dancers of one mind, each with a figure of its own."""
     return [danced(f"S{i}", dancer(i, peak=peak), f"figure {i}", **options) for i in range(count)]
 
 
-def part_of(sequence: Sequence):
+def part_of(sequence: Recording):
     (part,) = cut_clips(sequence, "annotated", 6.0, RECOMMENDED)
     return part
 
 
-def compared(sequences: list[Sequence], **options: object) -> CorpusResult:
+def compared(sequences: list[Recording], **options: object) -> CorpusResult:
     return compare(sequences, **({"n_rotations": 40} | options))
 
 
@@ -293,7 +293,7 @@ def test_other_music_is_another_sequences():
     assert result.summary["scores"]["recommended"]["auc"] > 0.8
 
 
-def slow(count: int) -> list[Sequence]:
+def slow(count: int) -> list[Recording]:
     """Dancers to music with a beat every 0.7 s."""
     made = []
     for i in range(count):
@@ -307,7 +307,7 @@ def slow(count: int) -> list[Sequence]:
     return made
 
 
-def replace_name(sequence: Sequence, name: str) -> Sequence:
+def replace_name(sequence: Recording, name: str) -> Recording:
     return replace(sequence, folder=Path("corpus") / name)
 
 
@@ -381,7 +381,7 @@ def test_tracked_beats_are_found_in_the_sound(click_track):
     assert np.abs(tracked.times - 0.5 * np.round(tracked.times / 0.5)).max() < 0.035
 
 
-def nothing() -> Iterator[Sequence]:
+def nothing() -> Iterator[Recording]:
     yield from ()
 
 

@@ -14,6 +14,7 @@ from harmolab.harmony import score_harmony
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, HarmonyScore, Motion, Skeleton
 from harmolab.viz.style import COLOURS
+from tests.builders import track
 
 MAN = Skeleton(("foot", "hip", "head"), (-1, 0, 1))
 STANDING = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.7, 0.0]])
@@ -96,13 +97,9 @@ def test_slow_motion_is_interpolated_to_the_pictures_rate() -> None:
 
 def test_disc_lights_up_at_each_beat_only_where_beats_are_given() -> None:
     motion = dance(*[STANDING] * 30)
-    lit = [bool((frame[21, 21] == MUSIC).all()) for frame in render_dance(motion, score=score(beats(0.5), beats()))]
+    lit = [bool((frame[21, 21] == MUSIC).all()) for frame in render_dance(motion, score=score(track([0.5]), track([])))]
     assert [index for index, on in enumerate(lit) if on] == [15, 16, 17, 18, 19]
     assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in render_dance(motion))
-
-
-def beats(*times: float) -> BeatTrack:
-    return BeatTrack(list(times), [1.0] * len(times), 30.0, 2.0)
 
 
 def score(music: BeatTrack, visual: BeatTrack, **changes: object) -> HarmonyScore:
@@ -110,7 +107,7 @@ def score(music: BeatTrack, visual: BeatTrack, **changes: object) -> HarmonyScor
 
 
 def test_dancer_and_hits_have_marks_of_their_own() -> None:
-    frames = render_dance(dance(*[STANDING] * 60), score=score(beats(0.5, 1.5), beats(0.566, 1.0)))
+    frames = render_dance(dance(*[STANDING] * 60), score=score(track([0.5, 1.5]), track([0.566, 1.0])))
     lit = {"music": [], "dancer": [], "hit": []}
     for index, frame in enumerate(frames):
         for name, colour in (("music", MUSIC), ("dancer", DANCER), ("hit", HIT)):
@@ -127,15 +124,15 @@ def test_marks_have_the_projects_colours() -> None:
 
 
 def test_hit_falls_on_the_later_beat_of_the_two() -> None:
-    np.testing.assert_allclose(hit_times(score(beats(0.5, 1.0, 1.5), beats(0.4, 1.05, 1.65))), [0.5, 1.05])
-    assert hit_times(score(beats(0.5), beats())).size == hit_times(score(beats(), beats(0.5))).size == 0
-    np.testing.assert_allclose(hit_times(score(beats(0.5), beats(0.55))), [0.55])
+    np.testing.assert_allclose(hit_times(score(track([0.5, 1.0, 1.5]), track([0.4, 1.05, 1.65]))), [0.5, 1.05])
+    assert hit_times(score(track([0.5]), track([]))).size == hit_times(score(track([]), track([0.5]))).size == 0
+    np.testing.assert_allclose(hit_times(score(track([0.5]), track([0.55]))), [0.55])
 
 
 def test_hits_are_those_of_the_score_whatever_lag_and_matching_it_has() -> None:
-    late = score(beats(0.5, 1.0), beats(0.8, 1.3), lag=0.3)
+    late = score(track([0.5, 1.0]), track([0.8, 1.3]), lag=0.3)
     np.testing.assert_allclose(hit_times(late), [0.8, 1.3])
-    music, one = beats(0.5, 0.6), beats(0.55)
+    music, one = track([0.5, 0.6]), track([0.55])
     assert hit_times(score(music, one)).size == 2
     np.testing.assert_allclose(hit_times(score(music, one, matching="nearest")), [0.55])
 

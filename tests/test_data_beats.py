@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Sequence
+from harmolab.data.folders import Recording
 from harmolab.io.beats import BeatAnnotation
 from harmolab.types import Audio, Clip
 
 
-def sequence(audio: Audio, annotation: BeatAnnotation | None, dance: str = "cha-cha") -> Sequence:
-    return Sequence(Clip("a", audio, dance=dance), annotation, Path("corpus/a"))
+def sequence(audio: Audio, annotation: BeatAnnotation | None, dance: str = "cha-cha") -> Recording:
+    return Recording(Clip("a", audio, dance=dance), annotation, Path("corpus/a"))
 
 
 def test_annotated_beats_have_the_strength_of_the_musics_onsets(click_track: Callable[..., Audio]):

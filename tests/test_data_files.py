@@ -10,7 +10,7 @@ import soundfile
 
 from harmolab.corpus import compare
 from harmolab.data.files import corpus_recordings, load_clip
-from harmolab.data.folders import find_sequences
+from harmolab.data.folders import find_recordings
 from harmolab.data.synthetic import synthetic_clip, write_corpus
 from harmolab.io.video import write_video
 from harmolab.params import BarPattern
@@ -69,13 +69,13 @@ def test_a_folder_is_compared_like_its_recordings(corpus: Path) -> None:
 
 def test_one_recording_without_annotation_makes_all_beats_tracked(tmp_path: Path) -> None:
     corpus = write_corpus(tmp_path / "synth", clips=2, seconds=4.0, fps=30.0, seed=1)
-    (find_sequences(corpus).folders[0] / "beats.json").unlink()
+    (find_recordings(corpus).folders[0] / "beats.json").unlink()
     assert compare(corpus, n_rotations=0).summary["beats"] == "tracked"
 
 
 def test_a_recording_that_cannot_be_read_is_reported_and_left_out(tmp_path: Path) -> None:
     corpus = write_corpus(tmp_path / "synth", clips=2, seconds=4.0, fps=30.0, seed=1)
-    broken = find_sequences(corpus).folders[0]
+    broken = find_recordings(corpus).folders[0]
     (broken / "motion.npz").write_bytes(b"no motion")
     problems: list[Path] = []
     readable = list(corpus_recordings(corpus, report=lambda problem: problems.append(problem.folder)))

@@ -8,8 +8,6 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 from harmolab.params import HarmonyParams
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,15 +51,20 @@ def test_the_conventions_name_code():
     assert len(dotted_names(CONVENTIONS)) > 50
 
 
-@pytest.mark.parametrize("name", dotted_names(CONVENTIONS))
-def test_every_name_in_the_conventions_exists(name: str):
-    assert resolve(name) is not None
+def exists(name: str) -> bool:
+    try:
+        return resolve(name) is not None
+    except AttributeError:
+        return False
 
 
-@pytest.mark.parametrize("name", ["kinematics.joint_sped", "types.Motion.position", "nothing.at_all"])
-def test_a_name_that_does_not_exist_is_noticed(name: str):
-    with pytest.raises(AttributeError):
-        resolve(name)
+def test_every_name_in_the_conventions_exists():
+    assert [name for name in dotted_names(CONVENTIONS) if not exists(name)] == []
+
+
+def test_a_name_that_does_not_exist_is_noticed():
+    wrong = ["kinematics.joint_sped", "types.Motion.position", "nothing.at_all"]
+    assert [name for name in [*wrong, "kinematics.joint_speed"] if not exists(name)] == wrong
 
 
 def test_settings_of_paper_mode_are_as_the_conventions_say():
@@ -90,9 +93,10 @@ def linked_files() -> list[tuple[str, str]]:
     ]
 
 
-@pytest.mark.parametrize(("document", "target"), linked_files())
-def test_every_link_of_the_documents_leads_to_a_file(document: str, target: str):
-    assert ((ROOT / document).parent / target).exists()
+def test_every_link_of_the_documents_leads_to_a_file():
+    links = linked_files()
+    assert len(links) > 10
+    assert [link for link in links if not (ROOT / link[0]).parent.joinpath(link[1]).exists()] == []
 
 
 def test_every_test_the_documents_name_exists():

@@ -45,7 +45,8 @@ from harmolab.models.losses import (
 )
 from harmolab.models.soft_harmony import SoftHarmony
 from harmolab.params import HarmonyParams, TrainParams
-from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import along_x, track
 
 EQUATIONS: dict[int, Callable[..., object]] = {
     1: score_clip,
@@ -88,15 +89,9 @@ EVERY_BEAT = HarmonyParams(audio_threshold=0.0, visual_threshold=None, fps=None,
 HOP_SECONDS = 512 / 22050
 
 
-def track(times: list[float], strengths: list[float] | None = None) -> BeatTrack:
-    return BeatTrack(times, np.ones(len(times)) if strengths is None else strengths, 15.0, 10.0)
-
-
 def one_stop() -> Motion:
     """A joint that goes 3, 1, 0, 2, 3 steps in 0.5 s: its speed turns once, at 0.3 s."""
-    positions = np.zeros((6, 1, 3))
-    positions[:, 0, 0] = [0, 3, 4, 4, 6, 9]
-    return Motion(positions, 10.0, Skeleton.unnamed(1))
+    return along_x([0, 3, 4, 4, 6, 9], fps=10.0)
 
 
 @pytest.fixture(autouse=True)
@@ -355,21 +350,21 @@ def test_every_equation_has_one_function():
     assert all(callable(function) for function in EQUATIONS.values())
 
 
-@pytest.mark.parametrize("number", NUMBERS)
-def test_every_equation_has_a_test(number: int):
-    names = [name for name in globals() if name.startswith(f"test_equation_{number:02d}_")]
-    assert len(names) == 1
+def test_every_equation_has_a_test():
+    names = [name[: len("test_equation_00")] for name in globals() if name.startswith("test_equation_")]
+    assert sorted(names) == [f"test_equation_{number:02d}" for number in NUMBERS]
 
 
-@pytest.mark.parametrize("number", NUMBERS)
-def test_the_docstring_of_its_function_names_the_equation(number: int):
-    assert number in numbers_in(EQUATIONS[number].__doc__ or "")
+def test_the_docstring_of_its_function_names_the_equation():
+    documented = {number: numbers_in(function.__doc__ or "") for number, function in EQUATIONS.items()}
+    assert [number for number, named in documented.items() if number not in named] == []
 
 
-@pytest.mark.parametrize("number", NUMBERS)
-def test_every_equation_has_its_row_in_the_conventions(number: int):
-    symbol, code, test = table_rows()[number]
-    function = EQUATIONS[number]
-    assert symbol
-    assert f"`{function.__module__.removeprefix('harmolab.')}.{function.__name__}`" in code
-    assert f"`test_equation_{number:02d}`" in test
+def test_every_equation_has_its_row_in_the_conventions():
+    rows, wrong = table_rows(), []
+    for number, function in EQUATIONS.items():
+        symbol, code, test = rows.get(number, ["", "", ""])
+        name = f"`{function.__module__.removeprefix('harmolab.')}.{function.__name__}`"
+        if not symbol or name not in code or f"`test_equation_{number:02d}`" not in test:
+            wrong.append((number, name))
+    assert wrong == []

@@ -12,7 +12,7 @@ import pytest
 import soundfile
 
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Sequence, load_sequence
+from harmolab.data.folders import Recording, load_recording
 from harmolab.experiments import (
     Agreement,
     agreement,
@@ -22,15 +22,16 @@ from harmolab.experiments import (
     data_root,
     excerpt,
     pattern_of_study,
-    readable_sequences,
+    readable_recordings,
     strong_by_place,
     study,
-    study_sequences,
+    study_recordings,
     synthetic_corpus,
 )
 from harmolab.io.motion import save_motion
-from harmolab.params import BarPattern, RunProfile
+from harmolab.params import BarPattern, HarmonyParams, RunProfile
 from harmolab.types import Audio, BeatTrack, Motion
+from tests.builders import track
 
 TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 RATE = 8000
@@ -54,7 +55,7 @@ def bars(seconds: float = 8.0) -> Audio:
     return Audio(samples, RATE)
 
 
-def write_sequence(folder: Path, motion: Motion, *, dance: str = "cha-cha", offset: float = 0.0) -> Path:
+def write_recording(folder: Path, motion: Motion, *, dance: str = "cha-cha", offset: float = 0.0) -> Path:
     """A sequence in our own layout: clicks in bars of four from 0.5 s on."""
     folder.mkdir(parents=True)
     audio = bars()
@@ -71,7 +72,7 @@ def recordings(tmp_path: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPa
     """A corpus of three sequences whose dancer stops on every click (0.25 s into the motion, 0.5 s into the music)."""
     root = tmp_path / "recordings"
     for name, dance in (("A", "rumba"), ("B", "cha-cha"), ("C", "waltz")):
-        write_sequence(root / name, swinging_arm(1.0, 30.0, seconds=7.0), dance=dance, offset=0.25)
+        write_recording(root / name, swinging_arm(1.0, 30.0, seconds=7.0), dance=dance, offset=0.25)
     monkeypatch.setenv("HARMOLAB_DATA", str(root))
     return root
 
@@ -99,7 +100,7 @@ def test_a_folder_of_sequences_is_one_corpus(recordings: Path):
 
 def test_a_folder_of_corpora_is_several(recordings: Path, swinging_arm: Swing, monkeypatch: pytest.MonkeyPatch):
     other = recordings.parent / "other"
-    write_sequence(other / "D", swinging_arm(1.0, 30.0))
+    write_recording(other / "D", swinging_arm(1.0, 30.0))
     (recordings.parent / "empty").mkdir()
     monkeypatch.setenv("HARMOLAB_DATA", str(recordings.parent))
     assert corpus_folders(TINY) == {"other": other, "recordings": recordings}
@@ -108,7 +109,7 @@ def test_a_folder_of_corpora_is_several(recordings: Path, swinging_arm: Swing, m
 def test_one_sequence_is_a_corpus_of_its_own(recordings: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_DATA", str(recordings / "A"))
     assert corpus_folders(TINY) == {"A": recordings / "A"}
-    assert [item.clip.dance for item in study_sequences(TINY)] == ["rumba"]
+    assert [item.clip.dance for item in study_recordings(TINY)] == ["rumba"]
 
 
 def test_without_recordings_a_synthetic_corpus_is_made_once():
@@ -117,7 +118,7 @@ def test_without_recordings_a_synthetic_corpus_is_made_once():
     assert len(stamps) == 2
     assert synthetic_corpus(TINY) == root
     assert {file: file.stat().st_mtime_ns for file in root.rglob("*.npz")} == stamps
-    assert [item.clip.source for item in study_sequences(TINY)] == ["synthetic", "synthetic"]
+    assert [item.clip.source for item in study_recordings(TINY)] == ["synthetic", "synthetic"]
 
 
 def test_other_settings_make_another_synthetic_corpus():
@@ -126,18 +127,18 @@ def test_other_settings_make_another_synthetic_corpus():
 
 def test_every_readable_sequence_is_read_and_the_rest_passed_over(recordings: Path):
     (recordings / "B" / "motion.npz").write_bytes(b"damaged")
-    assert [item.folder.name for item in readable_sequences(recordings)] == ["A", "C"]
+    assert [item.folder.name for item in readable_recordings(recordings)] == ["A", "C"]
 
 
 @pytest.mark.parametrize(("count", "names"), [(None, "ABC"), (1, "A"), (2, "AB"), (5, "ABC")])
 def test_a_profile_takes_so_many_sequences(recordings: Path, count: int | None, names: str):
-    found = study_sequences(replace(TINY, n_sequences=count))
+    found = study_recordings(replace(TINY, n_sequences=count))
     assert [item.folder.name for item in found] == list(names)
 
 
 def test_an_unknown_corpus_is_refused(recordings: Path):
     with pytest.raises(ValueError, match="there is no corpus 'tango'; there are recordings"):
-        next(study_sequences(TINY, "tango"))
+        next(study_recordings(TINY, "tango"))
 
 
 # The clip under study
@@ -149,7 +150,7 @@ def test_the_clip_of_study_is_of_the_dance_asked_for(recordings: Path):
 
 
 def test_an_excerpt_is_the_middle_of_a_sequence_on_its_own_time_line(recordings: Path):
-    sequence = load_sequence(recordings / "A")
+    sequence = load_recording(recordings / "A")
     clip = excerpt(sequence, 4.0, "annotated")
     # Motion of 7 s from 0.25 s on: its middle 4 s begin 1.5 s into it, at 1.75 s of the music.
     assert clip.offset == 0.0
@@ -160,8 +161,8 @@ def test_an_excerpt_is_the_middle_of_a_sequence_on_its_own_time_line(recordings:
 
 @pytest.mark.parametrize("offset", [-0.517, -0.49, 0.33])
 def test_an_excerpt_longer_than_what_there_is_takes_all_of_it(recordings: Path, swinging_arm: Swing, offset: float):
-    write_sequence(recordings / "D", swinging_arm(1.0, 30.0, seconds=6.0), offset=offset)
-    clip = excerpt(load_sequence(recordings / "D"), 100.0, "annotated")
+    write_recording(recordings / "D", swinging_arm(1.0, 30.0, seconds=6.0), offset=offset)
+    clip = excerpt(load_recording(recordings / "D"), 100.0, "annotated")
     assert clip.motion.duration == pytest.approx(6.0 + min(offset, 0), abs=1 / 30 + 1e-9)
     # Beat k is still 0.5 k s into the music, wherever the excerpt begins.
     begin = offset + 6.0 - clip.motion.duration if offset < 0 else offset
@@ -170,8 +171,8 @@ def test_an_excerpt_longer_than_what_there_is_takes_all_of_it(recordings: Path, 
 
 
 def test_an_excerpt_of_a_sequence_without_motion_is_refused(recordings: Path):
-    sequence = load_sequence(recordings / "A")
-    still = Sequence(replace(sequence.clip, motion=None), sequence.annotation, sequence.folder)
+    sequence = load_recording(recordings / "A")
+    still = Recording(replace(sequence.clip, motion=None), sequence.annotation, sequence.folder)
     with pytest.raises(ValueError, match="no motion"):
         excerpt(still, 4.0)
 
@@ -182,6 +183,23 @@ def test_without_recordings_the_clip_of_study_is_synthetic():
     assert 60 / np.median(np.diff(clip.beats.times)) == pytest.approx(164, abs=20)  # jive: 144 to 184
 
 
+def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Path, monkeypatch: pytest.MonkeyPatch):
+    # Motion of 7 s from 0.34 s on: its middle 4 s begin 1.5 s into it, at 1.84 s of the music. The first figure ended
+    # at 1.82 s; a start rounded to 1.8 s, as in the excerpt's name, would count it in.
+    beats = recordings / "A" / "beats.json"
+    beats.write_text(json.dumps(json.loads(beats.read_text()) | {"motion_offset_s": 0.34}))
+    (whole,) = study.cut_parts(load_recording(recordings / "A"), "annotated", None, HarmonyParams.recommended())
+    parts = [
+        replace(whole, start=0.34, duration=1.48, figures=frozenset({"before"})),
+        replace(whole, start=1.82, duration=5.52, figures=frozenset({"inside"})),
+    ]
+    judged = []
+    monkeypatch.setattr(study, "cut_parts", lambda *_arguments: parts)
+    monkeypatch.setattr(study, "learn_patterns", lambda those, _others: [judged.extend(those)])
+    pattern_of_study(TINY, dance="rumba", seconds=4.0)
+    assert [part.figures for part in judged] == [{"inside"}]
+
+
 def test_without_anything_to_learn_from_movements_stop_on_the_beat(recordings: Path):
     assert pattern_of_study(TINY, dance="rumba", seconds=4.0) == BarPattern.stop_on_the_beat()
 
@@ -189,12 +207,8 @@ def test_without_anything_to_learn_from_movements_stop_on_the_beat(recordings: P
 # Tables
 
 
-def track(*times: float) -> BeatTrack:
-    return BeatTrack(times, np.ones(len(times)), 15.0, 4.0)
-
-
 def test_agreement_counts_pairs_and_what_rotations_would_pair():
-    found = agreement(track(1.0, 2.0, 3.0), track(1.05, 2.5), delay=0.1, n_rotations=4)
+    found = agreement(track([1.0, 2.0, 3.0], duration=4.0), track([1.05, 2.5], duration=4.0), delay=0.1, n_rotations=4)
     # Turned by 0.5, 1.5, 2.5, 3.5 of 4 s, the visual beats hit 1, 0, 1 and 1 music beats.
     assert found == Agreement(3, 2, 1, 0.75)
     assert (found.omitted, found.redundant) == (2, 1)
@@ -207,7 +221,7 @@ def test_agreements_add_up():
 
 
 def test_agreement_without_music_is_defined():
-    nothing = agreement(BeatTrack([], [], 15.0, 4.0), track(1.0), delay=0.1, n_rotations=3)
+    nothing = agreement(BeatTrack([], [], 15.0, 4.0), track([1.0], duration=4.0), delay=0.1, n_rotations=3)
     assert (nothing.hits, nothing.hit_rate, nothing.chance) == (0, 0.0, 0.0)
 
 

@@ -8,13 +8,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import torch
 from filelock import FileLock
 
 from harmolab.experiments import generation
-from harmolab.experiments.ablation import RECORDED, ablation
+from harmolab.experiments.ablation import ablation
 from harmolab.experiments.generation import (
     SWEEP,
     SYNTHETIC,
@@ -26,10 +27,13 @@ from harmolab.experiments.generation import (
     training_split,
     weight_sweep,
 )
-from harmolab.experiments.judging import generate, judge
+from harmolab.experiments.judging import RECORDED, embed, generate, judge, recorded_motions
 from harmolab.experiments.long_dances import dance_limits, danced_song, long_dances
+from harmolab.features.poses import turned
+from harmolab.kinematics import resample_motion
 from harmolab.models.weights import read_about
 from harmolab.params import RunProfile
+from harmolab.types import Motion, Skeleton
 
 PROFILE = RunProfile(
     "quick", n_clips=20, n_sequences=1, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16
@@ -161,16 +165,37 @@ def test_the_split_shares_no_motion_group(paper: generation.Trained):
 
 def test_a_generator_is_judged_on_its_test_units(paper: generation.Trained):
     units = paper.split.test
-    codes = generate(paper.generator, units)
-    assert [len(code) for code in codes] == [unit.n_frames for unit in units.units]
-    found = judge(codes, units, paper.pose_net)
+    motions = generate(paper.generator, units)
+    assert [motion.n_frames for motion in motions] == [unit.n_frames for unit in units.units]
+    found = judge(motions, units, paper.pose_net)
     assert found["units"] == len(units) and found["fid"] > 0 and 0 <= found["paper_hit_rate"] <= 1
 
 
 def test_recorded_motion_is_as_far_from_itself_as_nothing(paper: generation.Trained):
     units = paper.split.test
-    found = judge([unit.motion for unit in units.units], units, paper.pose_net)
+    found = judge(recorded_motions(units), units, paper.pose_net)
     assert found["fid_raw"] == pytest.approx(0, abs=1e-3)
+
+
+def test_a_system_that_only_makes_motions_is_judged_by_the_same_function(paper: generation.Trained):
+    """Recorded motion, turned and carried elsewhere and at twice the frame rate, is judged as the recorded motion."""
+    units = paper.split.test
+    recorded, away = recorded_motions(units), np.array([3.0, 0.0, -2.0])
+    elsewhere = [replace(motion, positions=turned(motion.positions, 1.0) + away) for motion in recorded]
+    scores, same = (judge(motions, units, paper.pose_net) for motions in (recorded, elsewhere))
+    assert same == pytest.approx(scores, abs=0.01)
+    faster = judge([resample_motion(motion, 2 * motion.fps) for motion in recorded], units, paper.pose_net)
+    assert faster["fid_raw"] == pytest.approx(0, abs=0.1)
+    assert faster["diversity"] == pytest.approx(same["diversity"], rel=0.05)
+    assert faster["n_audio"] == same["n_audio"] and faster["hit_rate"] == pytest.approx(same["hit_rate"], abs=0.1)
+
+
+def test_a_motion_of_other_joints_is_refused_by_the_unit_it_was_danced_to(paper: generation.Trained):
+    units = paper.split.test
+    motion = recorded_motions(units)[0]
+    point = Motion(motion.positions[:, :1], motion.fps, Skeleton(("tail",), (-1,)))
+    with pytest.raises(ValueError, match="must have the joints of the pose network, got tail"):
+        embed([point], units.select([units.units[0].name]), paper.pose_net)
 
 
 def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(paper: generation.Trained):
@@ -198,8 +223,9 @@ def test_a_danced_song_begins_with_its_music_and_its_recorded_dancer(paper: gene
     song = danced_song(PROFILE, "synthetic", "paper")
     dances = long_dances(PROFILE)
     assert song.name == dances[dances["variant"] == "paper"]["song"].iloc[0]
-    assert song.recorded.duration == pytest.approx(song.made.duration, abs=1 / song.made.fps)
-    assert song.audio.duration == pytest.approx(song.made.duration, abs=0.05)
-    assert len(song.beats) > 0 and song.beats.times[-1] <= song.made.duration
+    duration = song.generated.duration
+    assert song.recorded.duration == pytest.approx(duration, abs=1 / song.generated.fps)
+    assert song.audio.duration == pytest.approx(duration, abs=0.05)
+    assert len(song.beats) > 0 and song.beats.times[-1] <= duration
     with pytest.raises(ValueError, match="place must be 0 to"):
         danced_song(PROFILE, "synthetic", "paper", 99)

@@ -14,6 +14,7 @@ from harmolab.features import audio as heard
 from harmolab.features.audio import audio_features, beat_phase, mfcc
 from harmolab.params import FeatureParams
 from harmolab.types import Audio, BeatTrack
+from tests.builders import track
 
 RATE = 22050.0
 TICK = HOP / RATE  # seconds between two analyses
@@ -29,10 +30,6 @@ def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
 def song(click_track: Callable[..., Audio]) -> Audio:
     """Three seconds of clicks at 120 beats per minute."""
     return click_track(120, seconds=3.0)
-
-
-def beats(*times: float) -> BeatTrack:
-    return BeatTrack(times, np.ones(len(times)), 100.0, 10.0)
 
 
 def test_at_the_moments_of_the_analysis_features_are_librosas_mfcc(song: Audio):
@@ -81,13 +78,13 @@ def test_silence_has_finite_features():
 def test_beat_channels_are_onset_strength_and_beat_position(song: Audio):
     params = FeatureParams(n_mfcc=4, beat_channels=True)
     moments = np.arange(0, 3, TICK)
-    features = audio_features(song, beats(0.5, 1.0, 1.5, 2.0), moments, params)
+    features = audio_features(song, track([0.5, 1.0, 1.5, 2.0]), moments, params)
     assert features.shape == (len(moments), params.n_audio)
     onsets = features[:, 4]
     assert (onsets.min(), onsets.max()) == (pytest.approx(0.0, abs=0.05), pytest.approx(1.0))
     # The strongest moment lies at a click.
     assert abs(moments[onsets.argmax()] * 2 - round(moments[onsets.argmax()] * 2)) < 4 * TICK
-    np.testing.assert_allclose(features[:, 5:], beat_phase(beats(0.5, 1.0, 1.5, 2.0), moments), atol=1e-6)
+    np.testing.assert_allclose(features[:, 5:], beat_phase(track([0.5, 1.0, 1.5, 2.0]), moments), atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -96,12 +93,12 @@ def test_beat_channels_are_onset_strength_and_beat_position(song: Audio):
 )
 def test_beat_position_is_linear_between_beats_and_goes_on_by_the_median_interval(moment: float, position: float):
     # Intervals 1, 2, 1: the median is 1.
-    phase = beat_phase(beats(1.0, 2.0, 4.0, 5.0), np.array([moment]))
+    phase = beat_phase(track([1.0, 2.0, 4.0, 5.0]), np.array([moment]))
     expected = [[np.sin(2 * np.pi * position), np.cos(2 * np.pi * position)]]
     np.testing.assert_allclose(phase, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("track", [NO_BEATS, beats(1.0)])
+@pytest.mark.parametrize("track", [NO_BEATS, track([1.0])])
 def test_fewer_than_two_beats_make_no_position(track: BeatTrack):
     np.testing.assert_array_equal(beat_phase(track, np.arange(3.0)), np.zeros((3, 2)))
 

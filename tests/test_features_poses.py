@@ -14,9 +14,8 @@ from harmolab.features.poses import (
     n_channels,
     pose_of_root,
     root_path,
-    root_position,
-    side_pairs,
 )
+from harmolab.skeletons import root_position
 from harmolab.types import Clip, Skeleton
 
 # Hips 20 cm to either side of the root, a nose 30 cm in front of it, 1 m above the floor.
@@ -121,24 +120,6 @@ def test_without_bones_the_root_is_the_mean_of_all_joints():
     positions = placed(np.arange(5.0), np.zeros(5), np.zeros(5))
     back = decode_motion(encode_motion(positions, FPS, skeleton), FPS, skeleton, start=(0.0, 0.075, 0.0))
     np.testing.assert_allclose(back, positions, atol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("left", "right"),
-    [
-        ("left_hip", "right_hip"), ("hip L", "hip R"), ("LeftUpLeg", "RightUpLeg"),
-        ("mixamorig:LeftUpLeg", "mixamorig:RightUpLeg"),
-        ("l_shoulder", "r_shoulder"), ("LShoulder", "RShoulder"), ("lhip", "rhip"), ("LHipJoint", "RHipJoint"),
-        ("Shoulder.L", "Shoulder.R"), ("LEFT_HIP", "RIGHT_HIP"), ("hipL", "hipR"),
-    ],
-)  # fmt: skip
-def test_left_and_right_are_told_by_usual_names(left: str, right: str):
-    assert side_pairs(Skeleton((right, "head", left), (-1, 0, 0))) == ((2, 0),)
-
-
-@pytest.mark.parametrize("names", [("left_knee", "right_knee"), ("hip", "shoulder"), ("left_hip", "left_shoulder")])
-def test_other_joints_make_no_pair(names: tuple[str, str]):
-    assert side_pairs(Skeleton(names, (-1, 0))) == ()
 
 
 def test_where_left_and_right_coincide_the_heading_stays():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +11,17 @@ import pytest
 import soundfile
 
 from harmolab.data import (
-    Finding,
+    FileSummary,
     Problem,
-    Sequence,
+    Recording,
     check,
-    find_sequences,
-    iter_sequences,
+    find_recordings,
+    iter_recordings,
     load_any_motion,
-    load_sequence,
+    load_recording,
 )
 from harmolab.data.files import load_clip
-from harmolab.data.folders import told_start
+from harmolab.data.folders import recorded_offset
 from harmolab.io import save_motion
 from harmolab.types import Motion, Skeleton
 
@@ -66,20 +67,20 @@ def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
         tang(tmp_path / name)
     own(tmp_path / "group" / "clip_1")
     (tmp_path / "notes").mkdir()
-    found = find_sequences(tmp_path)
+    found = find_recordings(tmp_path)
     assert [folder.name for folder in found.folders] == ["DANCE_W_2", "DANCE_W_10", "clip_1"]
     assert found.problems == ()
 
 
 def test_sequence_folder_itself_is_a_root(tmp_path: Path):
-    assert find_sequences(own(tmp_path / "clip")).folders == (tmp_path / "clip",)
+    assert find_recordings(own(tmp_path / "clip")).folders == (tmp_path / "clip",)
 
 
 def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     (tang(tmp_path / "DANCE_W_1") / "audio.flac").unlink()
     (tang(tmp_path / "DANCE_W_2") / "config.json").unlink()
     own(tmp_path / "good")
-    found = find_sequences(tmp_path)
+    found = find_recordings(tmp_path)
     assert [folder.name for folder in found.folders] == ["good"]
     assert [message.split(": ")[1] for _, message in found.problems] == [
         "has no audio.wav (.flac, .ogg, .mp3)",
@@ -89,14 +90,14 @@ def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
 
 def test_missing_root_and_file_as_root_are_errors(tmp_path: Path):
     with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
-        find_sequences(tmp_path / "nowhere")
+        find_recordings(tmp_path / "nowhere")
     (tmp_path / "file.txt").write_text("x")
     with pytest.raises(ValueError, match=r"file\.txt: is a file"):
-        find_sequences(tmp_path / "file.txt")
+        find_recordings(tmp_path / "file.txt")
 
 
 def test_own_layout_takes_dance_source_beats_and_offset_from_its_annotation(tmp_path: Path):
-    sequence = load_sequence(own(tmp_path / "clip_7", beats=BEATS | {"motion_offset_s": 0.75}))
+    sequence = load_recording(own(tmp_path / "clip_7", beats=BEATS | {"motion_offset_s": 0.75}))
     clip = sequence.clip
     assert (clip.name, clip.dance, clip.source, clip.offset) == ("clip_7", "jive", "synthetic", 0.75)
     np.testing.assert_array_equal(clip.beats.times, [0.5, 1.0, 1.5])
@@ -108,19 +109,19 @@ def test_own_layout_takes_dance_source_beats_and_offset_from_its_annotation(tmp_
 def test_tang_layout_takes_the_dance_from_its_name_and_beats_from_an_annotation(tmp_path: Path):
     folder = tang(tmp_path / "corpus" / "DANCE_R_3")
     (folder / "beats.json").write_text(json.dumps({"beats_s": [0.5, 1.0]}))
-    clip = load_sequence(folder).clip
+    clip = load_recording(folder).clip
     assert (clip.dance, clip.source, clip.offset) == ("rumba", "corpus", 0.2)
     assert len(clip.beats) == 2
 
 
 def test_sequence_without_annotation_has_no_beats(tmp_path: Path):
-    sequence = load_sequence(own(tmp_path / "clip"))
+    sequence = load_recording(own(tmp_path / "clip"))
     assert sequence.annotation is None
     assert sequence.clip.beats is None
 
 
 def test_options_of_the_tang_layout_are_handed_on(tmp_path: Path):
-    motion = load_sequence(tang(tmp_path / "DANCE_R_3"), clock=1.01, points=21).clip.motion
+    motion = load_recording(tang(tmp_path / "DANCE_R_3"), clock=1.01, points=21).clip.motion
     assert motion.positions.shape == (50, 21, 3)
     assert motion.fps == pytest.approx(25 / 1.01)
 
@@ -128,22 +129,22 @@ def test_options_of_the_tang_layout_are_handed_on(tmp_path: Path):
 def test_motion_much_longer_than_its_audio_asks_whether_fps_is_right(tmp_path: Path):
     folder = own(tmp_path / "clip", fps=5.0)
     with pytest.raises(ValueError, match=r"clip: the motion lasts 10\.00 s at 5 fps and ends 7\.00 s after the audio"):
-        load_sequence(folder)
+        load_recording(folder)
 
 
 def test_beats_behind_the_end_of_the_audio_are_refused(tmp_path: Path):
     folder = own(tmp_path / "clip", beats={"beats_s": [1.0, 2.0, 3.5]})
     with pytest.raises(ValueError, match=r"beats\.json: beat times reach 3\.5 in a clip of 3 s; were these frames"):
-        load_sequence(folder)
+        load_recording(folder)
 
 
 def test_unreadable_sequence_is_reported_beside_the_readable_ones(tmp_path: Path):
     (own(tmp_path / "a") / "motion.npz").write_bytes(b"PK broken")
     own(tmp_path / "b")
     (own(tmp_path / "c") / "audio.wav").unlink()
-    rows = list(iter_sequences(tmp_path))
+    rows = list(iter_recordings(tmp_path))
     problems = {row.folder.name: row.message for row in rows if isinstance(row, Problem)}
-    assert [row.folder.name for row in rows if isinstance(row, Sequence)] == ["b"]
+    assert [row.folder.name for row in rows if isinstance(row, Recording)] == ["b"]
     assert set(problems) == {"a", "c"}
     assert "motion.npz: cannot be read as an .npz motion" in problems["a"]
 
@@ -168,8 +169,8 @@ def odd(path: Path) -> str:
 def test_check_of_a_good_sequence_gives_its_numbers_and_nothing_odd(tmp_path: Path):
     folder = own(tmp_path / "clip", beats=BEATS | {"motion_offset_s": 0.5})
     (row,) = check(folder)
-    assert row == Finding(str(folder), "sequence", 50, 25.0, 3, 2.0, 0.5, "jive, 3.00 s of audio, 3 beats", ())
-    assert json.loads(json.dumps(row.to_dict()))["odd"] == []
+    assert row == FileSummary(str(folder), "sequence", 50, 25.0, 3, 2.0, 0.5, "jive, 3.00 s of audio, 3 beats", ())
+    assert json.loads(json.dumps(asdict(row)))["odd"] == []
 
 
 def test_check_names_a_frozen_stretch(tmp_path: Path):
@@ -213,6 +214,21 @@ def test_check_of_an_array_without_a_rate_says_so(tmp_path: Path):
     assert row.odd == ("holds no frame rate: pass fps",)
 
 
+def test_check_of_key_points_without_a_rate_says_so(tmp_path: Path):
+    points = {"people": [{"pose_keypoints_2d": [100.0, 200.0, 0.9] * 25}]}
+    for frame in range(30):
+        (tmp_path / f"film_{frame:012d}_keypoints.json").write_text(json.dumps(points))
+    (row,) = check(tmp_path)
+    assert (row.kind, row.frames, row.rate) == ("motion", 30, None)
+    assert row.odd[0] == "holds no frame rate: pass fps"
+
+
+def test_check_of_a_file_that_no_rate_would_mend_is_unreadable(tmp_path: Path):
+    (tmp_path / "pass fps.npy").write_bytes(b"damaged")
+    (row,) = check(tmp_path / "pass fps.npy")
+    assert row.kind == "unreadable"
+
+
 def test_check_of_sound_and_beats_gives_their_numbers(tmp_path: Path):
     soundfile.write(tmp_path / "song.wav", np.zeros((RATE, 2)), RATE)
     (tmp_path / "song.beats").write_text("0.5 1\n1.0 2\n1.5 3\n4.0 1\n")
@@ -249,13 +265,13 @@ def test_check_of_nothing_known_is_a_row_and_of_nothing_an_error(tmp_path: Path)
 @pytest.mark.data
 @pytest.mark.parametrize(("corpus", "count"), [("tang2018", 32), ("tang2018_rebuilt", 3), ("beatlocked", 23)])
 def test_recorded_corpus_is_found_whole(data_root: Path, corpus: str, count: int):
-    found = find_sequences(data_root / corpus)
+    found = find_recordings(data_root / corpus)
     assert (len(found.folders), found.problems) == (count, ())
 
 
 @pytest.mark.data
 def test_beat_locked_recording_has_beats_units_and_no_oddities(data_root: Path):
-    sequence = load_sequence(data_root / "beatlocked" / "DANCE_W_3")
+    sequence = load_recording(data_root / "beatlocked" / "DANCE_W_3")
     assert (sequence.clip.dance, sequence.annotation.meter, len(sequence.annotation.units)) == ("waltz", 3, 14)
     assert sequence.annotation.units[0].start == pytest.approx(sequence.clip.offset, abs=0.04)
     assert check(data_root / "beatlocked" / "DANCE_W_3")[0].odd == ()
@@ -272,9 +288,9 @@ def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
     ours, theirs = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75}), tang(tmp_path / "theirs")
     bare = own(tmp_path / "bare")
     save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM))
-    starts = [told_start(path) for path in (ours, ours / "motion.npz", theirs, theirs / "skeletons.json")]
+    starts = [recorded_offset(path) for path in (ours, ours / "motion.npz", theirs, theirs / "skeletons.json")]
     assert starts == [0.75, 0.75, 0.2, 0.2]
-    assert [told_start(path) for path in (ours / "another.npz", theirs / "audio.flac", bare)] == [None, None, None]
+    assert [recorded_offset(path) for path in (ours / "another.npz", theirs / "audio.flac", bare)] == [None, None, None]
 
 
 def test_score_starts_where_the_folder_tells(tmp_path: Path) -> None:

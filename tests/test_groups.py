@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.data.folders import Sequence, load_sequence
+from harmolab.data.folders import Recording, load_recording
 from harmolab.data.groups import NEAR, Segment, group_outlines, motion_groups, outline
 from harmolab.io.beats import BeatAnnotation, Unit
 from harmolab.types import Audio, Clip, Motion, Skeleton
@@ -30,7 +30,7 @@ def movement(kind: str, seconds: float = 2.0) -> np.ndarray:
     return np.concatenate([still, hand[:, None]], axis=1)
 
 
-def spliced(*pieces: np.ndarray, name: str = "a", offset: float = 0.0, **clip: object) -> Sequence:
+def spliced(*pieces: np.ndarray, name: str = "a", offset: float = 0.0, **clip: object) -> Recording:
     """Pieces joined by straight lines of six frames, which are not valid."""
     positions, valid = [pieces[0]], [np.ones(len(pieces[0]), bool)]
     for piece in pieces[1:]:
@@ -38,10 +38,10 @@ def spliced(*pieces: np.ndarray, name: str = "a", offset: float = 0.0, **clip: o
         positions += [positions[-1][-1] + share * (piece[0] - positions[-1][-1]), piece]
         valid += [np.zeros(SPLICE, bool), np.ones(len(piece), bool)]
     motion = Motion(np.concatenate(positions), FPS, BODY, np.concatenate(valid))
-    return Sequence(Clip(name, SILENCE, motion, offset, dance="waltz", **clip), None, Path("corpus") / name)
+    return Recording(Clip(name, SILENCE, motion, offset, dance="waltz", **clip), None, Path("corpus") / name)
 
 
-def named(sequence: Sequence, *units: Unit) -> Sequence:
+def named(sequence: Recording, *units: Unit) -> Recording:
     """`sequence` with annotated units."""
     return replace(sequence, annotation=BeatAnnotation(np.arange(0, 20, 0.5), units=units))
 
@@ -108,7 +108,7 @@ def test_movements_are_the_same_up_to_the_distance_that_is_near(share: float, ex
 
 
 def test_a_chain_of_near_movements_is_one_group():
-    def shifted(name: str, steps: int) -> Sequence:
+    def shifted(name: str, steps: int) -> Recording:
         other = movement("once")
         other[:, 3, 0] += 4 * NEAR * 0.9 * steps
         return spliced(other, name=name)
@@ -143,21 +143,21 @@ def test_a_dance_without_name_has_groups_all_the_same():
 
 
 def test_bodies_that_differ_cannot_be_compared(swinging_arm: Callable[..., Motion]):
-    arm = Sequence(Clip("arm", SILENCE, swinging_arm(1.0, 25.0)), None, Path("corpus/arm"))
+    arm = Recording(Clip("arm", SILENCE, swinging_arm(1.0, 25.0)), None, Path("corpus/arm"))
     with pytest.raises(ValueError, match="motions of 3 and 4 joints have no figures that could be compared"):
         motion_groups([arm, spliced(movement("once"))])
 
 
 def test_a_sequence_without_motion_is_refused():
     with pytest.raises(ValueError, match="corpus/a: needs a motion in three dimensions"):
-        motion_groups([Sequence(Clip("a", SILENCE), None, Path("corpus/a"))])
+        motion_groups([Recording(Clip("a", SILENCE), None, Path("corpus/a"))])
 
 
 @pytest.mark.data
 def test_a_unit_of_the_beat_locked_recordings_is_found_again_by_its_motion(data_root: Path):
     # The annotated units once more, as if nobody had named them: each is found, under its own figure.
-    told = load_sequence(data_root / "beatlocked" / "DANCE_C_1")
-    blind = outline(load_sequence(data_root / "beatlocked" / "DANCE_C_7"))
+    told = load_recording(data_root / "beatlocked" / "DANCE_C_1")
+    blind = outline(load_recording(data_root / "beatlocked" / "DANCE_C_7"))
     nameless = blind._replace(figures=("",) * len(blind.figures))
     found = group_outlines([outline(told), nameless])[1]
     known = {segment.group for segment in motion_groups([told])[0]}

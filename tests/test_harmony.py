@@ -26,13 +26,10 @@ from harmolab.harmony import (
 from harmolab.metrics import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from tests.builders import track
 
 ALL_BEATS = replace(HarmonyParams.paper(), audio_threshold=0.0, visual_threshold=None)
 Swing = Callable[..., Motion]
-
-
-def track(times: list[float], strengths: list[float] | None = None, duration: float = 10.0) -> BeatTrack:
-    return BeatTrack(times, np.ones(len(times)) if strengths is None else strengths, 15.0, duration)
 
 
 def silence(seconds: float) -> Audio:

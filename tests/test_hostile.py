@@ -22,9 +22,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from harmolab.data.check import check
-from harmolab.data.folders import load_any_motion, load_sequence
+from harmolab.data.folders import load_any_motion, load_recording
 from harmolab.data.tang2018 import load_config
-from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_motion, load_openpose
+from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_keypoints, load_motion
 from harmolab.io.pickles import read_array_pickle
 from harmolab.types import Audio, BeatTrack, Motion, Skeleton
 
@@ -33,29 +33,29 @@ TIMES = int(os.environ.get("HARMOLAB_HOSTILE_TIMES", "1"))
 
 # Mutated files of each format.
 FILES = {
-    "sound.wav": 500,
-    "sound.flac": 500,
-    "sound.ogg": 500,
-    "sound.mp3": 400,
-    "motion.npz": 700,
-    "packed.npz": 500,
-    "points.npy": 400,
-    "flat.npy": 200,
-    "walk.bvh": 600,
-    "gBR_sBM_cAll_d04_mBR0_ch01.pkl": 600,
-    "skeletons.json": 300,
-    "config.json": 200,
-    "frames/dance_000000000001_keypoints.json": 250,
-    "coco.json": 250,
-    "lines.jsonl": 250,
-    "landmarks.json": 250,
-    "song.beats": 250,
-    "song.csv": 250,
-    "song.txt": 150,
-    "beats.json": 300,
+    "sound.wav": 350,
+    "sound.flac": 350,
+    "sound.ogg": 350,
+    "sound.mp3": 280,
+    "motion.npz": 490,
+    "packed.npz": 350,
+    "points.npy": 280,
+    "flat.npy": 140,
+    "walk.bvh": 420,
+    "gBR_sBM_cAll_d04_mBR0_ch01.pkl": 420,
+    "skeletons.json": 210,
+    "config.json": 140,
+    "frames/dance_000000000001_keypoints.json": 180,
+    "coco.json": 180,
+    "lines.jsonl": 180,
+    "landmarks.json": 180,
+    "song.beats": 180,
+    "song.csv": 180,
+    "song.txt": 100,
+    "beats.json": 210,
 }
-SEQUENCES = 150  # whole folders with one damaged part
-ARRAYS = 100  # arrays made by hypothesis, for each of three types
+SEQUENCES = 120  # whole folders with one damaged part
+ARRAYS = 60  # arrays made by hypothesis, for each of three types
 
 
 def wave(channels: int = 1) -> np.ndarray:
@@ -231,7 +231,7 @@ def arrays_of(path: Path) -> list[np.ndarray]:
     """Every array that reading a file gives."""
     name = path.name
     if path.parent.name == "frames":
-        motion = load_openpose(path.parent, fps=25)
+        motion = load_keypoints(path.parent, fps=25)
         return [motion.positions]
     if name.startswith("sound."):
         info, part = audio_info(path), load_audio(path, start=0.0, duration=0.05, sample_rate=None)
@@ -291,7 +291,7 @@ def test_damaged_part_of_a_sequence_gives_a_clip_or_an_error_with_its_name(tmp_p
         for name in parts[folder]:
             content = mutated(valid[name], rng) if name == damaged else valid[name]
             (folder / name.replace("sound", "audio")).write_bytes(content)
-        outcome(folder, lambda folder: [load_sequence(folder).clip.motion.positions])
+        outcome(folder, lambda folder: [load_recording(folder).clip.motion.positions])
         if turn % 10 < 2:
             assert len(check(folder)) == 1
 

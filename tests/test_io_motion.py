@@ -17,11 +17,9 @@ from harmolab.io import (
     load_bvh,
     load_keypoints,
     load_motion,
-    load_openpose,
     save_motion,
 )
-from harmolab.io.coco import load_coco
-from harmolab.io.landmarks import MEDIAPIPE_33
+from harmolab.io.layouts import MEDIAPIPE_33
 from harmolab.types import Motion, Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
@@ -376,18 +374,18 @@ def test_openpose_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path):
 
 def test_openpose_follows_the_same_dancer_past_a_slightly_surer_passer_by(tmp_path: Path):
     frames = [[person(0)], [person(100, 0.95), person(1)], [person(2), person(90, 0.95)]]
-    motion = load_openpose(write_frames(tmp_path / "frames", frames), fps=30)
+    motion = load_keypoints(write_frames(tmp_path / "frames", frames), fps=30)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 1, 2])
 
 
 def test_openpose_ignores_a_doubtful_figure_even_if_it_is_near(tmp_path: Path):
     frames = [[person(0)], [person(0, 0.1), person(5)], [person(10)]]
-    motion = load_openpose(write_frames(tmp_path / "frames", frames), fps=30)
+    motion = load_keypoints(write_frames(tmp_path / "frames", frames), fps=30)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 5, 10])
 
 
 def test_openpose_frame_without_people_is_filled_and_marked(tmp_path: Path):
-    motion = load_openpose(write_frames(tmp_path / "frames", [[person(0)], [], [person(4)]]), fps=30)
+    motion = load_keypoints(write_frames(tmp_path / "frames", [[person(0)], [], [person(4)]]), fps=30)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0, 2, 4])
     np.testing.assert_array_equal(motion.valid, [True, False, True])
 
@@ -396,7 +394,14 @@ def test_openpose_missing_frame_number_is_an_error(tmp_path: Path):
     folder = write_frames(tmp_path / "frames", [[person(x)] for x in range(4)])
     (folder / "dance_000000000002_keypoints.json").unlink()
     with pytest.raises(ValueError, match="frames: frame 2 is missing between 0 and 3"):
-        load_openpose(folder, fps=30)
+        load_keypoints(folder, fps=30)
+
+
+def test_openpose_frame_number_that_is_there_twice_is_an_error(tmp_path: Path):
+    folder = write_frames(tmp_path / "frames", [[person(x)] for x in range(3)])
+    (folder / "other_1_keypoints.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"frames: has two files for frame 1: dance_0+1_keypoints\.json and other_1_"):
+        load_keypoints(folder, fps=30)
 
 
 @pytest.mark.parametrize(
@@ -404,7 +409,7 @@ def test_openpose_missing_frame_number_is_an_error(tmp_path: Path):
     [
         ("{", "cannot be read as an OpenPose frame"),
         ("[]", "has no list 'people'"),
-        ('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}', "18 or 25 joints"),
+        ('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}', "3 values; OpenPose has 18 or 25 points"),
         ("[" * 100_000, "cannot be read as an OpenPose frame"),
         (json.dumps({"people": [{"pose_keypoints_2d": [float("nan")] * 75}]}), "NaN or infinity at joint 0"),
     ],
@@ -413,7 +418,7 @@ def test_damaged_openpose_frame_is_named(tmp_path: Path, content: str, fault: st
     folder = write_frames(tmp_path / "frames", [[person(0)], [person(1)]])
     (folder / "dance_000000000001_keypoints.json").write_text(content)
     with pytest.raises(ValueError, match=rf"dance_000000000001_keypoints\.json: .*{fault}"):
-        load_openpose(folder, fps=30)
+        load_keypoints(folder, fps=30)
 
 
 # What is no motion at all
@@ -474,6 +479,13 @@ def test_coco_key_points_of_every_layout_are_read(tmp_path: Path, content: objec
     assert motion.valid.all()
 
 
+def test_frames_of_openpose_in_one_list_are_read_in_their_order(tmp_path: Path):
+    frames = [{"people": [{"pose_keypoints_2d": person(x).ravel().tolist()}]} for x in (3, 1, 2)]
+    motion = load_motion(as_json(tmp_path / "dance.json", frames), fps=30)
+    np.testing.assert_allclose(motion.positions[:, 0, 0], [3, 1, 2])
+    assert motion.skeleton == OPENPOSE_25
+
+
 def test_coco_frames_that_are_not_named_show_nobody(tmp_path: Path):
     entries = results([0, 9, 2])
     motion = load_motion(as_json(tmp_path / "dance.json", [entries[0], entries[2]]), fps=30)
@@ -520,6 +532,7 @@ def test_joints_are_kept_by_name_in_any_format(tmp_path: Path):
         ('{"a": 1}\nnonsense', "cannot be read as"),
         ("[]", "holds a list of 0, which is neither MediaPipe landmarks .* nor COCO-17"),
         ("3", "holds '3', which is neither"),
+        ({}, "holds an object with nothing in it, which is neither"),
         ([[1, 2], [3, 4]], r"holds a list of 2, first '\[1, 2\]', which is neither"),
         ({"bones": [], "units": "cm"}, "an object with 'bones', 'units', which is neither"),
         ({"people": [], "version": 1.3}, "is one frame of OpenPose; name the folder"),
@@ -544,11 +557,9 @@ def test_damaged_json_is_refused_by_name(tmp_path: Path, content: object, fault:
 
 
 def test_coco_key_points_need_a_rate(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"dance\.json: holds COCO-17 key points but no frame rate; pass fps"):
+    with pytest.raises(ValueError, match=r"dance\.json: holds key points but no frame rate; pass fps"):
         load_motion(as_json(tmp_path / "dance.json", results([0, 1])))
-    assert load_coco(tmp_path / "dance.json", fps=24).fps == 24
-    with pytest.raises(ValueError, match=r"other\.json: is no list of COCO-17 key points"):
-        load_coco(as_json(tmp_path / "other.json", {}), fps=24)
+    assert load_keypoints(tmp_path / "dance.json", fps=24).fps == 24
 
 
 # Recordings

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.io.landmarks import MEDIAPIPE_33, landmarks_motion, load_landmarks
+from harmolab.io.keypoints import keypoints_motion, load_keypoints
+from harmolab.io.layouts import MEDIAPIPE_33
 
 
 def frame(x: float, visibility: float = 0.9) -> list[dict[str, float]]:
@@ -30,36 +31,36 @@ def test_skeleton_is_one_tree_of_33_joints():
 
 
 def test_image_landmarks_become_2d_with_equal_units(tmp_path: Path):
-    motion = load_landmarks(saved(tmp_path, [frame(0.2), frame(0.4)]), fps=25, aspect=2.0)
+    motion = load_keypoints(saved(tmp_path, [frame(0.2), frame(0.4)]), fps=25, aspect=2.0)
     np.testing.assert_allclose(motion.positions[:, 5], [[0.4, 0.5], [0.8, 0.5]])
     assert motion.fps == 25
     assert motion.skeleton == MEDIAPIPE_33
 
 
 def test_world_landmarks_become_3d_with_y_up(tmp_path: Path):
-    motion = load_landmarks(saved(tmp_path, [frame(0.2), frame(0.4)]), fps=25, world=True)
+    motion = load_keypoints(saved(tmp_path, [frame(0.2), frame(0.4)]), fps=25, world=True)
     np.testing.assert_allclose(motion.positions[0, 5], [0.2, -0.5, 0.5])
 
 
 def test_rate_in_the_file_is_taken_and_one_given_takes_its_place(tmp_path: Path):
     path = saved(tmp_path, {"fps": 30.0, "frames": [frame(0.2), {"landmarks": frame(0.4)}]})
-    assert load_landmarks(path).fps == 30
-    assert load_landmarks(path, fps=24).fps == 24
+    assert load_keypoints(path).fps == 30
+    assert load_keypoints(path, fps=24).fps == 24
 
 
 def test_frames_without_anybody_are_filled_and_marked(tmp_path: Path):
-    motion = load_landmarks(saved(tmp_path, [frame(0.2), None, [], frame(0.5), frame(0.5, 0.2)]), fps=25)
+    motion = load_keypoints(saved(tmp_path, [frame(0.2), None, [], frame(0.5), frame(0.5, 0.2)]), fps=25)
     np.testing.assert_allclose(motion.positions[:4, 0, 0], [0.2, 0.3, 0.4, 0.5])
     assert motion.valid.tolist() == [True, False, False, True, False]
 
 
 def test_joints_can_be_chosen_by_name(tmp_path: Path):
     path = saved(tmp_path, [frame(0.2), frame(0.4)])
-    motion = load_landmarks(path, fps=25, joints=("left_hip", "left_knee"))
+    motion = load_keypoints(path, fps=25, joints=("left_hip", "left_knee"))
     assert motion.skeleton.joints == ("left_hip", "left_knee")
     assert motion.skeleton.bones == ((0, 1),)
     with pytest.raises(ValueError, match=r"no joints named \['tail'\]"):
-        load_landmarks(path, fps=25, joints=("tail",))
+        load_keypoints(path, fps=25, joints=("tail",))
 
 
 def test_array_with_and_without_visibility_is_read(tmp_path: Path):
@@ -67,18 +68,19 @@ def test_array_with_and_without_visibility_is_read(tmp_path: Path):
     values[:, :, 3] = 1.0
     values[2] = np.nan
     np.save(tmp_path / "dance.npy", values)
-    motion = load_landmarks(tmp_path / "dance.npy", fps=25)
+    motion = load_keypoints(tmp_path / "dance.npy", fps=25)
     assert motion.valid.tolist() == [True, True, False, True]
     np.testing.assert_allclose(motion.positions[2], (values[1, :, :2] + values[3, :, :2]) / 2)
-    assert landmarks_motion(values[:2, :, :3], 25).valid.all()
+    assert keypoints_motion(values[:2, :, :3], 25).valid.all()
 
 
 @pytest.mark.parametrize(
     ("content", "fault"),
     [
-        ([], "has no list of frames"),
-        ({"frames": 3}, "has no list of frames"),
-        ("text", "has no list of frames"),
+        ([], "holds a list of 0, which is neither MediaPipe landmarks"),
+        ({"frames": 3}, "holds an object with 'frames', which is neither MediaPipe landmarks"),
+        ("text", "holds 'text', which is neither MediaPipe landmarks"),
+        ({"frames": [frame(0.1)], "world": "yes"}, "world must be true or false, got 'yes'"),
         ([frame(0.1)[:32]], "frame 0 is no list of 33 landmarks"),
         ([frame(0.1), 7], "frame 1 is no list of 33 landmarks"),
         ([[{"x": 1, "y": 2}] * 33], "frame 0 has a landmark without z"),
@@ -91,7 +93,7 @@ def test_array_with_and_without_visibility_is_read(tmp_path: Path):
 def test_damaged_landmarks_are_refused_by_name(tmp_path: Path, content: Any, fault: str):
     path = saved(tmp_path, content)
     with pytest.raises(ValueError, match=rf"dance\.json: .*{fault}"):
-        load_landmarks(path, fps=25)
+        load_keypoints(path, fps=25)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2", '{"fps": 30}'])
@@ -99,19 +101,19 @@ def test_files_that_are_no_json_of_landmarks_are_refused(tmp_path: Path, text: s
     path = tmp_path / "dance.json"
     path.write_text(text)
     with pytest.raises(ValueError, match=r"dance\.json: "):
-        load_landmarks(path, fps=25)
+        load_keypoints(path, fps=25)
 
 
 def test_rate_aspect_shape_and_suffix_are_checked(tmp_path: Path):
     path = saved(tmp_path, [frame(0.2), frame(0.4)])
-    with pytest.raises(ValueError, match="holds no frame rate; pass fps"):
-        load_landmarks(path)
+    with pytest.raises(ValueError, match="holds key points but no frame rate; pass fps"):
+        load_keypoints(path)
     with pytest.raises(ValueError, match="aspect is width over height"):
-        load_landmarks(path, fps=25, aspect=0.0)
-    with pytest.raises(ValueError, match=r"has shape \(2, 17, 3\)"):
-        landmarks_motion(np.zeros((2, 17, 3)), 25)
+        load_keypoints(path, fps=25, aspect=0.0)
+    with pytest.raises(ValueError, match=r"has shape \(2, 33, 5\)"):
+        keypoints_motion(np.zeros((2, 33, 5)), 25)
     (tmp_path / "dance.csv").write_text("x,y")
-    with pytest.raises(ValueError, match="is no file of landmarks"):
-        load_landmarks(tmp_path / "dance.csv", fps=25)
+    with pytest.raises(ValueError, match=r"dance\.csv: cannot be read as key points"):
+        load_keypoints(tmp_path / "dance.csv", fps=25)
     with pytest.raises(FileNotFoundError, match="no such file"):
-        load_landmarks(tmp_path / "none.json", fps=25)
+        load_keypoints(tmp_path / "none.json", fps=25)

@@ -18,6 +18,7 @@ LAYERS = {
     "skeletons": 0,
     "types": 0,
     "params": 0,
+    "templates": 0,
     "io": 1,
     "kinematics": 1,
     "beats": 1,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from harmolab.features.poses import bone_lengths
-from harmolab.io.joint_names import foot_joints
 from harmolab.metrics.quality import foot_skating
+from harmolab.skeletons import foot_joints
 from harmolab.synthesis.grounding import planted_feet
 from harmolab.synthesis.legs import Leg, find_leg, moved_foot
 from harmolab.types import Motion, Skeleton

@@ -19,7 +19,7 @@ from harmolab.listening.corpus_study import (
     paired_pieces,
     swapped_pieces,
 )
-from harmolab.listening.trials import make_key
+from harmolab.listening.trials import KeyEntry, make_key
 from harmolab.types import Audio, Clip
 
 SECONDS = 5.0
@@ -187,3 +187,19 @@ def test_settings_out_of_range_are_refused(clips: list[Clip], change: dict[str, 
             make(clips, **{"seconds": SECONDS, "seed": 1, **change})
     with pytest.raises(ValueError, match="two names"):
         paired_pieces([], ("a", "a"), seconds=SECONDS, seed=1)
+
+
+def test_trial_shows_the_dances_that_its_key_names_to_the_music_of_its_item(lagged: Pieces):
+    piece = lagged.pieces[2]
+    asked = KeyEntry(piece.name, ("lagged", "true"), ("a", "b"), "right")
+    audio, motions = lagged.shown(asked)
+    assert audio is piece.audio
+    assert motions == [piece.motions["lagged"], piece.motions["true"]]
+
+
+def test_scores_of_a_study_are_those_of_each_dance_shown(lagged: Pieces):
+    piece = lagged.pieces[0]
+    scores = lagged.scores([KeyEntry(piece.name, ("true", "lagged"), ("a", "b"), "left")])
+    expected = clip_scores(piece.clip("lagged"))
+    assert {name: values["b"] for name, values in scores.items()} == pytest.approx(expected, nan_ok=True)
+    assert scores["recommended_above_chance"]["a"] > scores["recommended_above_chance"]["b"]

@@ -1,4 +1,4 @@
-"""A rater answers in the notebook or on a local page; each answer is on disk before the next trial shows."""
+"""A rater answers on a local page, or in its frame in a notebook; each answer is on disk before the next trial."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import http.client
 import re
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
@@ -17,9 +16,6 @@ from jupyter_client.manager import start_new_kernel
 from harmolab.listening.answers import AnswerLog
 from harmolab.listening.presenting import MOST_BYTES, StudyServer
 from harmolab.listening.trials import Item, Trial, TrialSet, make_trials
-from harmolab.types import Audio, Clip
-from harmolab.widgets.player import BlindPlayer
-from harmolab.widgets.trials import TrialPresenter, player_trial
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 
@@ -38,52 +34,23 @@ def shown(trial: Trial) -> str:
     return f"<b>{trial.id}</b>"
 
 
-def buttons(presenter: TrialPresenter) -> list[object]:
-    return list(presenter.children[2].children)
+def framed_page(server: StudyServer) -> str:
+    """The page in the frame that a notebook shows."""
+    return html.unescape(re.search(r' srcdoc="([^"]*)"', server._repr_html_())[1])
 
 
-def test_every_click_is_written_before_the_next_trial_shows(trials: TrialSet, log: AnswerLog):
-    presenter = TrialPresenter(trials, log, shown)
-    for number, trial in enumerate(trials.trials):
-        assert presenter.trial == trial
-        buttons(presenter)[number % 2].click()
-        assert len(log.read().answers) == number + 1
-    assert [answer.choice for answer in log.read().answers] == ["harmonious", "inharmonious"] * 2
-    assert all(answer.seconds is not None and answer.seconds < 60 for answer in log.read().answers)
-
-
-def test_presenter_starts_at_the_first_trial_without_an_answer_and_ends_with_thanks(trials: TrialSet, log: AnswerLog):
-    for trial in trials.trials[:3]:
-        log.record(trials, trial.id, "harmonious")
-    presenter = TrialPresenter(trials, log, shown)
-    assert presenter.trial == trials.trials[3]
-    assert "Trial 4 of 4" in presenter.children[0].value
-    presenter.answer("harmonious")
-    assert "Thank you" in presenter.children[0].value
-    assert all(button.disabled for button in buttons(presenter))
-    with pytest.raises(ValueError, match="all trials are answered"):
-        presenter.answer("harmonious")
-
-
-def test_answer_that_cannot_be_written_is_said_and_asked_again(trials: TrialSet, log: AnswerLog):
-    presenter = TrialPresenter(trials, log, shown)
-    log.path.write_text("<no answers>\n")
-    buttons(presenter)[0].click()
-    assert "line 1 is not an answer: b'<no answers>'" in presenter.error
-    assert presenter.trial == trials.trials[0]
-    assert not buttons(presenter)[0].disabled
-    log.path.unlink()
-    buttons(presenter)[0].click()
-    assert presenter.error == ""
-    assert presenter.trial == trials.trials[1]
-
-
-def test_report_shows_the_trial_and_buttons_that_do_nothing(trials: TrialSet, log: AnswerLog):
-    presenter = TrialPresenter(trials, log, shown)
-    bundle = presenter._repr_mimebundle_()
-    assert f"<b>{trials.trials[0].id}</b>" in bundle["text/html"]
-    assert re.findall(r"<button disabled[^>]*>(\w+)</button>", bundle["text/html"]) == list(trials.choices)
-    assert "application/vnd.jupyter.widget-view+json" in bundle
+def test_notebook_frames_the_trial_and_its_buttons_send_answers_to_the_server(trials: TrialSet, log: AnswerLog):
+    server = StudyServer(trials, log, shown).start()
+    for number, trial in enumerate(trials.trials, 1):
+        page = framed_page(server)
+        assert f"Trial {number} of 4" in page
+        assert html.escape(f"<b>{trial.id}</b>") in page
+        assert re.findall(r'name="choice" value="(\w+)"', page) == list(trials.choices)
+        action = re.search(r'<form method="post" action="([^"]*)"', page)[1]
+        assert ask(action, "POST", {"trial": trial.id, "choice": "harmonious"})[0] == 303
+        assert len(log.read().answers) == number
+    assert "Thank you" in framed_page(server)
+    server.stop()
 
 
 @pytest.fixture
@@ -144,6 +111,18 @@ def test_damaged_answer_file_is_said_on_the_page(address: str, log: AnswerLog):
     assert "line 1 is not an answer: b&#x27;&lt;no answers&gt;&#x27;" in page
 
 
+def test_answer_that_cannot_be_written_is_said_and_asked_again(address: str, trials: TrialSet, log: AnswerLog):
+    form = {"trial": trials.trials[0].id, "choice": "harmonious"}
+    log.path.write_text("<no answers>\n")
+    status, page = ask(address, "POST", form)
+    assert status == 400
+    assert "The answer was not saved" in page
+    log.path.unlink()
+    assert "Trial 1 of 4" in ask(address, "GET")[1]
+    assert ask(address, "POST", form)[0] == 303
+    assert len(log.read().answers) == 1
+
+
 def test_server_is_finished_when_thanks_were_sent_and_not_before(trials: TrialSet, log: AnswerLog):
     server = StudyServer(trials, log, shown)
     assert isinstance(server.finished, threading.Event)
@@ -157,36 +136,16 @@ def test_server_is_finished_when_thanks_were_sent_and_not_before(trials: TrialSe
         assert server.finished.wait(10)
 
 
-def test_trial_is_a_blind_player_of_one_dancer_or_two_to_one_music(planted_clip: Clip):
-    assert planted_clip.motion is not None
-    for count in (1, 2):
-        page = html.unescape(re.search(r' srcdoc="([^"]*)"', player_trial(*[planted_clip] * count))[1])
-        assert page.count("<canvas") == count
-        assert planted_clip.name not in page
-        # The sound's coding holds a random serial number.
-        wanted = BlindPlayer(planted_clip.audio, [planted_clip.motion] * count).page
-        sound = re.compile(r'"ogg": "[^"]*"')
-        assert sound.sub("", page) == sound.sub("", wanted)
-
-
-def test_clips_that_cannot_be_one_trial_are_refused(planted_clip: Clip):
-    with pytest.raises(ValueError, match="has no motion to show"):
-        player_trial(replace(planted_clip, motion=None))
-    with pytest.raises(ValueError, match=r"its motion starts 0\.5 s into the music"):
-        player_trial(replace(planted_clip, offset=0.5))
-    quiet = Audio(0.5 * planted_clip.audio.samples, planted_clip.audio.sample_rate)
-    with pytest.raises(ValueError, match="have two pieces of music"):
-        player_trial(planted_clip, replace(planted_clip, audio=quiet))
-
-
 PRESENT = """
+from pathlib import Path
 from harmolab.listening.answers import AnswerLog
+from harmolab.listening.presenting import StudyServer
 from harmolab.listening.trials import Item, make_trials
-from harmolab.widgets.trials import TrialPresenter
 clips = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 trials = make_trials(clips, kind="pick", n=4, seed=1, rater="Ada")
-presenter = TrialPresenter(trials, AnswerLog("answers.jsonl"), lambda trial: trial.id)
-presenter
+server = StudyServer(trials, AnswerLog("answers.jsonl"), lambda trial: trial.id).start()
+Path("address").write_text(server.address)
+server
 """
 
 
@@ -196,7 +155,9 @@ def test_killed_kernel_loses_no_answer_and_the_notebook_goes_on_where_it_was(
     manager, client = start_new_kernel(cwd=str(tmp_path))
     try:
         client.execute(PRESENT, reply=True, timeout=60)
-        client.execute("presenter.answer('harmonious'); presenter.answer('inharmonious')", reply=True, timeout=60)
+        address = (tmp_path / "address").read_text()
+        for trial, choice in zip(trials.trials, trials.choices, strict=False):
+            assert ask(address, "POST", {"trial": trial.id, "choice": choice})[0] == 303
         client.stop_channels()
         manager.shutdown_kernel(now=True)  # SIGKILL
     finally:
@@ -207,4 +168,5 @@ def test_killed_kernel_loses_no_answer_and_the_notebook_goes_on_where_it_was(
         (trials.trials[0].id, "harmonious"),
         (trials.trials[1].id, "inharmonious"),
     ]
-    assert TrialPresenter(trials, log, shown).trial == trials.trials[2]
+    with StudyServer(trials, log, shown).running() as address:
+        assert html.escape(f"<b>{trials.trials[2].id}</b>") in ask(address, "GET")[1]

@@ -6,18 +6,13 @@ import numpy as np
 import pytest
 
 from harmolab.beats.meter import CATEGORIES, accented_places, cycle_of_meter, meter_units, strong_beats
-from harmolab.types import BeatTrack
+from tests.builders import metronome
 
 # Strengths that make the accent patterns of the four categories when each follows a weaker beat.
 FOUR = [3.0, 1.0, 2.0, 1.0]
 FOUR_LONG = [4.0, 3.0, 2.0, 1.0]
 FIVE = [4.0, 3.0, 2.0, 3.0, 1.0]
 SIX = [4.0, 3.0, 2.0, 4.0, 2.0, 1.0]
-
-
-def track(strengths: list[float]) -> BeatTrack:
-    """Beats every half second; the first is weak whatever its strength, so a silent one goes before."""
-    return BeatTrack(np.arange(len(strengths)) * 0.5, strengths, 15.0, 60.0)
 
 
 def test_a_beat_is_strong_when_stronger_than_the_one_before():
@@ -31,7 +26,7 @@ def test_few_or_equal_beats_are_weak(strengths, strong):
 
 @pytest.mark.parametrize(("bar", "signature"), [(FOUR, "4/4"), (FOUR_LONG, "4/4"), (FIVE, "5/4"), (SIX, "6/4")])
 def test_each_category_is_found_between_its_neighbours(bar, signature):
-    units = meter_units(track([0.5, *bar, 9.0]))
+    units = meter_units(metronome([0.5, *bar, 9.0]))
     assert [unit.signature for unit in units] == [signature]
     assert (units[0].start, units[0].end) == (0.5, 0.5 + 0.5 * len(bar))
     assert tuple(units[0].strong.tolist()) in CATEGORIES
@@ -43,23 +38,23 @@ def test_there_are_four_categories_of_three_types():
 
 
 def test_units_follow_one_another_without_overlap():
-    units = meter_units(track([0.5, *FOUR, *FIVE, *FOUR_LONG, 9.0]))
+    units = meter_units(metronome([0.5, *FOUR, *FIVE, *FOUR_LONG, 9.0]))
     assert [unit.signature for unit in units] == ["4/4", "5/4", "4/4"]
     assert [unit.end for unit in units[:-1]] == [unit.start for unit in units[1:]]
 
 
 def test_a_unit_needs_the_beat_that_ends_it():
-    assert meter_units(track([0.5, *FOUR])) == ()
+    assert meter_units(metronome([0.5, *FOUR])) == ()
 
 
 def test_beats_that_start_no_category_are_passed_over():
-    units = meter_units(track([0.5, 1.0, 2.0, *FOUR_LONG, 9.0]))
+    units = meter_units(metronome([0.5, 1.0, 2.0, *FOUR_LONG, 9.0]))
     assert [(unit.start, unit.signature) for unit in units] == [(1.5, "4/4")]
 
 
 @pytest.mark.parametrize("strengths", [[], [1.0], [1.0] * 12])
 def test_no_accents_make_no_units(strengths):
-    assert meter_units(track(strengths)) == ()
+    assert meter_units(metronome(strengths)) == ()
 
 
 @pytest.mark.parametrize(("meter", "cycle"), [(None, 1), (4, 2), (6, 2), (2, 2), (3, 3), (5, 5)])

@@ -17,13 +17,9 @@ from harmolab.metrics import (
     mir_eval_scores,
     other_scores,
 )
-from harmolab.types import BeatTrack
+from tests.builders import track
 
 STEADY = np.arange(1.0, 20.0, 0.5)
-
-
-def track(times: np.ndarray) -> BeatTrack:
-    return BeatTrack(times, np.ones(times.size), 60.0, 30.0)
 
 
 def test_beat_alignment_of_exact_beats_is_one():
@@ -119,7 +115,7 @@ def test_kinematic_beats_are_valleys_smoothed_by_five_frames_at_sixty():
 
 def test_all_other_scores_come_in_one_dictionary():
     motion = STEADY[:10] + 0.05
-    scores = other_scores(track(STEADY), track(motion))
+    scores = other_scores(track(STEADY, duration=30.0), track(motion, duration=30.0))
     assert scores["beat_align_motion"] == pytest.approx(np.exp(-0.5))  # 0.05 s is AIST++'s sigma
     assert scores["beat_coverage"] == 10 / STEADY.size
     assert scores["beat_hit_rate"] == 1.0
@@ -127,4 +123,4 @@ def test_all_other_scores_come_in_one_dictionary():
 
 
 def test_other_scores_of_a_frozen_dancer_are_zero():
-    assert set(other_scores(track(STEADY), track(np.zeros(0))).values()) == {0.0}
+    assert set(other_scores(track(STEADY, duration=30.0), track(np.zeros(0), duration=30.0)).values()) == {0.0}

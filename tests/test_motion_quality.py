@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +11,25 @@ import pytest
 import torch
 
 from harmolab.data.splits import Split
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.experiments import quality
 from harmolab.experiments.generation import Trained
-from harmolab.experiments.quality import HALVES, OTHER_FIGURES, recorded_distances, typical_unit
+from harmolab.experiments.judging import recorded_motions
+from harmolab.experiments.quality import (
+    FROZEN,
+    HALVES,
+    OTHER_FIGURES,
+    motion_measures,
+    recorded_distances,
+    typical_unit,
+)
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
 from harmolab.params import FeatureParams, ModelParams, RunProfile
-from harmolab.types import Skeleton
+from harmolab.types import Motion, Skeleton
 
+HAND = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # the hand forwards, nothing else
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 FEATURES = FeatureParams.paper()
 T, PRIOR = 40, 10
@@ -72,20 +83,52 @@ def test_typical_unit_is_the_one_with_the_median_error(run: Trained, monkeypatch
     units = run.split.test.select({"test0", "test1", "test2"})
     planted = {"test0": 0.5, "test1": 0.1, "test2": 0.3}
 
-    def off(generator: Generator, chosen: UnitSet) -> list[np.ndarray]:
-        made = [unit.motion.astype(np.float64) for unit in chosen.units]
-        for code, unit in zip(made, chosen.units, strict=True):
-            code[PRIOR:, 2:9:3] += planted[unit.name]  # z of every joint
-            code[:PRIOR, :9] += 9.0  # the beats before the meter are not judged
-        return made
+    def dances(*_: object) -> tuple[UnitSet, dict[str, list[Motion]]]:
+        recorded = recorded_motions(units)
+        offsets = np.array([planted[unit.name] for unit in units.units])
+        moved = [motion.positions + offset * HAND for motion, offset in zip(recorded, offsets, strict=True)]
+        for positions in moved:
+            positions[:PRIOR, 1] += 9.0  # the beats before the meter are not judged
+        danced = [replace(motion, positions=place) for motion, place in zip(recorded, moved, strict=True)]
+        return units, {"recorded": recorded, "paper": danced}
 
-    split = Split(run.split.train, run.split.validation, units, {}, {})
-    planted_run = Trained(run.folder, run.generator, run.pose_net, split, run.history)
-    monkeypatch.setattr(quality, "trained", lambda *_: planted_run)
-    monkeypatch.setattr(quality, "generate", off)
+    monkeypatch.setattr(quality, "danced_units", dances)
     example = typical_unit(RunProfile.quick(), "arms", ("paper",))
     assert example.name == "test2"
     assert example.start == pytest.approx(PRIOR / FEATURES.fps)
     assert list(example.motions) == ["recorded", "paper"]
-    recorded, made = (motion.positions[PRIOR:, 1] - motion.positions[PRIOR:, 0] for motion in example.motions.values())
-    np.testing.assert_allclose(made, recorded, atol=1e-6)  # all joints moved alike
+    apart = example.motions["paper"].positions[PRIOR:] - example.motions["recorded"].positions[PRIOR:]
+    np.testing.assert_allclose(apart, np.broadcast_to(0.3 * HAND, apart.shape), atol=1e-6)
+
+
+def danced(number: int) -> Motion:
+    """Four seconds of a synthetic cha-cha, another one for each number."""
+    return synthetic_clip("cha-cha", seconds=4.0, fps=FEATURES.fps, seed=number).motion
+
+
+def test_measures_without_a_network_have_planted_answers(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator):
+    songs = ("one", "one", "two", "two", "alone")
+    units = arms("test", 5, 0.2, rng)
+    units = replace(units, units=tuple(replace(u, sequence=song) for u, song in zip(units.units, songs, strict=True)))
+    alike = [danced(number) for number in (1, 1, 2, 2, 3)]  # to one song always the same dance
+    shaken = [replace(dance, positions=dance.positions + rng.normal(0, 0.02, dance.positions.shape)) for dance in alike]
+    monkeypatch.setattr(quality, "generator_corpora", lambda profile: ("made up",))
+    monkeypatch.setattr(quality, "danced_units", lambda *_: (units, {"recorded": alike, "paper": shaken}))
+    table = motion_measures(RunProfile.quick()).set_index("variant")
+    assert table.index.tolist() == ["recorded", "paper", FROZEN]
+    frozen, recorded, paper = (table.loc[name] for name in (FROZEN, "recorded", "paper"))
+    assert (frozen["freezing"], frozen["pfc"], frozen["relative_jerk"]) == (1.0, 0.0, 0.0)
+    assert recorded["freezing"] < 0.5 and recorded["pfc"] > 0 and paper["relative_jerk"] > 2 * recorded["relative_jerk"]
+    assert recorded["multimodality"] == 0.0 < paper["multimodality"]
+    assert np.isnan(recorded["fid_geometric"]) and frozen["fid_geometric"] > paper["fid_geometric"] > 0
+
+
+def test_without_two_dances_to_a_song_there_is_no_multimodality(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+):
+    units = arms("test", 4, 0.2, rng)
+    units = replace(units, units=tuple(replace(unit, sequence=unit.name) for unit in units.units))
+    monkeypatch.setattr(quality, "generator_corpora", lambda profile: ("made up",))
+    dances = {"recorded": [danced(number) for number in range(4)]}
+    monkeypatch.setattr(quality, "danced_units", lambda *_: (units, dances))
+    assert motion_measures(RunProfile.quick())["multimodality"].isna().all()

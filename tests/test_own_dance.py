@@ -10,23 +10,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-import soundfile
 
 from harmolab.data.stage import render_skeleton
 from harmolab.data.synthetic import synthetic_clip, synthetic_motion
 from harmolab.io.motion import save_motion
 from harmolab.io.video import write_video
 from harmolab.io.video_sound import load_sound
-from harmolab.own_dance import OwnDance, Placement, explain_recording, load_recording, place_recording
+from harmolab.own_dance import OwnDance, Placement, explain_performance, load_performance, place_performance
 from harmolab.own_dance.page import dance_page, dance_player, save_page
 from harmolab.types import Audio, Clip, Motion
+from tests.builders import planted_dance, write_song
 
 SECONDS, START = 20.0, 0.4
 
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return synthetic_clip("cha-cha", seconds=SECONDS, seed=1)
+    return planted_dance(seconds=SECONDS)
 
 
 def danced(clip: Clip, late: Callable[[np.ndarray], np.ndarray]) -> Motion:
@@ -40,7 +40,7 @@ def danced(clip: Clip, late: Callable[[np.ndarray], np.ndarray]) -> Motion:
 def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A song; a dance 80 ms late in its second half, as motion, as video with the song's sound, and as silent video."""
     folder = tmp_path_factory.mktemp("own")
-    soundfile.write(folder / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))
+    write_song(folder / "song.wav", clip)
     motion = danced(clip, lambda beats: 0.08 * (beats > SECONDS / 2 + START / 2))
     save_motion(folder / "dance.npz", motion)
     heard = clip.audio.span(START, SECONDS - START)
@@ -52,7 +52,7 @@ def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def told_of(folder: Path, dance: str, **more: Any) -> OwnDance:
-    return explain_recording(folder / "song.wav", load_recording(folder / dance), n_rotations=50, **more)
+    return explain_performance(folder / "song.wav", load_performance(folder / dance), n_rotations=50, **more)
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +90,9 @@ def test_constant_shift_is_told_only_where_the_offset_is_known(
     folder: Path, clip: Clip, tmp_path: Path, shift: float, words: str
 ):
     save_motion(tmp_path / "shifted.npz", danced(clip, lambda beats: np.full(beats.shape, shift)))
-    recording = load_recording(tmp_path / "shifted.npz")
-    assert words in explain_recording(folder / "song.wav", recording, offset=START, n_rotations=0).verdict
-    found = explain_recording(folder / "song.wav", recording, n_rotations=0)
+    recording = load_performance(tmp_path / "shifted.npz")
+    assert words in explain_performance(folder / "song.wav", recording, offset=START, n_rotations=0).verdict
+    found = explain_performance(folder / "song.wav", recording, n_rotations=0)
     assert found.verdict.endswith("You keep the same place in its beat throughout.")
     assert "cannot be told from your movement alone" in found.words.sentences[-1]
 
@@ -100,7 +100,7 @@ def test_constant_shift_is_told_only_where_the_offset_is_known(
 def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path: Path):
     times = np.sort(np.random.default_rng(3).uniform(0, SECONDS, len(clip.beats)))
     save_motion(tmp_path / "lost.npz", synthetic_motion(times, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1))
-    told = explain_recording(folder / "song.wav", load_recording(tmp_path / "lost.npz"), offset=0.0, n_rotations=50)
+    told = explain_performance(folder / "song.wav", load_performance(tmp_path / "lost.npz"), offset=0.0, n_rotations=50)
     assert not told.is_together
     assert told.verdict == "There is no evidence here that you move with the beats of this song."
 
@@ -108,31 +108,31 @@ def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path:
 def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
     assert filmed.placement.source == "sound"
     assert filmed.placement.seconds == pytest.approx(START, abs=0.01)
-    first, second = (part.mean for part in filmed.words.stretches)
+    first, second = (part.mean for part in filmed.words.halves)
     assert first == pytest.approx(0.0, abs=0.02)
     assert second == pytest.approx(0.08, abs=0.02)
 
 
 def test_silent_video_is_placed_by_its_movement(folder: Path):
-    recording = load_recording(folder / "silent.mp4")
+    recording = load_performance(folder / "silent.mp4")
     assert recording.sound is None
-    told = explain_recording(folder / "song.wav", recording, n_rotations=0)
+    told = explain_performance(folder / "song.wav", recording, n_rotations=0)
     assert told.placement.source == "movement"
     assert "later than in the first" in told.verdict
 
 
 def test_video_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
     other = synthetic_clip("waltz", seconds=SECONDS, seed=9).audio
-    recording = load_recording(folder / "film.mp4")
+    recording = load_performance(folder / "film.mp4")
     assert (
-        place_recording(recording, other, synthetic_clip("waltz", seconds=SECONDS, seed=9).beats).source == "movement"
+        place_performance(recording, other, synthetic_clip("waltz", seconds=SECONDS, seed=9).beats).source == "movement"
     )
 
 
 def test_video_can_be_its_own_song(folder: Path):
-    told = explain_recording(folder / "film.mp4", load_recording(folder / "film.mp4"), n_rotations=0)
+    told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), n_rotations=0)
     assert told.placement == Placement(0.0, "same")
-    first, second = (part.mean for part in told.words.stretches)
+    first, second = (part.mean for part in told.words.halves)
     assert first == pytest.approx(0.0, abs=0.02)
     assert second == pytest.approx(0.08, abs=0.02)
 
@@ -192,7 +192,7 @@ def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: 
 def test_names_of_files_are_only_text(folder: Path, tmp_path: Path):
     name = "<img src=x onerror=alert(1)>\"'&amp;.npz"
     (tmp_path / name).write_bytes((folder / "dance.npz").read_bytes())
-    told = explain_recording(folder / "song.wav", load_recording(tmp_path / name), offset=START, n_rotations=0)
+    told = explain_performance(folder / "song.wav", load_performance(tmp_path / name), offset=START, n_rotations=0)
     page = dance_page(told)
     assert "<img src=x" not in page
     assert f"<h1>{html.escape(name).replace('&quot;', '&#34;').replace('&#x27;', '&#39;')} to song.wav</h1>" in page

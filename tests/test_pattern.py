@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -20,15 +21,12 @@ from harmolab.pattern import (
     normalised_speed,
     pattern_sums,
 )
-from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.types import Motion, Skeleton
+from tests import builders
 
+track = partial(builders.track, duration=30.0)
 RECOMMENDED = HarmonyParams.recommended()
 Swing = Callable[..., Motion]
-
-
-def track(times: list[float] | np.ndarray, bar_places: list[int] | None = None, **options: object) -> BeatTrack:
-    settings = {"strengths": np.ones(len(times)), "fps": 100.0, "duration": 30.0, "bar_places": bar_places} | options
-    return BeatTrack(times, **settings)
 
 
 def dance_of_two(cycles: int = 12, fps: float = 60.0) -> Motion:
@@ -61,7 +59,9 @@ def test_positions_count_beats_and_go_on_beyond_them():
 
 
 def test_positions_start_at_the_first_beats_place_in_the_bar():
-    np.testing.assert_allclose(beat_positions(np.array([1.0, 2.5]), track([1.0, 2.0, 3.0], [3, 0, 1])), [3, 4.5])
+    np.testing.assert_allclose(
+        beat_positions(np.array([1.0, 2.5]), track([1.0, 2.0, 3.0], bar_places=[3, 0, 1])), [3, 4.5]
+    )
 
 
 @pytest.mark.parametrize("times", [[], [1.0]])
@@ -179,8 +179,8 @@ def test_known_bar_places_tell_even_beats_from_odd_ones():
     params = HarmonyParams.recommended(FAST_ON_EVEN_BEATS)
     beats = np.arange(1.0, 11.0, 0.5)
     places = [k % 4 for k in range(beats.size)]
-    right = fit_of_motion(track(beats, places), dance_of_two(), params)
-    wrong = fit_of_motion(track(beats, [(place + 1) % 4 for place in places]), dance_of_two(), params)
+    right = fit_of_motion(track(beats, bar_places=places), dance_of_two(), params)
+    wrong = fit_of_motion(track(beats, bar_places=[(place + 1) % 4 for place in places]), dance_of_two(), params)
     assert right.mean > 0.85
     assert wrong.mean < 0.15
     assert right.chance == wrong.chance == 0.5
@@ -211,8 +211,8 @@ def test_a_beat_too_weak_to_count_does_not_move_the_others_in_the_bar():
     places = [k % 4 for k in range(beats.size)]
     strengths = np.ones(beats.size)
     strengths[3] = 0.0
-    whole = fit_of_motion(track(beats, places), dance_of_two(), params)
-    weak = fit_of_motion(track(beats, places, strengths=strengths), dance_of_two(), params)
+    whole = fit_of_motion(track(beats, bar_places=places), dance_of_two(), params)
+    weak = fit_of_motion(track(beats, bar_places=places, strengths=strengths), dance_of_two(), params)
     np.testing.assert_allclose(weak.shares, np.delete(whole.shares, 3))
 
 

@@ -26,19 +26,21 @@ from harmolab.harmony import score_harmony
 from harmolab.io import save_motion
 from harmolab.kinematics import resample_motion
 from harmolab.params import HarmonyParams
+from harmolab.templates import framed
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from harmolab.widgets.player import BlindPlayer, Dancer, Player, blind_page, framed, player_page
+from harmolab.widgets.player import Dancer, Player, blind_page, player_page
+from tests.builders import planted_dance, still, track, write_dance, write_song
 
 VALLEYS = HarmonyParams.valleys()
 
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return harmolab.synthetic_clip("cha-cha", seconds=6.0, seed=1)
+    return planted_dance()
 
 
 def dancer_of(motion: Motion, name: str = "dancer", music: BeatTrack | None = None) -> Dancer:
-    return dancer_with(visual_beats(motion, params=VALLEYS), motion, beats_at() if music is None else music, name)
+    return dancer_with(visual_beats(motion, params=VALLEYS), motion, track([]) if music is None else music, name)
 
 
 def dancer_with(
@@ -69,17 +71,6 @@ def sound_of(page: str) -> tuple[np.ndarray, int]:
     return soundfile.read(io.BytesIO(base64.b64decode(data_of(page)["sound"]["ogg"])))
 
 
-def still(fps: float, frames: int, joints: int = 2, axes: int = 3) -> Motion:
-    """Joints that rest, one a metre above the other."""
-    positions = np.zeros((frames, joints, axes))
-    positions[:, 1, 1] = 1.0
-    return Motion(positions, fps, Skeleton.unnamed(joints))
-
-
-def beats_at(*times: float, duration: float = 4.0) -> BeatTrack:
-    return BeatTrack(times, np.ones(len(times)), 100.0, duration)
-
-
 # What the page holds
 
 
@@ -93,7 +84,7 @@ def test_movement_is_the_motion_to_a_tenth_of_a_millimetre(clip: Clip) -> None:
 
 @pytest.mark.parametrize(("given", "shown"), [(15.0, 30.0), (30.0, 30.0), (50.0, 50.0), (120.0, 60.0)])
 def test_page_shows_between_thirty_and_sixty_frames_a_second(given: float, shown: float) -> None:
-    page = player_page(Audio(np.zeros(8000), 8000), [dancer_of(still(given, 120))], music=beats_at(), title="")
+    page = player_page(Audio(np.zeros(8000), 8000), [dancer_of(still(120, fps=given))], music=track([]), title="")
     assert data_of(page)["dancers"][0]["fps"] == shown
 
 
@@ -108,8 +99,8 @@ def test_sound_is_where_it_was(clip: Clip) -> None:
 
 @pytest.mark.parametrize("seconds", [1.0, 3.0])
 def test_sound_is_cut_or_filled_to_the_longest_motion(seconds: float) -> None:
-    dancers = [dancer_of(still(30.0, 45), "short"), dancer_of(still(30.0, 60), "long")]
-    page = player_page(Audio(np.full(round(8000 * seconds), 0.5), 8000), dancers, music=beats_at(1.9, 3.9), title="")
+    dancers = [dancer_of(still(45, fps=30.0), "short"), dancer_of(still(60, fps=30.0), "long")]
+    page = player_page(Audio(np.full(round(8000 * seconds), 0.5), 8000), dancers, music=track([1.9, 3.9]), title="")
     samples, rate = sound_of(page)
     assert samples.size == 2 * rate
     assert data_of(page)["duration"] == 2.0
@@ -129,8 +120,8 @@ def test_hits_are_those_of_the_score(clip: Clip) -> None:
 
 
 def test_planted_hit_and_miss() -> None:
-    dancer = dancer_with(beats_at(1.08, 2.12), still(30.0, 120), beats_at(1.0, 2.0))
-    shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(1.0, 2.0), title=""))
+    dancer = dancer_with(track([1.08, 2.12]), still(120, fps=30.0), track([1.0, 2.0]))
+    shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer], music=track([1.0, 2.0]), title=""))
     assert shown["dancers"][0]["marks"] == [{"time": 1.0, "met": 1.08}, {"time": 2.0, "met": None}]
     assert shown["dancers"][0]["visual"] == [1.08, 2.12]
     assert shown["delay"] == 0.1
@@ -138,21 +129,21 @@ def test_planted_hit_and_miss() -> None:
 
 def test_an_expected_lag_is_taken_off() -> None:
     params = HarmonyParams(visual_threshold=None, reaction_delay=0.05, lag=0.1, detector="valleys")
-    dancer = dancer_with(beats_at(1.08, 2.12), still(30.0, 120), beats_at(1.0, 2.0), params=params)
-    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(1.0, 2.0), title="")
+    dancer = dancer_with(track([1.08, 2.12]), still(120, fps=30.0), track([1.0, 2.0]), params=params)
+    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=track([1.0, 2.0]), title="")
     assert [mark["met"] for mark in data_of(page)["dancers"][0]["marks"]] == [1.08, 2.12]
 
 
 def test_first_beats_of_bars_are_marked() -> None:
     music = BeatTrack([1.0, 2.0], [1.0, 1.0], 100.0, 4.0, [3, 0])
-    shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer_of(still(30.0, 120))], music=music, title=""))
+    shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer_of(still(120, fps=30.0))], music=music, title=""))
     assert [beat["first"] for beat in shown["music"]] == [False, True]
 
 
 def test_speed_curve_is_that_of_the_visual_beats(swinging_arm: Callable[..., Motion]) -> None:
     motion = swinging_arm(1.0, 30.0)
     dancer = dancer_of(motion)
-    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=beats_at(), title="")
+    page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=track([]), title="")
     speed = data_of(page)["dancers"][0]["speed"]
     curve, inner = (
         values_of(speed)[:, 0],
@@ -221,18 +212,18 @@ def test_one_or_two_dancers(clip: Clip, count: int) -> None:
 
 def test_an_hour_is_refused() -> None:
     with pytest.raises(ValueError, match=r"600 s at most, got 3600\.0 s; cut"):
-        player_page(Audio(np.zeros(9), 8000), [dancer_of(still(1.0, 3600))], music=beats_at(), title="")
+        player_page(Audio(np.zeros(9), 8000), [dancer_of(still(3600, fps=1.0))], music=track([]), title="")
 
 
 @pytest.mark.parametrize("rate", [100, 384_000])
 def test_sound_that_no_browser_plays_is_refused(rate: int) -> None:
     with pytest.raises(ValueError, match=f"got {rate}; load it at 44100 Hz"):
-        player_page(Audio(np.zeros(rate), rate), [dancer_of(still(30.0, 30))], music=beats_at(), title="")
+        player_page(Audio(np.zeros(rate), rate), [dancer_of(still(30, fps=30.0))], music=track([]), title="")
 
 
 def test_two_frames_of_one_joint_are_enough() -> None:
     motion = Motion(np.zeros((2, 1, 3)), 30.0, Skeleton.unnamed(1))
-    shown = data_of(player_page(Audio(np.ones(1), 8000), [dancer_of(motion)], music=beats_at(), title=""))
+    shown = data_of(player_page(Audio(np.ones(1), 8000), [dancer_of(motion)], music=track([]), title=""))
     np.testing.assert_allclose(positions_of(shown["dancers"][0]), 0.0, atol=1e-6)
 
 
@@ -271,7 +262,7 @@ def test_two_blind_dancers_are_called_left_and_right(clip: Clip) -> None:
 
 def test_blind_trial_of_ten_seconds_with_two_dancers_is_small() -> None:
     clip = harmolab.synthetic_clip("jive", seconds=10.0, seed=1)
-    assert len(BlindPlayer(clip.audio, [clip.motion] * 2)._repr_html_()) < 600_000
+    assert len(framed(blind_page(clip.audio, [clip.motion] * 2))) < 600_000
 
 
 def test_blind_page_of_three_dancers_is_refused(clip: Clip) -> None:
@@ -315,8 +306,8 @@ def test_player_needs_no_widget_library() -> None:
 def files(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """song.wav, dance.npz (60 frames per second) and other.npz (25)."""
     folder = tmp_path_factory.mktemp("files")
-    soundfile.write(folder / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))
-    save_motion(folder / "dance.npz", clip.motion)
+    write_song(folder / "song.wav", clip)
+    write_dance(folder / "dance.npz", clip)
     save_motion(folder / "other.npz", resample_motion(clip.motion, 25.0))
     return folder
 

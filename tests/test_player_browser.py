@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
-import harmolab
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_motion
 from harmolab.pages import NotebookRun, write_pages
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip, Motion
 from harmolab.widgets.player import Dancer, Player
+from tests.builders import planted_dance
 
 pytestmark = pytest.mark.browser
 
@@ -27,7 +27,7 @@ WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return harmolab.synthetic_clip("cha-cha", seconds=15.0, seed=1)
+    return planted_dance(seconds=15.0)
 
 
 def player_of(clip: Clip, names: tuple[str, ...] = ("one",)) -> Player:

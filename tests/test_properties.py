@@ -28,7 +28,7 @@ from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 DURATION = 10.0
 MODES = [HarmonyParams.paper(), HarmonyParams.valleys(), HarmonyParams.recommended()]
-often, seldom = settings(max_examples=100, deadline=None), settings(max_examples=25, deadline=None)
+often, seldom = settings(max_examples=100, deadline=None), settings(max_examples=15, deadline=None)
 
 # Times on a grid of 1/64 s, at least a second from both ends: sums and differences of them are exact.
 places = st.lists(st.integers(64, 8 * 64), unique=True, max_size=20).map(sorted)

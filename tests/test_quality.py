@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.io.joint_names import foot_joints, joint_part, joint_side
 from harmolab.metrics import (
     STEP,
     bone_error,
@@ -306,31 +305,3 @@ def test_no_valid_frame_has_no_bones(swinging_arm: Callable[..., Motion]):
 def test_settings_that_are_not_positive_are_refused(call: Callable[[Motion], float]):
     with pytest.raises(ValueError, match="must be positive"):
         call(legs({}))
-
-
-# Names of joints
-
-
-@pytest.mark.parametrize(
-    ("name", "side", "part"),
-    [
-        ("left_ankle", "left", "ankle"),
-        ("toe R", "right", "toe"),
-        ("LeftToeBase", "left", "toebase"),
-        ("mixamorig:RightFoot", "right", "foot"),
-        ("rtoes", "right", "toes"),
-        ("L_Foot", "left", "foot"),
-        ("LHipJoint", "left", "hipjoint"),
-        ("leftfoot", "left", "foot"),
-        ("neck", "", "neck"),
-        ("root", "", "root"),
-        ("leg", "", "leg"),
-    ],
-)
-def test_names_of_joints_tell_side_and_part(name: str, side: str, part: str):
-    assert (joint_side(name), joint_part(name)) == (side, part)
-
-
-def test_joints_of_a_foot_belong_together_and_joints_without_side_stand_alone():
-    skeleton = Skeleton(("right heel", "hip", "left toe", "right toe", "foot_1"), (-1,) * 5)
-    assert foot_joints(skeleton) == ((2,), (0, 3), (4,))

@@ -33,9 +33,10 @@ def test_batch_agrees_with_single_clips_even_without_beats(rng: np.random.Genera
     pairs[0] = (BeatTrack([], [], 15.0, 6.0), pairs[0][1])
     pairs[1] = (pairs[1][0], BeatTrack([], [], 15.0, 6.0))
     batch = rescore(BeatBatch.of(pairs), SETTINGS[name])
+    singles = [score_harmony(*pair, params=SETTINGS[name], n_rotations=0) for pair in pairs]
     for field in fields(BatchScores):
-        single = [getattr(score_harmony(*pair, params=SETTINGS[name], n_rotations=0), field.name) for pair in pairs]
-        np.testing.assert_allclose(getattr(batch, field.name), single, atol=1e-9, err_msg=field.name)
+        expected = [getattr(single, field.name) for single in singles]
+        np.testing.assert_allclose(getattr(batch, field.name), expected, atol=1e-9, err_msg=field.name)
 
 
 def test_beats_of_one_clip_never_hit_those_of_the_next() -> None:
@@ -84,9 +85,10 @@ def dances() -> list[tuple[BeatTrack, Motion]]:
 
 
 def assert_as_score_motion(batch: BatchScores, pairs: list[tuple[BeatTrack, Motion]], params: HarmonyParams) -> None:
+    singles = [score_motion(*pair, params=params, n_rotations=0) for pair in pairs]
     for field in fields(BatchScores):
-        single = [getattr(score_motion(*pair, params=params, n_rotations=0), field.name) for pair in pairs]
-        np.testing.assert_allclose(getattr(batch, field.name), single, atol=1e-9, err_msg=field.name)
+        expected = [getattr(single, field.name) for single in singles]
+        np.testing.assert_allclose(getattr(batch, field.name), expected, atol=1e-9, err_msg=field.name)
 
 
 @pytest.mark.parametrize("name", PATTERNS)

@@ -15,6 +15,7 @@ from harmolab.harmony import score_harmony
 from harmolab.params import HarmonyParams
 from harmolab.retiming import _Body, _Splines, harmonise
 from harmolab.types import BeatTrack, Motion, Skeleton
+from tests.builders import bone_lengths
 
 VALLEYS = HarmonyParams.valleys()
 TREE = Skeleton(("hip", "knee", "ankle", "spine", "head", "prop"), (-1, 0, 1, 0, 3, -1))
@@ -33,17 +34,11 @@ def above_chance(motion: Motion, beats: BeatTrack) -> float:
     ).harmony_above_chance
 
 
-def bone_lengths(motion: Motion) -> np.ndarray:
-    """(T, bones)."""
-    ends = [motion.positions[:, child] - motion.positions[:, parent] for parent, child in motion.skeleton.bones]
-    return np.linalg.norm(np.stack(ends, axis=1), axis=2)
-
-
 def jerk(motion: Motion) -> float:
     return float(np.sqrt(np.mean(np.diff(motion.positions, n=3, axis=0) ** 2)))
 
 
-@pytest.mark.parametrize(("seed", "fps", "seconds"), [(1, 15.0, 6.0), (2, 15.0, 6.0), (2, 60.0, 4.0)])
+@pytest.mark.parametrize(("seed", "fps", "seconds"), [(2, 15.0, 6.0), (2, 60.0, 4.0)])
 def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(seed: int, fps: float, seconds: float):
     motion, beats = dance(seed, fps=fps, seconds=seconds)
     result = harmonise(motion, beats, steps=120)

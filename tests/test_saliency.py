@@ -16,14 +16,10 @@ from harmolab.beats.saliency import (
     visual_mask,
 )
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack
+from tests.builders import metronome
 
 # Mean 2, deviations -1, 1, -1, 1: population SD 1.
 STRENGTHS = np.array([1.0, 3.0, 1.0, 3.0])
-
-
-def track(strengths: list[float], bar_places: list[int] | None = None) -> BeatTrack:
-    return BeatTrack(np.arange(len(strengths)) * 1.0, strengths, 15.0, 10.0, bar_places)
 
 
 def test_a_music_beat_at_the_threshold_is_not_salient():
@@ -96,7 +92,7 @@ def test_nothing_to_normalise_is_left_alone(strengths):
 
 def test_salient_music_beats_keep_time_bar_place_and_normalised_strength():
     params = replace(HarmonyParams.paper(), audio_threshold=1.0, normalisation="max")
-    kept = salient_audio(track([1.0, 3.0, 1.0, 3.0], [0, 1, 2, 3]), params)
+    kept = salient_audio(metronome([1.0, 3.0, 1.0, 3.0], bar_places=[0, 1, 2, 3], period=1.0, duration=10.0), params)
     np.testing.assert_array_equal(kept.times, [1.0, 3.0])
     np.testing.assert_array_equal(kept.strengths, [1.0, 1.0])
     np.testing.assert_array_equal(kept.bar_places, [1, 3])
@@ -104,6 +100,6 @@ def test_salient_music_beats_keep_time_bar_place_and_normalised_strength():
 
 def test_salient_visual_beats_keep_their_raw_strength():
     params = replace(HarmonyParams.paper(), visual_threshold=3.0)
-    kept = salient_visual(track(VISUAL.tolist()), params)
+    kept = salient_visual(metronome(VISUAL.tolist(), period=1.0, duration=10.0), params)
     np.testing.assert_array_equal(kept.times, [3.0])
     np.testing.assert_array_equal(kept.strengths, [9.0])

@@ -1,11 +1,21 @@
-"""Nulls by rotation, p-values, bootstrap intervals, AUC."""
+"""Nulls by rotation, p-values, intervals, AUC."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
-from harmolab.significance import auc, bootstrap_interval, p_value, rotated_shares, rotations
+from harmolab.significance import (
+    auc,
+    bootstrap_interval,
+    bootstrap_interval_of,
+    mean_interval,
+    p_value,
+    rotated_shares,
+    rotations,
+    wilson_interval,
+)
 
 
 def test_rotations_are_spread_evenly_and_never_zero():
@@ -96,3 +106,42 @@ def test_auc_takes_every_value_of_a_table():
 def test_auc_of_nothing_is_nan():
     assert np.isnan(auc([], [1.0]))
     assert np.isnan(auc([1.0], []))
+
+
+def test_mean_interval_is_students():
+    # Mean 2, standard deviation 1, three values; the table's t for two degrees of freedom is 4.30265.
+    assert mean_interval([1.0, 2.0, 3.0]) == pytest.approx((2.0, 2 - 4.30265 / 3**0.5, 2 + 4.30265 / 3**0.5), abs=1e-5)
+
+
+@pytest.mark.parametrize(("values", "mean"), [([], np.nan), ([2.0], 2.0), ([1.0, np.inf], np.inf)])
+def test_mean_of_too_little_has_no_interval(values: list[float], mean: float):
+    np.testing.assert_equal(mean_interval(values), (mean, np.nan, np.nan))
+
+
+@pytest.mark.parametrize(("hits", "n"), [(0, 7), (3, 7), (7, 7), (40, 90)])
+def test_wilson_interval_is_scipys(hits: int, n: int):
+    bounds = binomtest(hits, n).proportion_ci(0.9, method="wilson")
+    assert wilson_interval(hits, n, 0.9) == pytest.approx((bounds.low, bounds.high), abs=1e-12)
+    assert wilson_interval(0, 7)[0] == 0.0
+    assert wilson_interval(7, 7)[1] == 1.0
+
+
+def test_wilson_interval_takes_students_quantile_where_the_variance_is_uncertain():
+    # With z = 4.30265 (two degrees of freedom): centre 0.5, half width z / sqrt(4 n + 4 z**2) by hand.
+    low, high = wilson_interval(5, 10, freedom=2)
+    assert (low, high) == pytest.approx((0.5 - 4.30265 / 114.0511**0.5, 0.5 + 4.30265 / 114.0511**0.5), abs=1e-5)
+
+
+def test_no_answers_have_no_wilson_interval():
+    np.testing.assert_equal(wilson_interval(0, 0), (np.nan, np.nan))
+
+
+def test_bootstrap_of_a_statistic_is_that_of_the_mean_for_the_mean(rng: np.random.Generator):
+    values = rng.normal(size=30)
+    expected = bootstrap_interval(values, seed=3)
+    assert bootstrap_interval_of(lambda places: values[places].mean(), 30, seed=3) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("value", "n"), [(1.0, 1), (np.nan, 9)])
+def test_bootstrap_of_what_is_rarely_defined_is_nan(value: float, n: int):
+    np.testing.assert_equal(bootstrap_interval_of(lambda places: value, n), (np.nan, np.nan))

@@ -10,12 +10,12 @@ from typing import Any
 import nbformat
 import pytest
 
-import harmolab
 from harmolab.listening.answers import AnswerLog
 from harmolab.listening.presenting import StudyServer
 from harmolab.listening.trials import Item, TrialSet, make_trials
 from harmolab.types import Clip
-from harmolab.widgets.trials import player_trial
+from harmolab.widgets.player import blind_page
+from tests.builders import planted_dance
 from tests.test_browser import TOKEN, running_jupyterlab
 
 pytestmark = pytest.mark.browser
@@ -23,12 +23,13 @@ pytestmark = pytest.mark.browser
 N = 4
 WAIT = 20_000  # milliseconds
 FRAME = "iframe[title^=Dance]"
+STUDY = "iframe[title='Listening study']"
 WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return harmolab.synthetic_clip("cha-cha", seconds=5.0, seed=1)
+    return planted_dance(seconds=5.0)
 
 
 def trials_of(kind: str) -> TrialSet:
@@ -40,7 +41,7 @@ def trials_of(kind: str) -> TrialSet:
 def asked(request: pytest.FixtureRequest, clip: Clip, tmp_path: Path) -> Iterator[tuple[str, TrialSet, AnswerLog]]:
     """Address of a study, its trials and its log."""
     trials, log = trials_of(request.param), AnswerLog(tmp_path / "answers.jsonl")
-    shown = player_trial(*[clip] * (1 if request.param == "pick" else 2))
+    shown = blind_page(clip.audio, [clip.motion] * (1 if request.param == "pick" else 2))
     with StudyServer(trials, log, lambda trial: shown).running() as address:
         yield address, trials, log
 
@@ -129,14 +130,16 @@ CELL = """from pathlib import Path
 import harmolab
 from harmolab.listening.answers import AnswerLog
 from harmolab.listening.trials import Item, make_trials
-from harmolab.widgets.trials import TrialPresenter, player_trial
+from harmolab.listening.presenting import StudyServer
+from harmolab.widgets.player import blind_page
 clip = harmolab.synthetic_clip("cha-cha", seconds=5.0, seed=1)
 items = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 trials = make_trials(items, kind="pick", n=4, seed=1, rater="Ada")
-TrialPresenter(trials, AnswerLog("answers.jsonl"), lambda trial: player_trial(clip))"""
+page = blind_page(clip.audio, [clip.motion])
+StudyServer(trials, AnswerLog("answers.jsonl"), lambda trial: page).start()"""
 
 
-def test_presenter_in_jupyterlab_plays_and_its_buttons_answer(chromium: Any, tmp_path: Path) -> None:
+def test_page_framed_in_jupyterlab_plays_and_its_buttons_answer(chromium: Any, tmp_path: Path) -> None:
     notebook = nbformat.v4.new_notebook(
         cells=[nbformat.v4.new_code_cell(CELL)],
         metadata={"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}},
@@ -152,13 +155,15 @@ def test_presenter_in_jupyterlab_plays_and_its_buttons_answer(chromium: Any, tmp
         tab.locator('[data-command="runmenu:run-all"]').click()
         log = AnswerLog(tmp_path / "lab" / "work" / "answers.jsonl")
         for number in range(1, N + 1):
-            tab.get_by_text(f"Trial {number} of {N}").wait_for(timeout=120_000)
-            frame = player_in(tab)
+            tab.locator(STUDY).scroll_into_view_if_needed(timeout=120_000)  # it is loaded when it comes into view
+            study = tab.locator(STUDY).element_handle().content_frame()
+            study.get_by_text(f"Trial {number} of {N}").wait_for(timeout=WAIT)
+            frame = player_in(study)
             frame.click("#play")
             frame.wait_for_function("harmolabPlayer.time() > 0.3", timeout=WAIT)
             assert frame.evaluate("document.documentElement.scrollHeight <= innerHeight")
-            tab.get_by_role("button", name="inharmonious", exact=True).click()
-            tab.get_by_text(f"Trial {number + 1} of {N}" if number < N else "Thank you").wait_for(timeout=WAIT)
+            study.get_by_role("button", name="inharmonious", exact=True).click()
+            study.get_by_text(f"Trial {number + 1} of {N}" if number < N else "Thank you").wait_for(timeout=WAIT)
             assert len(log.read().answers) == number
         tab.close()
     assert {answer.choice for answer in log.read().answers} == {"inharmonious"}

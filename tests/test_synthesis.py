@@ -21,6 +21,7 @@ from harmolab.synthesis.borders import FADE, continued
 from harmolab.synthesis.grid import filled_beats, meter_frames
 from harmolab.synthesis.grounding import on_floor, planted_feet
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from tests.builders import planted_dance
 
 FPS = 15.0
 FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
@@ -76,7 +77,7 @@ def stepping(call: int, audio: np.ndarray, initial: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def clip() -> Clip:
-    return harmolab.synthetic_clip("cha-cha", seed=1)
+    return planted_dance()
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import soundfile
 
+from harmolab.data.folders import load_recording
 from harmolab.data.tang2018 import (
     PAPER_21,
     TANG_23,
     dance_of,
     load_config,
-    load_sequence,
     load_skeletons,
     on_the_floor,
     splice_steps,
@@ -42,7 +42,7 @@ def spliced(first: int = 20, last: int = 26, rise: float = 30.0) -> np.ndarray:
     return poses
 
 
-def write_sequence(
+def write_recording(
     folder: Path, poses: np.ndarray, *, centre: np.ndarray | None = None, start: int = 25, span: int | None = None
 ) -> Path:
     """A folder in the layout of the corpus."""
@@ -58,7 +58,7 @@ def write_sequence(
 
 def test_motion_is_skeleton_plus_centre_in_metres_with_z_turned_round(tmp_path: Path):
     centre = np.tile([100.0, 90.0, 50.0], (FRAMES, 1))
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), centre=centre)
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=centre)
     motion = load_skeletons(folder / "skeletons.json", ground=False)
     expected = (swaying() + np.array([100, 90, 50])) * [0.01, 0.01, -0.01]
     np.testing.assert_allclose(motion.positions, expected)
@@ -68,13 +68,13 @@ def test_motion_is_skeleton_plus_centre_in_metres_with_z_turned_round(tmp_path: 
 
 def test_without_travel_only_the_pose_is_left(tmp_path: Path):
     centre = np.cumsum(np.ones((FRAMES, 3)), axis=0)
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), centre=centre)
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), centre=centre)
     motion = load_skeletons(folder / "skeletons.json", travel=False)
     np.testing.assert_allclose(motion.positions, swaying() * [0.01, 0.01, -0.01])
 
 
 def test_clip_starts_at_start_position_over_25_and_knows_its_dance(tmp_path: Path):
-    clip = load_sequence(write_sequence(tmp_path / "somewhere" / "DANCE_W_1", swaying()))
+    clip = load_recording(write_recording(tmp_path / "somewhere" / "DANCE_W_1", swaying())).clip
     assert (clip.name, clip.offset, clip.dance, clip.source) == ("DANCE_W_1", 1.0, "waltz", "somewhere")
     assert clip.audio.duration == 5.0
 
@@ -94,16 +94,16 @@ def test_dance_is_read_from_the_folder_name(name: str, dance: str):
 
 
 def test_clock_stretches_the_motion_without_touching_a_frame(tmp_path: Path):
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
-    plain, stretched = (load_sequence(folder, clock=clock).motion for clock in (1.0, 1.013))
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
+    plain, stretched = (load_recording(folder, clock=clock).clip.motion for clock in (1.0, 1.013))
     np.testing.assert_array_equal(stretched.positions, plain.positions)
     assert stretched.duration == pytest.approx(1.013 * plain.duration)
 
 
 def test_the_papers_21_joints_are_the_first_21_and_still_a_tree(tmp_path: Path):
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
-    motion = load_sequence(folder, points=21).motion
-    np.testing.assert_array_equal(motion.positions, load_sequence(folder).motion.positions[:, :21])
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
+    motion = load_recording(folder, points=21).clip.motion
+    np.testing.assert_array_equal(motion.positions, load_recording(folder).clip.motion.positions[:, :21])
     assert motion.skeleton == PAPER_21
     assert PAPER_21.joints[PAPER_21.parents[PAPER_21.joints.index("right_wrist")]] == "right_elbow"
 
@@ -117,7 +117,7 @@ def test_skeleton_hangs_on_the_torso_with_limbs_on_their_own_side(skeleton: Skel
 
 
 def test_frames_that_a_splice_leads_to_are_not_valid(tmp_path: Path):
-    folder = write_sequence(tmp_path / "DANCE_W_1", spliced(20, 26))
+    folder = write_recording(tmp_path / "DANCE_W_1", spliced(20, 26))
     motion = load_skeletons(folder / "skeletons.json")
     np.testing.assert_array_equal(np.flatnonzero(~motion.valid), [21, 22, 23, 24, 25, 26])
 
@@ -148,24 +148,25 @@ def test_every_unit_is_set_on_the_floor_and_keeps_its_own_movement():
 
 
 def test_motion_a_little_shorter_than_its_config_is_read(tmp_path: Path):
-    assert load_sequence(write_sequence(tmp_path / "DANCE_W_1", swaying(), span=63)).motion.n_frames == FRAMES
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), span=63)
+    assert load_recording(folder).clip.motion.n_frames == FRAMES
 
 
 @pytest.mark.parametrize(("span", "rate"), [(30, "50.0"), (120, "12.5")])
 def test_motion_of_another_frame_rate_is_refused(tmp_path: Path, span: int, rate: str):
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), span=span)
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), span=span)
     with pytest.raises(
         ValueError, match=rf"skeletons\.json: has 60 frames, config.json spans {span} .*{rate} fps would fit"
     ):
-        load_sequence(folder)
+        load_recording(folder)
 
 
 @pytest.mark.parametrize("part", ["skeletons.json", "config.json", "audio.wav"])
 def test_missing_part_is_named(tmp_path: Path, part: str):
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
     (folder / part).unlink()
     with pytest.raises(FileNotFoundError, match=part):
-        load_sequence(folder)
+        load_recording(folder)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +181,7 @@ def test_missing_part_is_named(tmp_path: Path, part: str):
     ],
 )
 def test_damaged_skeletons_are_refused_with_their_fault(tmp_path: Path, change: dict[str, object], fault: str):
-    path = write_sequence(tmp_path / "DANCE_W_1", swaying()) / "skeletons.json"
+    path = write_recording(tmp_path / "DANCE_W_1", swaying()) / "skeletons.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(ValueError, match=rf"skeletons\.json: .*{fault}"):
         load_skeletons(path)
@@ -189,9 +190,9 @@ def test_damaged_skeletons_are_refused_with_their_fault(tmp_path: Path, change: 
 def test_nan_in_a_skeleton_names_frame_and_joint(tmp_path: Path):
     poses = swaying()
     poses[7, 8, 1] = np.nan
-    folder = write_sequence(tmp_path / "DANCE_W_1", poses)
+    folder = write_recording(tmp_path / "DANCE_W_1", poses)
     with pytest.raises(ValueError, match=r"skeletons hold NaN or infinity at frame 7, joint 8 \(left_knee\)"):
-        load_sequence(folder)
+        load_recording(folder)
 
 
 @pytest.mark.parametrize(
@@ -213,16 +214,16 @@ def test_damaged_config_is_refused_with_its_fault(tmp_path: Path, content: str, 
 
 
 def test_motion_that_starts_behind_the_end_of_the_audio_is_refused(tmp_path: Path):
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying(), start=200)
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying(), start=200)
     with pytest.raises(ValueError, match=r"DANCE_W_1: .*does not overlap audio of 5\.00 s"):
-        load_sequence(folder)
+        load_recording(folder)
 
 
 @pytest.mark.parametrize(("option", "value"), [("points", 25), ("clock", 0.0), ("clock", 25.0)])
 def test_option_out_of_range_is_refused_by_name(tmp_path: Path, option: str, value: float):
-    folder = write_sequence(tmp_path / "DANCE_W_1", swaying())
+    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
     with pytest.raises(ValueError, match=option):
-        load_sequence(folder, **{option: value})
+        load_recording(folder, **{option: value})
 
 
 @pytest.mark.data
@@ -233,7 +234,7 @@ def test_option_out_of_range_is_refused_by_name(tmp_path: Path, option: str, val
 def test_recording_has_its_known_frames_offset_and_splices(
     data_root: Path, name: str, frames: int, offset: float, splices: int
 ):
-    clip = load_sequence(data_root / "tang2018" / name)
+    clip = load_recording(data_root / "tang2018" / name).clip
     assert (clip.motion.n_frames, clip.offset) == (frames, offset)
     assert np.count_nonzero(~clip.motion.valid) == 6 * splices
 

@@ -13,17 +13,13 @@ from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.timewarp import TimeWarp, beat_warp, lee_warp, retime, warp_video
 from harmolab.timewarp.beats import METHODS
-from harmolab.timewarp.resampling import motion_at
-from harmolab.timewarp.video import warped_frames
+from harmolab.timewarp.retime import motion_at, warped_frames
 from harmolab.types import BeatTrack, Motion, Skeleton
+from tests.builders import bone_lengths, track
 
 SEEDS = range(6)
 SECONDS = 16.0
 VALLEYS = HarmonyParams.valleys()
-
-
-def beats_at(*times: float, duration: float = 10.0) -> BeatTrack:
-    return BeatTrack(np.array(times), np.ones(len(times)), 100.0, duration)
 
 
 def frame_times(motion: Motion) -> np.ndarray:
@@ -45,12 +41,6 @@ def jittered(seed: int, *, dance: str = "jive", fps: float = 60.0) -> tuple[Moti
     inside = moved < last - 0.05
     warp = TimeWarp(np.r_[0.0, beats[inside], last], np.r_[0.0, moved[inside], last])
     return motion_at(clip.motion, warp.inverse(frame_times(clip.motion))), clip.beats
-
-
-def bone_lengths(motion: Motion) -> np.ndarray:
-    """(T, bones)."""
-    ends = [motion.positions[:, child] - motion.positions[:, parent] for parent, child in motion.skeleton.bones]
-    return np.linalg.norm(np.stack(ends, axis=1), axis=2)
 
 
 def swinging(n_frames: int = 240, *, dimensions: int = 3, fps: float = 30.0) -> Motion:
@@ -104,8 +94,8 @@ def test_knots_that_make_no_warp_are_refused(source: list[float], target: list[f
 
 
 def test_late_beats_are_brought_forward_within_the_bounds():
-    late = beats_at(*np.arange(1.09, 9.5, 1.0))
-    music = beats_at(*np.arange(1.0, 9.5, 1.0))
+    late = track(np.arange(1.09, 9.5, 1.0))
+    music = track(np.arange(1.0, 9.5, 1.0))
     warp = beat_warp(late, music, 10.0)
     np.testing.assert_allclose(warp(late.times), music.times, atol=0.02)
     assert np.all(np.diff(warp.source) > 0)
@@ -115,15 +105,15 @@ def test_late_beats_are_brought_forward_within_the_bounds():
 
 
 def test_a_visual_beat_too_many_and_a_music_beat_too_many_are_left_out():
-    visual = beats_at(1.09, 2.09, 2.6, 3.09, 4.09, 6.09, 7.09)  # 2.6 is redundant; nothing is near 5
-    music = beats_at(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
+    visual = track([1.09, 2.09, 2.6, 3.09, 4.09, 6.09, 7.09])  # 2.6 is redundant; nothing is near 5
+    music = track([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     warp = beat_warp(visual, music, 8.0)
     np.testing.assert_allclose(warp([1.09, 2.09, 3.09, 4.09, 6.09, 7.09]), [1, 2, 3, 4, 6, 7], atol=0.02)
 
 
 def test_beats_out_of_reach_of_the_bounds_do_not_break_them():
-    visual = beats_at(*np.arange(1.15, 12.5, 1.0), duration=14.0)
-    music = beats_at(*np.arange(1.0, 12.5, 1.0), duration=14.0)
+    visual = track(np.arange(1.15, 12.5, 1.0), duration=14.0)
+    music = track(np.arange(1.0, 12.5, 1.0), duration=14.0)
     warp = beat_warp(visual, music, 14.0, slowest=0.9, fastest=1.05)
     low, high = warp.speed_range()
     assert 0.9 <= low < 1 < high <= 1.05
@@ -132,36 +122,36 @@ def test_beats_out_of_reach_of_the_bounds_do_not_break_them():
 
 
 def test_bounds_of_one_leave_no_freedom():
-    warp = beat_warp(beats_at(1.2, 2.2, 3.2), beats_at(1.0, 2.0, 3.0), 5.0, slowest=1.0, fastest=1.0)
+    warp = beat_warp(track([1.2, 2.2, 3.2]), track([1.0, 2.0, 3.0]), 5.0, slowest=1.0, fastest=1.0)
     assert warp.is_identity
 
 
 def test_a_phase_of_a_half_lands_between_the_beats():
-    music = beats_at(*np.arange(1.0, 9.5, 1.0))
-    warp = beat_warp(beats_at(*np.arange(1.3, 9.5, 1.0)), music, 10.0, phase=0.5)
+    music = track(np.arange(1.0, 9.5, 1.0))
+    warp = beat_warp(track(np.arange(1.3, 9.5, 1.0)), music, 10.0, phase=0.5)
     np.testing.assert_allclose(warp(np.arange(2.3, 8.5)), np.arange(2.5, 8.6), atol=0.02)
 
 
 def test_a_lag_is_kept():
-    music = beats_at(*np.arange(1.0, 9.5, 1.0))
-    visual = beats_at(*np.arange(1.3, 9.5, 1.0))
+    music = track(np.arange(1.0, 9.5, 1.0))
+    visual = track(np.arange(1.3, 9.5, 1.0))
     warp = beat_warp(visual, music, 10.0, params=replace(VALLEYS, lag=0.05))
     np.testing.assert_allclose(warp(np.arange(2.3, 8.5)), np.arange(2.05, 8.1), atol=0.02)
 
 
 def test_beats_already_in_time_are_left_alone():
-    music = beats_at(1.0, 2.0, 3.0, 4.0)
-    assert beat_warp(beats_at(1.03, 1.97, 3.02, 4.0), music, 5.0).is_identity
+    music = track([1.0, 2.0, 3.0, 4.0])
+    assert beat_warp(track([1.03, 1.97, 3.02, 4.0]), music, 5.0).is_identity
 
 
 @pytest.mark.parametrize(("visual", "music"), [((), (1.0, 2.0)), ((1.0, 2.0), ()), ((), ())])
 def test_without_beats_on_one_side_nothing_is_bent(visual: tuple[float, ...], music: tuple[float, ...]):
     for method in METHODS:
-        assert beat_warp(beats_at(*visual), beats_at(*music), 10.0, method=method).is_identity
+        assert beat_warp(track(visual), track(music), 10.0, method=method).is_identity
 
 
 def test_the_warper_of_2019_stretches_between_nearest_beats():
-    warp = lee_warp(beats_at(1.2, 1.3, 3.9), beats_at(1.0, 2.0, 4.0), 5.0)  # 1.3 is further from 1 than 1.2
+    warp = lee_warp(track([1.2, 1.3, 3.9]), track([1.0, 2.0, 4.0]), 5.0)  # 1.3 is further from 1 than 1.2
     np.testing.assert_allclose(warp([1.2, 3.9]), [1.0, 4.0], atol=1e-9)
     np.testing.assert_allclose(warp.inverse([2.0, 3.0]), [2.1, 3.0], atol=1e-9)  # a straight line between
     np.testing.assert_allclose(warp.speed_range(), [0.9, 1.2], rtol=0.08)
@@ -184,7 +174,7 @@ def test_the_warper_of_2019_stretches_between_nearest_beats():
 )
 def test_settings_out_of_range_are_refused_by_name(setting: dict[str, object], message: str):
     with pytest.raises(ValueError, match=message):
-        retime(swinging(), beats_at(1.0, 2.0), **setting)  # type: ignore[arg-type]
+        retime(swinging(), track([1.0, 2.0]), **setting)  # type: ignore[arg-type]
 
 
 def test_jittered_dances_come_into_harmony(dances: list[tuple[Motion, BeatTrack]]):
@@ -198,11 +188,11 @@ def test_jitter_of_each_movement_by_itself_is_mended_too():
     clips = [
         planted_clip(ClipSettings(dance, seconds=SECONDS, jitter=0.15, seed=seed)).clip
         for dance in dances
-        for seed in range(5)
+        for seed in range(2)
     ]
     retimed = [retime(clip.motion, clip.beats) for clip in clips]
     lost = [one for one in retimed if one.before.harmony_above_chance < 0.2]
-    assert len(lost) >= 8  # many a dance has beats in time by luck
+    assert len(lost) >= 3  # many a dance has beats in time by luck
     assert np.mean([one.after.harmony_above_chance for one in lost]) > 0.8
     assert np.mean([one.after.harmony_above_chance for one in retimed]) > 0.8
 
@@ -259,7 +249,7 @@ def test_the_warper_of_2019_wins_harmony_and_breaks_the_bounds(dances: list[tupl
 
 def test_flat_motion_is_retimed_and_its_bone_keeps_its_length():
     motion = swinging(dimensions=2)
-    music = beats_at(*np.arange(1.2, 7.5, 1.0), duration=8.0)
+    music = track(np.arange(1.2, 7.5, 1.0), duration=8.0)
     retimed = retime(motion, music)
     assert retimed.after.harmony_above_chance > retimed.before.harmony_above_chance + 0.5
     np.testing.assert_allclose(bone_lengths(retimed.motion), 1.0, atol=1e-9)
@@ -268,7 +258,7 @@ def test_flat_motion_is_retimed_and_its_bone_keeps_its_length():
 def test_a_motion_that_stands_still_or_has_two_frames_comes_back_itself():
     still = Motion(np.ones((60, 2, 3)), 30.0, Skeleton(("a", "b"), (-1, 0)))
     for motion in (still, still.span(0.0, 2 / 30)):
-        assert retime(motion, beats_at(0.5, 1.0, duration=2.0)).motion is motion
+        assert retime(motion, track([0.5, 1.0], duration=2.0)).motion is motion
 
 
 def test_times_between_frames_show_poses_between():
@@ -326,7 +316,7 @@ def test_a_video_keeps_its_colours_and_its_length(tmp_path):
 
 def test_the_beats_seen_after_are_where_the_warp_says():
     motion = swinging()
-    music = beats_at(*np.arange(1.2, 7.5, 1.0), duration=8.0)
+    music = track(np.arange(1.2, 7.5, 1.0), duration=8.0)
     retimed = retime(motion, music)
     seen = visual_beats(retimed.motion, params=VALLEYS).times
     np.testing.assert_allclose(seen, retimed.warp(np.arange(1.0, 7.5)), atol=0.02)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import runpy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -27,17 +26,17 @@ from harmolab.training.run import _networks
 from harmolab.training.schedule import adversarial_rate, epoch_order, pretrain_rate
 from harmolab.training.steps import Danced, Networks, critic_terms, danced, generator_terms, meter_span, pretrain_terms
 from harmolab.training.validation import validate
+from tests import tiny_training as tiny
 
-tiny = runpy.run_path(str(Path(__file__).with_name("tiny_training.py")))
-PAPER: TrainParams = tiny["PAPER"]
-RECOMMENDED: TrainParams = tiny["RECOMMENDED"]
+PAPER: TrainParams = tiny.PAPER
+RECOMMENDED: TrainParams = tiny.RECOMMENDED
 OTHERS = [f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot")]  # beside pose and harmony
-MODEL: ModelParams = tiny["MODEL"]
+MODEL: ModelParams = tiny.MODEL
 
 
 @pytest.fixture(scope="module")
 def split() -> Split:
-    return tiny["tiny_split"]()
+    return tiny.tiny_split()
 
 
 @pytest.fixture(scope="module")
@@ -307,6 +306,7 @@ def test_nobody_trains_the_pose_network(split: Split, networks: Networks, fabric
     assert torch.equal(weights(networks.pose_net), before)
 
 
+@pytest.mark.slow
 def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batch: Tensors):
     generator = _networks(
         split.train, Tensors.of(split.train), replace(MODEL, hidden=64, pose_features=64), networks.pose_net, seed=1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 import pickle
-import runpy
 import shutil
 import struct
 from collections.abc import Callable, Iterator
@@ -27,11 +26,11 @@ from harmolab.training import loop, make_fabric, train_harmogan
 from harmolab.training.checkpoints import STATE, load_state, restore, save_state
 from harmolab.training.folders import check_folder
 from harmolab.training.history import EventLog, history_text
+from tests import tiny_training as tiny
 
 PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
-tiny = runpy.run_path(str(Path(__file__).with_name("tiny_training.py")))
 # Few and large batches: here it matters what is on disk, not what is learnt.
-PAPER: TrainParams = replace(tiny["PAPER"], pretrain_epochs=2, adversarial_epochs=2, batch_size=13)
+PAPER: TrainParams = replace(tiny.PAPER, pretrain_epochs=2, adversarial_epochs=2, batch_size=13)
 EPOCHS = PAPER.pretrain_epochs + PAPER.adversarial_epochs
 
 
@@ -41,7 +40,7 @@ class Stopped(Exception):
 
 @pytest.fixture(scope="module")
 def split() -> Split:
-    return tiny["tiny_split"]()
+    return tiny.tiny_split()
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +60,7 @@ def train(split: Split, fabric: Fabric) -> Train:
             if row["phase"] != "pose network" and row["epoch"] == stop_after:
                 raise Stopped
 
-        given = {"model": tiny["MODEL"], "fabric": fabric, "split": split, "report": report} | more
+        given = {"model": tiny.MODEL, "fabric": fabric, "split": split, "report": report} | more
         return train_harmogan(folder=folder, params=params, **given)
 
     return run
@@ -385,12 +384,12 @@ def test_a_run_with_other_settings_is_not_resumed(changes: dict[str, Any], told:
 
 
 def test_a_run_of_another_size_is_not_resumed(half: Path, train: Train):
-    other = replace(tiny["MODEL"], hidden=8)
+    other = replace(tiny.MODEL, hidden=8)
     assert "model.hidden is 16, but 8 is asked for" in refused(half, lambda: train(half, model=other, resume=True))
 
 
 def test_a_run_on_another_split_is_not_resumed(half: Path, train: Train):
-    other = tiny["tiny_split"](n_train=12)
+    other = tiny.tiny_split(n_train=12)
     message = refused(half, lambda: train(half, split=other, resume=True))
     assert message.startswith(f"{half / 'split.json'}: units.test is ")
 
@@ -425,13 +424,13 @@ def test_two_processes_do_not_train_in_one_folder(half: Path, train: Train):
 
 
 def test_pretraining_on_other_data_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
-    other = tiny["tiny_split"](n_train=12)  # its validation unit was trained on there
+    other = tiny.tiny_split(n_train=12)  # its validation unit was trained on there
     message = refused(undisturbed, lambda: train(tmp_path / "new", split=other, pretrained=undisturbed))
     assert message.startswith(f"{undisturbed / 'split.json'}: ") and not (tmp_path / "new").exists()
 
 
 def test_pretraining_of_another_size_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
-    other = replace(tiny["MODEL"], hidden=8)
+    other = replace(tiny.MODEL, hidden=8)
     message = refused(undisturbed, lambda: train(tmp_path / "new", model=other, pretrained=undisturbed))
     assert message.startswith(f"{undisturbed / 'settings.json'}: model.hidden is 16, but 8 is asked for")
 

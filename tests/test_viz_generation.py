@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -12,13 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.offsetbox import AnnotationBbox
-from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from harmolab.params import TrainParams
 from harmolab.types import Motion, Skeleton
-from harmolab.viz.anatomy import draw_network, networks_figure, nodes_of
-from harmolab.viz.boxes import TINTS, count_text, draw_box, inch_axes, shape_text
-from harmolab.viz.framework import DANCING, LOSSES, TRAINING, draw_dancing, draw_training, framework_figure
+from harmolab.viz.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
 from harmolab.viz.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times
 from harmolab.viz.style import COLOURS
 from harmolab.viz.training import GUESSING, TERMS, draw_term, draw_validated, losses_figure, validation_figure
@@ -35,97 +34,84 @@ def texts(ax: Axes) -> list[str]:
     return [text.get_text() for text in ax.texts]
 
 
-# boxes and networks
+# Fig. 7
 
 
-@dataclass(frozen=True)
-class Part:
-    """A part as `harmolab.models.anatomy` tells of it."""
-
-    name: str
-    kind: str
-    input: tuple[int, ...] = ()
-    output: tuple[int, ...] = ()
-    parameters: int = 0
-    sources: tuple[str, ...] = ()
-
-
-# Two inputs are joined for `decoder` and, with it, once more for `head`: a skip connection.
-SKIPPING = (
-    Part("audio", "input", output=(4, 30, 5)),
-    Part("initial", "input", output=(4, 30, 12)),
-    Part("encoder", "GRU", (4, 30, 5), (4, 30, 16), 1_100, ("audio",)),
-    Part("seeing", "2 Linear", (4, 30, 12), (4, 30, 8), 200, ("initial",)),
-    Part("decoder", "GRU", (4, 30, 24), (4, 30, 16), 20_000, ("encoder", "seeing")),
-    Part("head", "Linear", (4, 30, 40), (4, 30, 12), 492, ("encoder", "seeing", "decoder")),
-    Part("motion", "output", input=(4, 30, 12), sources=("initial", "head")),
-)
+NETWORKS = {
+    "generator": "audio initial hearing encoder seeing decoder flat_head depth_head path_head motion flat",
+    "cross_domain": "audio motion hearing seeing both verdict output",
+    "spatial_temporal": "motion seeing joining.0 joining.1 joining.2 joining.3 verdict output",
+}
+SIGNALS = ("audio", "initial", "motion", "flat", "output")
+PARTS = [
+    {
+        "network": network,
+        "name": name,
+        "layers": "input" if name in SIGNALS else "GRU",
+        "parameters": 0 if name in SIGNALS else 1_100,
+        "shape": f"of {name}",
+    }
+    for network, names in NETWORKS.items()
+    for name in names.split()
+]
+BOTH = {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}
 
 
-def test_parts_that_join_the_same_features_share_a_plus_and_a_larger_join_takes_in_the_smaller():
-    nodes = nodes_of(SKIPPING, {})
-    assert nodes["decoder"].sources == ("encoder+seeing",)
-    assert nodes["encoder+seeing"].sources == ("encoder", "seeing")
-    assert nodes["head"].sources == ("decoder+encoder+seeing",)
-    assert nodes["decoder+encoder+seeing"].sources == ("decoder", "encoder+seeing")
-    assert [name for name, node in nodes.items() if node.part is None] == ["encoder+seeing", "decoder+encoder+seeing"]
+def test_every_measured_part_has_a_box_with_its_layers_size_and_shape():
+    (ax,) = networks_figure(PARTS).axes
+    assert sum(patch.get_gid() == "box" for patch in ax.patches) == len(PARTS) + 3  # three in the legend
+    for part in PARTS:
+        assert (part["shape"] if part["name"] in SIGNALS else f"to {part['shape']}") in texts(ax)
+    assert texts(ax).count("GRU, 1.1 k") == sum(part["parameters"] > 0 for part in PARTS)
+    assert "generator $G$: 7.7 k parameters" in texts(ax)
 
 
-def test_every_node_stands_below_all_that_feeds_it_and_outputs_at_the_bottom():
-    nodes = nodes_of(SKIPPING, {})
-    assert all(nodes[source].level < node.level for node in nodes.values() for source in node.sources)
-    assert nodes["audio"].level == nodes["initial"].level == 0
-    assert nodes["motion"].level == max(node.level for node in nodes.values())
+@pytest.mark.parametrize("figure", [networks_figure(PARTS), framework_figure(PARTS, BOTH)])
+def test_nothing_in_the_drawing_is_left_to_measure_and_all_of_it_is_on_the_paper(figure: Figure):
+    (ax,) = figure.axes
+    assert not [text for text in texts(ax) if re.search(r"(?<!_)\{", text)]
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    for text in ax.texts:
+        x, y = text.get_position()
+        assert left <= x <= right and bottom <= y <= top
 
 
-def test_what_an_output_takes_straight_from_an_input_is_written_in_its_box():
-    assert nodes_of(SKIPPING, {})["motion"].sources == ("head",)
-    ax = draw_network(inch_axes(Figure(figsize=(6, 8)), (0, 0), (6, 8)), SKIPPING, "generator")
-    assert "added to $V_f$" in texts(ax)
+def test_boxes_do_not_overlap():
+    for figure in (networks_figure(PARTS), framework_figure(PARTS, BOTH)):
+        boxes = [patch.get_window_extent() for patch in figure.axes[0].patches if patch.get_gid() == "box"]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
 
 
-def test_network_has_a_box_for_each_part_an_arrow_for_each_link_and_its_size_in_the_title():
-    ax = draw_network(inch_axes(Figure(figsize=(6, 8)), (0, 0), (6, 8)), SKIPPING, "generator")
-    assert sum(patch.get_gid() == "box" for patch in ax.patches) == len(SKIPPING)
-    links = sum(len(node.sources) for node in nodes_of(SKIPPING, {}).values())
-    assert sum(patch.get_gid() == "arrow" for patch in ax.patches) == links
-    assert texts(ax).count("+") == 2
-    assert ax.get_title(loc="left").endswith("21.8 k parameters")
-    assert {"pose decoder", "GRU, 20.0 k", "to 30 \N{MULTIPLICATION SIGN} 16"} <= set(texts(ax))
+def test_training_shows_each_loss_with_its_equation_and_both_weights():
+    (ax,) = framework_figure(PARTS, BOTH).axes
+    for equation in (23, 24, 25, 26, 27, 32):
+        assert any(f"Eq. {equation}" in line for line in texts(ax))
+    assert f"weight: paper 0.001, ours {BOTH['ours'].mse_weight:g}" in texts(ax)
+    assert f"weight: paper 0, ours {BOTH['ours'].smoothness_weight:g}" in texts(ax)
+    assert "7.7 k parameters" in texts(ax)
+    assert any("4.4 k" in line and "6.6 k" in line for line in texts(ax))  # discriminators of 4 and 6 parts
 
 
-def test_part_without_words_of_its_own_is_called_as_in_the_code():
-    ax = draw_network(inch_axes(Figure(figsize=(6, 8)), (0, 0), (6, 8)), SKIPPING, "generator")
-    assert "head" in texts(ax)
+def test_every_loss_weight_of_the_settings_is_in_the_picture():
+    weights = {name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")}
+    parts_of_terms = {"pretrain_kl", "count", "cross_domain"}
+    assert set(re.findall(r"\{weight\.(\w+)\}", DRAWING.read_text("utf-8"))) == weights - parts_of_terms
 
 
-def test_boxes_are_tinted_by_what_they_deal_in():
-    ax = draw_network(inch_axes(Figure(figsize=(6, 8)), (0, 0), (6, 8)), SKIPPING, "generator")
-    boxes = [patch for patch in ax.patches if patch.get_gid() == "box"]
-    found = [tint for box in boxes for tint, colour in TINTS.items() if to_hex(box.get_facecolor()) == colour.lower()]
-    assert sorted(found) == ["audio"] * 2 + ["both"] * 2 + ["motion"] * 3
+def test_a_discriminator_that_is_not_heard_is_named_in_the_picture():
+    params = {"paper": TrainParams.paper(), "ours": replace(TrainParams.paper(), gan_weight=0.1, cross_domain_weight=0)}
+    (ax,) = framework_figure(PARTS, params).axes
+    assert "weight: paper 0.001, ours 0.1 ($D_{st}$ alone)" in texts(ax)
 
 
-def test_only_features_that_are_joined_again_are_dashed():
-    ax = draw_network(inch_axes(Figure(figsize=(6, 8)), (0, 0), (6, 8)), SKIPPING, "generator")
-    dashed = [patch for patch in ax.patches if isinstance(patch, FancyArrowPatch) and patch.get_linestyle() != "-"]
-    assert len(dashed) == 1
-
-
-def test_networks_stand_side_by_side_each_in_its_own_axes():
-    figure = networks_figure({"generator": SKIPPING, "cross_domain": SKIPPING})
-    titles = [ax.get_title(loc="left") for ax in figure.axes]
-    assert titles[0].startswith("generator")
-    assert titles[1].startswith("discriminator")
-    left, right = figure.axes[0].get_position(), figure.axes[1].get_position()
-    assert left.x1 <= right.x0
-
-
-def test_box_is_as_high_as_its_lines_need():
-    ax = inch_axes(Figure(figsize=(4, 4)), (0, 0), (4, 4))
-    one, three = draw_box(ax, (1, 1), ["a"]), draw_box(ax, (1, 3), ["a", "b", "c"])
-    assert three - one == pytest.approx(0.155)
+def test_box_is_as_high_as_its_lines_need(ax: Axes):
+    draw_diagram(ax, {"parts": [[1, 1, 1, "both", "a"], [1, 3, 1, "audio", "a", "b\nc"]]})
+    one, three = (patch.get_bbox().height for patch in ax.patches)
+    assert three - one == pytest.approx(2 * 0.155)
     assert texts(ax) == ["a", "a", "b", "c"]
+    assert [to_hex(patch.get_facecolor()) for patch in ax.patches] == [
+        TINTS[name].lower() for name in ("both", "audio")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -133,61 +119,6 @@ def test_box_is_as_high_as_its_lines_need():
 )
 def test_counts_are_short(count: int, text: str):
     assert count_text(count) == text
-
-
-def test_pieces_that_clips_are_cut_into_are_counted():
-    assert shape_text((20, 8, 3), 4) == "5 of 8 \N{MULTIPLICATION SIGN} 3"
-
-
-# framework
-
-
-COUNTS = {"generator": 66_702, "cross_domain": 12_700, "spatial_temporal": 12_400}
-
-
-def test_training_shows_each_loss_with_its_equation_and_both_weights():
-    params = {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}
-    ax = draw_training(inch_axes(Figure(figsize=TRAINING), (0, 0), TRAINING), COUNTS, params)
-    found = texts(ax)
-    titles = [title for title, *_ in LOSSES.values()]
-    assert [line.split(" (")[0] for line in found if line.split(" (")[0] in titles] == titles
-    for equation in (23, 24, 25, 26, 27, 32):
-        assert any(f"Eq. {equation}" in line for line in found)
-    ours = TrainParams.recommended()
-    assert f"weight: paper 0.001, ours {ours.mse_weight:g}" in found
-    assert f"weight: paper 0, ours {ours.smoothness_weight:g}" in found
-    assert "66.7 k parameters" in found
-    assert any("12.7 k" in line and "12.4 k" in line for line in found)
-
-
-def test_every_loss_weight_of_the_settings_is_in_the_picture():
-    weights = {name for name in vars(TrainParams.paper()) if name.endswith("_weight")}
-    parts_of_terms = {"pretrain_kl_weight", "count_weight", "cross_domain_weight"}
-    assert weights - parts_of_terms == {f"{name}_weight" for name in LOSSES}
-
-
-def test_a_discriminator_that_is_not_heard_is_named_in_the_picture():
-    counts = {"generator": 1, "cross_domain": 1, "spatial_temporal": 1}
-    params = {"paper": TrainParams.paper(), "ours": replace(TrainParams.paper(), gan_weight=0.1, cross_domain_weight=0)}
-    ax = draw_training(inch_axes(Figure(figsize=TRAINING), (0, 0), TRAINING), counts, params)
-    assert any("paper 0.001, ours 0.1 ($D_{st}$ alone)" in text.get_text() for text in ax.texts)
-
-
-def test_last_beats_of_a_meter_lead_to_the_next_generator():
-    ax = draw_dancing(inch_axes(Figure(figsize=DANCING), (0, 0), DANCING))
-    tails = [patch for patch in ax.patches if isinstance(patch, Rectangle) and patch.get_gid() == "last beats"]
-    assert len(tails) == 3
-    assert sum(patch.get_gid() == "arrow" for patch in ax.patches) == 3 * 2 + 1  # music, dance; the first pose
-    over = [patch for patch in ax.patches if patch.get_gid() == "handing over"]
-    assert len(over) == 2
-    for tail, arrow in zip(tails, over, strict=False):
-        assert tail.get_x() < arrow.get_path().vertices[0, 0] < tail.get_x() + tail.get_width()
-
-
-def test_framework_has_both_panels():
-    figure = framework_figure(COUNTS, {"paper": TrainParams.paper()})
-    titles = [ax.get_title(loc="left") for ax in figure.axes]
-    assert [title[0] for title in titles if title] == ["a", "b"]
 
 
 # training

@@ -1,6 +1,6 @@
-"""Where a dance belongs in its song when nobody wrote it down.
+"""The offset of a dance in its song when no file states it.
 
-The movement tells it modulo the beat (`find_offset`); the sound that a camera recorded tells it outright
+The movement gives it modulo the beat (`find_offset`); the sound that a camera recorded gives it outright
 (`find_sound_offset`). `picture_motion` makes a video into something that the first can read.
 """
 

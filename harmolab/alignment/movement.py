@@ -1,7 +1,7 @@
-"""Where a motion belongs in its music when nobody wrote it down: the audio time of its first frame.
+"""The offset of a motion in its music, from its movement: the audio time of its first frame.
 
-Dancers slow down on the beat. So the motion's speed curve is slid along the music, and where the music's beats meet
-its slow moments, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
+Dancers slow down on the beat. So the motion's speed curve is slid along the music, and how slow it is at the music's
+beats, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
 this module says so instead of guessing.
 """
 
@@ -10,18 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import audio_beats
 from harmolab.kinematics import refine_extrema, smooth
 from harmolab.params import HarmonyParams
 from harmolab.pattern import normalised_speed
 from harmolab.significance import p_value
-from harmolab.types import Audio, BeatTrack, Motion
-
-__all__ = ["Offset", "attack_beats", "find_offset", "rest_at_beats"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
 STEP = 0.005  # seconds, between the lags that are tried
 FEWEST_BEATS = 4  # of the music inside the motion
@@ -36,7 +31,7 @@ NULL_STEP = 0.02  # seconds
 
 @dataclass(frozen=True, eq=False)
 class Offset:
-    """Where motion frame 0 lies in the music, as far as beats can tell.
+    """The audio time of motion frame 0, as far as beats can tell it.
 
     Parameters
     ----------
@@ -101,10 +96,10 @@ def find_offset(
     """
     if not (np.isfinite(guess) and np.isfinite(search) and 0 < search <= 600):
         raise ValueError(f"search must lie between 0 and 600 s and guess be finite, got {search} and {guess}")
-    chosen = params or HarmonyParams.recommended()
-    times, speed = _moving(motion, chosen)
+    params = params or HarmonyParams.recommended()
+    times, speed = _moving(motion, params)
     track = attack_beats(audio) if music is None else music
-    beats = track.times + chosen.lag
+    beats = track.times + params.lag
     steps = np.arange(-round(search / STEP), round(search / STEP) + 1)
     lags = np.asarray(guess + steps * STEP, dtype=np.float64)
     curve = rest_at_beats(times, speed, beats, lags)
@@ -149,10 +144,10 @@ def rest_at_beats(times: FloatArray, speed: FloatArray, beats: FloatArray, lags:
     >>> rest_at_beats(times, speed, np.arange(8) + 0.5, np.array([0.0, 0.5])).round(2)
     array([-1.,  1.])
     """
-    asked = beats[None, :] - lags[:, None]
-    inside = (asked >= times[0]) & (asked <= times[-1])
+    moments = beats[None, :] - lags[:, None]
+    inside = (moments >= times[0]) & (moments <= times[-1])
     count = inside.sum(axis=1)
-    rest = -(np.interp(asked, times, speed) * inside).sum(axis=1) / np.maximum(count, 1)
+    rest = -(np.interp(moments, times, speed) * inside).sum(axis=1) / np.maximum(count, 1)
     enough = count >= max(FEWEST_BEATS, LEAST_OVERLAP * count.max(initial=0))
     return np.where(enough, rest, np.nan)
 
@@ -193,8 +188,8 @@ def attack_beats(audio: Audio, *, tempo: str | tuple[float, float] | None = None
     if len(track) == 0:
         return track
     moved = track.times + _lag_to_attacks(audio, track.times)
-    kept = track.select((moved >= 0) & (moved <= audio.duration))
-    return replace(kept, times=moved[(moved >= 0) & (moved <= audio.duration)])
+    inside = track.select((moved >= 0) & (moved <= audio.duration))
+    return replace(inside, times=moved[(moved >= 0) & (moved <= audio.duration)])
 
 
 def _lag_to_attacks(audio: Audio, beats: FloatArray) -> float:

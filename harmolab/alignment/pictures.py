@@ -8,25 +8,20 @@ tenth of a second before them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.flow import LAG, flow_directograms
+from harmolab.io.files import Progress, silent
 from harmolab.types import Motion, Skeleton
-
-__all__ = ["PICTURE", "picture_motion"]
 
 PICTURE = Skeleton(("picture",), (-1,))
 
 
 def picture_motion(
-    frames: Iterable[NDArray[np.uint8]],
-    fps: float,
-    *,
-    lag: float = LAG,
-    progress: Callable[[int], object] | None = None,
+    frames: Iterable[NDArray[np.uint8]], fps: float, *, lag: float = LAG, progress: Progress = silent
 ) -> Motion:
     """The movement of a whole picture, as a point on a line.
 

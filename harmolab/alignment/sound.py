@@ -1,4 +1,4 @@
-"""Where a recording belongs in a song, by the sound of both: exact, and not modulo the beat.
+"""The offset of a recording in a song, from the sound of both: exact, and not modulo the beat.
 
 A phone that films a dancer also records the music. Its sound is fainter, coloured by the room and full of steps, but
 the moments at which each band of the spectrum sets in are those of the song. They are compared at every lag by fast
@@ -16,11 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve, stft
 
 from harmolab.kinematics import refine_extrema
-from harmolab.types import Audio
-
-__all__ = ["SoundOffset", "find_sound_offset"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import Audio, FloatArray
 
 RATE = 16_000.0  # hertz, of the sound that is compared
 HOP = 0.005  # seconds
@@ -39,7 +35,7 @@ REPEATED = 0.8
 
 @dataclass(frozen=True)
 class SoundOffset:
-    """Where a recording begins in a song.
+    """The song time at which a recording begins, and the evidence.
 
     Parameters
     ----------
@@ -58,7 +54,7 @@ class SoundOffset:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the recording holds this song.
+        """True if the recording holds this song.
 
         Either the evidence is higher than most other songs reach, or no other place comes near it. A song with a
         steady beat may pass for another of a like tempo; then many places fit, and `is_unique` is False.
@@ -67,7 +63,7 @@ class SoundOffset:
 
     @property
     def is_unique(self) -> bool:
-        """Whether no other place fits nearly as well. Else the song repeats itself, or it is another song."""
+        """True if no other place fits nearly as well. Else the song repeats itself, or it is another song."""
         return self.elsewhere < REPEATED * self.height
 
 
@@ -95,21 +91,21 @@ def find_sound_offset(recording: Audio, song: Audio) -> SoundOffset:
     """
     # A recording of 8000 Hz holds nothing above 4000: those bands would compare noise.
     highest = min(HIGHEST, 0.45 * recording.sample_rate, 0.45 * song.sample_rate)
-    heard, whole = _onsets(recording, "recording", highest), _onsets(song, "song", highest)
-    curve = _evidence(heard, whole)
+    part, whole = _onsets(recording, "recording", highest), _onsets(song, "song", highest)
+    curve = _evidence(part, whole)
     best = int(curve.argmax())
     place = float(refine_extrema(curve, np.array([best]))[0]) if 0 < best < curve.size - 1 else float(best)
     away = curve[np.abs(np.arange(curve.size) - best) > APART / HOP]
-    return SoundOffset((place - (heard.shape[1] - 1)) * HOP, float(curve[best]), float(away.max(initial=0.0)))
+    return SoundOffset((place - (part.shape[1] - 1)) * HOP, float(curve[best]), float(away.max(initial=0.0)))
 
 
-def _evidence(heard: FloatArray, whole: FloatArray) -> FloatArray:
+def _evidence(part: FloatArray, whole: FloatArray) -> FloatArray:
     """Correlation at every lag, from one frame shared at the start to one at the end, in robust standard deviations.
 
     Lags that share too little are 0. The others are divided by the root of what is shared, as chance grows with it.
     """
-    length = heard.shape[1]
-    total = np.asarray(sum(fftconvolve(song, band[::-1]) for band, song in zip(heard, whole, strict=True)))
+    length = part.shape[1]
+    total = np.asarray(sum(fftconvolve(song, band[::-1]) for band, song in zip(part, whole, strict=True)))
     lags = np.arange(total.size) - (length - 1)
     shared = np.minimum(whole.shape[1], lags + length) - np.maximum(lags, 0)
     enough = shared >= min(length, whole.shape[1], round(SHORTEST / HOP))

@@ -1,6 +1,6 @@
 """Audio to beats by librosa onset strength and tempo (Eq. 2-3). The whole track is tracked once, then sliced.
 
-Analysis is cached on disk under a hash of the samples, so a song is listened to once; see `harmolab.io.cache`.
+Analysis is cached on disk under a hash of the samples, so a song is listened to once; see `harmolab.io.files`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from filelock import FileLock
 from numpy.typing import NDArray
 
 from harmolab.beats.meter import accented_places, cycle_of_meter
-from harmolab.io.cache import cache_folder, cached_arrays, keep_arrays
+from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Clip
 

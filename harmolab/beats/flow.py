@@ -14,7 +14,7 @@ and a light that fades within a second looks like movement.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import cv2
@@ -30,6 +30,7 @@ from harmolab.beats.impacts import (
     local_peaks,
     normalise_envelope,
 )
+from harmolab.io.files import Progress, silent
 from harmolab.types import BeatTrack
 
 __all__ = [
@@ -117,7 +118,7 @@ def flow_directograms(
     lag: float = LAG,
     n_bins: int = 16,
     still: float = STILL,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = silent,
 ) -> FloatArray:
     """The directogram of a video, for the eye and for `impact_envelope`.
 
@@ -132,8 +133,7 @@ def flow_directograms(
         t_1 of Eq. 4: flow is measured over this time (at least one frame), so that 25 and 50 fps see the same.
     n_bins : int, directions (see `directogram`)
     still : float, picture heights per second; what moves slower counts as still
-    progress : callable, optional
-        Called with the number of frames done, after each.
+    progress : function(iterable, label) -> iterable
 
     Returns
     -------
@@ -150,7 +150,7 @@ def flow_directograms(
     per_second = fps / lag_frames
     recent: deque[Frame] = deque(maxlen=lag_frames + 1)
     rows = []
-    for frame in _grey(frames):
+    for frame in _grey(progress(frames, "reading the pictures")):
         recent.append(frame)
         row = np.zeros(n_bins)
         if len(recent) > lag_frames:
@@ -158,8 +158,6 @@ def flow_directograms(
             flow = optical_flow(recent[0], frame)
             row = directogram(flow, n_bins=n_bins, still=still * height / per_second) * (per_second / height)
         rows.append(row)
-        if progress is not None:
-            progress(len(rows))
     if not rows:
         raise ValueError("a video needs at least one frame, got none")
     return np.stack(rows)
@@ -201,7 +199,7 @@ def flow_envelope(
     smoothing: float = SMOOTHING,
     radius: float = RADIUS,
     floor: float = FLOOR,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = silent,
 ) -> FloatArray:
     """The impact envelope of a video; value i belongs to i / fps seconds.
 
@@ -234,7 +232,7 @@ def flow_beats(
     around: float = AROUND,
     threshold: float = THRESHOLD,
     floor: float = FLOOR,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress = silent,
 ) -> BeatTrack:
     """Visual beats of a video: sudden stops of anything in the picture (Eq. 4-5; Davis & Agrawala 2018).
 

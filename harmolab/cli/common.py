@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from harmolab.data.folders import Problem, Sequence
+    from harmolab.data.folders import Problem, Recording
     from harmolab.types import Audio, BeatTrack
 
 PAGES = (".html", ".htm")
@@ -101,25 +101,12 @@ def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
     return tqdm(items, desc=label, unit="", leave=False, disable=not sys.stderr.isatty())
 
 
-class CountBar:
-    """A progress bar for functions that call back with (done, total)."""
-
-    def __init__(self, label: str) -> None:
-        from tqdm import tqdm
-
-        self.bar = tqdm(desc=label, leave=False, disable=not sys.stderr.isatty())
-
-    def __call__(self, done: int, total: int) -> None:
-        self.bar.total = total
-        self.bar.update(done - self.bar.n)
-
-
 def left_out(problem: Problem) -> None:
     """A line about a recording that cannot be read."""
     typer.echo(f"harmolab: left out: {problem.message}", err=True)
 
 
-def sequences_of(corpus: Path) -> Iterator[Sequence]:
+def sequences_of(corpus: Path) -> Iterator[Recording]:
     """Readable recordings, one at a time; what cannot be read is told on standard error."""
     from harmolab.data.files import corpus_recordings
 
@@ -163,8 +150,7 @@ def show(value: Any) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write aside, then rename."""
-    from harmolab.io.aside import written_aside
+    """Write a line or more of text, whole or not at all."""
+    from harmolab.io import files
 
-    with written_aside(path) as aside:
-        aside.write_text(text + "\n", encoding="utf-8")
+    files.write_text(path, text + "\n")

@@ -10,9 +10,7 @@ from typing import Annotated
 
 import typer
 
-from harmolab.cli.common import CountBar, plain_errors, show
-
-__all__ = ["data_app"]
+from harmolab.cli.common import plain_errors, progress, show
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
@@ -73,6 +71,6 @@ def data_synth(
         write_corpus(
             out, clips=clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, lateness=lateness,
             omission=omission, redundancy=redundancy, drift=drift, seed=seed,
-            progress=CountBar("making clips"),
+            progress=progress,
         )  # fmt: skip
     typer.echo(f"{clips} clips in {out}")

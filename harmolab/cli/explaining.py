@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypedDict
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from harmolab import __version__
-from harmolab.cli.common import PAGES, CountBar, check_out, plain_errors
+from harmolab.cli.common import PAGES, check_out, plain_errors, progress
 
 if TYPE_CHECKING:
-    from harmolab.own_dance import OwnDance, Recording
-    from harmolab.params import HarmonyParams
-
-__all__ = ["explain"]
-
-
-class _Wishes(TypedDict):
-    """What `harmolab.own_dance.explain_recording` is told."""
-
-    offset: float | None
-    guess: float | None
-    search: float
-    dance: str
-    params: HarmonyParams
+    from harmolab.own_dance import Performance
 
 
 def explain(
@@ -74,6 +61,10 @@ def explain(
 
     The song plays in the video and you have no other copy: `harmolab explain video.mp4 video.mp4 --out dance.html`
     """
+    from rich.console import Console
+
+    from harmolab.io.beats import load_annotation
+    from harmolab.own_dance import explain_performance
     from harmolab.params import HarmonyParams
     from harmolab.pattern import load_pattern
 
@@ -81,40 +72,34 @@ def explain(
         if out is not None:
             check_out(out, "the page", PAGES)
         params = HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else None)
-        wishes = _Wishes(offset=offset, guess=guess, search=search, dance=dance, params=params)
-        told = _told(song, _read(dance_file, fps, joints), beats, wishes)
+        performance = _load(dance_file, fps, joints)
+        annotation = None if beats is None else load_annotation(beats)
+        with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
+            result = explain_performance(
+                song,
+                performance,
+                offset=offset,
+                guess=guess,
+                search=search,
+                beats=annotation,
+                dance=dance,
+                params=params,
+            )
         if out is not None:
             from harmolab.own_dance.page import save_page
 
-            save_page(out, told)
+            save_page(out, result)
     if as_json:
-        typer.echo(json.dumps({**told.to_dict(), "version": __version__}, indent=2))
+        typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
         return
-    typer.echo("\n".join([told.verdict, "", str(told.placement), *told.words.sentences]))
+    typer.echo("\n".join([result.verdict, "", str(result.placement), *result.words.sentences]))
     if out is not None:
         typer.echo(f"wrote {out}")
 
 
-def _read(path: Path, fps: float | None, joints: str) -> Recording:
-    """The recording, with a count of pictures where it is a video."""
-    from harmolab.own_dance import load_recording
+def _load(path: Path, fps: float | None, joints: str) -> Performance:
+    """The performance in a file, with a count of pictures on standard error where it is a video."""
+    from harmolab.own_dance import load_performance
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) or None
-    bar = CountBar("reading the pictures")
-    try:
-        return load_recording(path, fps=fps, joints=names, progress=lambda done: bar(done, 0))
-    finally:
-        bar.bar.close()
-
-
-def _told(song: Path, recording: Recording, beats: Path | None, wishes: _Wishes) -> OwnDance:
-    """The recording beside its song, with the annotated beats where a file of them is named."""
-    from rich.console import Console
-
-    from harmolab.io.beats import load_annotation
-    from harmolab.io.video_sound import load_sound
-    from harmolab.own_dance import explain_recording
-
-    track = None if beats is None else load_annotation(beats).track(load_sound(song).duration)
-    with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
-        return explain_recording(song, recording, beats=track, **wishes)
+    return load_performance(path, fps=fps, joints=names, progress=progress)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 import webbrowser
 from dataclasses import replace
-from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -18,13 +16,11 @@ from harmolab.cli.common import plain_errors, progress, sequences_of, show, writ
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from harmolab.listening.answers import AnswerLog, Answers
+    from harmolab.listening.answers import Answers
     from harmolab.listening.corpus_study import Pieces
     from harmolab.listening.presenting import StudyServer
-    from harmolab.listening.trials import Key, TrialSet
     from harmolab.types import Clip, Motion
 
-__all__ = ["study_app"]
 
 Tables = dict[str, list[dict[str, Any]]]
 
@@ -37,26 +33,9 @@ study_app = typer.Typer(
 )
 
 
-class Kind(StrEnum):
-    """What a rater is asked."""
-
-    pick = "pick"
-    choice = "choice"
-
-
-class Wrong(StrEnum):
-    """What the wrong dance is."""
-
-    lagged = "lagged"
-    swapped = "swapped"
-
-
-class Raters(StrEnum):
-    """Whose answers count."""
-
-    all = "all"
-    people = "people"
-    simulated = "simulated"
+Kind = Literal["pick", "choice"]
+Wrong = Literal["lagged", "swapped"]
+Raters = Literal["all", "people", "simulated"]
 
 
 @study_app.command()
@@ -66,7 +45,7 @@ def make(
     kind: Annotated[
         Kind,
         typer.Option(help="pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13)"),
-    ] = Kind.pick,
+    ] = "pick",
     n: Annotated[int, typer.Option(help="Number of trials; an even one, so that the answers are balanced.")] = 20,
     seconds: Annotated[float, typer.Option(help="Length of a trial's music and dances.")] = 8.0,
     wrong: Annotated[
@@ -74,7 +53,7 @@ def make(
         typer.Option(
             help="The wrong dance, without --against: the same half a beat late, or another clip's (two clips a trial)."
         ),
-    ] = Wrong.lagged,
+    ] = "lagged",
     against: Annotated[
         Path | None,
         typer.Option(
@@ -96,7 +75,7 @@ def make(
     with plain_errors():
         if find_spec("jinja2") is None:
             raise ValueError("the pages of a study need jinja2; install it with: pip install 'harmolab[lab]'")
-        if against is not None and kind is Kind.pick:
+        if against is not None and kind == "pick":
             raise ValueError("--against compares two dances; it goes with --kind choice")
         if (out / TRIALS_FILE).exists():
             raise ValueError(f"{out}: holds a study already; name another folder")
@@ -106,20 +85,20 @@ def make(
 
 
 def _pieces(corpus: Path, against: Path | None, wrong: Wrong, seconds: float, seed: int) -> Pieces:
-    """What may be shown; which sequences give nothing is told."""
+    """The pieces that may be shown; sequences that give none are named on standard error."""
     from harmolab.listening.corpus_study import lagged_pieces, paired_pieces, swapped_pieces
 
     if against is not None:
         versions = (corpus.resolve().name, against.resolve().name)
-        found = paired_pieces(_pairs(corpus, against), versions, seconds=seconds, seed=seed)
+        pieces = paired_pieces(_pairs(corpus, against), versions, seconds=seconds, seed=seed)
     else:
-        cut = lagged_pieces if wrong is Wrong.lagged else swapped_pieces
-        found = cut(_clips(corpus), seconds=seconds, seed=seed)
-    for text in found.left_out:
+        cut = lagged_pieces if wrong == "lagged" else swapped_pieces
+        pieces = cut(_clips(corpus), seconds=seconds, seed=seed)
+    for text in pieces.left_out:
         typer.echo(f"harmolab: left out: {text}", err=True)
-    if not found.pieces:
+    if not pieces.pieces:
         raise ValueError(f"{corpus}: no sequence gives a trial of {seconds:g} s; try fewer --seconds")
-    return found
+    return pieces
 
 
 def _clips(corpus: Path) -> Iterator[Clip]:
@@ -149,26 +128,13 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     from harmolab.listening.trials import make_key, make_trials
     from harmolab.widgets.player import blind_page
 
-    key = make_key(pieces.items, kind=kind.value, n=n, seed=seed, truth=truth)
-    trials = make_trials(pieces.items, kind=kind.value, n=n, seed=seed, rater=ANYONE, truth=truth)
+    key = make_key(pieces.items, kind=kind, n=n, seed=seed, truth=truth)
+    trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
     out.mkdir(parents=True, exist_ok=True)
-    for trial, asked in progress(key.trials.items(), "writing trials"):
-        piece = pieces.named(asked.item)
-        write_page(out, trial, blind_page(piece.audio, [piece.motions[version] for version in asked.versions]))
-    write_scores(out, _scores(pieces, key))
+    for trial, entry in progress(key.trials.items(), "writing trials"):
+        write_page(out, trial, blind_page(*pieces.shown(entry)))
+    write_scores(out, pieces.scores(progress(key.trials.values(), "scoring")))
     write_study(out, trials, key)
-
-
-def _scores(pieces: Pieces, key: Key) -> dict[str, dict[str, float]]:
-    """Every score of every dance that is shown."""
-    from harmolab.listening.corpus_study import clip_scores
-
-    found: dict[str, dict[str, float]] = {}
-    for asked in progress(key.trials.values(), "scoring"):
-        for version, source in zip(asked.versions, asked.sources, strict=True):
-            for name, value in clip_scores(pieces.named(asked.item).clip(version)).items():
-                found.setdefault(name, {})[source] = value
-    return found
 
 
 @study_app.command()
@@ -187,7 +153,6 @@ def ask(
     from harmolab.listening.answers import SIMULATED
     from harmolab.listening.folders import TRIALS_FILE, answer_log, read_page, read_trials
     from harmolab.listening.presenting import StudyServer
-    from harmolab.widgets.player import framed
 
     with plain_errors():
         if rater.startswith(SIMULATED):
@@ -197,9 +162,10 @@ def ask(
             read_page(study, trial.id)  # a page that is missing must not come up half way through
         log = answer_log(study, rater)
         if log.resume(trials):
-            server = StudyServer(trials, log, lambda trial: framed(read_page(study, trial.id)), port=port)
+            server = StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
             _serve(server, no_open)
-        _say_how_far(trials, log)
+        done = len(trials) - len(log.resume(trials))
+    typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
 
 
 def _serve(server: StudyServer, no_open: bool) -> None:
@@ -215,18 +181,11 @@ def _serve(server: StudyServer, no_open: bool) -> None:
             typer.echo("")
 
 
-def _say_how_far(trials: TrialSet, log: AnswerLog) -> None:
-    done = len(trials) - len(log.resume(trials))
-    typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
-
-
 @study_app.command()
 def analyse(
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`, with answers.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,
-    raters: Annotated[
-        Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")
-    ] = Raters.all,
+    raters: Annotated[Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")] = "all",
     seed: Annotated[int, typer.Option(help="Seed of the bootstrap.", min=0)] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -234,14 +193,17 @@ def analyse(
 
     Example: `harmolab study analyse my_study --out results`
     """
+    from harmolab.io.files import plain
+    from harmolab.listening.analysis import study_tables
+    from harmolab.listening.answers import merge
     from harmolab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
 
     with plain_errors():
-        answers = _chosen(answer_files(study), raters, study)
+        answers = merge(answer_files(study)).of(raters)
         key = read_key(study / KEY_FILE)
-        tables = _tables(answers, key, read_scores(study / SCORES_FILE), seed)
+        tables = study_tables(answers, key, read_scores(study / SCORES_FILE), seed=seed)
         summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
-        text = json.dumps(_plain(summary), indent=2)
+        text = json.dumps(plain(summary), indent=2)
         if out is not None:
             _save(out, tables, text)
     for note in answers.notes:
@@ -254,36 +216,6 @@ def analyse(
         typer.echo(f"wrote {out}", err=as_json)
 
 
-def _chosen(files: list[Path], raters: Raters, study: Path) -> Answers:
-    """The answers of all files, or of people or simulated raters alone."""
-    from harmolab.listening.answers import merge
-
-    merged = merge(files)
-    if raters is not Raters.all:
-        wanted = tuple(one for one in merged.answers if one.simulated == (raters is Raters.simulated))
-        merged = replace(merged, answers=wanted)
-    if not merged.answers:
-        raise ValueError(f"{study}: holds no answers of {raters.value} raters")
-    if len({one.simulated for one in merged.answers}) > 1:
-        raise ValueError(f"{study}: holds answers of people and of simulated raters; say --raters people or simulated")
-    return merged
-
-
-def _tables(answers: Answers, key: Key, scores: dict[str, dict[str, float]], seed: int) -> Tables:
-    """The tables of a study by name; those that cannot be are left out."""
-    from harmolab.listening.analysis import agreement_row, answer_grid, rater_rows, score_rows, version_rows
-
-    grid = answer_grid(answers, key)
-    tables: Tables = {}
-    if any(asked.right for asked in key.trials.values()):
-        tables["raters"] = rater_rows(grid)
-    tables["versions"] = version_rows(grid)
-    if len(grid.raters) > 1:
-        tables["agreement"] = [agreement_row(grid, seed=seed)]
-    tables["scores"] = score_rows(grid, scores, seed=seed)
-    return tables
-
-
 def _save(out: Path, tables: Tables, text: str) -> None:
     import pandas as pd
 
@@ -291,15 +223,6 @@ def _save(out: Path, tables: Tables, text: str) -> None:
     for name, rows in tables.items():
         write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
     write_text(out / "analysis.json", text)
-
-
-def _plain(value: Any) -> Any:
-    """What JSON can hold: a number that does not exist is null."""
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _print(tables: Tables, answers: Answers, kind: str) -> None:

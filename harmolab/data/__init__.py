@@ -1,24 +1,24 @@
-"""Corpora: folders of sequences, the recordings of Tang et al., and what a file or folder holds."""
+"""Corpora: folders of recordings, those of Tang et al. among them, and summaries of files and folders."""
 
-from harmolab.data.check import Finding, check
+from harmolab.data.check import FileSummary, check
 from harmolab.data.folders import (
-    Found,
     Problem,
-    Sequence,
-    find_sequences,
-    iter_sequences,
+    Recording,
+    RecordingFolders,
+    find_recordings,
+    iter_recordings,
     load_any_motion,
-    load_sequence,
+    load_recording,
 )
 
 __all__ = [
-    "Finding",
-    "Found",
+    "FileSummary",
     "Problem",
-    "Sequence",
+    "Recording",
+    "RecordingFolders",
     "check",
-    "find_sequences",
-    "iter_sequences",
+    "find_recordings",
+    "iter_recordings",
     "load_any_motion",
-    "load_sequence",
+    "load_recording",
 ]

@@ -1,6 +1,6 @@
 """Marks of beats in the corner of a picture: a disc for the music, a diamond for the dancer, a ring where they meet.
 
-Shapes and words tell the marks apart, colour only helps. Needs OpenCV and numpy only.
+Marks differ in shape and word, colour only helps. Needs OpenCV and numpy only.
 """
 
 from __future__ import annotations
@@ -9,14 +9,9 @@ from itertools import product
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from harmolab.data.stage import FRACTION_BITS
+from harmolab.data.stage import FRACTION_BITS, Frame, fixed
 from harmolab.types import FloatArray, HarmonyScore
-
-__all__ = ["DANCER", "FLASH", "HIT", "MUSIC", "BeatMarks", "hit_times"]
-
-Frame = NDArray[np.uint8]
 
 # The project's colours for music, dancer and hits.
 MUSIC, DANCER, HIT = (0, 114, 178), (230, 159, 0), (0, 158, 115)
@@ -77,16 +72,13 @@ def _plate(height: int, lit: dict[str, bool]) -> Frame:
 
 def _draw_mark(plate: Frame, name: str, middle: FloatArray, radius: float, on: bool) -> None:
     """An outline, filled when `on`; the ring of a hit stays open and grows thick."""
-    centre = tuple(np.round(middle * 2**FRACTION_BITS).astype(int).tolist())
-    if name == "music":
-        size = round(radius * 2**FRACTION_BITS)
-        cv2.circle(plate, centre, size, MUSIC, -1 if on else 1, cv2.LINE_AA, FRACTION_BITS)
-    elif name == "hit":
-        size, thickness = round(0.85 * radius * 2**FRACTION_BITS), max(2, round(0.5 * radius)) if on else 1
-        cv2.circle(plate, centre, size, HIT, thickness, cv2.LINE_AA, FRACTION_BITS)
-    else:
-        corners = middle + 1.15 * radius * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]])
-        points = np.round(corners * 2**FRACTION_BITS).astype(np.int32)
-        cv2.polylines(plate, [points], True, DANCER, 1, cv2.LINE_AA, FRACTION_BITS)
+    if name == "dancer":
+        corners = fixed(middle + 1.15 * radius * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]]))
+        cv2.polylines(plate, [corners], True, DANCER, 1, cv2.LINE_AA, FRACTION_BITS)
         if on:
-            cv2.fillPoly(plate, [points], DANCER, cv2.LINE_AA, FRACTION_BITS)
+            cv2.fillPoly(plate, [corners], DANCER, cv2.LINE_AA, FRACTION_BITS)
+        return
+    ring = max(2, round(0.5 * radius))
+    size, colour, lit = (radius, MUSIC, -1) if name == "music" else (0.85 * radius, HIT, ring)
+    centre, reach = fixed(middle).tolist(), round(size * 2**FRACTION_BITS)
+    cv2.circle(plate, centre, reach, colour, lit if on else 1, cv2.LINE_AA, FRACTION_BITS)

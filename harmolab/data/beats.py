@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 
 from harmolab.beats.audio import audio_beats, beat_strengths
-from harmolab.data.folders import Sequence
+from harmolab.data.folders import Recording
 from harmolab.params import DANCES
 from harmolab.types import BeatTrack
 
 __all__ = ["music_beats"]
 
 
-def music_beats(sequence: Sequence, beats: str) -> BeatTrack:
+def music_beats(sequence: Recording, beats: str) -> BeatTrack:
     """Beats of a sequence's music on the audio time line.
 
     Parameters
     ----------
-    sequence : Sequence
+    sequence : Recording
     beats : "annotated" or "tracked"
         Annotated beats take their strengths from the music's onsets; tracked ones have the dance's tempo as prior.
 

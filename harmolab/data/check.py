@@ -1,26 +1,23 @@
-"""What a file or a corpus holds, and what is odd about it: the rows of `harmolab data check PATH`.
+"""Summaries of files and corpora, with all that is odd about them: the rows of `harmolab data check PATH`.
 
-Nothing here fails on a file: what cannot be read becomes a row that says why.
+Nothing here fails on a file: one that cannot be read becomes a row that says why.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from harmolab.data import tang2018
-from harmolab.data.folders import find_sequences, load_any_motion, load_sequence
+from harmolab.data.folders import find_recordings, load_any_motion, load_recording
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation
-from harmolab.io.errors import PathLike
-from harmolab.types import Audio, BoolArray, Motion
-
-__all__ = ["Finding", "check"]
+from harmolab.io.files import MissingFrameRate, PathLike
+from harmolab.types import Audio, Motion
 
 MAX_SPEED = 10.0
 FROZEN_SECONDS = 0.5
@@ -35,8 +32,8 @@ _HEAD = 100_000  # bytes
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One row: what a file or a sequence folder holds.
+class FileSummary:
+    """Content of one file or one folder of a recording: a row of the table.
 
     Parameters
     ----------
@@ -51,7 +48,7 @@ class Finding:
     offset : float or None, seconds
         Audio time of motion frame 0.
     note : str
-        What else it holds: dimensions, format, dance, tempo.
+        Further content: dimensions, format, dance, tempo.
     odd : tuple of str
         One sentence for each odd thing, missing part, or the reason why it cannot be read.
     """
@@ -66,13 +63,9 @@ class Finding:
     note: str = ""
     odd: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
-        return asdict(self) | {"odd": list(self.odd)}
 
-
-def check(path: PathLike) -> list[Finding]:
-    """One row for a file, or one for each sequence and each loose file of a folder.
+def check(path: PathLike) -> list[FileSummary]:
+    """One row for a file, or one for each recording and each loose file of a folder.
 
     Raises
     ------
@@ -84,29 +77,28 @@ def check(path: PathLike) -> list[Finding]:
         raise FileNotFoundError(f"{path}: no such file or folder")
     if not path.is_dir():
         return [_guarded(_file, path)]
-    found = find_sequences(path)
-    rows = [_guarded(_sequence, folder) for folder in found.folders]
-    rows += [Finding(str(problem.folder), "unreadable", odd=(problem.message,)) for problem in found.problems]
-    taken = {*found.folders, *(problem.folder for problem in found.problems)}
-    rows += [_guarded(_file, file) for file in _loose(path, taken)]
-    return rows or [Finding(str(path), "unreadable", odd=(f"{path}: holds no file that is known",))]
+    folders, problems = find_recordings(path)
+    rows = [_guarded(_recording, folder) for folder in folders]
+    rows += [FileSummary(str(problem.folder), "unreadable", odd=(problem.message,)) for problem in problems]
+    rows += [_guarded(_file, file) for file in _loose(path, {*folders, *(problem.folder for problem in problems)})]
+    return rows or [FileSummary(str(path), "unreadable", odd=(f"{path}: holds no file that is known",))]
 
 
-def _guarded(look: Callable[[Path], Finding], path: Path) -> Finding:
-    """The row that `look` gives, or one that says why it could not."""
+def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
+    """The `summary` of a path, or a row with the error that it raises."""
     try:
-        return look(path)
+        return summary(path)
     except (ValueError, OSError) as error:
-        return Finding(str(path), "unreadable", odd=(str(error),))
+        return FileSummary(str(path), "unreadable", odd=(str(error),))
 
 
-def _loose(root: Path, taken: set[Path]) -> list[Path]:
-    """Known files below `root` outside of the sequence folders, and folders of OpenPose files."""
+def _loose(root: Path, recordings: set[Path]) -> list[Path]:
+    """Known files below `root` outside of the folders of recordings, and folders of OpenPose files."""
     loose: list[Path] = []
     for name, below, files in os.walk(root):
         folder = Path(name)
         below[:] = sorted(child for child in below if not child.startswith("."))
-        if folder in taken:
+        if folder in recordings:
             continue
         if any(file.endswith("_keypoints.json") for file in files):
             loose.append(folder)
@@ -117,40 +109,39 @@ def _loose(root: Path, taken: set[Path]) -> list[Path]:
 
 
 def _is_known(name: str) -> bool:
-    """Whether a file's name is one that the readers know."""
+    """True for names that the readers know."""
     named = name in ("beats.json", "skeletons.json", "config.json")
     return named or Path(name).suffix.lower() in (*_SOUND, *_BEATS, *_MOTION)
 
 
-def _file(path: Path) -> Finding:
+def _file(path: Path) -> FileSummary:
     """The row of one file, or of a folder of OpenPose files."""
     suffix = path.suffix.lower()
     if suffix in _SOUND:
         return _sound(path)
     if path.name == "config.json":
         span = tang2018.load_config(path)
-        return Finding(str(path), "sequence", span.end - span.start, tang2018.FPS, offset=span.start / tang2018.FPS)
+        return FileSummary(str(path), "sequence", span.end - span.start, tang2018.FPS, offset=span.start / tang2018.FPS)
     if suffix in _BEATS or (suffix == ".json" and _is_annotation(path)):
         return _beats(path)
     return _motion(path)
 
 
 def _is_annotation(path: Path) -> bool:
-    """Whether a JSON file is one of beats, by its name or by the one field that those must have."""
+    """True for a JSON file of beats, by its name or by the one field that those must have."""
     with path.open("rb") as file:
         return path.name == "beats.json" or b'"beats_s"' in file.read(_HEAD)
 
 
-def _sound(path: Path) -> Finding:
+def _sound(path: Path) -> FileSummary:
     """The row of a sound file; the samples are looked at if they are not too many."""
     info = audio_info(path)
-    row = Finding(
-        str(path),
-        "audio",
+    samples, note = (
         round(info.seconds * info.sample_rate),
-        info.sample_rate,
-        seconds=info.seconds,
-        note=f"{info.format}, {'mono' if info.channels == 1 else f'{info.channels} channels'}",
+        "mono" if info.channels == 1 else f"{info.channels} channels",
+    )
+    row = FileSummary(
+        str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=f"{info.format}, {note}"
     )
     if info.seconds > 3600:
         return replace(row, odd=("longer than an hour: read spans of it; its samples were not looked at",))
@@ -165,7 +156,7 @@ def _odd_sound(audio: Audio) -> tuple[str, ...]:
     return (f"amplitudes reach {peak:.3g}; full scale is 1",) if peak > 2 else ()
 
 
-def _beats(path: Path) -> Finding:
+def _beats(path: Path) -> FileSummary:
     """The row of a beat annotation."""
     annotation = load_annotation(path)
     track = annotation.track(None if annotation.times.size else 1.0)
@@ -178,47 +169,35 @@ def _beats(path: Path) -> Finding:
     if steps.size and steps.max() > 2.5 * np.median(steps):
         where = annotation.times[int(np.argmax(steps))]
         odd.append(f"no beat for {steps.max():.2f} s after {where:.2f} s, others are {np.median(steps):.2f} s apart")
-    return Finding(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=tuple(odd))
+    return FileSummary(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=tuple(odd))
 
 
-def _motion(path: Path) -> Finding:
+def _motion(path: Path) -> FileSummary:
     """The row of a motion; one whose file holds no rate is read with a rate that is not shown."""
     try:
-        motion, told = load_any_motion(path), True
-    except ValueError as error:
-        if "pass fps" not in str(error):
-            raise
-        motion, told = load_any_motion(path, fps=25.0), False
+        return _motion_row(path, load_any_motion(path))
+    except MissingFrameRate:
+        motion = load_any_motion(path, fps=25.0)
     row = _motion_row(path, motion)
-    if told:
-        return row
     return replace(row, rate=None, seconds=None, odd=("holds no frame rate: pass fps", *_shape_oddities(motion)))
 
 
-def _motion_row(path: Path, motion: Motion) -> Finding:
+def _motion_row(path: Path, motion: Motion) -> FileSummary:
     """The row that describes a motion."""
-    dimensions = motion.positions.shape[2]
-    return Finding(
-        str(path),
-        "motion",
-        motion.n_frames,
-        motion.fps,
-        motion.positions.shape[1],
-        motion.duration,
-        note=f"{dimensions}-D",
-        odd=_odd_motion(motion),
-    )
+    frames, joints, dimensions = motion.positions.shape
+    note, odd = f"{dimensions}-D", _odd_motion(motion)
+    return FileSummary(str(path), "motion", frames, motion.fps, joints, motion.duration, note=note, odd=odd)
 
 
-def _sequence(folder: Path) -> Finding:
-    """The row of a sequence folder."""
-    sequence = load_sequence(folder, sample_rate=None)
-    clip, motion = sequence.clip, sequence.clip.motion
+def _recording(folder: Path) -> FileSummary:
+    """The row of a folder with a recording."""
+    recording = load_recording(folder, sample_rate=None)
+    clip, motion, annotation = recording.clip, recording.clip.motion, recording.annotation
     if motion is None:
         raise ValueError(f"{folder}: has no motion")
     facts = [clip.dance or "dance not told", f"{clip.audio.duration:.2f} s of audio"]
-    facts += [] if sequence.annotation is None else [f"{sequence.annotation.times.size} beats"]
-    facts += [f"{len(sequence.annotation.units)} units"] if sequence.annotation and sequence.annotation.units else []
+    facts += [] if annotation is None else [f"{annotation.times.size} beats"]
+    facts += [f"{len(annotation.units)} units"] if annotation and annotation.units else []
     odd = [*_odd_span(folder, motion), *_odd_sound(clip.audio), *_odd_motion(motion)]
     beyond = clip.offset + motion.duration - clip.audio.duration
     if beyond > 0.1:
@@ -229,7 +208,7 @@ def _sequence(folder: Path) -> Finding:
 
 
 def _odd_span(folder: Path, motion: Motion) -> list[str]:
-    """How the length of a motion differs from its config.json."""
+    """One sentence where the length of a motion differs from its config.json; none where they agree."""
     if not (folder / "config.json").is_file() or (folder / "motion.npz").is_file():
         return []
     span = tang2018.load_config(folder / "config.json")
@@ -246,7 +225,7 @@ def _odd_motion(motion: Motion) -> tuple[str, ...]:
 
 
 def _shape_oddities(motion: Motion) -> list[str]:
-    """What is odd whatever the frame rate: frames that are not valid, a body of unlikely size."""
+    """Odd things at any frame rate: frames that are not valid, a body of unlikely size."""
     odd = []
     filler = int((~motion.valid).sum())
     if filler:
@@ -262,18 +241,12 @@ def _frozen(motion: Motion) -> list[str]:
     """Stretches of half a second and more in which no joint moves."""
     size = 1.0 if motion.positions.shape[2] == 3 else float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
     still = np.abs(np.diff(motion.positions, axis=0)).max(axis=(1, 2)) <= _STILL_METRES * size
-    runs = [(first, last) for first, last in _runs(still) if (last - first) / motion.fps >= FROZEN_SECONDS]
+    runs = [(first, last) for first, last in tang2018.true_runs(still) if (last - first) / motion.fps >= FROZEN_SECONDS]
     if not runs:
         return []
     first, last = max(runs, key=lambda run: run[1] - run[0])
     times = "once" if len(runs) == 1 else f"{len(runs)} times"
     return [f"frozen {times}, longest {(last - first) / motion.fps:.2f} s at {first / motion.fps:.2f} s"]
-
-
-def _runs(mask: BoolArray) -> list[tuple[int, int]]:
-    """(first, one behind last) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
-    return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _too_fast(motion: Motion) -> list[str]:

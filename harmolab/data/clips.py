@@ -1,4 +1,4 @@
-"""Sequences cut into meter units with the beats before them: what a generator is trained on (paper Sec. 4.1, Fig. 6).
+"""Recordings cut into meter units with the beats before them: what a generator is trained on (paper Sec. 4.1, Fig. 6).
 
 A unit is a meter of 4 to 6 beats (Eq. 22) preceded by as many beats as fill up the unified length; its motion is coded
 as in `harmolab.features.poses`. Everything is numpy, at the rate of `FeatureParams.fps`.
@@ -6,48 +6,31 @@ as in `harmolab.features.poses`. Everything is numpy, at the rate of `FeaturePar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from collections.abc import Sequence as Many
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.meter import meter_units
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Sequence, find_sequences, load_sequence
+from harmolab.data.folders import Recording, find_recordings, load_recording
 from harmolab.data.groups import Outline, Segment, group_outlines, motion_groups, outline
-from harmolab.data.splits import Split, split_units
-from harmolab.data.units import Batch, DanceUnit, UnitSet, collate
+from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.features.audio import audio_features
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.features.priors import temporal_index
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.params import FeatureParams
-from harmolab.types import BeatTrack, Motion, Skeleton
-
-__all__ = [
-    "Batch",
-    "DanceUnit",
-    "Split",
-    "UnitSet",
-    "collate",
-    "load_units",
-    "meter_spans",
-    "sequence_units",
-    "split_units",
-]
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[Iterable[Any], str], Iterable[Any]]
+from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
 
 METERS = (4, 5, 6)  # beats in the categories of Eq. 22
 EXTRA_METER = 4  # beats in the meter of an additional training unit
 VALID_SHARE = 0.9  # of a unit's frames must be recorded movement
-LONGEST_UNIT = 30.0  # seconds; where beats lie further apart, nobody counts them
+LONGEST_UNIT = 30.0  # seconds; where beats lie further apart, they are not counted
 TOO_FAST = "DANCE_T_5"  # of Tang's recordings: 2.2 times too fast
 
 
@@ -93,7 +76,7 @@ def _tiling(total: int, meters: set[tuple[int, int]]) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, eq=False)
 class _Coded:
-    """A sequence ready to be cut: its beats within the motion, features of every frame, and how time maps to frames."""
+    """A recording ready to be cut: its beats within the motion, features of every frame, its offset and rate."""
 
     name: str
     dance: str
@@ -109,23 +92,23 @@ class _Coded:
         return int(np.clip(np.floor((time - self.offset) * self.fps + 1e-6), 0, len(self.motion)))
 
 
-def sequence_units(
-    sequence: Sequence,
+def recording_units(
+    recording: Recording,
     params: FeatureParams,
     *,
     step: int | None = None,
-    segments: Many[Segment] | None = None,
+    segments: Sequence[Segment] | None = None,
 ) -> list[DanceUnit]:
-    """The units of one sequence: one for each meter that has motion and enough beats before it.
+    """The units of one recording: one for each meter that has motion and enough beats before it.
 
     Parameters
     ----------
-    sequence : Sequence
+    recording : Recording
         Annotated beats are used where there are any, else beats tracked with the dance's tempo as prior.
     params : FeatureParams
     step : int or None
         Additional training units of `unit_beats` beats, with a meter of four, from every `step`-th beat on.
-    segments : which motion group is danced when (`motion_groups`); None: found from this sequence alone
+    segments : spans of audio time and their motion groups; default: `motion_groups` of this recording alone
 
     Returns
     -------
@@ -135,17 +118,17 @@ def sequence_units(
     Raises
     ------
     ValueError
-        If the sequence has no motion in three dimensions, or `step` is not positive.
+        If the recording has no motion in three dimensions, or `step` is not positive.
     """
     if step is not None and step < 1:
         raise ValueError(f"step must be a positive number of beats, got {step}")
-    coded = _coded(sequence, params)
+    coded = _coded(recording, params)
     spans = meter_spans(coded.track, params)
     extras = _extra_spans(coded.track, params, step) - set(spans) if step else set()
     units = [_unit(coded, span, params, extra=False) for span in spans]
     units += [_unit(coded, span, params, extra=True) for span in sorted(extras)]
-    known = motion_groups([sequence])[0] if segments is None else segments
-    return [_grouped(unit, known) for unit in units if unit is not None]
+    labelled = motion_groups([recording])[0] if segments is None else segments
+    return [_grouped(unit, labelled) for unit in units if unit is not None]
 
 
 def _extra_spans(track: BeatTrack, params: FeatureParams, step: int) -> set[tuple[int, int]]:
@@ -154,23 +137,23 @@ def _extra_spans(track: BeatTrack, params: FeatureParams, step: int) -> set[tupl
     return {(start + before, EXTRA_METER) for start in range(0, len(track) - params.unit_beats, step)}
 
 
-def _resampled(sequence: Sequence, params: FeatureParams) -> Motion:
-    """The motion of a sequence at the rate of the features; ValueError without one in three dimensions."""
-    motion = sequence.clip.motion
+def _resampled(recording: Recording, params: FeatureParams) -> Motion:
+    """The motion of a recording at the rate of the features; ValueError without one in three dimensions."""
+    motion = recording.clip.motion
     if motion is None or motion.positions.shape[2] != 3:
-        raise ValueError(f"{sequence.folder}: needs a motion in three dimensions")
+        raise ValueError(f"{recording.folder}: needs a motion in three dimensions")
     return resample_motion(motion, params.fps)
 
 
-def _coded(sequence: Sequence, params: FeatureParams) -> _Coded:
-    """Features and motion code of every frame of a sequence, and the beats that fall into the motion."""
-    clip, annotation, motion = sequence.clip, sequence.annotation, _resampled(sequence, params)
-    track = music_beats(sequence, "annotated" if annotation is not None and annotation.times.size else "tracked")
+def _coded(recording: Recording, params: FeatureParams) -> _Coded:
+    """Features and motion code of every frame of a recording, and the beats that fall into the motion."""
+    clip, annotation, motion = recording.clip, recording.annotation, _resampled(recording, params)
+    track = music_beats(recording, "annotated" if annotation is not None and annotation.times.size else "tracked")
     # Half a frame of grace: recordings start on a frame, not on the beat.
     start, end = clip.offset - 0.5 / motion.fps, clip.offset + (motion.n_frames + 0.5) / motion.fps
     times = clip.offset + np.arange(motion.n_frames) / motion.fps
     return _Coded(
-        _name(sequence),
+        _name(recording),
         clip.dance,
         track.select((track.times >= start) & (track.times <= end)),
         audio_features(clip.audio, track, times, params),
@@ -181,9 +164,9 @@ def _coded(sequence: Sequence, params: FeatureParams) -> _Coded:
     )
 
 
-def _name(sequence: Sequence) -> str:
-    """Corpus folder and sequence folder."""
-    folder = sequence.folder.resolve()
+def _name(recording: Recording) -> str:
+    """Corpus folder and folder of the recording."""
+    folder = recording.folder.resolve()
     return f"{folder.parent.name}/{folder.name}"
 
 
@@ -218,7 +201,7 @@ def _unit(coded: _Coded, span: tuple[int, int], params: FeatureParams, *, extra:
     )
 
 
-def _grouped(unit: DanceUnit, segments: Many[Segment]) -> DanceUnit:
+def _grouped(unit: DanceUnit, segments: Sequence[Segment]) -> DanceUnit:
     """`unit` with the motion groups that it and its meter touch; a frame's overlap is rounding, not touching."""
     rounding = 1.0 / unit.fps + 1e-6
 
@@ -235,45 +218,45 @@ def load_units(
     params: FeatureParams,
     *,
     step: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> UnitSet:
     """The units of one corpus or several.
 
     Parameters
     ----------
-    roots : folder, or list of folders, of sequences
-        Sequences are read one at a time. Those that cannot be read, and Tang's T_5, which is 2.2 times too fast, are
-        left out; `UnitSet.notes` tells which, and why.
+    roots : folder, or list of folders, of recordings
+        Recordings are read one at a time. Those that cannot be read, and Tang's T_5, which is 2.2 times too fast, are
+        left out; `UnitSet.notes` names them, with the reason.
     params : FeatureParams
-    step : as in `sequence_units`
+    step : as in `recording_units`
     progress : function(iterable, label) -> iterable
 
     Raises
     ------
     FileNotFoundError, ValueError
-        A root is missing, two sequences have different skeletons, or there is no unit at all; both name the folder.
+        A root is missing, two recordings have different skeletons, or there is no unit at all; both name the folder.
     """
     roots = list(roots) if isinstance(roots, list | tuple) else [roots]
     folders, notes = _folders(roots)
-    read: list[_Read] = []
-    for folder in progress(folders, "reading sequences") if progress else folders:
+    contents: list[_Contents] = []
+    for folder in progress(folders, "reading sequences"):
         try:
-            read.append(_read(load_sequence(folder), params, step))
+            contents.append(_contents(load_recording(folder), params, step))
         except (ValueError, FileNotFoundError) as error:
             notes.append(str(error))
-    _check_bodies(read)
-    segments = group_outlines([item.outline for item in read])
-    units = [_grouped(unit, known) for item, known in zip(read, segments, strict=True) for unit in item.units]
+    _check_bodies(contents)
+    segments = group_outlines([item.outline for item in contents])
+    units = [_grouped(unit, labelled) for item, labelled in zip(contents, segments, strict=True) for unit in item.units]
     if not units:
         why = "every sequence is too short" if folders else "there is no sequence (see `harmolab data check`)"
         raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else why}")
-    lengths = np.average([item.bones for item in read], axis=0, weights=[item.n_frames for item in read])
-    source = ", ".join(dict.fromkeys(item.outline.name.rpartition("/")[0] for item in read))
-    return UnitSet(tuple(units), read[0].skeleton, lengths, params, source, tuple(notes))
+    lengths = np.average([item.bones for item in contents], axis=0, weights=[item.n_frames for item in contents])
+    source = ", ".join(dict.fromkeys(item.outline.name.rpartition("/")[0] for item in contents))
+    return UnitSet(tuple(units), contents[0].skeleton, lengths, params, source, tuple(notes))
 
 
-class _Read(NamedTuple):
-    """What is kept of a sequence once it was read."""
+class _Contents(NamedTuple):
+    """The parts of a recording that a set of units is made from; the recording itself is not kept."""
 
     folder: Path
     units: list[DanceUnit]  # not yet grouped
@@ -283,37 +266,38 @@ class _Read(NamedTuple):
     n_frames: int
 
 
-def _read(sequence: Sequence, params: FeatureParams, step: int | None) -> _Read:
-    """One sequence cut up."""
-    motion = _resampled(sequence, params)
-    return _Read(
-        sequence.folder,
-        sequence_units(sequence, params, step=step, segments=()),
-        outline(sequence),
+def _contents(recording: Recording, params: FeatureParams, step: int | None) -> _Contents:
+    """The contents of one recording."""
+    motion = _resampled(recording, params)
+    return _Contents(
+        recording.folder,
+        recording_units(recording, params, step=step, segments=()),
+        outline(recording),
         motion.skeleton,
         bone_lengths(motion.positions[motion.valid], motion.skeleton),
         motion.n_frames,
     )
 
 
-def _check_bodies(read: Many[_Read]) -> None:
+def _check_bodies(contents: Sequence[_Contents]) -> None:
     """ValueError, naming two folders, unless all skeletons are equal."""
-    for item in read[1:]:
-        if item.skeleton != read[0].skeleton:
+    for item in contents[1:]:
+        if item.skeleton != contents[0].skeleton:
             raise ValueError(
-                f"{item.folder}: has another skeleton ({len(item.skeleton.joints)} joints) than {read[0].folder} "
-                f"({len(read[0].skeleton.joints)} joints); train on one body"
+                f"{item.folder}: has another skeleton ({len(item.skeleton.joints)} joints) than {contents[0].folder} "
+                f"({len(contents[0].skeleton.joints)} joints); train on one body"
             )
 
 
 def _folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
-    """Sequence folders below all roots, each once, and notes on those that are left out."""
+    """Folders of recordings below all roots, each once, and notes on those that are left out."""
     folders: dict[Path, Path] = {}
     notes = []
     for root in roots:
-        found = find_sequences(root)
-        notes += [problem.message for problem in found.problems]
-        folders |= {folder.resolve(): folder for folder in found.folders if folder.resolve() not in folders}
+        paths, problems = find_recordings(root)
+        notes += [problem.message for problem in problems]
+        for path in paths:
+            folders.setdefault(path.resolve(), path)
     fast = [path for path in folders if path.name == TOO_FAST and not (path / "beats.json").is_file()]
     notes += [f"{folders.pop(path)}: left out, its motion is 2.2 times too fast" for path in fast]
     return list(folders.values()), notes

@@ -8,33 +8,23 @@ The camera never turns. So where everything lies is computed for many frames at 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.data.beat_marks import BeatMarks
-from harmolab.data.stage import FRACTION_BITS
-from harmolab.features.poses import mean_heading, skull_and_limbs, turned
-from harmolab.kinematics import resample_motion, smooth, upsample_motion
-from harmolab.types import HarmonyScore, Motion, Skeleton
-
-__all__ = ["render_dance"]
-
-Frame = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.signedinteger]
+from harmolab.data.stage import FARTHEST, FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
+from harmolab.kinematics import resample_motion, upsample_motion
+from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height, turned
+from harmolab.types import BoolArray, FloatArray, HarmonyScore, IntArray, Motion, Skeleton
 
 WALL, FLOOR, LINE, SHADOW = (246, 246, 246), (232, 232, 228), (196, 196, 192), (205, 205, 200)
 NEAR, FAR = np.array([30.0, 34.0, 42.0]), np.array([140.0, 146.0, 156.0])  # of limbs
 GRID = 0.5  # metres between lines of the floor
 REACH = 4.5  # metres of floor with lines, on every side of the dancer
 FADES = 5  # shades of a line
-FARTHEST = 2.0**20  # pixels that OpenCV's fixed-point coordinates can hold
-FOLLOW = 0.8  # seconds over which the camera's way is smoothed
 BLOCK = 64  # frames that are laid out together
 # In heights of the dancer: how far away the camera stands, how high, and how high it looks.
 DISTANCE, EYE, TARGET = 3.4, 0.85, 0.47
@@ -45,7 +35,7 @@ LIMB, JOINT, HEAD = 0.036, 0.02, 0.072  # thickness and radii in heights of the 
 
 @dataclass(frozen=True, eq=False)
 class _Camera:
-    """Where the camera stands in each frame; it looks the same way in all. Everything in metres, one picture size.
+    """The place of the camera in each frame; it looks the same way in all. Everything in metres, one picture size.
 
     Parameters
     ----------
@@ -73,7 +63,7 @@ class _Camera:
         return np.array([self.width / 2, self.height / 2]) + plane * np.array([1.0, -1.0])
 
     def pixels(self, metres: float, distance: FloatArray) -> IntArray:
-        """How many pixels a length takes at distances; one at least."""
+        """Length in pixels at distances; one at least."""
         return np.maximum(1, np.rint(self.focal * metres / np.maximum(distance, 0.1))).astype(np.int64)
 
 
@@ -112,16 +102,12 @@ def render_dance(
         raise ValueError("a floor needs movement in space; points of a picture go over their video (--over)")
     if min(height, width) < 64:
         raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
-    if not (np.isfinite(fps) and fps > 0):
-        raise ValueError(f"fps must be positive and finite, got {fps}")
-    danced = _to_camera(resample_motion(upsample_motion(motion, fps), fps))
-    return _frames(danced, height, width, BeatMarks(height, score))
-
-
-def _to_camera(motion: Motion) -> Motion:
-    """The motion turned about the vertical so that the dancer faces +z, where the camera stands."""
-    away = mean_heading(motion.positions, motion.fps, motion.skeleton)
-    return Motion(turned(motion.positions, -away), motion.fps, motion.skeleton, motion.valid)
+    check_positive(fps=fps)
+    danced = resample_motion(upsample_motion(motion, fps), fps)
+    # The camera stands at +z.
+    facing = turned(danced.positions, -mean_heading(danced.positions, fps, danced.skeleton))
+    shown = Motion(facing, fps, danced.skeleton, danced.valid)
+    return _frames(shown, height, width, BeatMarks(height, score))
 
 
 def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:
@@ -136,21 +122,16 @@ def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterat
         for index, (grid, shadow, figure) in enumerate(zip(grids, shadows, figures, strict=True), start):
             frame = empty.copy()
             _draw_grid(frame, grid)
-            _draw(frame, shadow)
-            _draw(frame, figure, rim=WALL)
+            draw_strokes(frame, shadow)
+            draw_strokes(frame, figure, rim=WALL)
             marks.draw(frame, index / motion.fps)
             yield frame
 
 
-def _standing_height(positions: FloatArray) -> float:
-    """How tall the dancer is, metres: the upper end of what the body spans in a frame."""
-    return max(float(np.percentile(np.ptp(positions[..., 1], axis=1), 90)), 0.1)
-
-
 def _following(motion: Motion, height: int, width: int) -> _Camera:
-    """The camera in front of the dancer, its way smoothed so that it never jerks."""
-    size = _standing_height(motion.positions)
-    eye = smooth(motion.positions.mean(axis=1), FOLLOW, motion.fps) + size * np.array([0.0, 0.0, DISTANCE])
+    """The camera in front of the dancer."""
+    size = max(standing_height(motion.positions), 0.1)
+    eye = camera_way(motion.positions, motion.fps) + size * np.array([0.0, 0.0, DISTANCE])
     eye[:, 1] = EYE * size
     forward = np.array([0.0, TARGET - EYE, -DISTANCE])
     forward = forward / np.linalg.norm(forward)
@@ -175,7 +156,7 @@ def _grid(camera: _Camera, frames: slice) -> Iterator[list[list[IntArray]]]:
         yield [list(ends[:, shades == shade][drawn[:, shades == shade]]) for shade in range(FADES)]
 
 
-def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, NDArray[np.bool_]]:
+def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, BoolArray]:
     """Every line of the floor cut where it changes its shade, on circles round the dancer.
 
     Returns
@@ -196,13 +177,13 @@ def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, NDArray[np.bool_]
     z = np.concatenate([np.minimum(along[:, 0], nearest), across[:, 1]], axis=1)
     places = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(len(here), -1, 3)
     ground = np.stack([here[:, 0], np.zeros(len(here)), here[:, 1]], axis=-1)[:, None]
-    cuts = _fixed(camera.pictured(camera.seen(places + ground, frames))).reshape(*x.shape, 2)
+    cuts = fixed(camera.pictured(camera.seen(places + ground, frames))).reshape(*x.shape, 2)
     there = (np.abs(np.diff(x)) + np.abs(np.diff(z)) > 1e-6) & (z[..., :-1] <= nearest)
     return np.stack([cuts[..., :-1, :], cuts[..., 1:, :]], axis=-2), there
 
 
 def _nearest_floor(camera: _Camera) -> float:
-    """How far in front of the dancer (metres along z) the floor is drawn; nearer it would be behind the camera."""
+    """End of the drawn floor, metres along z from the dancer; nearer floor would be behind the camera."""
     _, down, forward = camera.axes[2]
     return float(DISTANCE * camera.size - (FLOOR_SEEN * camera.size + down * camera.eye[0, 1]) / -forward)
 
@@ -210,21 +191,13 @@ def _nearest_floor(camera: _Camera) -> float:
 def _draw_grid(frame: Frame, pieces: list[list[IntArray]]) -> None:
     # One call for each shade: a call for each piece would take longer than the rest of the picture.
     for shade, ends in enumerate(pieces, start=1):
-        cv2.polylines(frame, ends, False, _mixed(FLOOR, LINE, shade / FADES), 1, cv2.LINE_AA, FRACTION_BITS)
-
-
-class _Stroke(NamedTuple):
-    """A limb (a line of a thickness from start to end), or a ball (a circle of a radius, without an end)."""
-
-    start: Sequence[int]
-    end: Sequence[int] | None
-    size: int
-    colour: Sequence[float]
+        colour = np.array(FLOOR) + (np.array(LINE) - FLOOR) * (shade / FADES)
+        cv2.polylines(frame, ends, False, colour.tolist(), 1, cv2.LINE_AA, FRACTION_BITS)
 
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """What is drawn of a skeleton: limbs first, then joints, then the head if there is one.
+    """The drawn parts of a skeleton: limbs first, then joints, then the head if there is one.
 
     Parameters
     ----------
@@ -252,7 +225,7 @@ class _Body:
         nudge = np.array([*necks, *[0.0] * len(joints), *[-0.1] * len(heads)])
         return cls(np.array(limbs, int).reshape(-1, 2), shares, np.array([*[JOINT] * len(joints), *heads]), nudge)
 
-    def strokes(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[_Stroke]]:
+    def strokes(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
         """Limbs, joints and head of each frame, from far to near; near ones are darker."""
         seen = camera.seen(joints, frames)
         flat, depth = camera.pictured(seen), np.maximum(seen[..., 2], 1e-3)
@@ -264,39 +237,17 @@ class _Body:
         radii = np.rint(camera.focal * camera.size * self.radii / balls * 2**FRACTION_BITS).clip(1, FARTHEST)
         sizes = np.concatenate([camera.pixels(LIMB * camera.size, limbs), radii.astype(int)], axis=1).tolist()
         middles = self.shares[len(self.limbs) :] @ flat
-        starts = _fixed(np.concatenate([flat[:, self.limbs[:, 0]], middles], axis=1)).tolist()
-        ends = [[*row, *[None] * middles.shape[1]] for row in _fixed(flat[:, self.limbs[:, 1]]).tolist()]
+        starts = fixed(np.concatenate([flat[:, self.limbs[:, 0]], middles], axis=1)).tolist()
+        ends = [[*row, *[None] * middles.shape[1]] for row in fixed(flat[:, self.limbs[:, 1]]).tolist()]
         order = np.argsort(-(distance + self.nudge), axis=1, kind="stable").tolist()
         for parts, *looks in zip(order, starts, ends, sizes, colours, strict=True):
-            strokes = list(map(_Stroke, *looks))
+            strokes = list(map(Stroke, *looks))
             yield [strokes[part] for part in parts]
 
-    def shadow(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[_Stroke]]:
+    def shadow(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
         """Every limb of each frame once more, flat on the floor."""
         seen = camera.seen(joints * np.array([1.0, 0.0, 1.0]), frames)
-        flat = _fixed(camera.pictured(seen))
+        flat = fixed(camera.pictured(seen))
         thick = camera.pixels(1.3 * LIMB * camera.size, seen[:, self.limbs, 2].mean(axis=2)).tolist()
         for ends, sizes in zip(flat[:, self.limbs].tolist(), thick, strict=True):
-            yield [_Stroke(start, end, size, SHADOW) for (start, end), size in zip(ends, sizes, strict=True)]
-
-
-def _draw(frame: Frame, strokes: list[_Stroke], rim: Sequence[float] | None = None) -> None:
-    """Strokes one over the other; limbs with a rim of that colour, which sets them off from what lies behind."""
-    for start, end, size, colour in strokes:
-        if end is None:
-            cv2.circle(frame, start, size, colour, -1, cv2.LINE_AA, FRACTION_BITS)
-            continue
-        if rim is not None:
-            cv2.line(frame, start, end, rim, size + 2, cv2.LINE_AA, FRACTION_BITS)
-        cv2.line(frame, start, end, colour, size, cv2.LINE_AA, FRACTION_BITS)
-
-
-def _mixed(one: object, other: object, share: float) -> Sequence[float]:
-    """The colour that lies `share` of the way from one to another."""
-    start, end = np.asarray(one, float), np.asarray(other, float)
-    return tuple((start + (end - start) * share).tolist())
-
-
-def _fixed(points: FloatArray) -> IntArray:
-    """Pixel positions in OpenCV's fixed-point coordinates, kept within what they can hold."""
-    return np.rint(np.clip(points * 2**FRACTION_BITS, -FARTHEST, FARTHEST)).astype(np.int32)
+            yield [Stroke(start, end, size, SHADOW) for (start, end), size in zip(ends, sizes, strict=True)]

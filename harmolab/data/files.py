@@ -10,11 +10,11 @@ from pathlib import Path
 
 from harmolab.beats.audio import music_beats
 from harmolab.data import folders
-from harmolab.data.folders import Problem, find_sequences, iter_sequences, load_any_motion, told_start
+from harmolab.data.folders import Problem, find_recordings, iter_recordings, load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
 from harmolab.io.audio import resampled
 from harmolab.io.beats import load_annotation
-from harmolab.io.errors import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video
 from harmolab.io.video_sound import load_sound
 from harmolab.params import DANCES, HarmonyParams
@@ -102,7 +102,7 @@ def load_clip(
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     if offset is None:
-        offset = (None if isinstance(motion, Motion) else told_start(motion)) or 0.0
+        offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
     annotated = None if beats is None else load_annotation(beats).track(audio.duration)
     try:
         clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
@@ -116,12 +116,12 @@ def load_clip(
 
 
 def corpus_recordings(
-    corpus: PathLike | Iterable[folders.Sequence],
+    corpus: PathLike | Iterable[folders.Recording],
     dances: Sequence[str] = (),
     *,
     progress: Progress = silent,
     report: Callable[[Problem], object] = lambda problem: None,
-) -> Iterator[folders.Sequence]:
+) -> Iterator[folders.Recording]:
     """The recordings at or below a folder that can be read, one in memory at a time.
 
     Parameters
@@ -139,9 +139,9 @@ def corpus_recordings(
     if not isinstance(corpus, str | os.PathLike):
         yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
         return
-    if not find_sequences(corpus).folders:
+    if not find_recordings(corpus).folders:
         raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
-    for item in progress(iter_sequences(corpus), Path(corpus).name):
+    for item in progress(iter_recordings(corpus), Path(corpus).name):
         if isinstance(item, Problem):
             report(item)
         elif not dances or item.clip.dance in dances:

@@ -1,4 +1,4 @@
-"""Folders of sequences on disk, in the layout of Tang et al. or in ours, one folder a sequence.
+"""Folders of recordings on disk, in the layout of Tang et al. or in ours, one folder a recording.
 
 ==========  ====================================================================
 Tang 2018   skeletons.json, config.json, audio.mp3
@@ -21,29 +21,17 @@ from typing import NamedTuple
 from harmolab.data import tang2018
 from harmolab.io.audio import load_audio
 from harmolab.io.beats import BeatAnnotation, load_annotation
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
 from harmolab.types import Clip, Motion
-
-__all__ = [
-    "Found",
-    "Problem",
-    "Sequence",
-    "find_sequences",
-    "iter_sequences",
-    "load_any_motion",
-    "load_sequence",
-    "missing_parts",
-    "told_start",
-]
 
 _MAX_DEPTH = 4
 _PARTS = ("skeletons.json", "config.json", "motion.npz")
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
-    """One folder, read: the clip, what was annotated (None without beats.json), and where it lies."""
+class Recording:
+    """One folder: the clip, its annotation (None without beats.json), and the path."""
 
     clip: Clip
     annotation: BeatAnnotation | None
@@ -51,21 +39,21 @@ class Sequence:
 
 
 class Problem(NamedTuple):
-    """A folder that cannot be used, and why, in one sentence that names the file."""
+    """A folder that cannot be used, and the reason in one sentence that names the file."""
 
     folder: Path
     message: str
 
 
-class Found(NamedTuple):
-    """Folders that hold a whole sequence, in natural order, and those that hold only parts of one."""
+class RecordingFolders(NamedTuple):
+    """Folders that hold a whole recording, in natural order, and those that hold only parts of one."""
 
     folders: tuple[Path, ...]
     problems: tuple[Problem, ...]
 
 
-def find_sequences(root: PathLike) -> Found:
-    """The sequence folders at or below `root`; nothing is read yet.
+def find_recordings(root: PathLike) -> RecordingFolders:
+    """The folders of recordings at or below `root`; nothing is read yet.
 
     Raises
     ------
@@ -85,18 +73,18 @@ def find_sequences(root: PathLike) -> Found:
             problems.append(Problem(folder, f"{folder}: has no {' and no '.join(missing)}"))
         else:
             folders.append(folder)
-    return Found(tuple(folders), tuple(problems))
+    return RecordingFolders(tuple(folders), tuple(problems))
 
 
 def _folders_with_parts(root: Path) -> list[Path]:
-    """Folders at or below `root` that hold at least one part of a sequence, DANCE_2 before DANCE_10."""
-    found = []
+    """Folders at or below `root` that hold at least one part of a recording, DANCE_2 before DANCE_10."""
+    folders = []
     for name, below, files in os.walk(root):
         depth = len(Path(name).relative_to(root).parts)
-        below[:] = [] if depth >= _MAX_DEPTH else [folder for folder in below if not folder.startswith(".")]
+        below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
         if any(part in files for part in _PARTS):
-            found.append(Path(name))
-    return sorted(found, key=_natural)
+            folders.append(Path(name))
+    return sorted(folders, key=_natural)
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
@@ -105,11 +93,11 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 
 
 def missing_parts(folder: PathLike) -> list[str]:
-    """The parts that a folder lacks to be a sequence; empty if it is whole."""
+    """The files that a folder lacks to be a recording; empty if it is whole."""
     folder = Path(folder)
     tang = any((folder / part).is_file() for part in ("skeletons.json", "config.json"))
-    wanted = ["skeletons.json", "config.json"] if tang and not (folder / "motion.npz").is_file() else ["motion.npz"]
-    missing = [part for part in wanted if not (folder / part).is_file()]
+    needed = ["skeletons.json", "config.json"] if tang and not (folder / "motion.npz").is_file() else ["motion.npz"]
+    missing = [part for part in needed if not (folder / part).is_file()]
     try:
         tang2018.find_audio(folder)
     except FileNotFoundError:
@@ -117,31 +105,18 @@ def missing_parts(folder: PathLike) -> list[str]:
     return missing
 
 
-def iter_sequences(
-    root: PathLike,
-    *,
-    sample_rate: float | None = 22050.0,
-    clock: float = 1.0,
-    points: int = 23,
-    travel: bool = True,
-    ground: bool = True,
-) -> Iterator[Sequence | Problem]:
-    """Every sequence at or below `root`, one in memory at a time; a Problem in place of each that cannot be read.
-
-    Parameters are those of `load_sequence`.
-    """
-    found = find_sequences(root)
-    yield from found.problems
-    for folder in found.folders:
+def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
+    """Every recording at or below `root`, one in memory at a time; a Problem in place of each that cannot be read."""
+    folders, problems = find_recordings(root)
+    yield from problems
+    for folder in folders:
         try:
-            yield load_sequence(
-                folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
-            )
+            yield load_recording(folder)
         except (ValueError, FileNotFoundError) as error:
             yield Problem(folder, str(error))
 
 
-def load_sequence(
+def load_recording(
     folder: PathLike,
     *,
     sample_rate: float | None = 22050.0,
@@ -149,8 +124,8 @@ def load_sequence(
     points: int = 23,
     travel: bool = True,
     ground: bool = True,
-) -> Sequence:
-    """One sequence folder: the clip with its annotated beats, and the annotation.
+) -> Recording:
+    """One folder: the clip with its annotated beats, and the annotation.
 
     Parameters
     ----------
@@ -172,30 +147,24 @@ def load_sequence(
     if missing:
         raise FileNotFoundError(f"{folder}: has no {' and no '.join(missing)}")
     annotation = load_annotation(folder / "beats.json") if (folder / "beats.json").is_file() else None
-    if (folder / "motion.npz").is_file():
-        clip = _own_layout(folder, annotation, sample_rate)
+    is_own = (folder / "motion.npz").is_file()
+    if is_own:
+        motion, offset = load_motion(folder / "motion.npz"), 0.0 if annotation is None else annotation.offset
     else:
-        clip = tang2018.load_sequence(
-            folder, sample_rate=sample_rate, clock=clock, points=points, travel=travel, ground=ground
-        )
-    return Sequence(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
-
-
-def _own_layout(folder: Path, annotation: BeatAnnotation | None, sample_rate: float | None) -> Clip:
-    """The clip in a folder with motion.npz."""
-    motion = load_motion(folder / "motion.npz")
+        motion, offset = tang2018.load_danced(folder, clock=clock, points=points, travel=travel, ground=ground)
     audio = load_audio(tang2018.find_audio(folder), sample_rate=sample_rate)
-    offset = 0.0 if annotation is None else annotation.offset
     beyond = offset + motion.duration - audio.duration
-    if beyond > max(1.0, 0.05 * audio.duration):
+    if is_own and beyond > max(1.0, 0.05 * audio.duration):
         raise ValueError(
             f"{folder}: the motion lasts {motion.duration:.2f} s at {motion.fps:g} fps and ends {beyond:.2f} s after "
             "the audio; is its fps right?"
         )
     try:
-        return Clip(folder.name, audio, motion, offset, folder.resolve().parent.name, dance=tang2018.dance_of(folder))
+        source, dance = folder.resolve().parent.name, tang2018.dance_of(folder)
+        clip = Clip(folder.name, audio, motion, offset, source, dance=dance)
     except ValueError as error:
         raise ValueError(f"{folder}: {error}") from None
+    return Recording(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
 
 
 def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
@@ -207,13 +176,13 @@ def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
     return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
 
 
-def told_start(path: PathLike) -> float | None:
-    """Audio time (seconds) of a motion's first frame, as its sequence's folder tells it; None where nothing does.
+def recorded_offset(path: PathLike) -> float | None:
+    """Audio time (seconds) of a motion's first frame by the files of its recording; None without one.
 
     Parameters
     ----------
     path : str or path
-        A sequence folder, its motion.npz or its skeletons.json. Other files beside them are none of the sequence.
+        A recording's folder, its motion.npz or its skeletons.json. Other files beside them belong to no recording.
 
     Raises
     ------
@@ -232,7 +201,7 @@ def told_start(path: PathLike) -> float | None:
 def load_any_motion(
     path: PathLike, *, fps: float | None = None, scale: float | None = None, joints: tuple[str, ...] | None = None
 ) -> Motion:
-    """The motion in any file that `load_motion` reads, in a sequence folder, or in a skeletons.json.
+    """The motion in any file that `load_motion` reads, in a recording's folder, or in a skeletons.json.
 
     Parameters are those of `load_motion`; `joints` is for the files that it reads.
 

@@ -1,15 +1,14 @@
-"""Which movement is danced when: motion groups, so that nothing is tested on movement it was trained on.
+"""Motion groups of recordings, so that nothing is tested on movement it was trained on.
 
-The recordings reuse choreography, so a random split of clips leaks. A motion group is a figure that somebody named, or,
-where nobody did, all stretches between splices whose motion is nearly the same. Stretches are compared after each was
+The recordings reuse choreography, so a random split of clips leaks. A motion group is an annotated figure, or, without
+annotation, all stretches between splices whose motion is nearly the same. Stretches are compared after each was
 brought to the same number of poses, so that a figure danced faster is still that figure.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
-from collections.abc import Sequence as Many
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,13 +16,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harmolab.data.folders import Sequence
+from harmolab.data.folders import Recording
 from harmolab.features.poses import encode_motion
-from harmolab.types import Motion
+from harmolab.types import FloatArray, Motion
 
-__all__ = ["Outline", "Segment", "group_outlines", "motion_groups", "outline"]
-
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Mean distance of the joints, metres, below which two stretches are the same movement. In the beat-locked recordings
@@ -34,7 +30,7 @@ SHORTEST = 0.5  # seconds; a shorter stretch is joined with the next
 
 
 class Segment(NamedTuple):
-    """A stretch of audio time, seconds, and the motion group danced in it."""
+    """A span of audio time, seconds, and its label: the motion group danced in it."""
 
     start: float
     end: float
@@ -42,14 +38,14 @@ class Segment(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """What is kept of a sequence to find its motion groups.
+    """The poses of a recording that its motion groups are found from.
 
     Parameters
     ----------
-    name : str, corpus folder and sequence folder
+    name : str, corpus folder and folder of the recording
     dance : str
     edges : (S + 1,) array, seconds of audio time, of S stretches
-    figures : tuple of S str, "" where nobody named one
+    figures : tuple of S str, "" where none is annotated
     poses : (S, 24, 3 J) array, metres, single precision: joints in a canonical heading
     """
 
@@ -60,8 +56,8 @@ class Outline(NamedTuple):
     poses: NDArray[np.float32]
 
 
-def motion_groups(sequences: Iterable[Sequence]) -> list[list[Segment]]:
-    """For every sequence the stretches of its motion and their motion groups, in order and without gaps.
+def motion_groups(recordings: Iterable[Recording]) -> list[list[Segment]]:
+    """The labelled segments of every recording, in order and without gaps.
 
     Figures of `beats.json` are groups. Without them the motion is cut where it is spliced (`Motion.valid` is False),
     and near-duplicates share a group: that of a figure where one is near, else one of its own, "<dance> <number>".
@@ -69,36 +65,36 @@ def motion_groups(sequences: Iterable[Sequence]) -> list[list[Segment]]:
     Raises
     ------
     ValueError
-        If a sequence has no motion in three dimensions.
+        If a recording has no motion in three dimensions.
     """
-    return group_outlines([outline(sequence) for sequence in sequences])
+    return group_outlines([outline(recording) for recording in recordings])
 
 
-def outline(sequence: Sequence) -> Outline:
-    """The stretches of one sequence, so that the sequence itself need not be kept.
+def outline(recording: Recording) -> Outline:
+    """The outline of one recording, so that the recording itself need not be kept.
 
     Raises
     ------
     ValueError
         If it has no motion in three dimensions.
     """
-    clip = sequence.clip
+    clip = recording.clip
     if clip.motion is None or clip.motion.positions.shape[2] != 3:
-        raise ValueError(f"{sequence.folder}: needs a motion in three dimensions")
-    edges, figures = _named_stretches(sequence, clip.motion)
+        raise ValueError(f"{recording.folder}: needs a motion in three dimensions")
+    edges, figures = _annotated_stretches(recording, clip.motion)
     if not figures:
         edges = clip.offset + _between_splices(clip.motion)
         figures = ("",) * (len(edges) - 1)
-    folder = sequence.folder.resolve()
+    folder = recording.folder.resolve()
     return Outline(
         f"{folder.parent.name}/{folder.name}", clip.dance, edges, figures, _poses(clip.motion, edges - clip.offset)
     )
 
 
-def _named_stretches(sequence: Sequence, motion: Motion) -> tuple[FloatArray, tuple[str, ...]]:
+def _annotated_stretches(recording: Recording, motion: Motion) -> tuple[FloatArray, tuple[str, ...]]:
     """Edges and figures of the annotated units; each lasts to the next, the first and last to the motion's ends."""
-    start, end = sequence.clip.offset, sequence.clip.offset + motion.duration
-    units = sequence.annotation.units if sequence.annotation else ()
+    start, end = recording.clip.offset, recording.clip.offset + motion.duration
+    units = recording.annotation.units if recording.annotation else ()
     inside = sorted((unit for unit in units if unit.start < end and unit.end > start), key=lambda unit: unit.start)
     edges = np.array([start, *(unit.start for unit in inside[1:]), end])
     return edges, tuple(unit.figure or unit.name for unit in inside)
@@ -127,8 +123,8 @@ def _poses(motion: Motion, edges: FloatArray) -> NDArray[np.float32]:
     return poses
 
 
-def group_outlines(outlines: Many[Outline]) -> list[list[Segment]]:
-    """The motion groups of sequences given by their outlines; see `motion_groups`.
+def group_outlines(outlines: Sequence[Outline]) -> list[list[Segment]]:
+    """The motion groups of recordings given by their outlines; see `motion_groups`.
 
     Raises
     ------
@@ -142,8 +138,8 @@ def group_outlines(outlines: Many[Outline]) -> list[list[Segment]]:
     ]
 
 
-def _group_names(outlines: Many[Outline]) -> list[str]:
-    """The group of every stretch, sequence by sequence."""
+def _group_names(outlines: Sequence[Outline]) -> list[str]:
+    """The group of every stretch, recording by recording."""
     groups = [figure for item in outlines for figure in item.figures]
     if all(groups):
         return groups
@@ -178,7 +174,7 @@ def _clusters(poses: NDArray[np.float32]) -> list[IntArray]:
 
 
 def _nearest(members: NDArray[np.float32], named: NDArray[np.float32]) -> int | None:
-    """Which named stretch is closest to any of `members`; None when none is near."""
+    """Index of the named stretch closest to any of `members`; None when none is near."""
     if not len(named):
         return None
     table = np.array([_distances(one, named) for one in members])

@@ -1,35 +1,27 @@
-"""A dancer's skeleton over the video it was found in. Needs OpenCV and numpy only (and PyAV for the video's frames)."""
+"""A dancer's skeleton over the video that it comes from. Needs OpenCV, numpy, and PyAV for the video's frames."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.folders import load_any_motion
-from harmolab.data.stage import FRACTION_BITS
-from harmolab.features.poses import skull_and_limbs
-from harmolab.io.errors import PathLike, read_json
-from harmolab.io.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25
-from harmolab.io.landmarks import is_landmarks, load_landmarks
+from harmolab.data.stage import FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
+from harmolab.io.files import PathLike
+from harmolab.io.keypoints import load_keypoints
+from harmolab.io.layouts import COCO_17, OPENPOSE_18, OPENPOSE_25
 from harmolab.io.video import VideoFrames
 from harmolab.kinematics import resample_motion
+from harmolab.skeletons import skull_and_limbs
 from harmolab.types import HarmonyScore, Motion
-
-__all__ = ["load_points", "overlay_skeleton", "points_in_picture"]
-
-Frame = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
 
 CORE, RIM = (255, 255, 255), (20, 20, 20)  # a light line in a dark one is seen on any picture
 THICKNESS = 1 / 110  # of a limb, in picture heights
 SHARES_UP_TO = 2.0  # points whose median is below are shares of the picture: no body fits into two pixels
 LEAST_INSIDE = 0.5  # share of the points that must lie in the picture
-FARTHEST = 2.0**20  # pixels that OpenCV's fixed-point coordinates can hold
 IN_SPACE = "is movement in space; over a video go points of its pictures (OpenPose, COCO, MediaPipe)"
 
 
@@ -57,9 +49,9 @@ def load_points(path: PathLike, *, fps: float | None = None, joints: tuple[str, 
     motion = load_any_motion(path, fps=fps, joints=joints)
     if motion.positions.shape[2] != 2:
         raise ValueError(f"{path}: {IN_SPACE}")
-    if Path(path).suffix.lower() == ".json" and is_landmarks(read_json(Path(path))):
-        # As shares of both sides, whatever proportions of the picture the file notes.
-        motion = load_landmarks(path, fps=fps, aspect=1.0, joints=joints)
+    if Path(path).suffix.lower() == ".json":
+        # MediaPipe's as shares of both sides, whatever proportions of the picture the file notes.
+        motion = load_keypoints(path, fps=fps, aspect=1.0, joints=joints)
     if joints is None and motion.skeleton in (COCO_17, OPENPOSE_18, OPENPOSE_25) and not motion.valid.all():
         body = tuple(name for name in motion.skeleton.joints if not name.endswith(("_eye", "_ear")))
         motion = load_any_motion(path, fps=fps, joints=body)
@@ -75,7 +67,7 @@ def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
     Raises
     ------
     ValueError
-        For a motion in space, and where most points lie outside the picture: they were found in another one.
+        For a motion in space, and where most points lie outside the picture: they are of another one.
     """
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
@@ -87,7 +79,7 @@ def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
     if inside < LEAST_INSIDE:
         raise ValueError(
             f"{video.path}: {1 - inside:.0%} of the points lie outside its pictures of {width} x {height} pixels; "
-            "were they found in this video, at this size?"
+            "are they of this video, at this size?"
         )
     places = motion.positions * (np.array([video.width, video.height]) / unit)
     return Motion(places, motion.fps, motion.skeleton, motion.valid)
@@ -118,8 +110,7 @@ def overlay_skeleton(
     """
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
-    if not (np.isfinite(fps) and fps > 0):
-        raise ValueError(f"fps must be positive and finite, got {fps}")
+    check_positive(fps=fps)
     return _overlaid(frames, resample_motion(motion, fps), score)
 
 
@@ -127,22 +118,19 @@ def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | Non
     _, limbs = skull_and_limbs(motion.skeleton)
     marks: BeatMarks | None = None
     # The motion first: zip would else read one frame too many.
-    for index, (places, seen, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
+    for index, (places, is_valid, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
         marks = marks or BeatMarks(len(frame), score)
         drawn = frame.copy()
-        if seen:
-            _draw_points(drawn, places, limbs)
+        if is_valid:
+            draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, len(frame)))
         marks.draw(drawn, index / motion.fps)
         yield drawn
 
 
-def _draw_points(frame: Frame, places: FloatArray, limbs: list[tuple[int, int]]) -> None:
+def _strokes(points: list[list[int]], limbs: list[tuple[int, int]], height: int) -> Iterator[Stroke]:
     """Limbs and joints twice: thick and dark, then thinner and light."""
-    points = np.rint(np.clip(places * 2**FRACTION_BITS, -FARTHEST, FARTHEST)).astype(int).tolist()
-    thickness = max(2, round(THICKNESS * len(frame)))
+    thickness = max(2, round(THICKNESS * height))
     for colour, width in ((RIM, 2 * thickness + 2), (CORE, thickness)):
-        for start, end in limbs:
-            cv2.line(frame, points[start], points[end], colour, width, cv2.LINE_AA, FRACTION_BITS)
+        yield from (Stroke(points[start], points[end], width, colour) for start, end in limbs)
         radius = round((0.3 * thickness + width / 2) * 2**FRACTION_BITS)
-        for point in points:
-            cv2.circle(frame, point, radius, colour, -1, cv2.LINE_AA, FRACTION_BITS)
+        yield from (Stroke(point, None, radius, colour) for point in points)

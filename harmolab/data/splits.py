@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence as Many
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.data.units import DanceUnit, UnitSet
-
-__all__ = ["Split", "split_units"]
+from harmolab.types import BoolArray
 
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 SIDES = ("train", "validation", "test")
 TRAIN, VALIDATION, TEST = range(3)
@@ -33,7 +31,7 @@ class Split:
     ----------
     train, validation, test : UnitSet
     groups : dict from "train", "validation", "test" to the names of the motion groups, sorted
-    settings : dict, what `split_units` was asked for
+    settings : dict, the options of `split_units`
     """
 
     train: UnitSet
@@ -43,7 +41,7 @@ class Split:
     settings: dict[str, Any]
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything needed to tell or repeat the split, ready for JSON: settings, groups, names of the units."""
+        """Settings, groups and names of the units, ready for JSON: enough to repeat the split."""
         sides = {"train": self.train, "validation": self.validation, "test": self.test}
         return {
             **self.settings,
@@ -64,8 +62,8 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
     ----------
     units : UnitSet
     test_share, validation_share : float
-        Wanted share of each dance's units, additional ones not counted. What units are lost because they touch groups
-        of two sides makes the sides smaller than that.
+        Share of each dance's units to aim at, additional ones not counted. Units that touch groups of two sides are
+        lost, which makes the sides smaller than that.
     seed : int
 
     Raises
@@ -78,7 +76,7 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
             raise ValueError(f"{name} must lie between 0 and 1, got {share}")
     if test_share + validation_share >= 1:
         raise ValueError(f"test_share and validation_share leave nothing to train on: {test_share}, {validation_share}")
-    chosen: dict[int, list[str]] = {side: [] for side in range(3)}
+    names: dict[int, list[str]] = {side: [] for side in range(3)}
     sides: dict[str, int] = {}
     for number, dance in enumerate(sorted({unit.dance for unit in units.units})):
         rng = np.random.default_rng([seed, number])
@@ -86,15 +84,15 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
         dealt = _deal(table, sides, (validation_share, test_share), rng)
         sides |= dict(zip(table.groups, dealt.tolist(), strict=True))
         for side, rows in enumerate(table.members(dealt)):
-            chosen[side] += [table.units[row].name for row in rows]
-    for side, names in chosen.items():
-        if not names:
+            names[side] += [table.units[row].name for row in rows]
+    for side, members in names.items():
+        if not members:
             raise ValueError(
                 f"no unit is left for the {SIDES[side]} side: {len(units)} units dance {len(sides)} motion groups; "
                 "more recordings, or other shares, are needed"
             )
     groups = {name: sorted(group for group, at in sides.items() if at == side) for side, name in enumerate(SIDES)}
-    train, validation, test = (units.select(chosen[side]) for side in range(3))
+    train, validation, test = (units.select(names[side]) for side in range(3))
     settings = {"seed": seed, "test_share": test_share, "validation_share": validation_share}
     return Split(train, validation, test, groups, settings)
 
@@ -103,13 +101,13 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
 class _Table:
     """Units of one dance and the groups they touch: (U, G) incidence of the whole unit, and of its meter."""
 
-    units: Many[DanceUnit]
+    units: Sequence[DanceUnit]
     groups: list[str]
     touches: BoolArray
     meters: BoolArray
 
     @classmethod
-    def of(cls, units: Many[DanceUnit]) -> _Table:
+    def of(cls, units: Sequence[DanceUnit]) -> _Table:
         groups = sorted({group for unit in units for group in unit.groups})
         touches = np.array([[group in unit.groups for group in groups] for unit in units], dtype=bool)
         meters = np.array([[group in unit.meter_groups for group in groups] for unit in units], dtype=bool)
@@ -139,10 +137,10 @@ class _Table:
 def _deal(table: _Table, fixed: dict[str, int], shares: tuple[float, float], rng: np.random.Generator) -> IntArray:
     """The side of each group of one dance, (G,); groups of `fixed` keep theirs.
 
-    Of many random ways that one is taken that comes closest to the wanted numbers of units and loses least training.
+    Of many random ways that one is taken that comes closest to the target numbers of units and loses least training.
     """
     ordinary = sum(not unit.extra for unit in table.units)
-    wanted = [max(1.0, share * ordinary) for share in shares]
+    targets = [max(1.0, share * ordinary) for share in shares]
     best, most = np.zeros(len(table.groups), dtype=np.int64), -np.inf
     for _ in range(N_CANDIDATES):
         edges = np.cumsum(rng.uniform(0, SPREAD, 2) * shares)
@@ -150,7 +148,7 @@ def _deal(table: _Table, fixed: dict[str, int], shares: tuple[float, float], rng
         dealt = np.array([fixed.get(group, side) for group, side in zip(table.groups, dealt.tolist(), strict=True)])
         train, validation, test = table.members(dealt)
         gain = 2 * len(train) / len(table.units)
-        gain += min(len(validation) / wanted[0], 1.0) + 2 * min(len(test) / wanted[1], 1.0)
+        gain += min(len(validation) / targets[0], 1.0) + 2 * min(len(test) / targets[1], 1.0)
         if gain > most:
             best, most = dealt, gain
     return best

@@ -6,26 +6,61 @@ length needs the memory of one frame. Needs OpenCV and numpy only.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.kinematics import resample_motion
-from harmolab.types import Motion, Skeleton
-
-__all__ = ["box_walk", "moving_box", "render_skeleton"]
+from harmolab.skeletons import skull_and_limbs
+from harmolab.types import FloatArray, Motion, Skeleton
 
 Frame = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
 
 BACKGROUND = 225
-LIMB_LEVELS = (40, 120)
+LIMB_LEVELS = (40, 120) * 2
 JOINT_LEVEL = 75
 # OpenCV draws at fixed-point coordinates: four fractional bits place a limb to a sixteenth of a pixel, so that slow
 # movement does not jump from pixel to pixel and look like a row of stops.
 FRACTION_BITS = 4
+FARTHEST = 2.0**20  # sixteenths of a pixel that OpenCV can draw at
+
+
+class Stroke(NamedTuple):
+    """A limb: a line from start to end, `size` pixels thick; or without an end a ball, `size` its fixed-point radius.
+
+    Start and end are `fixed` places.
+    """
+
+    start: Sequence[int]
+    end: Sequence[int] | None
+    size: int
+    colour: Sequence[float] | float
+
+
+def fixed(points: FloatArray) -> NDArray[np.int32]:
+    """Pixel positions in OpenCV's fixed-point coordinates, kept within what it can draw at."""
+    return np.rint(np.clip(points * 2**FRACTION_BITS, -FARTHEST, FARTHEST)).astype(np.int32)
+
+
+def draw_strokes(frame: Frame, strokes: Iterable[Stroke], rim: Sequence[float] | None = None) -> None:
+    """Draw strokes over one another on `frame`; limbs with a rim of that colour, to set them off from those behind."""
+    for start, end, size, colour in strokes:
+        if end is None:
+            cv2.circle(frame, start, size, colour, -1, cv2.LINE_AA, FRACTION_BITS)
+            continue
+        if rim is not None:
+            cv2.line(frame, start, end, rim, size + 2, cv2.LINE_AA, FRACTION_BITS)
+        cv2.line(frame, start, end, colour, size, cv2.LINE_AA, FRACTION_BITS)
+
+
+def check_positive(**values: float) -> None:
+    """ValueError that names the first value that is not positive and finite."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} must be positive and finite, got {value}")
 
 
 def render_skeleton(
@@ -60,8 +95,8 @@ def render_skeleton(
     width = round(height * 4 / 3) if width is None else width
     if min(height, width) < 16:
         raise ValueError(f"a picture needs at least 16 x 16 pixels, got {width} x {height}")
-    if fps is not None and not (np.isfinite(fps) and fps > 0):
-        raise ValueError(f"fps must be positive and finite, got {fps}")
+    if fps is not None:
+        check_positive(fps=fps)
     danced = motion if fps is None else resample_motion(motion, fps)
     return _figures(_in_picture(danced.positions, height, width), motion.skeleton, height, width, colour)
 
@@ -78,32 +113,25 @@ def _in_picture(positions: FloatArray, height: int, width: int) -> FloatArray:
 
 
 def _figures(places: FloatArray, skeleton: Skeleton, height: int, width: int, colour: bool) -> Iterator[Frame]:
-    heads = [joint for joint, name in enumerate(skeleton.joints) if "head" in name.lower()]
+    skull, _ = skull_and_limbs(skeleton)
     figure_height = np.ptp(places[..., 1], axis=1).mean()
     thickness = max(2, round(0.05 * max(figure_height, 0.2 * height)))
     for place in places:
         frame = np.full((height, width), BACKGROUND, np.uint8)
-        _draw_figure(frame, place, skeleton.bones, heads, thickness)
+        draw_strokes(frame, _strokes(place, skeleton.bones, skull, thickness))
         yield np.repeat(frame[..., None], 3, axis=2) if colour else frame
 
 
-def _draw_figure(
-    frame: Frame, place: FloatArray, bones: tuple[tuple[int, int], ...], heads: list[int], thickness: int
-) -> None:
-    """Draw limbs from far to near, then joints, on `frame`."""
-    far_to_near = sorted(bones, key=lambda bone: place[bone[0], 2] + place[bone[1], 2])
-    for parent, child in far_to_near:
-        for stripe, level in enumerate(LIMB_LEVELS * 2):
-            ends = [place[parent, :2] + (place[child, :2] - place[parent, :2]) * (stripe + i) / 4 for i in (0, 1)]
-            cv2.line(frame, _fixed(ends[0]), _fixed(ends[1]), level, thickness, cv2.LINE_AA, FRACTION_BITS)
-    for joint, point in enumerate(place):
-        radius = (1.6 if joint in heads else 0.7) * thickness * 2**FRACTION_BITS
-        cv2.circle(frame, _fixed(point[:2]), round(radius), JOINT_LEVEL, -1, cv2.LINE_AA, FRACTION_BITS)
-
-
-def _fixed(point: FloatArray) -> tuple[int, int]:
-    """A pixel position in OpenCV's fixed-point coordinates."""
-    return round(float(point[0]) * 2**FRACTION_BITS), round(float(point[1]) * 2**FRACTION_BITS)
+def _strokes(place: FloatArray, bones: Sequence[tuple[int, int]], skull: list[int], thickness: int) -> Iterator[Stroke]:
+    """Striped limbs from far to near, then joints."""
+    for parent, child in sorted(bones, key=lambda bone: place[bone[0], 2] + place[bone[1], 2]):
+        steps = np.arange(len(LIMB_LEVELS) + 1)[:, None]
+        cuts = fixed(place[parent, :2] + (place[child, :2] - place[parent, :2]) * steps / len(LIMB_LEVELS)).tolist()
+        for start, end, level in zip(cuts[:-1], cuts[1:], LIMB_LEVELS, strict=True):
+            yield Stroke(start, end, thickness, level)
+    for joint, point in enumerate(fixed(place[:, :2]).tolist()):
+        radius = (1.6 if joint in skull else 0.7) * thickness * 2**FRACTION_BITS
+        yield Stroke(point, None, round(radius), JOINT_LEVEL)
 
 
 def moving_box(
@@ -137,9 +165,7 @@ def moving_box(
     ValueError
         If fps, size or speed is not positive.
     """
-    for name, value in (("fps", fps), ("size", size), ("speed", speed)):
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be positive and finite, got {value}")
+    check_positive(fps=fps, size=size, speed=speed)
     return _boxed(frames, fps, seed, size, speed, colour)
 
 
@@ -155,10 +181,9 @@ def _boxed(
             walk = box_walk(np.random.default_rng(seed), reach, speed, fps)
         corner = next(walk)
         outline = (corner + size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) * height
-        points = np.round(outline * 2**FRACTION_BITS).astype(np.int32)
         boxed = frame.copy()
         level = colour if frame.ndim == 3 else (brightness,)
-        cv2.fillConvexPoly(boxed, points, level, cv2.LINE_AA, FRACTION_BITS)
+        cv2.fillConvexPoly(boxed, fixed(outline), level, cv2.LINE_AA, FRACTION_BITS)
         yield boxed
 
 

@@ -1,21 +1,38 @@
-"""When things happen in a synthetic clip: the beats of its music and the ends of its movements."""
+"""Settings of a synthetic clip, and when things happen in it: beats of the music and ends of the movements."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.params import DANCES, Dance
+from harmolab.params import DANCES
+from harmolab.types import BoolArray, FloatArray
 
-__all__ = ["BeatGrid", "Liberties", "MovementEnds", "beat_grid", "dance_named", "grid_through", "movement_ends"]
-
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 BARS_AROUND = 3  # bars of the piece that exist before and after the clip, so that its edges are like its middle
 CLOSEST = 0.25  # beats that two movement ends stay apart at least
+TINY = np.nextafter(0.0, 1.0)  # the least that is positive
+
+# Lowest and highest value of each setting, and the rule in words.
+RANGES = MappingProxyType(
+    {
+        "seconds": (TINY, 3600.0, "must be positive and at most 3600"),
+        "fps": (TINY, 1000.0, "must be positive and at most 1000 (15 to 120 is usual)"),
+        "tempo": (20.0, 400.0, "must be within 20 and 400 beats per minute"),
+        "drift": (-1.0, 1.0, "is a share of the tempo and must be within -1 and 1"),
+        "lateness": (-1.0, 1.0, "must be within -1 and 1 seconds"),
+        "jitter": (0.0, 1.0, "must be within 0 and 1 seconds"),
+        "omission": (0.0, 1.0, "is a share and must be within 0 and 1"),
+        "redundancy": (0.0, 1.0, "is a share and must be within 0 and 1"),
+        "noise": (0.0, 1.0, "is in metres and must be within 0 and 1"),
+        "sample_rate": (8000, np.inf, "must be at least 8000 Hz to hold the drums"),
+    }
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +55,7 @@ class BeatGrid:
         """(B,) place of each beat in its bar; 0 is the downbeat."""
         return (np.arange(self.times.size) - self.first_downbeat) % self.meter
 
-    def inside(self, seconds: float) -> NDArray[np.bool_]:
+    def inside(self, seconds: float) -> BoolArray:
         """(B,) which beats lie in [0, seconds)."""
         return (self.times >= 0) & (self.times < seconds)
 
@@ -49,34 +66,59 @@ class BeatGrid:
 
 
 @dataclass(frozen=True)
-class Liberties:
-    """How freely a dancer treats the beat.
+class ClipSettings:
+    """Everything that a synthetic clip follows from; equal settings give equal clips.
 
     Parameters
     ----------
-    lateness : float, seconds
-        Constant delay of every movement end after its beat (negative: early).
-    jitter : float, seconds
-        Standard deviation of each movement end about its beat, Gaussian.
-    omission : float
-        Share of beats on which no movement ends.
-    redundancy : float
-        Share of beat-to-beat intervals that hold an extra movement end.
+    dance : str, one of `params.DANCES`
+    seconds : float
+    fps : float, frames per second; 15 to 120 is usual
+    tempo : float or None, beats per minute, mean over the clip; None: drawn from the dance's range
+    drift : float, share of the tempo by which it rises from start to end (0.1: from 5 % below the mean to 5 % above)
+    lateness : float, seconds, constant delay of the movement ends after their beats (negative: early)
+    jitter : float, seconds, standard deviation of each movement end about its beat, Gaussian
+    omission : float, share of beats without a movement end
+    redundancy : float, share of beat-to-beat intervals with an extra movement end
+    noise : float, metres, standard deviation of white sensor noise on each joint, axis and frame
+    figures : tuple of names of `figure_names(dance)`, danced in turn; None: drawn
+    sample_rate : int, hertz, at least 8000
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        For a setting out of range; the message names it.
     """
 
+    dance: str = "cha-cha"
+    seconds: float = 6.0
+    fps: float = 60.0
+    tempo: float | None = None
+    drift: float = 0.0
     lateness: float = 0.0
     jitter: float = 0.0
     omission: float = 0.0
     redundancy: float = 0.0
+    noise: float = 0.0
+    figures: tuple[str, ...] | None = None
+    sample_rate: int = 22050
+    seed: int = 0
 
     def __post_init__(self) -> None:
-        if not abs(self.lateness) <= 1:
-            raise ValueError(f"lateness must be within -1 and 1 seconds, got {self.lateness}")
-        if not 0 <= self.jitter <= 1:
-            raise ValueError(f"jitter must be within 0 and 1 seconds, got {self.jitter}")
-        for name in ("omission", "redundancy"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} is a share and must be within 0 and 1, got {getattr(self, name)}")
+        if self.dance not in DANCES:
+            raise ValueError(f"unknown dance {self.dance!r}; the seven are {', '.join(DANCES)}")
+        if isinstance(self.seed, bool) or not isinstance(self.seed, Integral) or self.seed < 0:
+            raise ValueError(f"seed must be a whole number, not negative, got {self.seed!r}")
+        for name, (low, high, rule) in RANGES.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise ValueError(f"{name} {rule}, got {value}")
+        if not round(self.seconds * self.fps) >= 2:
+            raise ValueError(f"{self.seconds} s at {self.fps} frames per second is less than two frames")
+        object.__setattr__(self, "seed", int(self.seed))
+        if self.figures is not None:
+            object.__setattr__(self, "figures", tuple(self.figures))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,44 +136,15 @@ class MovementEnds:
     beats: IntArray
 
 
-def dance_named(dance: str) -> Dance:
-    """Tempo range and meter of a dance; ValueError lists the seven when it is unknown."""
-    if dance not in DANCES:
-        raise ValueError(f"unknown dance {dance!r}; the seven are {', '.join(DANCES)}")
-    return DANCES[dance]
-
-
-def beat_grid(dance: str, *, seconds: float, seed: int, tempo: float | None = None, drift: float = 0.0) -> BeatGrid:
-    """Beats of a dance; the clip starts somewhere inside a bar.
-
-    Parameters
-    ----------
-    dance : str, one of `params.DANCES`
-    seconds : float, length of the clip
-    seed : int
-    tempo : float, beats per minute, optional
-        Mean over the clip; drawn from the dance's range when left out.
-    drift : float
-        Share of the tempo by which it rises from start to end (0.1: from 5 % below the mean to 5 % above).
-
-    Raises
-    ------
-    ValueError
-        For an unknown dance, a length or tempo out of range, or a drift beyond -1 to 1.
-    """
-    kind = dance_named(dance)
-    if not (np.isfinite(seconds) and 0 < seconds <= 3600):
-        raise ValueError(f"seconds must be positive and at most 3600, got {seconds}")
-    if tempo is not None and not 20 <= tempo <= 400:
-        raise ValueError(f"tempo must be within 20 and 400 beats per minute, got {tempo}")
-    if not abs(drift) <= 1:
-        raise ValueError(f"drift is a share of the tempo and must be within -1 and 1, got {drift}")
-    rng = np.random.default_rng([seed, 1])
-    drawn, phase = rng.uniform(*kind.tempo), rng.uniform(0, kind.meter)
-    rate = (drawn if tempo is None else tempo) / 60
-    around = BARS_AROUND * kind.meter
-    counts = np.arange(-around, np.ceil(seconds * rate) + around) - phase
-    return BeatGrid(_times_of_counts(counts, rate, drift, seconds), 0, kind.meter)
+def beat_grid(settings: ClipSettings) -> BeatGrid:
+    """Beats of a dance at its tempo and drift; the clip starts somewhere inside a bar."""
+    dance = DANCES[settings.dance]
+    rng = np.random.default_rng([settings.seed, 1])
+    drawn, phase = rng.uniform(*dance.tempo), rng.uniform(0, dance.meter)
+    rate = (drawn if settings.tempo is None else settings.tempo) / 60
+    around = BARS_AROUND * dance.meter
+    counts = np.arange(-around, np.ceil(settings.seconds * rate) + around) - phase
+    return BeatGrid(_times_of_counts(counts, rate, settings.drift, settings.seconds), 0, dance.meter)
 
 
 def _times_of_counts(counts: FloatArray, rate: float, drift: float, seconds: float) -> FloatArray:
@@ -166,30 +179,24 @@ def grid_through(beat_times: ArrayLike, downbeat_times: ArrayLike, meter: int, s
     n_after = around + max(int(np.ceil((seconds - times[-1]) / last_pace)), 0)
     before = times[0] - first_pace * np.arange(n_before, 0, -1)
     after = times[-1] + last_pace * np.arange(1, n_after + 1)
-    known = np.asarray(downbeat_times, float).ravel()
-    downbeat = int(np.abs(times - known[0]).argmin()) if known.size else 0
+    downbeats = np.asarray(downbeat_times, float).ravel()
+    downbeat = int(np.abs(times - downbeats[0]).argmin()) if downbeats.size else 0
     return BeatGrid(np.concatenate([before, times, after]), (n_before + downbeat) % meter, meter)
 
 
-def movement_ends(grid: BeatGrid, liberties: Liberties, *, seed: int) -> MovementEnds:
-    """When each movement ends: on the beats, but for the dancer's liberties.
+def movement_ends(grid: BeatGrid, settings: ClipSettings) -> MovementEnds:
+    """The ends of all movements: on the beats, but for lateness, jitter, omission and redundancy.
 
-    Every liberty has its own random numbers, so that raising one leaves the others as they were. Ends stay a quarter
+    Each of these has its own random numbers, so that raising one leaves the others as they were. Ends stay a quarter
     of a beat apart, which cuts the tails of a jitter that is large against the beat.
-
-    Parameters
-    ----------
-    grid : BeatGrid
-    liberties : Liberties
-    seed : int
     """
     size = grid.times.size
-    jitters, omissions, redundancies = (np.random.default_rng([seed, 2, stream]) for stream in range(3))
-    wanted = grid.times + liberties.lateness + liberties.jitter * jitters.standard_normal(size)
+    jitters, omissions, redundancies = (np.random.default_rng([settings.seed, 2, stream]) for stream in range(3))
+    drawn = grid.times + settings.lateness + settings.jitter * jitters.standard_normal(size)
     gap = CLOSEST * float(np.median(np.diff(grid.times))) * np.arange(size)
-    times = np.maximum.accumulate(wanted - gap) + gap
-    kept = omissions.random(size) >= liberties.omission
-    extra = redundancies.random(size - 1) < liberties.redundancy
+    times = np.maximum.accumulate(drawn - gap) + gap
+    kept = omissions.random(size) >= settings.omission
+    extra = redundancies.random(size - 1) < settings.redundancy
     between = times[:-1] + redundancies.uniform(0.4, 0.6, size - 1) * np.diff(times)
     every = np.concatenate([times[kept], between[extra]])
     beats = np.concatenate([np.flatnonzero(kept), np.full(int(extra.sum()), -1)])

@@ -5,16 +5,9 @@ from __future__ import annotations
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from harmolab.types import Skeleton
-
-__all__ = [
-    "ARMS", "BOTH_ARMS", "CHEST", "DANCER", "FEET", "HEAD", "HEADING", "PELVIS", "POSE_SIZE", "RISE", "ROOT",
-    "UPPER_BODY", "joint_positions", "waist_height",
-]  # fmt: skip
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray, Skeleton
 
 # The harmony paper's points 0 to 20. The neck is no joint: head and shoulders hang on the torso.
 DANCER = Skeleton(

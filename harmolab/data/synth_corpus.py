@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import tempfile
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from numbers import Integral
 from pathlib import Path
@@ -15,39 +13,23 @@ from typing import Any
 import numpy as np
 import soundfile
 
-from harmolab.data.synth_clip import ClipSettings, PlantedClip, planted_clip
+from harmolab.data.synth_beats import ClipSettings
+from harmolab.data.synth_clip import PlantedClip, planted_clip
 from harmolab.data.synth_figures import figure_names
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike
+from harmolab.io.files import UNFINISHED, PathLike, Progress, atomic_folder, plain, silent, write_json
 from harmolab.io.motion import save_motion
 from harmolab.params import DANCES
-
-__all__ = ["write_corpus"]
 
 # Raise it when the same settings give other clips than before: a resumed corpus must not mix two makes.
 GENERATOR = 1
 PARTS = ("audio.wav", "motion.npz", "beats.json")
 FIGURES_PER_CLIP = 2
 _CLIP_NAME = re.compile(r"clip_\d{4,}_(" + "|".join(DANCES) + ")")
-_ASIDE = ".writing_"
+ROTATING = {"dance", "figures"}  # settings that differ from clip to clip
 
 
 def write_corpus(
-    out: PathLike,
-    *,
-    clips: int = 200,
-    seconds: float = 6.0,
-    fps: float = 60.0,
-    tempo: float | None = None,
-    drift: float = 0.0,
-    lateness: float = 0.0,
-    jitter: float = 0.0,
-    omission: float = 0.0,
-    redundancy: float = 0.0,
-    noise: float = 0.0,
-    sample_rate: int = 22050,
-    seed: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    out: PathLike, *, clips: int = 200, seed: int = 1, progress: Progress = silent, **settings: Any
 ) -> Path:
     """Write synthetic clips, the seven dances in turn, as `OUT/clip_0001_cha-cha` and so on; returns the folder.
 
@@ -60,10 +42,11 @@ def write_corpus(
     out : str or path
         A new or empty folder, or one that an earlier run wrote.
     clips : int
-    seconds, fps, tempo, drift, lateness, jitter, omission, redundancy, noise, sample_rate
-        Of every clip, as in `ClipSettings`.
     seed : int, of the corpus; each clip's own seed follows from it and stands in its beats.json
-    progress : called with (clips done, clips in all) after each clip
+    progress : function(iterable, label) -> iterable
+    **settings
+        seconds, fps, tempo, drift, lateness, jitter, omission, redundancy, noise and sample_rate of every clip, as in
+        `ClipSettings`.
 
     Raises
     ------
@@ -74,23 +57,20 @@ def write_corpus(
     out = Path(out)
     if isinstance(clips, bool) or not isinstance(clips, Integral) or not 1 <= clips <= 100_000:
         raise ValueError(f"clips must be a whole number from 1 to 100000, got {clips!r}")
-    common = ClipSettings(
-        seconds=seconds, fps=fps, tempo=tempo, drift=drift, lateness=lateness, jitter=jitter, omission=omission,
-        redundancy=redundancy, noise=noise, sample_rate=sample_rate, seed=seed,
-    )  # fmt: skip
+    if given := ROTATING & settings.keys():
+        raise ValueError(f"{min(given)} is no setting of a corpus; dances and figures take turns in it")
+    common = ClipSettings(seed=seed, **settings)
     plan = _plan(common, clips)
     _check_folder(out, set(plan))
     planted_clip(next(iter(plan.values())))  # settings out of range fail here, before a folder is made
     out.mkdir(parents=True, exist_ok=True)
-    for leftover in out.glob(f"{_ASIDE}clip_*"):
+    for leftover in out.glob(f"{UNFINISHED}clip_*"):
         shutil.rmtree(leftover)
-    shared = {key: value for key, value in asdict(common).items() if key not in ("dance", "figures")}
-    _write_json(out / "corpus.json", {"source": "synthetic", "generator": GENERATOR, "clips": int(clips), **shared})
-    for done, (name, settings) in enumerate(plan.items(), start=1):
-        if not _is_finished(out / name, settings):
-            _write_clip(out / name, planted_clip(settings, name=name))
-        if progress is not None:
-            progress(done, clips)
+    shared = {key: value for key, value in asdict(common).items() if key not in ROTATING}
+    write_json(out / "corpus.json", {"source": "synthetic", "generator": GENERATOR, "clips": int(clips), **shared})
+    for name, one in progress(plan.items(), "making clips"):
+        if not _is_finished(out / name, one):
+            _write_clip(out / name, planted_clip(one, name=name))
     return out
 
 
@@ -108,12 +88,12 @@ def _plan(common: ClipSettings, clips: int) -> dict[str, ClipSettings]:
 
 def _figures(dance: str, seed: int, turn: int, seconds: float) -> tuple[str, ...]:
     """The figures of the `turn`-th clip of a dance: the vocabulary in a new order each time it is used up."""
-    known = figure_names(dance)
-    per_clip = int(np.clip(seconds // 8, FIGURES_PER_CLIP, len(known)))
-    per_round = len(known) // per_clip
-    order = np.random.default_rng([seed, 7, list(DANCES).index(dance), turn // per_round]).permutation(len(known))
+    names = figure_names(dance)
+    per_clip = int(np.clip(seconds // 8, FIGURES_PER_CLIP, len(names)))
+    per_round = len(names) // per_clip
+    order = np.random.default_rng([seed, 7, list(DANCES).index(dance), turn // per_round]).permutation(len(names))
     first = turn % per_round * per_clip
-    return tuple(known[place] for place in order[first : first + per_clip])
+    return tuple(names[place] for place in order[first : first + per_clip])
 
 
 def _check_folder(out: Path, expected: set[str]) -> None:
@@ -139,7 +119,7 @@ def _check_folder(out: Path, expected: set[str]) -> None:
 
 
 def _is_finished(folder: Path, settings: ClipSettings) -> bool:
-    """Whether a folder holds the very clip that the settings describe."""
+    """True if a folder holds the very clip that the settings describe."""
     if not all((folder / part).is_file() for part in PARTS):
         return False
     return bool(_read_json(folder / "beats.json").get("settings") == _recorded(settings))
@@ -147,26 +127,18 @@ def _is_finished(folder: Path, settings: ClipSettings) -> bool:
 
 def _recorded(settings: ClipSettings) -> dict[str, Any]:
     """The settings as they stand in beats.json."""
-    recorded = {"generator": GENERATOR, **asdict(settings)}
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in recorded.items()}
+    return dict(plain({"generator": GENERATOR, **asdict(settings)}))
 
 
 def _write_clip(folder: Path, planted: PlantedClip) -> None:
-    """Write a clip's folder aside, then put it in place of what an earlier run left there."""
-    aside = Path(tempfile.mkdtemp(prefix=f"{_ASIDE}{folder.name}_", dir=folder.parent))
-    try:
-        audio, motion = planted.clip.audio, planted.clip.motion
-        if motion is None:
-            raise ValueError(f"{folder}: the clip has no motion")
-        soundfile.write(aside / "audio.wav", audio.samples, round(audio.sample_rate), subtype="PCM_16")
-        save_motion(aside / "motion.npz", motion)
-        _write_json(aside / "beats.json", _annotation(planted))
-        aside.chmod(0o755)
-        if folder.exists():
-            shutil.rmtree(folder)
-        aside.replace(folder)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
+    """Write a clip's folder in place of what an earlier run left there."""
+    audio, motion = planted.clip.audio, planted.clip.motion
+    if motion is None:
+        raise ValueError(f"{folder}: the clip has no motion")
+    with atomic_folder(folder) as part:
+        soundfile.write(part / "audio.wav", audio.samples, round(audio.sample_rate), subtype="PCM_16")
+        save_motion(part / "motion.npz", motion)
+        write_json(part / "beats.json", _annotation(planted))
 
 
 def _annotation(planted: PlantedClip) -> dict[str, Any]:
@@ -200,11 +172,6 @@ def _annotation(planted: PlantedClip) -> dict[str, Any]:
 def _rounded(values: Any) -> Any:
     """Numbers to a microsecond, as JSON takes them."""
     return np.round(values, 6).tolist()
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    with written_aside(path) as aside:
-        aside.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -2,49 +2,30 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from harmolab.data.synth_beats import Liberties, dance_named, grid_through
+from harmolab.data.synth_beats import ClipSettings, grid_through
 from harmolab.data.synth_body import CHEST, DANCER, FEET, HEAD, HEADING, POSE_SIZE, RISE, joint_positions
 from harmolab.data.synth_steps import Choreography, choreography
-from harmolab.types import Motion
+from harmolab.params import DANCES
+from harmolab.types import FloatArray, Motion
 
-__all__ = ["dance_motion", "synthetic_motion"]
-
-FloatArray = NDArray[np.float64]
-
+MUSICAL = {"tempo", "drift", "sample_rate"}  # settings of the music alone
 CARRY = 0.4  # share of travel that flows through the beats rather than stopping on them
 
 
-def dance_motion(dance: Choreography, *, seconds: float, fps: float, noise: float = 0.0, seed: int = 0) -> Motion:
-    """A choreography as a recorder with so many frames per second would see it.
-
-    Parameters
-    ----------
-    dance : Choreography
-    seconds, fps : float
-    noise : float, metres
-        Standard deviation of white sensor noise on every joint, axis and frame.
-    seed : int, of the noise
-
-    Raises
-    ------
-    ValueError
-        For fewer than two frames, a rate that is not positive, or negative noise.
-    """
-    if not (np.isfinite(fps) and 0 < fps <= 1000):
-        raise ValueError(f"fps must be positive and at most 1000 (15 to 120 is usual), got {fps}")
-    if not (np.isfinite(noise) and 0 <= noise <= 1):
-        raise ValueError(f"noise is in metres and must be within 0 and 1, got {noise}")
-    if not round(seconds * fps) >= 2:
-        raise ValueError(f"{seconds} s at {fps} frames per second is less than two frames")
+def dance_motion(dance: Choreography, settings: ClipSettings) -> Motion:
+    """A choreography as a recorder with the settings' frame rate and noise would see it."""
+    seconds, fps = settings.seconds, settings.fps
     times = np.arange(round(seconds * fps)) / fps
     poses, lifts = _poses_at(dance, times)
     positions = joint_positions(poses, lifts, dance.stature)
-    if noise:
-        positions += noise * np.random.default_rng([seed, 5]).standard_normal(positions.shape)
+    if settings.noise:
+        positions += settings.noise * np.random.default_rng([settings.seed, 5]).standard_normal(positions.shape)
     return Motion(positions, fps, DANCER)
 
 
@@ -85,21 +66,8 @@ def _with_swing(poses: FloatArray, dance: Choreography, times: FloatArray) -> Fl
     return swung
 
 
-def synthetic_motion(
-    beat_times: ArrayLike,
-    downbeat_times: ArrayLike = (),
-    *,
-    seconds: float,
-    fps: float,
-    seed: int,
-    dance: str = "cha-cha",
-    lateness: float = 0.0,
-    jitter: float = 0.0,
-    omission: float = 0.0,
-    redundancy: float = 0.0,
-    noise: float = 0.0,
-) -> Motion:
-    """A dancer whose movement units end on the given beats (see `Liberties` for the ways around them).
+def synthetic_motion(beat_times: ArrayLike, downbeat_times: ArrayLike = (), **settings: Any) -> Motion:
+    """A dancer whose movement units end on the given beats, but for the liberties that the settings name.
 
     The movement is a function of continuous time: the same seed at another frame rate is the same dance.
 
@@ -107,19 +75,16 @@ def synthetic_motion(
     ----------
     beat_times : (B,) array, seconds, at least two; continued at the same pace to fill the clip
     downbeat_times : array, seconds
-    seconds, fps : float, length and frame rate of the motion
-    seed : int
-    dance : str, one of `params.DANCES`
-    lateness, jitter : float, seconds
-    omission, redundancy : float, shares
-    noise : float, metres
+    **settings
+        dance, seconds, fps, lateness, jitter, omission, redundancy, noise, figures and seed, as in `ClipSettings`.
 
     Raises
     ------
     ValueError
-        For a setting out of range; the message names it.
+        For a setting out of range, or one that the beats decide; the message names it.
     """
-    grid = grid_through(beat_times, downbeat_times, dance_named(dance).meter, seconds)
-    liberties = Liberties(lateness, jitter, omission, redundancy)
-    danced = choreography(dance, grid, seed=seed, liberties=liberties)
-    return dance_motion(danced, seconds=seconds, fps=fps, noise=noise, seed=seed)
+    if given := MUSICAL & settings.keys():
+        raise ValueError(f"{min(given)} is no setting of a motion to given beats")
+    clip = ClipSettings(**settings)
+    grid = grid_through(beat_times, downbeat_times, DANCES[clip.dance].meter, clip.seconds)
+    return dance_motion(choreography(grid, clip), clip)

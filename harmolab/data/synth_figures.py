@@ -1,4 +1,4 @@
-"""What the synthetic dancer knows: eight figures for each of seven dances, and the manner of each dance.
+"""The vocabulary of the synthetic dancer: eight figures for each of seven dances, and the manner of each dance.
 
 A figure is a string with one step per beat, over two bars:
 
@@ -13,96 +13,79 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
-__all__ = ["ARM_POSES", "FIGURES", "MANNERS", "Manner", "figure_names"]
-
-FIGURES = MappingProxyType(
-    {
-        "cha-cha": MappingProxyType(
-            {
-                "basic": "o f b o c b f o",
-                "New Yorker": "o x> b< c o x< b> c",
-                "spot turn": "o x>> f>> c o x<< f<< c",
-                "hand to hand": "o k> f< c o k< f> c",
-                "side chasse": "o c o t o c o t",
-                "walks": "f f f c b b b c",
-                "time step": "o k f o c k f c",
-                "points": "t c t c o k f o",
-            }
-        ),
-        "jive": MappingProxyType(
-            {
-                "basic": "b f o c o c o c",
-                "link": "b f f - f b b -",
-                "flicks": "t c t c b f o c",
-                "American spin": "b f o> o> b f o> o>",
-                "side chasse": "o c o - o c o -",
-                "walks": "f f f f b b b b",
-                "toe heel": "t t c - t t c -",
-                "change of place": "b f> o> - b f< o< -",
-            }
-        ),
-        "quickstep": MappingProxyType(
-            {
-                "quarter turn": "f> - o c b< - o c",
-                "progressive chasse": "b - o c o - f -",
-                "lock step": "f - f k f - f -",
-                "natural turn": "f> - o> - c> - b -",
-                "running finish": "f f f - f f f -",
-                "back lock": "b - b x b - b -",
-                "tipple chasse": "b - o> c o> - f -",
-                "woodpecker": "t c t c t - c -",
-            }
-        ),
-        "rumba": MappingProxyType(
-            {
-                "basic": "- f b o - b f o",
-                "walks": "- f f f - b b b",
-                "alemana": "- f b c> - f> f> o>",
-                "cucaracha": "- o b c - o b c",
-                "New Yorker": "- x> b< o - x< b> o",
-                "spot turn": "- x>> f>> o - x<< f<< o",
-                "hand to hand": "- k> f< o - k< f> o",
-                "fan": "- b f o< - f b o>",
-            }
-        ),
-        "samba": MappingProxyType(
-            {
-                "whisk": "o k f - o k f -",
-                "bounce": "f c - t b c - t",
-                "volta": "x o x o x o x o",
-                "bota fogo": "x o f - x o f -",
-                "walks": "f - f - f b f -",
-                "corta jaca": "f b f b o b f b",
-                "side rock": "o c o t o c o t",
-                "spot volta": "x> o> x> o> x> o> x> o>",
-            }
-        ),
-        "tango": MappingProxyType(
-            {
-                "walk": "f - f - f f o c",
-                "promenade": "o x o c o x o c",
-                "rock": "f b f - b f b -",
-                "closed turn": "f< o< c - b< o< c -",
-                "swivel": "f> - f< - f> - f< c",
-                "side points": "t - c - t - o c",
-                "back walk": "b - b - b b o c",
-                "corte": "b - - f f o c -",
-            }
-        ),
-        "waltz": MappingProxyType(
-            {
-                "box": "f o c b o c",
-                "natural turn": "f> o> c b> o> c>",
-                "reverse turn": "f< o< c b< o< c<",
-                "hesitation": "f c - b c -",
-                "balance": "o k - o k -",
-                "progressive": "f f f b b b",
-                "whisk": "f o k f o c",
-                "twinkle": "x o c x o c",
-            }
-        ),
-    }
-)
+_BOOK = {
+    "cha-cha": {
+        "basic": "o f b o c b f o",
+        "New Yorker": "o x> b< c o x< b> c",
+        "spot turn": "o x>> f>> c o x<< f<< c",
+        "hand to hand": "o k> f< c o k< f> c",
+        "side chasse": "o c o t o c o t",
+        "walks": "f f f c b b b c",
+        "time step": "o k f o c k f c",
+        "points": "t c t c o k f o",
+    },
+    "jive": {
+        "basic": "b f o c o c o c",
+        "link": "b f f - f b b -",
+        "flicks": "t c t c b f o c",
+        "American spin": "b f o> o> b f o> o>",
+        "side chasse": "o c o - o c o -",
+        "walks": "f f f f b b b b",
+        "toe heel": "t t c - t t c -",
+        "change of place": "b f> o> - b f< o< -",
+    },
+    "quickstep": {
+        "quarter turn": "f> - o c b< - o c",
+        "progressive chasse": "b - o c o - f -",
+        "lock step": "f - f k f - f -",
+        "natural turn": "f> - o> - c> - b -",
+        "running finish": "f f f - f f f -",
+        "back lock": "b - b x b - b -",
+        "tipple chasse": "b - o> c o> - f -",
+        "woodpecker": "t c t c t - c -",
+    },
+    "rumba": {
+        "basic": "- f b o - b f o",
+        "walks": "- f f f - b b b",
+        "alemana": "- f b c> - f> f> o>",
+        "cucaracha": "- o b c - o b c",
+        "New Yorker": "- x> b< o - x< b> o",
+        "spot turn": "- x>> f>> o - x<< f<< o",
+        "hand to hand": "- k> f< o - k< f> o",
+        "fan": "- b f o< - f b o>",
+    },
+    "samba": {
+        "whisk": "o k f - o k f -",
+        "bounce": "f c - t b c - t",
+        "volta": "x o x o x o x o",
+        "bota fogo": "x o f - x o f -",
+        "walks": "f - f - f b f -",
+        "corta jaca": "f b f b o b f b",
+        "side rock": "o c o t o c o t",
+        "spot volta": "x> o> x> o> x> o> x> o>",
+    },
+    "tango": {
+        "walk": "f - f - f f o c",
+        "promenade": "o x o c o x o c",
+        "rock": "f b f - b f b -",
+        "closed turn": "f< o< c - b< o< c -",
+        "swivel": "f> - f< - f> - f< c",
+        "side points": "t - c - t - o c",
+        "back walk": "b - b - b b o c",
+        "corte": "b - - f f o c -",
+    },
+    "waltz": {
+        "box": "f o c b o c",
+        "natural turn": "f> o> c b> o> c>",
+        "reverse turn": "f< o< c b< o< c<",
+        "hesitation": "f c - b c -",
+        "balance": "o k - o k -",
+        "progressive": "f f f b b b",
+        "whisk": "f o k f o c",
+        "twinkle": "x o c x o c",
+    },
+}
+FIGURES = MappingProxyType({dance: MappingProxyType(figures) for dance, figures in _BOOK.items()})
 
 
 def figure_names(dance: str) -> tuple[str, ...]:
@@ -130,7 +113,7 @@ ARM_POSES = MappingProxyType(
 
 @dataclass(frozen=True)
 class Manner:
-    """How a dance is danced. Lengths are metres for a dancer of 1.7 m and a movement of half a second;
+    """The manner of a dance. Lengths are metres for a dancer of 1.7 m and a movement of half a second;
     angles degrees.
 
     Parameters

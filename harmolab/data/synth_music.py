@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harmolab.data.synth_beats import BeatGrid, beat_grid
+from harmolab.data.synth_beats import BeatGrid, ClipSettings, beat_grid
 from harmolab.data.synth_sounds import Mixer, drum, tone
 from harmolab.io.beats import ANNOTATION_RATE
-from harmolab.types import Audio, BeatTrack
-
-__all__ = ["PlantedMusic", "synthetic_music"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import Audio, BeatTrack, FloatArray
 
 
 @dataclass(frozen=True)
 class Groove:
-    """What the band plays in one bar; every string spans the bar, so its length sets the grid.
+    """The notes of the band in one bar; every string spans the bar, so its length sets the grid.
 
     Drums and chords: digits are loudness (9 is full), dots rest. Bass: R root, F fifth, O octave, small letters
     softly. `swell` is the loudness of each beat of the bar, `minor` the mode.
@@ -92,25 +88,15 @@ class PlantedMusic:
     grid: BeatGrid
 
 
-def synthetic_music(
-    dance: str,
-    *,
-    seconds: float,
-    seed: int,
-    tempo: float | None = None,
-    drift: float = 0.0,
-    sample_rate: int = 22050,
-) -> PlantedMusic:
+def synthetic_music(dance: str, **settings: Any) -> PlantedMusic:
     """Music for a dance, with the beats that were planted in it.
 
     Parameters
     ----------
     dance : str, one of `params.DANCES`
-    seconds : float
-    seed : int
-        Sets tempo, key, chords, melody and where in the bar the clip starts.
-    tempo, drift : see `beat_grid`
-    sample_rate : int, hertz, at least 8000
+    **settings
+        seconds, tempo, drift, sample_rate and seed, as in `ClipSettings`. The seed sets tempo, key, chords, melody and
+        where in the bar the clip starts.
 
     Returns
     -------
@@ -121,14 +107,17 @@ def synthetic_music(
     ValueError
         For an unknown dance or a setting out of range.
     """
-    if not sample_rate >= 8000:
-        raise ValueError(f"sample_rate must be at least 8000 Hz to hold the drums, got {sample_rate}")
-    grid = beat_grid(dance, seconds=seconds, seed=seed, tempo=tempo, drift=drift)
-    samples = _play(dance, grid, seconds, sample_rate, np.random.default_rng([seed, 3]))
-    inside = grid.inside(seconds)
-    accents = np.array(GROOVES[dance].swell)[grid.positions]
-    beats = BeatTrack(grid.times[inside], accents[inside], ANNOTATION_RATE, samples.size / sample_rate)
-    return PlantedMusic(Audio(samples, sample_rate), beats, grid.times[inside & (grid.positions == 0)], grid)
+    return planted_music(ClipSettings(dance, **settings))
+
+
+def planted_music(settings: ClipSettings) -> PlantedMusic:
+    """The music of a clip, with the beats that were planted in it."""
+    grid, rate = beat_grid(settings), settings.sample_rate
+    samples = _play(settings.dance, grid, settings.seconds, rate, np.random.default_rng([settings.seed, 3]))
+    inside = grid.inside(settings.seconds)
+    accents = np.array(GROOVES[settings.dance].swell)[grid.positions]
+    beats = BeatTrack(grid.times[inside], accents[inside], ANNOTATION_RATE, samples.size / rate)
+    return PlantedMusic(Audio(samples, rate), beats, grid.times[inside & (grid.positions == 0)], grid)
 
 
 @dataclass(frozen=True)

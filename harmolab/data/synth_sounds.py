@@ -6,11 +6,8 @@ from functools import partial
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["DRUMS", "Mixer", "drum", "tone"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray
 
 ATTACK = 0.004  # seconds in which every sound rises, so that none begins with a click
 

@@ -6,9 +6,8 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harmolab.data.synth_beats import BeatGrid, Liberties, MovementEnds, dance_named, movement_ends
+from harmolab.data.synth_beats import BeatGrid, ClipSettings, MovementEnds, movement_ends
 from harmolab.data.synth_body import (
     ARMS,
     BOTH_ARMS,
@@ -21,13 +20,10 @@ from harmolab.data.synth_body import (
     RISE,
     ROOT,
     UPPER_BODY,
-)
+)  # fmt: skip
 from harmolab.data.synth_figures import ARM_POSES, FIGURES, MANNERS, Manner, figure_names
 from harmolab.io.beats import Unit
-
-__all__ = ["Choreography", "choreography"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray
 
 EIGHTH = np.pi / 4
 STAGE = 2.0  # metres from the middle beyond which the dancer turns back
@@ -72,77 +68,60 @@ def _figure(name: str, dance: str) -> _Figure:
     steps = tuple(FIGURES[dance][name.removeprefix(f"{dance} ")].split())
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     poses = MANNERS[dance].arms
-    chosen = np.empty((len(steps), 2), int)
+    arm_poses = np.empty((len(steps), 2), int)
     for side in range(2):
-        chosen[0, side] = rng.integers(len(poses))
+        arm_poses[0, side] = rng.integers(len(poses))
         for beat in range(1, len(steps)):  # never the same pose twice running
-            chosen[beat, side] = (chosen[beat - 1, side] + rng.integers(1, len(poses))) % len(poses)
-    arms = np.radians([ARM_POSES[pose] for pose in poses])[chosen]
+            arm_poses[beat, side] = (arm_poses[beat - 1, side] + rng.integers(1, len(poses))) % len(poses)
+    arms = np.radians([ARM_POSES[pose] for pose in poses])[arm_poses]
     # Signs alternate, so that the chest moves on every beat.
     chest = rng.uniform(0.4, 1.0, (len(steps), 4)) * np.where(np.arange(len(steps)) % 2, 1, -1)[:, None]
     return _Figure(steps, arms, chest)
 
 
-def choreography(
-    dance: str,
-    grid: BeatGrid,
-    *,
-    seed: int,
-    liberties: Liberties = Liberties(),  # noqa: B008  # frozen
-    figures: tuple[str, ...] | None = None,
-) -> Choreography:
-    """A dance on a grid of beats.
-
-    Parameters
-    ----------
-    dance : str, one of `params.DANCES`
-    grid : BeatGrid
-    seed : int
-        Sets the dancer (stature, habits), the figures and the liberties.
-    liberties : Liberties
-    figures : names of `figure_names(dance)`, danced in turn; drawn from the seed when left out
+def choreography(grid: BeatGrid, settings: ClipSettings) -> Choreography:
+    """The settings' dance on a grid of beats; their seed sets the dancer (stature, habits) and the figures.
 
     Raises
     ------
     ValueError
-        For an unknown dance or figure, or no figure.
+        For a figure that the dance does not have, or no figure.
     """
-    dance_named(dance)
-    rng = np.random.default_rng([seed, 4])
+    rng = np.random.default_rng([settings.seed, 4])
     stature = float(np.clip(rng.normal(1.70, 0.07), 1.55, 1.90))
     swing = np.stack([rng.uniform(0.12, 0.35, 3), rng.uniform(0, 2 * np.pi, 3)], axis=1)
-    routine = _routine(dance, grid, figures, rng)
-    ends = movement_ends(grid, liberties, seed=seed)
-    plan, units = _plan(dance, grid, routine)
-    poses = _Dancer(MANNERS[dance], stature, grid, rng).dance(plan, ends)
+    routine = _routine(grid, settings, rng)
+    ends = movement_ends(grid, settings)
+    plan, units = _plan(settings.dance, grid, routine)
+    poses = _Dancer(MANNERS[settings.dance], stature, grid, rng).dance(plan, ends)
     return Choreography(ends, poses, units, stature, swing)
 
 
-def _routine(dance: str, grid: BeatGrid, figures: tuple[str, ...] | None, rng: np.random.Generator) -> tuple[str, ...]:
+def _routine(grid: BeatGrid, settings: ClipSettings, rng: np.random.Generator) -> tuple[str, ...]:
     """The figures to dance in turn: two for a short clip, more for a longer one."""
-    known = figure_names(dance)
-    wanted = int(np.clip(grid.times[-1] // 8, 2, len(known)))
-    drawn = tuple(known[place] for place in rng.permutation(len(known))[:wanted])
-    if figures is None:
+    names = figure_names(settings.dance)
+    count = int(np.clip(grid.times[-1] // 8, 2, len(names)))
+    drawn = tuple(names[place] for place in rng.permutation(len(names))[:count])
+    if settings.figures is None:
         return drawn
-    unknown = [name for name in figures if name not in known]
-    if unknown or not figures:
-        raise ValueError(f"figures must name some of {', '.join(known)}; got {', '.join(unknown) or 'none'}")
-    return tuple(figures)
+    unknown = [name for name in settings.figures if name not in names]
+    if unknown or not settings.figures:
+        raise ValueError(f"figures must name some of {', '.join(names)}; got {', '.join(unknown) or 'none'}")
+    return settings.figures
 
 
 def _plan(
     dance: str, grid: BeatGrid, routine: tuple[str, ...]
 ) -> tuple[list[tuple[_Figure, int] | None], tuple[Unit, ...]]:
-    """What to do on each beat (a figure and the place in it), and the figures as units."""
+    """The figure of each beat and the place in it, and the figures as units."""
     plan: list[tuple[_Figure, int] | None] = [None] * grid.times.size
-    known = {name: _figure(name, dance) for name in set(routine)}
+    figures = {name: _figure(name, dance) for name in set(routine)}
     counts = dict.fromkeys(routine, 0)
     units, beat, turn = [], grid.first_downbeat or grid.meter, 0
     while beat < grid.times.size:
         name = routine[turn % len(routine)]
-        steps = min(len(known[name].steps), grid.times.size - beat)
-        plan[beat : beat + steps] = [(known[name], place) for place in range(steps)]
+        steps = min(len(figures[name].steps), grid.times.size - beat)
+        plan[beat : beat + steps] = [(figures[name], place) for place in range(steps)]
         counts[name] += 1
         start, end = grid.times[[beat - 1, beat + steps - 1]]
         units.append(Unit(f"{name} {counts[name]}", float(start), float(end), steps, name))

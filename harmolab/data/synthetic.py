@@ -6,9 +6,9 @@ truth comes with every clip: beats and downbeats of the music, ends of the movem
 
 from __future__ import annotations
 
-from harmolab.data.synth_beats import Liberties
+from harmolab.data.synth_beats import ClipSettings
 from harmolab.data.synth_body import DANCER
-from harmolab.data.synth_clip import ClipSettings, PlantedClip, planted_clip, synthetic_clip
+from harmolab.data.synth_clip import PlantedClip, planted_clip, synthetic_clip
 from harmolab.data.synth_corpus import write_corpus
 from harmolab.data.synth_dance import synthetic_motion
 from harmolab.data.synth_figures import figure_names
@@ -17,7 +17,6 @@ from harmolab.data.synth_music import PlantedMusic, synthetic_music
 __all__ = [
     "DANCER",
     "ClipSettings",
-    "Liberties",
     "PlantedClip",
     "PlantedMusic",
     "figure_names",

@@ -6,10 +6,10 @@
     ``{"length", "center": (T, 3), "skeletons": (T, 23, 3)}``: 25 fps, centimetres, y up, left-handed; the skeletons
     are relative to the centre.
 
-What the recordings are like, and what the loader does about it:
+Properties of the recordings, and how the loader meets them:
 
-* The sequences are spliced from reused units; six steps of a straight line join two units. The six frames that such a
-  line leads to are not movement anybody danced: `Motion.valid` is False there.
+* The recordings are spliced from reused units; six steps of a straight line join two units. The six frames that such a
+  line leads to are no recorded movement: `Motion.valid` is False there.
 * The units were recorded at other places, so the floor climbs and falls by up to half a metre from unit to unit. Each
   unit is set back on the floor by one constant, which changes no speed inside a unit.
 * The motion runs 1.0 to 1.5 % fast against the music: `clock=1.013` stretches it. Off unless asked for.
@@ -26,23 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harmolab.io.arrays import checked_motion, in_metres, number_array
-from harmolab.io.audio import load_audio
-from harmolab.io.errors import MAX_JSON_BYTES, PathLike, read_json, reading
-from harmolab.types import Clip, FloatArray, Motion, Skeleton
-
-__all__ = [
-    "FPS",
-    "PAPER_21",
-    "TANG_23",
-    "SpanFrames",
-    "dance_of",
-    "find_audio",
-    "load_config",
-    "load_sequence",
-    "load_skeletons",
-    "on_the_floor",
-    "splice_steps",
-]
+from harmolab.io.files import MAX_JSON_BYTES, PathLike, read_json, reading
+from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
 FPS = 25.0
 
@@ -76,7 +61,7 @@ class SpanFrames(NamedTuple):
 
 
 def dance_of(folder: PathLike) -> str:
-    """The dance that a folder's name tells (``DANCE_W_12`` is a waltz), or ""."""
+    """The dance by the letter in a folder's name (``DANCE_W_12`` is a waltz), or ""."""
     match = re.match(r"DANCE_([A-Z])(_|$)", Path(folder).name)
     return _DANCES.get(match[1], "") if match else ""
 
@@ -89,22 +74,14 @@ def find_audio(folder: PathLike) -> Path:
     raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg or .mp3")
 
 
-def load_sequence(
-    folder: PathLike,
-    *,
-    sample_rate: float | None = 22050.0,
-    clock: float = 1.0,
-    points: int = 23,
-    travel: bool = True,
-    ground: bool = True,
-) -> Clip:
-    """Music and motion of one folder; the motion starts at the audio time start_position / 25 fps.
+def load_danced(
+    folder: Path, *, clock: float = 1.0, points: int = 23, travel: bool = True, ground: bool = True
+) -> tuple[Motion, float]:
+    """The motion of one folder and the audio time of its first frame, start_position / 25 fps, in seconds.
 
     Parameters
     ----------
-    folder : str or path
-    sample_rate : float or None, hertz
-        As in `load_audio`.
+    folder : Path
     clock, points, travel, ground
         As in `load_skeletons`.
 
@@ -113,7 +90,6 @@ def load_sequence(
     FileNotFoundError, ValueError
         Both name the file. A motion whose length does not fit config.json is an error.
     """
-    folder = Path(folder)
     span = load_config(folder / "config.json")
     motion = load_skeletons(folder / "skeletons.json", clock=clock, points=points, travel=travel, ground=ground)
     share = motion.n_frames / (span.end - span.start)
@@ -122,11 +98,7 @@ def load_sequence(
             f"{folder / 'skeletons.json'}: has {motion.n_frames} frames, config.json spans {span.end - span.start} at "
             f"25 fps; this copy seems to have another frame rate ({FPS * share:.1f} fps would fit)"
         )
-    audio = load_audio(find_audio(folder), sample_rate=sample_rate)
-    try:
-        return Clip(folder.name, audio, motion, span.start / FPS, folder.resolve().parent.name, dance=dance_of(folder))
-    except ValueError as error:
-        raise ValueError(f"{folder}: {error}") from None
+    return motion, span.start / FPS
 
 
 def load_config(path: PathLike) -> SpanFrames:
@@ -205,7 +177,7 @@ def _content(content: Any) -> tuple[FloatArray, FloatArray]:
 
 
 def splice_steps(positions: FloatArray) -> tuple[list[int], list[int]]:
-    """Where units were joined by a straight line: the last frame before and the first frame after each line.
+    """The last frame before and the first frame after each straight line that joins two units.
 
     A line shows as three to eight frames in a row in which no joint accelerates although the body moves.
 
@@ -221,10 +193,15 @@ def splice_steps(positions: FloatArray) -> tuple[list[int], list[int]]:
         return [], []
     straight = np.abs(np.diff(positions, n=2, axis=0)).max(axis=(1, 2)) < _STRAIGHT_METRES
     moving = np.abs(np.diff(positions, axis=0)).max(axis=(1, 2))[1:] > _MOVING_METRES
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], straight & moving, [False]))))
-    runs = [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+    runs = true_runs(straight & moving)
     runs = [(first, last) for first, last in runs if _SPLICE_FRAMES[0] <= last - first <= _SPLICE_FRAMES[1]]
     return [first for first, _ in runs], [last + 1 for _, last in runs]
+
+
+def true_runs(mask: BoolArray) -> list[tuple[int, int]]:
+    """(first, one behind last) index of each run of True in a (T,) mask."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
+    return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def on_the_floor(positions: FloatArray, first: list[int], last: list[int]) -> FloatArray:

@@ -1,9 +1,8 @@
-"""Records of what a generator is trained on: a unit, a set of units of one body, a padded batch (paper Sec. 4.1)."""
+"""Training material of a generator: a unit, a set of units of one body, a padded batch (paper Sec. 4.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from collections.abc import Sequence as Many
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,11 +11,8 @@ from numpy.typing import NDArray
 
 from harmolab.features.priors import initial_poses
 from harmolab.params import FeatureParams
-from harmolab.types import Skeleton
+from harmolab.types import FloatArray, Skeleton
 
-__all__ = ["Batch", "DanceUnit", "UnitSet", "collate"]
-
-FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
 
@@ -26,8 +22,8 @@ class DanceUnit:
 
     Parameters
     ----------
-    name : str, of the unit: sequence, number of its first beat, beats before + beats of the meter
-    sequence : str, corpus folder and sequence folder
+    name : str, of the unit: recording, number of its first beat, beats before + beats of the meter
+    sequence : str, corpus folder and folder of the recording
     dance : str, "" when unknown
     groups, meter_groups : frozenset of str
         Motion groups (figures) that the whole unit touches, and those that the meter itself touches.
@@ -72,7 +68,7 @@ class DanceUnit:
 
     @property
     def n_prior(self) -> int:
-        """How many of them belong to the last meter (TI = 1)."""
+        """Number of frames of the beats before the meter (TI = 1)."""
         return int(self.index.sum())
 
     @property
@@ -88,16 +84,16 @@ class DanceUnit:
 
 @dataclass(frozen=True, eq=False)
 class UnitSet:
-    """Units of one body: what a generator is trained or tested on.
+    """Units of one body, to train or test a generator.
 
     Parameters
     ----------
     units : tuple of DanceUnit, names all different
     skeleton : Skeleton
     bone_lengths : (J,) array, metres, mean over the recordings; 0 where a joint has no parent
-    features : FeatureParams they were made with
+    features : FeatureParams of their features
     source : str, names of the corpora
-    notes : tuple of str, what was left out while reading, and why
+    notes : tuple of str, one for each recording left out, with the reason
     """
 
     units: tuple[DanceUnit, ...]
@@ -116,7 +112,7 @@ class UnitSet:
     def __len__(self) -> int:
         return len(self.units)
 
-    def select(self, chosen: Collection[str] | NDArray[np.bool_]) -> UnitSet:
+    def select(self, names: Collection[str] | NDArray[np.bool_]) -> UnitSet:
         """The units with these names, or those where a (len,) mask is True, in the order they have here.
 
         Raises
@@ -124,15 +120,15 @@ class UnitSet:
         ValueError
             For a name that no unit has, or a mask of another length.
         """
-        if isinstance(chosen, np.ndarray) and chosen.dtype == bool:
-            if chosen.shape != (len(self),):
-                raise ValueError(f"the mask must have one entry per unit ({len(self)}), got shape {chosen.shape}")
-            return replace(self, units=tuple(unit for unit, keep in zip(self.units, chosen, strict=True) if keep))
-        wanted = {str(name) for name in chosen}
-        missing = sorted(wanted - {unit.name for unit in self.units})
+        if isinstance(names, np.ndarray) and names.dtype == bool:
+            if names.shape != (len(self),):
+                raise ValueError(f"the mask must have one entry per unit ({len(self)}), got shape {names.shape}")
+            return replace(self, units=tuple(unit for unit, keep in zip(self.units, names, strict=True) if keep))
+        selected = {str(name) for name in names}
+        missing = sorted(selected - {unit.name for unit in self.units})
         if missing:
             raise ValueError(f"no unit is called {missing[0]!r}")
-        return replace(self, units=tuple(unit for unit in self.units if unit.name in wanted))
+        return replace(self, units=tuple(unit for unit in self.units if unit.name in selected))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +152,7 @@ class Batch:
     beat_mask: SingleArray
 
 
-def collate(units: Many[DanceUnit]) -> Batch:
+def collate(units: Sequence[DanceUnit]) -> Batch:
     """A batch of units, padded to the longest.
 
     Raises
@@ -179,7 +175,7 @@ def collate(units: Many[DanceUnit]) -> Batch:
     )
 
 
-def _stacked(arrays: Many[NDArray[Any]], fill: float | None = None) -> SingleArray:
+def _stacked(arrays: Sequence[NDArray[Any]], fill: float | None = None) -> SingleArray:
     """Arrays (L, ...) of different lengths as one, (N, longest, ...); filled up with `fill` or the last entry."""
     longest = max(len(array) for array in arrays)
     table = np.zeros((len(arrays), longest, *arrays[0].shape[1:]), dtype=np.float32)

@@ -9,9 +9,9 @@ from harmolab.experiments.study import (
     data_root,
     excerpt,
     pattern_of_study,
-    readable_sequences,
+    readable_recordings,
     strong_by_place,
-    study_sequences,
+    study_recordings,
     synthetic_corpus,
 )
 
@@ -24,8 +24,8 @@ __all__ = [
     "data_root",
     "excerpt",
     "pattern_of_study",
-    "readable_sequences",
+    "readable_recordings",
     "strong_by_place",
-    "study_sequences",
+    "study_recordings",
     "synthetic_corpus",
 ]

@@ -2,39 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy.stats import t as student
 
+from harmolab.data.units import UnitSet
 from harmolab.experiments.generation import VARIANTS, Trained, generator_corpora, trained, weight_sweep
-from harmolab.experiments.judging import generate, judge, score_unit, unit_motion
+from harmolab.experiments.judging import RECORDED, danced_units, generate, judge, recorded_motions, score_unit
 from harmolab.params import HarmonyParams, RunProfile
+from harmolab.significance import mean_interval
+from harmolab.types import FloatArray, Motion
 
-__all__ = [
-    "PAPER_MEANS",
-    "RECORDED",
-    "TARGETS",
-    "ablation",
-    "forced_choice",
-    "gains",
-    "mean_interval",
-    "seed_means",
-    "targets_met",
-    "trade_off",
-]
-
-FloatArray = NDArray[np.float64]
-Seeds = dict[str, dict[str, FloatArray]]  # side of a comparison -> measure -> one value a seed
-
-RECORDED = "recorded"
 LOSSES = ("paper", "recommended")
-COVERAGE = 0.95
 DISTANCES = ("fid", "fid_raw", "fid_kinetic")  # from the recorded motion
 
 # What a harmony loss is asked for: (least, most) of each measure, compared as `TARGET_WORDS` says. Beats are speed
@@ -50,6 +33,9 @@ TARGET_WORDS = MappingProxyType(
         "fid": "FID / FID without the loss",
     }
 )
+
+# Fields of a harmony score that choose between two dances, and what they are called.
+JUDGES = MappingProxyType({"harmony": "paper's harmony", "harmony_above_chance": "above chance"})
 
 # Means over the seven dances of the paper's Tables 1 and 2 (Ballroom music; not comparable number by number).
 PAPER_MEANS: Mapping[str, Mapping[str, float]] = MappingProxyType(
@@ -88,8 +74,8 @@ def _judged(run: Trained, seed: int) -> dict[str, float]:
 def _recorded(run: Trained, seed: int) -> dict[str, float]:
     """The recorded motion of the test units, under the same measures; it has no distance from itself."""
     units = run.split.test
-    found = judge([unit.motion.astype(np.float64) for unit in units.units], units, run.pose_net, seed=seed)
-    return found | dict.fromkeys(DISTANCES, np.nan)
+    measures = judge(recorded_motions(units), units, run.pose_net, seed=seed)
+    return measures | dict.fromkeys(DISTANCES, np.nan)
 
 
 def seed_means(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
@@ -105,26 +91,32 @@ def seed_means(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
     DataFrame with the columns corpus, variant, measure, mean, low, high, seeds, paper. `low` and `high` are NaN for a
     single seed; `paper` is the paper's value where it prints one, NaN elsewhere.
     """
+    means = group_means(table, ["corpus", "variant"], measures).rename(columns={"n": "seeds"})
+    pairs = zip(means["variant"], means["measure"], strict=True)
+    return means.assign(paper=[_printed(variant, measure) for variant, measure in pairs])
+
+
+def group_means(table: pd.DataFrame, keys: Sequence[str], measures: Sequence[str]) -> pd.DataFrame:
+    """Mean and 95 % interval (Student's t) of each measure in each group of rows.
+
+    Parameters
+    ----------
+    table : DataFrame
+    keys : names of the columns whose values make a group
+    measures : names of numeric columns
+
+    Returns
+    -------
+    DataFrame with the columns of `keys`, then measure, mean, low, high, n; groups in the order of their first rows.
+    `low` and `high` are NaN for a group of one row.
+    """
     rows = []
-    for (corpus, variant), part in table.groupby(["corpus", "variant"], sort=False):
+    for names, part in table.groupby(list(keys), sort=False):
         for measure in measures:
             mean, low, high = mean_interval(part[measure].to_numpy(np.float64))
-            about = {"corpus": corpus, "variant": variant, "measure": measure, "mean": mean, "low": low, "high": high}
-            rows.append({**about, "seeds": len(part), "paper": _printed(str(variant), measure)})
+            group = dict(zip(keys, names, strict=True))
+            rows.append({**group, "measure": measure, "mean": mean, "low": low, "high": high, "n": len(part)})
     return pd.DataFrame(rows)
-
-
-def mean_interval(values: FloatArray) -> tuple[float, float, float]:
-    """Mean of (n,) values and its 95 % interval by Student's t; NaN where there is one value, or an infinite one.
-
-    >>> mean_interval(np.array([2.0]))
-    (2.0, nan, nan)
-    """
-    if values.size < 2 or np.isinf(values).any():
-        return float(values.mean()), np.nan, np.nan
-    half = float(values.std(ddof=1) / np.sqrt(values.size) * student.ppf((1 + COVERAGE) / 2, values.size - 1))
-    mean = float(values.mean())
-    return mean, mean - half, mean + half
 
 
 def _printed(variant: str, measure: str) -> float:
@@ -150,11 +142,11 @@ def gains(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
     for corpus, loss, seeds in _by_loss(table):
         for measure in measures:
             change, low, high = mean_interval(seeds["with"][measure] - seeds["without"][measure])
-            before, after = (float(seeds[side][measure].mean()) for side in ("without", "with"))
+            before, after = (seeds[side][measure].mean(skipna=False) for side in ("without", "with"))
             row = {"corpus": corpus, "loss": loss, "measure": measure, "without": before, "with": after}
             row |= {"change": change, "low": low, "high": high, "factor": _factor(after, before)}
-            printed = _printed(f"{loss}, without", measure), _printed(loss, measure)
-            row |= {"paper without": printed[0], "paper with": printed[1], "paper factor": _factor(*printed[::-1])}
+            without, with_it = _printed(f"{loss}, without", measure), _printed(loss, measure)
+            row |= {"paper without": without, "paper with": with_it, "paper factor": _factor(with_it, without)}
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -164,19 +156,13 @@ def _factor(value: float, reference: float) -> float:
     return value / reference if reference > 0 else np.nan
 
 
-def _by_loss(table: pd.DataFrame) -> Iterator[tuple[str, str, Seeds]]:
-    """(corpus, loss, one value a seed of every measure "with" the loss, "without" it and "recorded")."""
-    names = table.columns.difference(["corpus", "variant", "seed"])
+def _by_loss(table: pd.DataFrame) -> Iterator[tuple[str, str, dict[str, pd.DataFrame]]]:
+    """(corpus, loss, one row a seed "with" the loss, "without" it and "recorded", all in the order of the seeds)."""
     for corpus, part in table.groupby("corpus", sort=False):
-        by_seed = part.sort_values("seed").set_index("variant")
+        by_variant = {name: rows.reset_index(drop=True) for name, rows in part.sort_values("seed").groupby("variant")}
         for loss in LOSSES:
             sides = {"with": loss, "without": f"{loss}, without", "recorded": RECORDED}
-            rows = {side: by_seed.loc[[variant]] for side, variant in sides.items()}
-            yield (
-                str(corpus),
-                loss,
-                {side: {name: found[name].to_numpy(np.float64) for name in names} for side, found in rows.items()},
-            )
+            yield str(corpus), loss, {side: by_variant[variant] for side, variant in sides.items()}
 
 
 def _ratio(value: float, reference: float) -> float:
@@ -184,9 +170,7 @@ def _ratio(value: float, reference: float) -> float:
 
     A Frechet distance with its bias corrected can be slightly below 0 where two sets do not differ.
     """
-    if np.isnan(value) or np.isnan(reference):
-        return np.nan
-    if reference > 0:
+    if reference > 0 or np.isnan(value + reference):
         return value / reference
     return np.inf if value > 0 else 0.0
 
@@ -209,26 +193,26 @@ def targets_met(table: pd.DataFrame) -> pd.DataFrame:
             least, most = TARGETS[measure]
             mean, low, high = mean_interval(values)
             good = int(((values >= least) & (values <= most)).sum())
-            row = {
-                "corpus": corpus,
-                "loss": loss,
-                "target": TARGET_WORDS[measure],
+            row: dict[str, Any] = {"corpus": corpus, "loss": loss, "target": TARGET_WORDS[measure]}
+            row |= {
                 "asked": _asked(least, most),
                 "reached": mean,
+                "low": low,
+                "high": high,
+                "met": bool(least <= mean <= most),
             }
-            row |= {"low": low, "high": high, "met": bool(least <= mean <= most)}
-            rows.append({**row, "seeds that meet it": f"{good} of {values.size}"})
+            rows.append({**row, "seeds that meet it": f"{good} of {len(values)}"})
     return pd.DataFrame(rows)
 
 
-def _reached(seeds: Seeds) -> dict[str, FloatArray]:
+def _reached(seeds: Mapping[str, pd.DataFrame]) -> dict[str, pd.Series[float]]:
     """One value a seed for each of `TARGETS`."""
     after, before, recorded = (seeds[side] for side in ("with", "without", "recorded"))
     return {
         "above_chance": after["above_chance"] - before["above_chance"],
         "count_ratio": after["count_ratio"],
         "jerk": after["jerk"] / recorded["jerk"],
-        "fid": np.array([_ratio(*pair) for pair in zip(after["fid"], before["fid"], strict=True)]),
+        "fid": pd.Series([_ratio(*pair) for pair in zip(after["fid"], before["fid"], strict=True)]),
     }
 
 
@@ -246,9 +230,8 @@ def trade_off(profile: RunProfile, corpus: str) -> pd.DataFrame:
     -------
     DataFrame, one row a weight: harmony_weight and every measure on the test units.
     """
-    return pd.DataFrame(
-        [{"harmony_weight": weight, **_judged(run, 1)} for weight, run in weight_sweep(profile, corpus)]
-    )
+    runs = weight_sweep(profile, corpus)
+    return pd.DataFrame([{"harmony_weight": weight, **_judged(run, 1)} for weight, run in runs])
 
 
 def forced_choice(profile: RunProfile, corpus: str) -> pd.DataFrame:
@@ -259,23 +242,18 @@ def forced_choice(profile: RunProfile, corpus: str) -> pd.DataFrame:
     DataFrame, a row for each pair and judge (the paper's harmony; harmony above chance): first, second, judge, share
     that prefers the first (ties count half), n units
     """
-    runs = {name: trained(profile, corpus, variant, 1) for name, variant in VARIANTS.items()}
-    judges = {"paper's harmony": HarmonyParams.paper(), "above chance": HarmonyParams.valleys()}
-    scores = {
-        (name, judge): _unit_scores(run, params) for name, run in runs.items() for judge, params in judges.items()
-    }
+    units, dances = danced_units(profile, corpus)
+    scores = {(name, field): _unit_scores(dances[name], units, field) for name in VARIANTS for field in JUDGES}
     rows = []
     for first, second in combinations(VARIANTS, 2):
-        for name in judges:
-            better = np.sign(scores[first, name] - scores[second, name])
-            rows.append({"first": first, "second": second, "judge": name, "share": (1 + better).mean() / 2})
-    return pd.DataFrame(rows).assign(n=len(runs["paper"].split.test))
+        for field, words in JUDGES.items():
+            better = np.sign(scores[first, field] - scores[second, field])
+            rows.append({"first": first, "second": second, "judge": words, "share": (1 + better).mean() / 2})
+    return pd.DataFrame(rows).assign(n=len(units))
 
 
-def _unit_scores(run: Trained, params: HarmonyParams) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """One score a test unit: the paper's harmony in paper mode, else harmony above chance."""
-    units = run.split.test
-    pairs = zip(generate(run.generator, units), units.units, strict=True)
-    found = [score_unit(unit_motion(code, units), unit, params) for code, unit in pairs]
-    paper = params == HarmonyParams.paper()
-    return np.array([score.harmony if paper else score.harmony_above_chance for score in found])
+def _unit_scores(motions: Sequence[Motion], units: UnitSet, field: str) -> FloatArray:
+    """One score a unit: the field of its harmony score that `JUDGES` names, in paper mode for "harmony"."""
+    params = HarmonyParams.paper() if field == "harmony" else HarmonyParams.valleys()
+    pairs = zip(motions, units.units, strict=True)
+    return np.array([getattr(score_unit(motion, unit, params), field) for motion, unit in pairs])

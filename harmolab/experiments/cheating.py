@@ -13,42 +13,21 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from harmolab.beats.visual import visual_beats
-from harmolab.data.units import DanceUnit
-from harmolab.experiments.ablation import RECORDED, mean_interval
-from harmolab.experiments.generation import SYNTHETIC, VARIANTS, generator_corpora, trained
-from harmolab.experiments.judging import generate, meter_motion, score_unit, unit_motion
-from harmolab.experiments.study import data_root, excerpt, readable_sequences, study_sequences, synthetic_corpus
+from harmolab.experiments.ablation import group_means
+from harmolab.experiments.generation import SYNTHETIC, generator_corpora
+from harmolab.experiments.judging import MODES, danced_units, harmony_columns, meter_motion, unit_columns
+from harmolab.experiments.study import data_root, excerpt, readable_recordings, study_recordings, synthetic_corpus
 from harmolab.harmony import score_harmony
 from harmolab.metrics import jerk
-from harmolab.params import HarmonyParams, RunProfile
-from harmolab.types import BeatTrack, Clip, HarmonyScore, Motion
+from harmolab.params import RunProfile
+from harmolab.types import BeatTrack, Motion
 
-__all__ = [
-    "BASES",
-    "LATE",
-    "TRICKS",
-    "TRUE",
-    "cheating",
-    "generators_half_a_beat_late",
-    "half_a_beat_late",
-    "shaken",
-    "slowed",
-    "studied_clips",
-    "swaying",
-    "trembling",
-    "trick_gains",
-    "trick_means",
-]
-
-FloatArray = NDArray[np.float64]
 Trick = Callable[[Motion, np.random.Generator], Motion]
 
 SECONDS = 6.0
 TRUE, LATE = "true", "half a beat late"
-MODES = MappingProxyType({"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys()})
 
 
 def trembling(motion: Motion, hertz: float, size: float) -> Motion:
@@ -108,14 +87,13 @@ BASES = MappingProxyType(
 )
 
 
-def studied_clips(profile: RunProfile, corpus: str) -> Iterator[Clip]:
-    """Six seconds from the middle of each sequence of a corpus, with tracked beats; as many as the profile takes."""
+def studied_clips(profile: RunProfile, corpus: str) -> Iterator[tuple[str, Motion, BeatTrack]]:
+    """(name, motion, tracked beats) of six seconds from the middle of each sequence, as many as the profile takes."""
     planted = corpus == SYNTHETIC and data_root() is not None
-    found = readable_sequences(synthetic_corpus(profile)) if planted else study_sequences(profile, corpus)
-    for sequence in found:
-        clip = excerpt(sequence, SECONDS)
+    recordings = readable_recordings(synthetic_corpus(profile)) if planted else study_recordings(profile, corpus)
+    for clip in (excerpt(recording, SECONDS) for recording in recordings):
         if clip.motion is not None and clip.beats is not None and len(clip.beats) > 1:
-            yield clip
+            yield clip.name, clip.motion, clip.beats
 
 
 def cheating(profile: RunProfile) -> pd.DataFrame:
@@ -124,25 +102,25 @@ def cheating(profile: RunProfile) -> pd.DataFrame:
     Returns
     -------
     DataFrame, a row for each corpus, clip, trick and music (`TRUE`, `LATE`): in paper mode (`paper_`) and for valleys
-    within 0.1 s harmony, hit_rate, chance, above_chance and count_ratio (M / N); jerk (m/s^3).
+    within 0.1 s harmony, hit_rate, chance, above_chance, n_visual, n_audio and count_ratio (M / N); jerk (m/s^3).
     """
     rng = np.random.default_rng(profile.seed)
     rows = []
     for corpus in generator_corpora(profile):
-        for clip in studied_clips(profile, corpus):
+        for clip, motion, beats in studied_clips(profile, corpus):
             for name, trick in TRICKS.items():
-                about = {"corpus": corpus, "clip": clip.name, "trick": name}
-                rows += [about | row for row in _clip_rows(trick(_motion(clip), rng), _beats(clip))]
+                about = {"corpus": corpus, "clip": clip, "trick": name}
+                rows += [about | row for row in _clip_rows(trick(motion, rng), beats)]
     return pd.DataFrame(rows)
 
 
 def _clip_rows(motion: Motion, beats: BeatTrack) -> Iterator[dict[str, Any]]:
     """One row for each music."""
-    seen = {mode: visual_beats(motion, params=params) for mode, params in MODES.items()}
+    visual = {mode: visual_beats(motion, params=params) for mode, params in MODES.items()}
     about = {"jerk": jerk(motion)}
     for music, track in ((TRUE, beats), (LATE, half_a_beat_late(beats))):
-        scores = {mode: score_harmony(track, seen[mode], params=MODES[mode], n_rotations=0) for mode in MODES}
-        yield {"music": music, **_columns(scores), **about}
+        scores = {mode: score_harmony(track, visual[mode], params=MODES[mode], n_rotations=0) for mode in MODES}
+        yield {"music": music, **harmony_columns(scores), **about}
 
 
 def generators_half_a_beat_late(profile: RunProfile) -> pd.DataFrame:
@@ -156,23 +134,17 @@ def generators_half_a_beat_late(profile: RunProfile) -> pd.DataFrame:
     """
     rows = []
     for corpus in generator_corpora(profile):
-        runs = {name: trained(profile, corpus, variant, 1) for name, variant in VARIANTS.items()}
-        units = runs["paper"].split.test
-        codes = {RECORDED: [unit.motion.astype(np.float64) for unit in units.units]}
-        codes |= {name: generate(run.generator, run.split.test) for name, run in runs.items()}
-        for name, mine in codes.items():
-            for code, unit in zip(mine, units.units, strict=True):
-                about = {"corpus": corpus, "clip": unit.name, "trick": name}
-                steadiness = {"jerk": jerk(meter_motion(code, unit, units))}
-                rows += [about | row | steadiness for row in _unit_rows(unit_motion(code, units), unit)]
+        units, dances = danced_units(profile, corpus)
+        for name, motions in dances.items():
+            for motion, unit in zip(motions, units.units, strict=True):
+                steadiness = jerk(meter_motion(motion, unit))
+                about = {"corpus": corpus, "clip": unit.name, "trick": name, "jerk": steadiness}
+                late = replace(unit, beats=unit.beats + np.median(np.diff(unit.beats)) / 2)
+                rows += [
+                    {**about, "music": music, **unit_columns(motion, each)}
+                    for music, each in ((TRUE, unit), (LATE, late))
+                ]
     return pd.DataFrame(rows)
-
-
-def _unit_rows(motion: Motion, unit: DanceUnit) -> Iterator[dict[str, Any]]:
-    """One row for each music."""
-    late = replace(unit, beats=unit.beats + np.median(np.diff(unit.beats)) / 2)
-    for music, heard in ((TRUE, unit), (LATE, late)):
-        yield {"music": music, **_columns({mode: score_unit(motion, heard, MODES[mode]) for mode in MODES})}
 
 
 def trick_means(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
@@ -185,15 +157,10 @@ def trick_means(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
 
     Returns
     -------
-    DataFrame with the columns corpus, trick, music, measure, mean, low, high, n
+    DataFrame with the columns corpus, trick, music, measure, n, mean, low, high
     """
-    rows = []
-    for (corpus, trick, music), part in table.groupby(["corpus", "trick", "music"], sort=False):
-        for measure in measures:
-            mean, low, high = mean_interval(part[measure].to_numpy(np.float64))
-            about = {"corpus": corpus, "trick": trick, "music": music, "measure": measure, "n": len(part)}
-            rows.append({**about, "mean": mean, "low": low, "high": high})
-    return pd.DataFrame(rows)
+    keys = ["corpus", "trick", "music"]
+    return group_means(table, keys, measures)[[*keys, "measure", "n", "mean", "low", "high"]]
 
 
 def trick_gains(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
@@ -217,21 +184,6 @@ def trick_gains(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
-    """What the tables hold of the two modes' scores."""
-    columns: dict[str, float] = {}
-    for mode, score in scores.items():
-        prefix = "paper_" if mode == "paper" else ""
-        columns |= {
-            f"{prefix}harmony": score.harmony,
-            f"{prefix}hit_rate": score.hit_rate,
-            f"{prefix}chance": score.chance,
-            f"{prefix}above_chance": score.harmony_above_chance,
-            f"{prefix}count_ratio": score.n_visual / max(score.n_audio, 1),
-        }
-    return columns
-
-
 def half_a_beat_late(beats: BeatTrack) -> BeatTrack:
     """The same beats half a median period later; what passes the end comes in again at the start.
 
@@ -245,17 +197,3 @@ def half_a_beat_late(beats: BeatTrack) -> BeatTrack:
     moved = np.mod(beats.times + np.median(np.diff(beats.times)) / 2, beats.duration)
     times, first = np.unique(moved, return_index=True)
     return BeatTrack(times, beats.strengths[first], beats.fps, beats.duration)
-
-
-def _motion(clip: Clip) -> Motion:
-    """The clip's motion; `studied_clips` gives none without."""
-    if clip.motion is None:
-        raise ValueError(f"{clip.name}: has no motion")
-    return clip.motion
-
-
-def _beats(clip: Clip) -> BeatTrack:
-    """The clip's beats; `studied_clips` gives none without."""
-    if clip.beats is None:
-        raise ValueError(f"{clip.name}: has no beats")
-    return clip.beats

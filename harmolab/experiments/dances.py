@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from harmolab.experiments.ablation import RECORDED
-from harmolab.experiments.generation import VARIANTS, trained
-from harmolab.experiments.judging import generate, score_unit, unit_motion
+from harmolab.data.units import DanceUnit
+from harmolab.experiments.judging import RECORDED, danced_units, score_unit, unit_beats
 from harmolab.params import HarmonyParams, RunProfile
 from harmolab.types import BeatTrack, HarmonyScore, Motion
-
-__all__ = ["DancedUnit", "danced_unit"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +45,16 @@ def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
     ValueError
         If the test split has no such unit.
     """
-    runs = {name: trained(profile, corpus, variant, 1) for name, variant in VARIANTS.items()}
-    units = runs["paper"].split.test
+    units, dances = danced_units(profile, corpus)
     if not 0 <= place < len(units):
         raise ValueError(f"place must be 0 to {len(units) - 1}, the test units of {corpus}, got {place}")
-    unit = units.units[place]
-    codes = {RECORDED: unit.motion.astype(np.float64)}
-    for name, run in runs.items():
-        # By name: variants that hear other features have a test set of their own, of the same units.
-        mine = run.split.test.select([unit.name])
-        codes[name] = generate(run.generator, mine)[0]
-    motions = {name: unit_motion(code, units) for name, code in codes.items()}
+    return danced(units.units[place], {name: motions[place] for name, motions in dances.items()})
+
+
+def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
+    """A unit with the motions danced to it, the recorded one among them, and their scores."""
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
-    beats = BeatTrack(unit.beats, unit.strengths, unit.fps, max(unit.n_frames / unit.fps, float(unit.beats.max())))
+    beats = unit_beats(unit, motions[RECORDED])
     return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)
 
 

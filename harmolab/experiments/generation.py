@@ -20,7 +20,7 @@ from harmolab.data.clips import load_units
 from harmolab.data.splits import Split, split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.experiments.study import corpus_folders, data_root
-from harmolab.io.cache import cache_folder
+from harmolab.io.files import cache_folder
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
 from harmolab.models.weights import load_generator, load_pose_net

@@ -1,109 +1,177 @@
-"""What a generator does on units it was not trained on: hard scores of its motion, beside those of the recorded one."""
+"""Hard scores of motions danced to units of music, whoever made them, beside those of the recorded motion.
+
+Everything here takes motions: a system is judged by the joints it moves, not by how it codes them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from harmolab.beats.visual import visual_beats
 from harmolab.data.units import DanceUnit, UnitSet, collate
+from harmolab.experiments.generation import VARIANTS, trained
 from harmolab.features.kinetic import kinetic_features
-from harmolab.features.poses import decode_motion
+from harmolab.features.poses import decode_motion, encode_motion
 from harmolab.harmony import score_harmony
+from harmolab.kinematics import resample_motion
 from harmolab.metrics import diversity, foot_skating, frechet_distance, jerk, standardise
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
-from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, HarmonyScore, Motion
+from harmolab.params import HarmonyParams, RunProfile
+from harmolab.types import BeatTrack, FloatArray, HarmonyScore, Motion
 
-__all__ = ["generate", "judge", "meter_motion", "score_unit", "unit_motion"]
+RECORDED = "recorded"
+MODES = MappingProxyType({"paper_": HarmonyParams.paper(), "": HarmonyParams.valleys()})  # prefix of a column -> score
 
-FloatArray = NDArray[np.float64]
+
+def danced_units(
+    profile: RunProfile, corpus: str, variants: Sequence[str] = tuple(VARIANTS)
+) -> tuple[UnitSet, dict[str, list[Motion]]]:
+    """The test units of a corpus, and the motions danced to them: recorded, and by the variants of the first seed.
+
+    Variants that hear other music features have a test set of their own, of the same units.
+    """
+    runs = {name: trained(profile, corpus, VARIANTS[name], 1) for name in variants}
+    units = runs[variants[0]].split.test
+    motions = {name: generate(run.generator, run.split.test) for name, run in runs.items()}
+    return units, {RECORDED: recorded_motions(units), **motions}
 
 
 @torch.no_grad()
-def generate(generator: Generator, units: UnitSet) -> list[FloatArray]:
-    """Motion codes (T, C) a generator makes for the units, each from its own music and the poses before the meter."""
+def generate(generator: Generator, units: UnitSet) -> list[Motion]:
+    """A dance to each whole unit, from its music and the poses before the meter; one batch through the generator."""
     batch = collate(units.units)
-    made = generator.eval()(torch.from_numpy(batch.audio), torch.from_numpy(batch.initial)).motion
-    return [code[: unit.n_frames].double().numpy() for code, unit in zip(made, units.units, strict=True)]
+    codes = generator.eval()(torch.from_numpy(batch.audio), torch.from_numpy(batch.initial)).motion
+    pairs = zip(codes, units.units, strict=True)
+    return [_decoded(code[: unit.n_frames].double().numpy(), units) for code, unit in pairs]
 
 
-def unit_motion(code: FloatArray, units: UnitSet) -> Motion:
+def recorded_motions(units: UnitSet) -> list[Motion]:
+    """What was recorded to each unit: whole units, with the beats before the meter."""
+    return [_decoded(unit.motion.astype(np.float64), units) for unit in units.units]
+
+
+def _decoded(code: FloatArray, units: UnitSet) -> Motion:
     """The motion that a code (T, C) of these units stands for."""
     fps = units.features.fps
     return Motion(decode_motion(code, fps, units.skeleton), fps, units.skeleton)
 
 
-def meter_motion(code: FloatArray, unit: DanceUnit, units: UnitSet) -> Motion:
-    """The same without the beats before the meter."""
-    motion = unit_motion(code, units)
-    return Motion(motion.positions[unit.n_prior :], motion.fps, motion.skeleton)
+def meter_motion(motion: Motion, unit: DanceUnit) -> Motion:
+    """A unit's motion without the beats before the meter; its frame rate may differ from the unit's."""
+    first = round(unit.n_prior * motion.fps / unit.fps)
+    return Motion(motion.positions[first:], motion.fps, motion.skeleton, motion.valid[first:])
+
+
+def meter_motions(motions: Sequence[Motion], units: UnitSet) -> list[Motion]:
+    """`meter_motion` of motions, one for each unit."""
+    return [meter_motion(*pair) for pair in zip(motions, units.units, strict=True)]
 
 
 def score_unit(motion: Motion, unit: DanceUnit, params: HarmonyParams) -> HarmonyScore:
-    """Harmony of a unit's motion over its meter: beats are found in all of it, those of the meter count."""
-    start, end = unit.n_prior / motion.fps, motion.duration
-    heard = BeatTrack(unit.beats, unit.strengths, motion.fps, max(end, float(unit.beats.max(initial=0.0))))
-    seen = visual_beats(motion, params=params)
-    music = heard.span(start, end - start)
-    return score_harmony(music, seen.span(start, end - start), params=params, n_rotations=0)
+    """Harmony of a unit's motion over its meter: visual beats come from all of it, those of the meter count."""
+    start = unit.n_prior / unit.fps
+    music, visual = unit_beats(unit, motion), visual_beats(motion, params=params)
+    meter = (start, motion.duration - start)
+    return score_harmony(music.span(*meter), visual.span(*meter), params=params, n_rotations=0)
 
 
-def judge(codes: Sequence[FloatArray], units: UnitSet, pose_net: PoseNet, *, seed: int = 0) -> dict[str, float]:
-    """Means over units of every measure of motion codes (T, C), one for each unit.
+def unit_beats(unit: DanceUnit, motion: Motion) -> BeatTrack:
+    """The music beats of a unit on the time line of a motion danced to it, seconds from its first frame."""
+    duration = max(motion.duration, float(unit.beats.max(initial=0.0)))
+    return BeatTrack(unit.beats, unit.strengths, motion.fps, duration)
+
+
+def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed: int = 0) -> dict[str, float]:
+    """Means over units of every measure of motions, one for each whole unit.
+
+    Parameters
+    ----------
+    motions : sequence of Motion, in the order of the units; frame 0 is the unit's
+    units : UnitSet, whose recorded motion the distances are measured from
+    pose_net : PoseNet for the same skeleton
+    seed : int, of the correction of the Frechet distances' bias
 
     Returns
     -------
     dict with, in paper mode (`paper_`) and for valleys within 0.1 s: harmony, hit rate, chance, harmony above chance,
     M and N a unit, M / N; jerk (m/s^3), skating (m/s), Frechet distances on the pose network's and on kinetic features,
     to the units' recorded motion, and diversity.
+
+    Raises
+    ------
+    ValueError
+        If the motions are not as many as the units, or move other joints than the pose network's.
     """
-    motions = [unit_motion(code, units) for code in codes]
-    found = _harmony(motions, units, HarmonyParams.paper(), "paper_") | _harmony(
-        motions, units, HarmonyParams.valleys(), ""
-    )
-    meters = [meter_motion(code, unit, units) for code, unit in zip(codes, units.units, strict=True)]
-    recorded = [meter_motion(unit.motion.astype(np.float64), unit, units) for unit in units.units]
-    found["jerk"] = float(np.mean([jerk(motion) for motion in meters]))
-    found["foot_skating"] = float(np.mean([foot_skating(motion) for motion in meters]))
-    target = embed([unit.motion for unit in units.units], units, pose_net)
-    mine = embed(codes, units, pose_net)
-    found["fid"] = frechet_distance(mine, target, seed=seed).value
-    found["fid_raw"] = frechet_distance(mine, target, correct_bias=False).value
-    kinetic, reference = (np.stack([kinetic_features(motion) for motion in each]) for each in (meters, recorded))
+    recorded = recorded_motions(units)
+    meters, recorded_meters = (meter_motions(whole, units) for whole in (motions, recorded))
+    values, target = (embed(whole, units, pose_net) for whole in (motions, recorded))
+    kinetic, reference = (np.stack([kinetic_features(motion) for motion in cut]) for cut in (meters, recorded_meters))
     kinetic, reference = standardise(kinetic, reference), standardise(reference, reference)
-    found["fid_kinetic"] = frechet_distance(kinetic, reference, seed=seed).value
-    found["diversity"] = diversity(mine)
-    found["units"] = float(len(units))
-    return found
-
-
-def _harmony(motions: Sequence[Motion], units: UnitSet, params: HarmonyParams, prefix: str) -> dict[str, float]:
-    """Mean harmony figures of one mode."""
-    scores = [score_unit(motion, unit, params) for motion, unit in zip(motions, units.units, strict=True)]
-    fields: dict[str, Callable[[HarmonyScore], float]] = {
-        "harmony": lambda score: score.harmony,
-        "hit_rate": lambda score: score.hit_rate,
-        "chance": lambda score: score.chance,
-        "above_chance": lambda score: score.harmony_above_chance,
-        "n_visual": lambda score: float(score.n_visual),
-        "n_audio": lambda score: float(score.n_audio),
+    return {
+        **_harmony(motions, units),
+        "jerk": float(np.mean([jerk(motion) for motion in meters])),
+        "foot_skating": float(np.mean([foot_skating(motion) for motion in meters])),
+        "fid": frechet_distance(values, target, seed=seed).value,
+        "fid_raw": frechet_distance(values, target, correct_bias=False).value,
+        "fid_kinetic": frechet_distance(kinetic, reference, seed=seed).value,
+        "diversity": diversity(values),
+        "units": float(len(units)),
     }
-    means = {f"{prefix}{name}": float(np.mean([read(score) for score in scores])) for name, read in fields.items()}
-    means[f"{prefix}count_ratio"] = means[f"{prefix}n_visual"] / max(means[f"{prefix}n_audio"], 1e-9)
-    return means
+
+
+def harmony_columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
+    """What tables hold of the scores of `MODES`, by prefix of their columns."""
+    fields = ("harmony", "hit_rate", "chance", "harmony_above_chance", "n_visual", "n_audio")
+    return {
+        **{
+            f"{mode}{field.removeprefix('harmony_')}": getattr(scores[mode], field)
+            for mode in scores
+            for field in fields
+        },
+        **{f"{mode}count_ratio": score.n_visual / max(score.n_audio, 1) for mode, score in scores.items()},
+    }
+
+
+def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
+    """`harmony_columns` of `score_unit` in all modes."""
+    return harmony_columns({mode: score_unit(motion, unit, params) for mode, params in MODES.items()})
+
+
+def _harmony(motions: Sequence[Motion], units: UnitSet) -> dict[str, float]:
+    """Means over units of `unit_columns`; M / N is the ratio of the means."""
+    columns = [unit_columns(*pair) for pair in zip(motions, units.units, strict=True)]
+    means = {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
+    ratios = {mode: means[f"{mode}n_visual"] / max(means[f"{mode}n_audio"], 1e-9) for mode in MODES}
+    return means | {f"{mode}count_ratio": ratio for mode, ratio in ratios.items()}
 
 
 @torch.no_grad()
-def embed(codes: Sequence[NDArray[np.floating]], units: UnitSet, pose_net: PoseNet) -> FloatArray:
-    """Pose network's features (N, D) of the meters of motion codes."""
-    cut = [replace(unit, motion=np.asarray(code, np.float32)) for code, unit in zip(codes, units.units, strict=True)]
-    pieces = [torch.from_numpy(unit.motion[unit.n_prior :]) for unit in cut]
-    mask = torch.nn.utils.rnn.pad_sequence([torch.ones(len(piece)) for piece in pieces], batch_first=True)
-    motion = torch.nn.utils.rnn.pad_sequence(pieces, batch_first=True)
-    return pose_net.eval().embed(motion, mask).double().numpy()
+def embed(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -> FloatArray:
+    """Pose network's features (N, D) of the meters of motions, one for each whole unit.
+
+    Every motion, recorded or made, is coded from its joints: heading and path are those that are seen, not those that a
+    generator meant. Whole units are coded and then cut, since the heading is smoothed over time.
+
+    Raises
+    ------
+    ValueError
+        If the motions are not as many as the units, or move other joints than the pose network's.
+    """
+    codes = [_meter_code(motion, unit, pose_net) for motion, unit in zip(motions, units.units, strict=True)]
+    mask = torch.nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
+    return pose_net.eval().embed(torch.nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
+
+
+def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> torch.Tensor:
+    """Motion code (T, C) of a unit's meter at the frame rate of the pose network."""
+    if motion.skeleton.joints != pose_net.skeleton.joints:
+        joints = ", ".join(motion.skeleton.joints)
+        raise ValueError(f"{unit.name}: the motion must have the joints of the pose network, got {joints}")
+    same = resample_motion(motion, pose_net.fps)
+    code = encode_motion(same.positions, same.fps, same.skeleton)
+    return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])

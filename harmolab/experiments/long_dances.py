@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from harmolab.data.beats import music_beats
-from harmolab.data.folders import Sequence, load_sequence
+from harmolab.data.folders import Recording, load_recording
 from harmolab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
 from harmolab.harmony import score_motion
 from harmolab.metrics import bone_error, foot_skating, jerk, largest_step
@@ -24,9 +24,7 @@ from harmolab.models.poses_bank import load_poses
 from harmolab.params import HarmonyParams, RunProfile
 from harmolab.synthesis import synthesize_dance
 from harmolab.training.run import MODEL
-from harmolab.types import Audio, BeatTrack, Motion
-
-__all__ = ["LIMITS", "DancedSong", "dance_limits", "danced_song", "long_dances"]
+from harmolab.types import Audio, BeatTrack, Clip, Motion
 
 SONGS = 8  # of the test split, spread over it
 SECONDS = 30.0
@@ -51,14 +49,14 @@ class DancedSong:
     name : str, of the song's folder
     audio : Audio
     beats : BeatTrack of the music
-    recorded, made : Motion
+    recorded, generated : Motion
     """
 
     name: str
     audio: Audio
     beats: BeatTrack
     recorded: Motion
-    made: Motion
+    generated: Motion
 
 
 def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) -> DancedSong:
@@ -73,10 +71,10 @@ def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) 
     names = _songs(run)
     if not 0 <= place < len(names):
         raise ValueError(f"place must be 0 to {len(names) - 1}, the test songs of {corpus}, got {place}")
-    song = load_sequence(corpus_root(profile, corpus) / names[place])
-    made, beats = _danced(run, song, _seconds(profile))
-    audio = song.clip.audio.span(song.clip.offset, made.duration)
-    return DancedSong(names[place], audio, beats, _dancer(song).span(0.0, made.duration), made)
+    song = load_recording(corpus_root(profile, corpus) / names[place])
+    dance, beats = _danced(run, song, _seconds(profile))
+    audio = song.clip.audio.span(song.clip.offset, dance.duration)
+    return DancedSong(names[place], audio, beats, _dancer(song).span(0.0, dance.duration), dance)
 
 
 def long_dances(profile: RunProfile) -> pd.DataFrame:
@@ -96,7 +94,7 @@ def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
     for corpus in generator_corpora(profile):
         for seed in range(1, profile.n_seeds + 1):
             runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
-            songs = [load_sequence(corpus_root(profile, corpus) / name) for name in _songs(runs["paper"])]
+            songs = [load_recording(corpus_root(profile, corpus) / name) for name in _songs(runs["paper"])]
             recorded = _recorded(songs, seconds)
             for song, (name, run) in product(songs, runs.items()):
                 about = {"corpus": corpus, "seed": seed, "variant": name}
@@ -114,48 +112,49 @@ def _songs(run: Trained) -> list[str]:
     return [names[place * len(names) // count] for place in range(count)]
 
 
-def _recorded(songs: list[Sequence], seconds: float) -> dict[str, float]:
+def _recorded(songs: list[Recording], seconds: float) -> dict[str, float]:
     """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
     motions = [_dancer(song).span(0.0, seconds) for song in songs]
-    return {
-        "peak": float(np.mean([largest_step(motion).percentile_999 for motion in motions])),
-        "skating": float(np.mean([foot_skating(motion) for motion in motions])),
-        "jerk": float(np.mean([jerk(motion) for motion in motions])),
-    }
+    measures = {"peak": lambda motion: largest_step(motion).percentile_999, "skating": foot_skating, "jerk": jerk}
+    return {name: float(np.mean([measure(motion) for motion in motions])) for name, measure in measures.items()}
 
 
-def _dancer(song: Sequence) -> Motion:
+def _dancer(song: Recording) -> Motion:
     if song.clip.motion is None:
         raise ValueError(f"{song.folder}: has no motion")
     return song.clip.motion
 
 
-def _measured(run: Trained, song: Sequence, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
+def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
     """One long dance, in multiples of what is `recorded`."""
-    made, beats = _danced(run, song, seconds)
-    score = score_motion(beats, made, params=HarmonyParams.valleys(), n_rotations=0)
+    dance, beats = _danced(run, song, seconds)
+    score = score_motion(beats, dance, params=HarmonyParams.valleys(), n_rotations=0)
     return {
         "song": song.folder.name,
         "dance": song.clip.dance,
-        "seconds": made.duration,
-        "bones": bone_error(made, run.generator.bone_lengths.double().numpy()),
-        "jump": largest_step(made).largest / recorded["peak"],
-        "skating": foot_skating(made) / recorded["skating"],
-        "jerk": jerk(made) / recorded["jerk"],
+        "seconds": dance.duration,
+        "bones": bone_error(dance, run.generator.bone_lengths.double().numpy()),
+        "jump": largest_step(dance).largest / recorded["peak"],
+        "skating": foot_skating(dance) / recorded["skating"],
+        "jerk": jerk(dance) / recorded["jerk"],
         "above_chance": score.harmony_above_chance,
         "count_ratio": score.n_visual / max(score.n_audio, 1),
     }
 
 
-def _danced(run: Trained, song: Sequence, seconds: float) -> tuple[Motion, BeatTrack]:
-    """A generated dance, as long as asked for and recorded, and the music's beats on its time line."""
+def _danced(run: Trained, song: Recording, seconds: float) -> tuple[Motion, BeatTrack]:
+    """A generated dance, `seconds` long unless the recorded one is shorter, and the music's beats on its time line."""
     clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
-    length = min(seconds, _dancer(song).duration)
-    poses = load_poses(run.folder / MODEL)
-    made = synthesize_dance(
-        run.generator, clip.audio, beats=beats, start=clip.offset, seconds=length, seed=1, poses=poses, dance=clip.dance
+    dance = _generated(run, clip, beats, min(seconds, _dancer(song).duration))
+    return dance, beats.span(clip.offset, dance.duration)
+
+
+def _generated(run: Trained, clip: Clip, beats: BeatTrack, seconds: float) -> Motion:
+    """A dance to a clip's music from its offset on: the only place that knows how a system is asked for one."""
+    poses, start = load_poses(run.folder / MODEL), clip.offset
+    return synthesize_dance(
+        run.generator, clip.audio, beats=beats, start=start, seconds=seconds, seed=1, poses=poses, dance=clip.dance
     )
-    return made, beats.span(clip.offset, made.duration)
 
 
 def dance_limits(dances: pd.DataFrame) -> pd.DataFrame:

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from harmolab.data.units import UnitSet
-from harmolab.experiments.ablation import RECORDED, ablation, seed_means
+from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.experiments.ablation import ablation, seed_means
+from harmolab.experiments.dances import DancedUnit, danced
 from harmolab.experiments.generation import VARIANTS, Trained, generator_corpora, trained
-from harmolab.experiments.judging import embed, generate, meter_motion, unit_motion
+from harmolab.experiments.judging import RECORDED, danced_units, embed, meter_motions, recorded_motions
+from harmolab.features.geometric import geometric_features
 from harmolab.features.kinetic import kinetic_features
-from harmolab.metrics import frechet_distance, standardise
+from harmolab.features.poses import encode_motion
+from harmolab.metrics import frechet_distance, freezing, multimodality, pfc, relative_jerk, standardise
 from harmolab.params import RunProfile
-from harmolab.types import Motion
+from harmolab.types import FloatArray, Motion
 
-__all__ = ["HALVES", "OTHER_FIGURES", "Example", "motion_quality", "recorded_distances", "typical_unit"]
-
-FloatArray = NDArray[np.float64]
-
-HALVES, OTHER_FIGURES = "recorded, halves", "recorded, other figures"
+HALVES, OTHER_FIGURES, FROZEN = "recorded, halves", "recorded, other figures", "recorded, frozen"
 DISTANCES = ("fid", "fid_kinetic")
 MEASURES = (*DISTANCES, "diversity", "jerk", "foot_skating")
+BY_METER = (freezing, pfc, relative_jerk)
 DRAWS = 40
 COVERAGE = (2.5, 97.5)  # per cent of the draws that an interval holds
 
@@ -79,10 +78,53 @@ def recorded_distances(run: Trained, *, seed: int = 0) -> pd.DataFrame:
 
 def _features(units: UnitSet, run: Trained) -> dict[str, FloatArray]:
     """Features (N, D) of the recorded motion of units."""
-    codes = [unit.motion.astype(np.float64) for unit in units.units]
-    meters = [meter_motion(code, unit, units) for code, unit in zip(codes, units.units, strict=True)]
-    kinetic = np.stack([kinetic_features(motion) for motion in meters])
-    return {"fid": embed(codes, units, run.pose_net), "fid_kinetic": kinetic}
+    motions = recorded_motions(units)
+    kinetic = np.stack([kinetic_features(motion) for motion in meter_motions(motions, units)])
+    return {"fid": embed(motions, units, run.pose_net), "fid_kinetic": kinetic}
+
+
+def motion_measures(profile: RunProfile) -> pd.DataFrame:
+    """Other measures of the field, which need no training, of the test units' meters: recorded, generated, frozen.
+
+    "recorded, frozen" holds the first pose of each meter: what a measure says of no dance at all.
+
+    Returns
+    -------
+    DataFrame, a row for each corpus and variant (first seed): corpus, variant; freezing (share of time), pfc (m^2/s^2)
+    and relative_jerk (1/s^2), means over meters; on the 32 geometric features, in standard deviations of the recorded
+    ones, fid_geometric (NaN for recorded motion, which has no distance from itself) and multimodality (among the meters
+    of one song, mean over songs; NaN where no song has two).
+    """
+    rows = []
+    for corpus in generator_corpora(profile):
+        units, dances = danced_units(profile, corpus)
+        meters = {name: meter_motions(motions, units) for name, motions in dances.items()}
+        meters[FROZEN] = [replace(motion, positions=_held(motion)) for motion in meters[RECORDED]]
+        reference = _geometric(meters[RECORDED])
+        for name, motions in meters.items():
+            row = {measure.__name__: float(np.mean([measure(motion) for motion in motions])) for measure in BY_METER}
+            features = standardise(_geometric(motions), reference)
+            distance = frechet_distance(features, standardise(reference, reference)).value
+            row["fid_geometric"] = np.nan if name == RECORDED else distance
+            rows.append({"corpus": corpus, "variant": name, **row, "multimodality": _within_songs(features, units)})
+    return pd.DataFrame(rows)
+
+
+def _geometric(motions: Sequence[Motion]) -> FloatArray:
+    """Geometric features (N, 32) of motions."""
+    return np.stack([geometric_features(motion) for motion in motions])
+
+
+def _held(motion: Motion) -> FloatArray:
+    """The first pose of a motion for all of its frames."""
+    return np.repeat(motion.positions[:1], motion.n_frames, axis=0)
+
+
+def _within_songs(features: FloatArray, units: UnitSet) -> float:
+    """`multimodality` of (N, D) features, one row a unit; NaN where no song has two units."""
+    songs = np.array([unit.sequence for unit in units.units])
+    groups = [features[songs == song] for song in dict.fromkeys(songs) if (songs == song).sum() > 1]
+    return multimodality(groups) if groups else np.nan
 
 
 def _over_draws(values: Sequence[float]) -> dict[str, float]:
@@ -103,36 +145,19 @@ def _others(features: FloatArray, others: FloatArray, rng: np.random.Generator) 
     return frechet_distance(others[chosen], features, seed=int(rng.integers(2**31))).value
 
 
-@dataclass(frozen=True, eq=False)
-class Example:
-    """One test unit, as danced and as generated. Up to `start` (seconds) all were given the same movement."""
-
-    name: str
-    dance: str
-    start: float
-    motions: dict[str, Motion]
-
-
-def typical_unit(profile: RunProfile, corpus: str, variants: tuple[str, ...] = ("paper", "recommended")) -> Example:
+def typical_unit(profile: RunProfile, corpus: str, variants: tuple[str, ...] = ("paper", "recommended")) -> DancedUnit:
     """The test unit on which the first variant (first seed) is neither good nor bad: its error is the median.
 
     The error is the mean distance of the joints from where they were recorded, over the meter, in the dancer's frame.
     """
-    runs = {name: trained(profile, corpus, VARIANTS[name], 1) for name in variants}
-    units = runs[variants[0]].split.test
-    errors = list(_errors(runs[variants[0]], units))
+    units, dances = danced_units(profile, corpus, variants)
+    errors = [_error(*trio) for trio in zip(dances[variants[0]], dances[RECORDED], units.units, strict=True)]
     place = int(np.argsort(errors, kind="stable")[len(errors) // 2])
-    chosen = units.units[place]
-    motions = {RECORDED: unit_motion(chosen.motion.astype(np.float64), units)}
-    for name, run in runs.items():
-        unit = run.split.test.select({chosen.name})
-        motions[name] = unit_motion(generate(run.generator, unit)[0], unit)
-    return Example(chosen.name, chosen.dance, chosen.n_prior / units.features.fps, motions)
+    return danced(units.units[place], {name: motions[place] for name, motions in dances.items()})
 
 
-def _errors(run: Trained, units: UnitSet) -> Iterator[float]:
-    """Mean distance of a joint from its recorded place, metres, one for each unit."""
-    n_local = 3 * len(units.skeleton.joints)
-    for code, unit in zip(generate(run.generator, units), units.units, strict=True):
-        apart = (code - unit.motion)[unit.n_prior :, :n_local].reshape(-1, 3)
-        yield float(np.linalg.norm(apart, axis=1).mean())
+def _error(motion: Motion, recorded: Motion, unit: DanceUnit) -> float:
+    """Mean distance of a joint from its recorded place in the dancer's frame, over the meter; metres."""
+    codes = [encode_motion(each.positions, each.fps, each.skeleton) for each in (motion, recorded)]
+    apart = (codes[0] - codes[1])[unit.n_prior :, : 3 * len(motion.skeleton.joints)].astype(np.float64)
+    return float(np.linalg.norm(apart.reshape(-1, 3), axis=1).mean())

@@ -11,7 +11,7 @@ import soxr
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, onset_envelope
-from harmolab.io.cache import cache_folder, cached_arrays, keep_arrays
+from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import FeatureParams
 from harmolab.types import Audio, BeatTrack
 

@@ -1,18 +1,13 @@
-"""The points of the body that geometric features speak of, found among the joints of a skeleton by name."""
+"""The points of the body that geometric features are about, from the joints of a skeleton by name."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harmolab.io.joint_names import joint_part, joint_side
-from harmolab.types import Skeleton
-
-__all__ = ["BODY_POINTS", "body_points"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.skeletons import named_joints
+from harmolab.types import FloatArray, Skeleton
 
 # What a part is called, the clearest word first. BVH files call the shoulder "arm" and the collar bone "shoulder", the
 # knee "leg" and the ankle "foot", where SMPL's foot is the ball of the foot.
@@ -42,9 +37,9 @@ BODY_POINTS = (
 
 @lru_cache(maxsize=64)
 def body_points(skeleton: Skeleton) -> FloatArray:
-    """How to make the points `BODY_POINTS` of the joints of a skeleton: (18, J) weights, each row's sum 1.
+    """Weights (18, J) that make the points `BODY_POINTS` of the joints of a skeleton; each row's sum is 1.
 
-    Joints are known by name, in the words of AIST++, SMPL, BVH files and Tang et al. (whose left wrist is called hand).
+    Joints are identified by name, in the words of AIST++, SMPL, BVH files and Tang et al. (who call a left wrist hand).
     Root, neck and chest are put half way between hips, shoulders, or belly and neck where no joint is called so.
 
     Raises
@@ -52,8 +47,7 @@ def body_points(skeleton: Skeleton) -> FloatArray:
     ValueError
         If points are missing; the message names them.
     """
-    found = _named_joints(skeleton)
-    rows = {point: np.eye(len(skeleton.joints))[joint] for point, joint in found.items()}
+    rows = {point: np.eye(len(skeleton.joints))[joint] for point, joint in _point_joints(skeleton).items()}
     for point, (one, other) in _BETWEEN.items():
         if point not in rows and one in rows and other in rows:
             rows[point] = (rows[one] + rows[other]) / 2
@@ -65,18 +59,16 @@ def body_points(skeleton: Skeleton) -> FloatArray:
     return weights
 
 
-def _named_joints(skeleton: Skeleton) -> dict[str, int]:
+def _point_joints(skeleton: Skeleton) -> dict[str, int]:
     """Joint of every body point that has one of its own; of joints that would fit, the first."""
-    joints: dict[tuple[str, str], int] = {}
-    for joint, name in enumerate(skeleton.joints):
-        joints.setdefault((joint_side(name), joint_part(name)), joint)
-    wanted = {(side, side[:1] + part): words for part, words in _PAIRED.items() for side in ("left", "right")}
-    wanted |= {("", part): words for part, words in _CENTRAL.items()}
-    found: dict[str, int] = {}
-    for (side, point), words in wanted.items():
-        fitting = [joints[side, word] for word in words if (side, word) in joints]
+    joints = named_joints(skeleton)
+    words = {(side, side[:1] + part): names for part, names in _PAIRED.items() for side in ("left", "right")}
+    words |= {("", part): names for part, names in _CENTRAL.items()}
+    points: dict[str, int] = {}
+    for (side, point), names in words.items():
+        fitting = [joints[side, name] for name in names if (side, name) in joints]
         # A foot that stands for the ankle cannot be the toes too, nor a spine both belly and chest.
-        free = [joint for joint in fitting if joint not in found.values()]
+        free = [joint for joint in fitting if joint not in points.values()]
         if free:
-            found[point] = free[0]
-    return found
+            points[point] = free[0]
+    return points

@@ -10,33 +10,16 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from harmolab.features import relations
 from harmolab.features.body_points import BODY_POINTS, body_points
 from harmolab.features.kinetic import AIST_FPS, DenseMotion, dense_motion
-from harmolab.features.relations import (
-    ANGLES,
-    FAST,
-    GEOMETRIC_FEATURES,
-    LINES,
-    LOW,
-    MOVING_LINES,
-    MOVING_PLANES,
-    PLANES,
-    RAISED,
-    Projections,
-    Sizes,
-)
-from harmolab.types import Motion
-
-__all__ = ["GEOMETRIC_FEATURES", "geometric_features"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from harmolab.features.relations import GEOMETRIC_FEATURES, Projections, Sizes, point_numbers
+from harmolab.types import BoolArray, FloatArray, Motion
 
 # The body of SMPL's mean shape, which AIST++ takes for everybody.
 _AIST_SIZES = Sizes(0.2568381092115207, 0.39084835854945527, 0.11924706586886204)
-# AIST++ motion has 60 frames per second; its code divides by the time step of 120, which fairmotion was made for.
+# AIST++ motion has 60 frames per second; its code divides by the time step of 120, as fairmotion has it.
 _AIST_RATE = 120.0
 _UPRIGHT = math.cos(math.radians(70.0))  # a spine between 70 and 110 degrees from the vertical is horizontal
 
@@ -82,12 +65,13 @@ def geometric_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fi
     points = (weights @ joints.reshape(len(joints), -1)).reshape(len(weights), 3, -1)
     sizes, rate = (_AIST_SIZES, _AIST_RATE) if form == "aist++" else (_measured(points), AIST_FPS)
     true = np.empty((len(GEOMETRIC_FEATURES), len(dense.positions) - dense.stride), bool)
-    for still in (LINES, PLANES[form]):
+    for still in (relations.LINES, relations.PLANES[form]):
         true[still.features] = _beyond(points, still, sizes, dense.stride)
-    for moving in (MOVING_LINES[form], MOVING_PLANES[form]):
+    for moving in (relations.MOVING_LINES[form], relations.MOVING_PLANES[form]):
         true[moving.features] = _beyond(points, moving, sizes, dense.stride, rate=rate)
-    steps = points[FAST.points, :, dense.stride :] - points[FAST.points, :, : -dense.stride]
-    true[FAST.features] = _lengths(steps) > (FAST.thresholds * sizes.humerus / rate)[:, None]
+    fast = relations.FAST
+    steps = points[fast.points, :, dense.stride :] - points[fast.points, :, : -dense.stride]
+    true[fast.features] = _lengths(steps) > (fast.thresholds * sizes.humerus / rate)[:, None]
     _mark_angles(true, points[..., dense.stride :])
     _mark_heights(true, points[:, 1, dense.stride :], joints[:, 1, dense.stride :].min(axis=0), sizes)
     return _mean_over_time(true, dense)
@@ -96,7 +80,7 @@ def geometric_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fi
 def _beyond(
     points: FloatArray, table: Projections, sizes: Sizes, stride: int, *, rate: float | None = None
 ) -> BoolArray:
-    """Whether vectors, or with `rate` their changes over a sixtieth, exceed thresholds along directions, (P, T')."""
+    """True where vectors, or with `rate` their changes over a sixtieth, exceed thresholds along directions, (P, T')."""
     corners = [points[corner, :, stride:] for corner in table.normals]
     arms = [corner - corners[0] for corner in corners[1:]]
     normals = arms[0] if len(arms) == 1 else np.cross(arms[0], arms[1], axis=1)
@@ -112,10 +96,11 @@ def _beyond(
 
 def _mark_angles(true: BoolArray, points: FloatArray) -> None:
     """Fill in what is about angles; `points` without the first sixtieth."""
-    first = points[ANGLES.first[1]] - points[ANGLES.first[0]]
-    second = points[ANGLES.second[1]] - points[ANGLES.second[0]]
-    bounds = ANGLES.cosines[:, None] * _lengths(first) * _lengths(second)
-    true[ANGLES.features] = ANGLES.signs[:, None] * ((first * second).sum(axis=1) - bounds) > 0
+    angles = relations.ANGLES
+    first = points[angles.first[1]] - points[angles.first[0]]
+    second = points[angles.second[1]] - points[angles.second[0]]
+    bounds = angles.cosines[:, None] * _lengths(first) * _lengths(second)
+    true[angles.features] = angles.signs[:, None] * ((first * second).sum(axis=1) - bounds) > 0
     spine = points[BODY_POINTS.index("root")] - points[BODY_POINTS.index("neck")]
     true[GEOMETRIC_FEATURES.index("spine horizontal")] = np.abs(spine[1]) < _UPRIGHT * np.sqrt((spine**2).sum(axis=0))
 
@@ -123,22 +108,15 @@ def _mark_angles(true: BoolArray, points: FloatArray) -> None:
 def _mark_heights(true: BoolArray, heights: FloatArray, lowest: FloatArray, sizes: Sizes) -> None:
     """Fill in what is about heights, (18, T'), above the lowest joint, (T',); both without the first sixtieth."""
     above = heights - lowest
-    true[RAISED.features] = above[RAISED.points] > RAISED.thresholds[:, None] * sizes.humerus
-    true[LOW.features] = above[LOW.points] < LOW.thresholds[:, None] * sizes.humerus
+    raised, low = relations.RAISED, relations.LOW
+    true[raised.features] = above[raised.points] > raised.thresholds[:, None] * sizes.humerus
+    true[low.features] = above[low.points] < low.thresholds[:, None] * sizes.humerus
 
 
 def _measured(points: FloatArray) -> Sizes:
     """The dancer's own sizes: medians over time."""
-    left_shoulder, right_shoulder = BODY_POINTS.index("lshoulder"), BODY_POINTS.index("rshoulder")
-    pairs = np.array(
-        [
-            (left_shoulder, BODY_POINTS.index("lelbow")),
-            (right_shoulder, BODY_POINTS.index("relbow")),
-            (left_shoulder, right_shoulder),
-            (BODY_POINTS.index("lhip"), BODY_POINTS.index("rhip")),
-        ]
-    )
-    left, right, shoulders, hips = np.median(_lengths(points[pairs[:, 1]] - points[pairs[:, 0]]), axis=1)
+    starts, ends = point_numbers(("lshoulder lelbow", "rshoulder relbow", "lshoulder rshoulder", "lhip rhip"))
+    left, right, shoulders, hips = np.median(_lengths(points[ends] - points[starts]), axis=1)
     return Sizes(float(left + right) / 2, float(shoulders), float(hips))
 
 

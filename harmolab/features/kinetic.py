@@ -10,16 +10,9 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.kinematics import upsample_motion
-from harmolab.types import Motion
-
-__all__ = ["AIST_FPS", "DenseMotion", "dense_motion", "kinetic_features"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
+from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 
 AIST_FPS = 60.0  # hertz; windows and differences of AIST++ are so many frames of this rate
 _BEFORE, _AFTER = 3, 2  # sixtieths before and after a moment that its window of five steps reaches
@@ -67,8 +60,8 @@ def kinetic_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fixe
         The published code (fairmotion, copied by AIST++, Bailando and others) divides by the time step too early: the
         first velocity of each acceleration is p(t) - p(t - 1) / dt where it should be (p(t) - p(t - 1)) / dt.
         What it calls an acceleration is therefore a + p (1 / dt^2 - 1 / dt): at 60 frames per second 3540 times the
-        place of the joint, which no real acceleration comes near. A third of its features tell where in the room the
-        dancer was, and published distances on kinetic features hang on it. "aist++" does the same, to compare with
+        place of the joint, which no real acceleration comes near. A third of its features depend on where in the room
+        the dancer was, and published distances on kinetic features hang on it. "aist++" does the same, to compare with
         those. Reported as google-research/mint issue 62, facebookresearch/fairmotion pull request 87 and
         google/aistplusplus_api pull request 33.
 
@@ -102,7 +95,7 @@ def kinetic_features(motion: Motion, *, form: Literal["fixed", "aist++"] = "fixe
 
 
 def _over_window(series: FloatArray, n_frames: int, stride: int) -> tuple[FloatArray, FloatArray]:
-    """What a (S, J, 3) series gains over the window of each frame from `stride` on, and the window's sixtieths.
+    """The gain of a (S, J, 3) series over the window of each frame from `stride` on, and the window's sixtieths.
 
     Both ends of a window stay within the series, the first entry of which belongs to frame 0.
     """

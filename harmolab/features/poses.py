@@ -17,29 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.io.joint_names import joint_part, joint_side
-from harmolab.kinematics import smooth
-from harmolab.types import Skeleton
-
-__all__ = [
-    "bone_lengths",
-    "decode_motion",
-    "encode_motion",
-    "mean_heading",
-    "n_channels",
-    "pose_of_root",
-    "root_path",
-    "root_position",
-    "side_pairs",
-    "skull_and_limbs",
-    "turned",
-]
-
-FloatArray = NDArray[np.float64]
-
-HEADING_SMOOTHING = 0.1  # seconds; what is left follows turns, not the swing of single joints
-SHORTEST_ACROSS = 1e-6  # metres between left and right, seen from above, below which nobody can tell the heading
-_PAIRED = ("hip", "hipjoint", "shoulder", "upleg", "thigh", "femur", "upperarm", "humerus", "clavicle", "collar")
+from harmolab.skeletons import heading, root_position, turned
+from harmolab.types import FloatArray, Skeleton
 
 
 def n_channels(skeleton: Skeleton) -> int:
@@ -55,7 +34,7 @@ def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDAr
     positions : (T, J, 3) array, metres, y up
     fps : float, hertz
     skeleton : Skeleton
-        The heading comes from the left and right joints of hips and shoulders, told by their names; without such names
+        The heading comes from the left and right joints of hips and shoulders, by their names; without such names
         it is 0 throughout. The root is the first joint without parent; without bones, the mean of all joints.
 
     Returns
@@ -105,9 +84,9 @@ def decode_motion(
     _check_fps(fps)
     steps = code[:, -3:] / fps
     steps[:1] = 0.0
-    heading = start[2] + np.cumsum(steps[:, 2])
-    way = np.array(start[:2]) + np.cumsum(_turned_plane(steps[:, :2], heading), axis=0)
-    world = turned(code[:, :-3].reshape(len(code), -1, 3), heading[:, None])
+    facing = start[2] + np.cumsum(steps[:, 2])
+    way = np.array(start[:2]) + np.cumsum(_turned_plane(steps[:, :2], facing), axis=0)
+    world = turned(code[:, :-3].reshape(len(code), -1, 3), facing[:, None])
     world[..., 0] += way[:, :1]
     world[..., 2] += way[:, 1:]
     return world
@@ -126,20 +105,11 @@ def root_path(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArr
     -------
     (T, 3) array; a row is a `start` of `decode_motion`
     """
-    across = smooth(_across(positions, skeleton), HEADING_SMOOTHING, fps)
-    return np.column_stack([root_position(positions, skeleton)[:, [0, 2]], _heading(across)])
-
-
-def mean_heading(positions: FloatArray, fps: float, skeleton: Skeleton) -> float:
-    """Where the dancer faces on average, radians from +z towards +x: where a camera should stand.
-
-    0 where the joints' names tell no left and right; arbitrary for a dancer who turns on and on.
-    """
-    return float(np.angle(np.exp(1j * root_path(positions, fps, skeleton)[:, 2]).mean()))
+    return np.column_stack([root_position(positions, skeleton)[:, [0, 2]], heading(positions, fps, skeleton)])
 
 
 def pose_of_root(positions: FloatArray, skeleton: Skeleton) -> tuple[float, float, float]:
-    """Where the root of a single frame stands and faces, so that a dance can go on from there.
+    """Place and heading of the root of a single frame, so that a dance can go on from there.
 
     Parameters
     ----------
@@ -151,14 +121,7 @@ def pose_of_root(positions: FloatArray, skeleton: Skeleton) -> tuple[float, floa
     """
     frame = np.asarray(positions, dtype=np.float64)[None]
     x, _, z = root_position(frame, skeleton)[0]
-    return float(x), float(z), float(_heading(_across(frame, skeleton))[0])
-
-
-def root_position(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
-    """The root of every frame, (T, 3): the first joint without parent, or, without any bone, the mean of all joints."""
-    if not skeleton.bones:
-        return positions.mean(axis=1)
-    return positions[:, skeleton.parents.index(-1)] if -1 in skeleton.parents else positions[:, 0]
+    return float(x), float(z), float(heading(frame, 1.0, skeleton, smoothing=0.0)[0])
 
 
 def bone_lengths(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
@@ -171,61 +134,6 @@ def bone_lengths(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
     parents = np.array(skeleton.parents)
     lengths = np.linalg.norm(positions - positions[:, np.where(parents < 0, 0, parents)], axis=2).mean(axis=0)
     return np.where(parents < 0, 0.0, lengths)
-
-
-def side_pairs(skeleton: Skeleton) -> tuple[tuple[int, int], ...]:
-    """(left, right) joints of hips and shoulders, told by their names: left_hip, "hip L", RightUpLeg, lhip, l_shoulder.
-
-    >>> side_pairs(Skeleton(("hip L", "hip R", "knee L"), (-1, 0, 0)))
-    ((0, 1),)
-    """
-    found: dict[tuple[str, str], int] = {}
-    for joint, name in enumerate(skeleton.joints):
-        side, part = joint_side(name), joint_part(name)
-        if side and part in _PAIRED:
-            found.setdefault((side, part), joint)
-    parts = [part for side, part in found if side == "left" and ("right", part) in found]
-    return tuple((found["left", part], found["right", part]) for part in parts)
-
-
-def skull_and_limbs(skeleton: Skeleton) -> tuple[list[int], list[tuple[int, int]]]:
-    """What to draw of a body: joints of the head, which is one ball, and the bones but for those inside it.
-
-    Hips and shoulders are joined across, which makes the trunk a body.
-
-    >>> skull_and_limbs(Skeleton(("neck", "head L", "head R", "hip L", "hip R"), (-1, 0, 1, 0, 0)))
-    ([1, 2], [(0, 1), (0, 3), (0, 4), (3, 4)])
-    """
-    skull = [joint for joint, name in enumerate(skeleton.joints) if "head" in name.lower()]
-    limbs = [*skeleton.bones, *(side_pairs(skeleton) if skeleton.bones else ())]
-    return skull, [limb for limb in limbs if not (limb[0] in skull and limb[1] in skull)]
-
-
-def _across(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
-    """From the dancer's right to the left, seen from above: (T, 2) array of x and z, metres; +x without names."""
-    pairs = side_pairs(skeleton)
-    if not pairs:
-        return np.tile([1.0, 0.0], (len(positions), 1))
-    left, right = np.array(pairs).T
-    return (positions[:, left] - positions[:, right]).mean(axis=1)[:, [0, 2]]
-
-
-def _heading(across: FloatArray) -> FloatArray:
-    """(T,) headings without jumps; where left and right coincide, the heading before."""
-    # A dancer who faces +z has the left side at +x.
-    heading = np.arctan2(-across[:, 1], across[:, 0])
-    known = np.hypot(across[:, 0], across[:, 1]) > SHORTEST_ACROSS
-    if not known.any():
-        return np.zeros(len(across))
-    last = np.maximum.accumulate(np.where(known, np.arange(len(across)), int(known.argmax())))
-    return np.unwrap(heading[last])
-
-
-def turned(points: FloatArray, angle: FloatArray | float) -> FloatArray:
-    """Points (..., 3) turned about the y axis by `angle` (...) radians, from +z towards +x."""
-    x, z = points[..., 0], points[..., 2]
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.stack([x * cosine + z * sine, points[..., 1], z * cosine - x * sine], axis=-1)
 
 
 def _turned_plane(points: FloatArray, angle: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
-"""What the geometric features ask of a body, as tables: points, directions, thresholds (Müller and Röder 2006).
+"""The geometric features of a body as tables: points, directions, thresholds (Müller and Röder 2006).
 
-Thresholds are told in upper arms, shoulder widths and hip widths of the dancer. The tables "aist++" are as AIST++'s
+Thresholds are in upper arms, shoulder widths and hip widths of the dancer. The tables "aist++" are as AIST++'s
 code has them; `geometric_features` says where and why they differ from the definitions.
 """
 
@@ -10,28 +10,9 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.features.body_points import BODY_POINTS
-
-__all__ = [
-    "ANGLES",
-    "FAST",
-    "GEOMETRIC_FEATURES",
-    "LINES",
-    "LOW",
-    "MOVING_LINES",
-    "MOVING_PLANES",
-    "PLANES",
-    "RAISED",
-    "Angles",
-    "Limits",
-    "Projections",
-    "Sizes",
-]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import FloatArray, IntArray
 
 GEOMETRIC_FEATURES = (
     *("right hand moves forward", "left hand moves forward", "right hand above neck", "left hand above neck"),
@@ -46,7 +27,7 @@ GEOMETRIC_FEATURES = (
 
 
 class Sizes(NamedTuple):
-    """Lengths that thresholds are told in, metres."""
+    """Lengths that thresholds are multiples of, metres."""
 
     humerus: float
     shoulders: float
@@ -81,14 +62,16 @@ class Limits(NamedTuple):
     thresholds: FloatArray
 
 
-def _numbers(rows: Iterable[str]) -> IntArray:
+def point_numbers(rows: Iterable[str]) -> IntArray:
+    """Numbers of the body points in rows of P names, (P, rows)."""
     return np.array([[BODY_POINTS.index(name) for name in row.split()] for row in rows]).T
 
 
 def _projections(*rows: tuple[str, str, str, float, str]) -> Projections:
     features, normals, vectors, thresholds, sizes = zip(*rows, strict=True)
     which = [Sizes._fields.index(size) for size in sizes]
-    return Projections(_features(features), _numbers(normals), _numbers(vectors), np.array(thresholds), np.array(which))
+    directions, ends = point_numbers(normals), point_numbers(vectors)
+    return Projections(_features(features), directions, ends, np.array(thresholds), np.array(which))
 
 
 def _features(names: Iterable[str]) -> IntArray:
@@ -97,14 +80,13 @@ def _features(names: Iterable[str]) -> IntArray:
 
 def _angles(*rows: tuple[str, str, str, float]) -> Angles:
     features, first, second, bounds = zip(*rows, strict=True)
-    return Angles(
-        _features(features), _numbers(first), _numbers(second), np.cos(np.radians(bounds)), -np.sign(np.array(bounds))
-    )
+    one, other = point_numbers(first), point_numbers(second)
+    return Angles(_features(features), one, other, np.cos(np.radians(bounds)), -np.sign(np.array(bounds)))
 
 
 def _limits(*rows: tuple[str, str, float]) -> Limits:
     features, points, thresholds = zip(*rows, strict=True)
-    return Limits(_features(features), _numbers(points)[0], np.array(thresholds))
+    return Limits(_features(features), point_numbers(points)[0], np.array(thresholds))
 
 
 # Feature; a direction, from one point to another; a vector between two points; threshold and its unit. True where the

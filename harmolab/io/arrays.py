@@ -1,4 +1,4 @@
-"""Arrays from files nobody vouches for: sizes are compared before memory is taken."""
+"""Arrays from files that are not trusted: sizes are compared before memory is taken."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from numpy.lib import format as npy_format
 from numpy.typing import ArrayLike, NDArray
 
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
-
-__all__ = ["checked_fps", "checked_motion", "in_metres", "number_array", "read_npy"]
 
 MIN_FPS, MAX_FPS = 1.0, 1000.0
 
@@ -38,10 +36,10 @@ def read_npy(stream: BinaryIO, size: int, *, kinds: str = "fiu") -> NDArray[Any]
     shape, fortran, dtype = _npy_header(stream)
     if dtype.kind not in kinds or not 0 < dtype.itemsize <= (8 if dtype.kind in "fiub" else 4096):
         raise ValueError(f"holds values of type {dtype}; only plain numbers are read, never Python objects")
-    wanted, present = math.prod(shape) * dtype.itemsize, size - stream.tell()
-    if wanted > present or any(length < 0 for length in shape):
-        raise ValueError(f"promises an array of shape {shape} ({wanted} bytes), but {present} bytes are there")
-    values = np.frombuffer(stream.read(wanted), dtype)
+    expected, present = math.prod(shape) * dtype.itemsize, size - stream.tell()
+    if expected > present or any(length < 0 for length in shape):
+        raise ValueError(f"promises an array of shape {shape} ({expected} bytes), but {present} bytes are there")
+    values = np.frombuffer(stream.read(expected), dtype)
     # Turning a number that is no character into text would bring Python itself to fail.
     if dtype.kind == "U" and values.view(f"{dtype.byteorder}u4").max(initial=0) > 0x10FFFF:
         raise ValueError("holds text that is none: its characters are damaged")
@@ -49,7 +47,7 @@ def read_npy(stream: BinaryIO, size: int, *, kinds: str = "fiu") -> NDArray[Any]
 
 
 def _npy_header(stream: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, Fortran order and dtype as the header of an `.npy` stream tells them."""
+    """Shape, Fortran order and dtype in the header of an `.npy` stream."""
     readers = {(1, 0): npy_format.read_array_header_1_0, (2, 0): npy_format.read_array_header_2_0}
     with warnings.catch_warnings():
         # Damaged headers make Python's parser and numpy warn about their syntax before they fail.
@@ -61,17 +59,17 @@ def _npy_header(stream: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]
 
 
 def number_array(values: Any, name: str, shape: tuple[int | None, ...]) -> FloatArray:
-    """A float array from nested lists (of JSON), of the `shape` told; None stands for any length."""
-    wanted = "(" + ", ".join("any" if length is None else str(length) for length in shape) + ")"
+    """A float array from nested lists (of JSON), of that `shape`; None stands for any length."""
+    expected = "(" + ", ".join("any" if length is None else str(length) for length in shape) + ")"
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{name} must be numbers of shape {wanted}: {error}") from None
+        raise ValueError(f"{name} must be numbers of shape {expected}: {error}") from None
     fits = array.ndim == len(shape) and all(
-        length in (None, found) for length, found in zip(shape, array.shape, strict=True)
+        expected_length in (None, length) for expected_length, length in zip(shape, array.shape, strict=True)
     )
     if not fits:
-        raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
+        raise ValueError(f"{name} must have shape {expected}, got {array.shape}")
     return array
 
 

@@ -16,7 +16,7 @@ import soundfile
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.io.errors import PathLike, reading
+from harmolab.io.files import PathLike, reading
 from harmolab.types import Audio
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import number_array
-from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading
+from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading
 from harmolab.types import BeatTrack, FloatArray
 
 __all__ = ["ANNOTATION_RATE", "BeatAnnotation", "Unit", "load_annotation", "load_beats"]

@@ -20,10 +20,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from harmolab.io.arrays import checked_motion, in_metres
-from harmolab.io.errors import PathLike, read_text, reading
+from harmolab.io.files import PathLike, read_text, reading
+from harmolab.skeletons import ancestors
 from harmolab.types import FloatArray, Motion, Skeleton
-
-__all__ = ["load_bvh"]
 
 _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "zrotation")
 _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGNORECASE)
@@ -60,8 +59,8 @@ def load_bvh(path: PathLike, *, fps: float | None = None, scale: float | None = 
         Both name the file.
     """
     with reading(path, "a BVH motion", max_bytes=_MAX_BYTES) as file:
-        head, found, table = read_text(file).partition("MOTION")
-        if not found or not head.lstrip()[:9].upper() == "HIERARCHY" or len(head) > _MAX_HEAD:
+        head, keyword, table = read_text(file).partition("MOTION")
+        if not keyword or not head.lstrip()[:9].upper() == "HIERARCHY" or len(head) > _MAX_HEAD:
             raise ValueError("is no BVH motion: it needs a HIERARCHY and a MOTION")
         joints = _hierarchy(head.split())
         values, rate = _table(table, sum(len(joint.channels) for joint in joints))
@@ -137,18 +136,13 @@ def _fill_joint(key: str, joints: list[_Joint], index: int, stream: Iterator[str
     if key == "OFFSET":
         joint.offset = np.array([_number(stream, f"OFFSET of {joint.name}") for _ in range(3)])
         return
-    names = tuple(next(stream, "").lower() for _ in range(_channel_count(stream, joint)))
-    if joint.channels or len(set(names)) < len(names) or not set(names) <= set(_CHANNELS):
-        raise ValueError(f"joint {joint.name[:40]!r} has channels {names}; known are {', '.join(_CHANNELS)}, once each")
-    joint.channels = names
-
-
-def _channel_count(stream: Iterator[str], joint: _Joint) -> int:
-    """The number behind CHANNELS."""
     count = _number(stream, f"CHANNELS of {joint.name}")
     if count not in range(7):
         raise ValueError(f"joint {joint.name[:40]!r} has {count:g} channels; 0 to 6 are possible")
-    return int(count)
+    names = tuple(next(stream, "").lower() for _ in range(int(count)))
+    if joint.channels or len(set(names)) < len(names) or not set(names) <= set(_CHANNELS):
+        raise ValueError(f"joint {joint.name[:40]!r} has channels {names}; known are {', '.join(_CHANNELS)}, once each")
+    joint.channels = names
 
 
 def _number(stream: Iterator[str], where: str) -> float:
@@ -194,9 +188,7 @@ def _numbers(text: str) -> FloatArray:
 
 def _guessed_scale(joints: list[_Joint]) -> float:
     """0.01 if the rest skeleton extends over more than 3 units in any direction, else 1."""
-    rest = np.zeros((len(joints), 3))
-    for index, joint in enumerate(joints):
-        rest[index] = joint.offset + (rest[joint.parent] if joint.parent >= 0 else 0.0)
+    rest = ancestors([joint.parent for joint in joints]) @ np.array([joint.offset for joint in joints])
     return 0.01 if np.ptp(rest, axis=0).max() > 3 else 1.0
 
 

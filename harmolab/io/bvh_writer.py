@@ -18,17 +18,15 @@ import itertools
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike
-from harmolab.types import FloatArray, Motion, Skeleton
-
-__all__ = ["save_bvh"]
+from harmolab.io.files import PathLike, atomic_write
+from harmolab.skeletons import ancestors, children, tree_order
+from harmolab.types import BoolArray, FloatArray, IntArray, Motion, Skeleton
 
 # Metres by which a joint may miss its place before it gets position channels.
 REACH = 2e-5
@@ -41,26 +39,21 @@ POSITIONS = "Xposition Yposition Zposition"
 CENTIMETRES_FROM = 0.03
 
 
-@dataclass(frozen=True, eq=False)
-class _Bones:
-    """What a BVH says of the joints, in its own order: parents before children, a branch at a time.
+class _Bones(NamedTuple):
+    """The joints as a BVH has them, each array in the order of the skeleton's joints.
 
     Parameters
     ----------
-    order : J joint indices
-    depth : J, ancestors of each
     offsets : (J, 3), metres; the root's is 0
     local : (T, J, 3), metres, place in the parent's frame (of the root: in the world)
     turns : (T, J, 3), degrees, about z, x and y in turn
     moving : (J,) bool, which need position channels
     """
 
-    order: tuple[int, ...]
-    depth: tuple[int, ...]
     offsets: FloatArray
     local: FloatArray
     turns: FloatArray
-    moving: tuple[bool, ...]
+    moving: BoolArray
 
 
 def save_bvh(path: PathLike, motion: Motion) -> None:
@@ -83,78 +76,58 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
     path = Path(path)
     if motion.positions.shape[2] != 3:
         raise ValueError(f"{path}: BVH holds movement in space; this motion is in image coordinates")
-    order, depth = _branches(path, motion.skeleton)
-    bones = _fitted(motion, order, depth)
-    extent = np.ptp(_rest(bones.offsets, motion.skeleton, order), axis=0).max()
-    scale = 100.0 if extent > CENTIMETRES_FROM else 1.0
-    with written_aside(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.writelines(f"{line}\n" for line in _hierarchy(motion.skeleton, bones, scale))
-        stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
-        np.savetxt(stream, _table(bones, scale), fmt="%.6f")
-
-
-def _branches(path: Path, skeleton: Skeleton) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The joints branch by branch, and the depth of each; ValueError unless the skeleton is one tree of two or more."""
-    roots = [joint for joint, parent in enumerate(skeleton.parents) if parent < 0]
-    if len(roots) != 1 or len(skeleton.joints) < 2:
+    skeleton = motion.skeleton
+    roots = skeleton.parents.count(-1)
+    if roots != 1 or len(skeleton.joints) < 2:
         raise ValueError(
             f"{path}: BVH needs bones that hang on one root; this skeleton has {len(skeleton.joints)} joints and "
-            f"{len(roots)} roots; save it as .npz"
+            f"{roots} roots; save it as .npz"
         )
-    children = _children(skeleton)
-    order, depth, waiting = [], [], [(roots[0], 0)]
-    while waiting:
-        joint, level = waiting.pop()
-        order.append(joint)
-        depth.append(level)
-        waiting += [(child, level + 1) for child in reversed(children[joint])]
-    if len(order) < len(skeleton.joints):
-        raise ValueError(f"{path}: the skeleton's bones form a ring: {skeleton.parents}")
-    return tuple(order), tuple(depth)
+    try:
+        order = tree_order(skeleton.parents)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    bones = _fitted(motion, order)
+    above = ancestors(skeleton.parents)
+    scale = 100.0 if np.ptp(above @ bones.offsets, axis=0).max() > CENTIMETRES_FROM else 1.0
+    with atomic_write(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(f"{line}\n" for line in _hierarchy(skeleton, order, above.sum(axis=1) - 1, bones, scale))
+        stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
+        np.savetxt(stream, _table(bones, order, scale), fmt="%.6f")
 
 
-def _children(skeleton: Skeleton) -> list[list[int]]:
-    """The children of every joint."""
-    children: list[list[int]] = [[] for _ in skeleton.joints]
-    for parent, child in skeleton.bones:
-        children[parent].append(child)
-    return children
-
-
-def _fitted(motion: Motion, order: tuple[int, ...], depth: tuple[int, ...]) -> _Bones:
+def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
     """Offsets and rotations, each fitted to where the joints above have come to lie, so that no error adds up."""
-    wanted, children = motion.positions, _children(motion.skeleton)
+    places, below = motion.positions, children(motion.skeleton.parents)
     root = order[0]
-    offsets, turns = np.zeros(wanted.shape[1:]), np.zeros(wanted.shape)
-    local, reached = np.zeros(wanted.shape), np.zeros(wanted.shape)
-    local[:, root] = reached[:, root] = wanted[:, root]
-    frames = {root: np.broadcast_to(np.eye(3), (len(wanted), 3, 3))}  # of the parent, in the world
-    moving = {root: True}
+    offsets, turns = np.zeros(places.shape[1:]), np.zeros(places.shape)
+    local, reached = np.zeros(places.shape), np.zeros(places.shape)
+    local[:, root] = reached[:, root] = places[:, root]
+    frames = {root: np.broadcast_to(np.eye(3), (len(places), 3, 3))}  # of the parent, in the world
+    moving = np.arange(places.shape[1]) == root
     for joint in order:
-        below, above = children[joint], frames.pop(joint)
-        if not below:
+        branch, above = below[joint], frames.pop(joint)
+        if not branch:
             continue
-        offsets[below] = _mean_shape(wanted[:, below] - wanted[:, joint, None])
+        offsets[branch] = _mean_shape(places[:, branch] - places[:, joint, None])
         # Rows times a rotation: the world's axes to the parent's.
-        seen = (wanted[:, below] - reached[:, joint, None]) @ above
-        turn = _alignment(offsets[below], seen)
-        local[:, below], missed = seen @ turn, np.linalg.norm(seen - offsets[below] @ turn.swapaxes(1, 2), axis=2)
+        vectors = (places[:, branch] - reached[:, joint, None]) @ above
+        turn = _alignment(offsets[branch], vectors)
+        local[:, branch] = vectors @ turn
+        missed = np.linalg.norm(vectors - offsets[branch] @ turn.swapaxes(1, 2), axis=2)
         turns[:, joint] = _angles(turn)
-        for place, child in enumerate(below):
-            moving[child] = bool(missed[:, place].max() > REACH)
-            held = seen[:, place] if moving[child] else offsets[child] @ turn.swapaxes(1, 2)
+        for place, child in enumerate(branch):
+            moving[child] = missed[:, place].max() > REACH
+            held = vectors[:, place] if moving[child] else offsets[child] @ turn.swapaxes(1, 2)
             reached[:, child] = reached[:, joint] + (above @ held[..., None])[..., 0]
             frames[child] = above @ turn
-    rows = list(order)
-    return _Bones(
-        order, depth, offsets[rows], local[:, rows], turns[:, rows], tuple(moving[joint] for joint in order)
-    )  # fmt: skip
+    return _Bones(offsets, local, turns, moving)
 
 
 def _mean_shape(vectors: FloatArray) -> FloatArray:
     """(C, 3): the vectors (T, C, 3) turned together and averaged, in the first frame's attitude, at their mean lengths.
 
-    Each round turns every frame onto the shape found so far (generalised Procrustes analysis).
+    Each round turns every frame onto the shape so far (generalised Procrustes analysis).
     """
     lengths = np.linalg.norm(vectors, axis=2).mean(axis=0)
     shape = vectors[0]
@@ -187,29 +160,24 @@ def _angles(turn: FloatArray) -> FloatArray:
     return np.unwrap(angles, period=360.0, axis=0)
 
 
-def _rest(offsets: FloatArray, skeleton: Skeleton, order: tuple[int, ...]) -> FloatArray:
-    """Places of the rest skeleton's joints (J, 3), in the order of the file."""
-    rows = {joint: row for row, joint in enumerate(order)}
-    rest = offsets.copy()
-    for row, joint in enumerate(order[1:], start=1):
-        rest[row] += rest[rows[skeleton.parents[joint]]]
-    return rest
-
-
-def _hierarchy(skeleton: Skeleton, bones: _Bones, scale: float) -> Iterator[str]:
-    """The lines before MOTION."""
+def _hierarchy(
+    skeleton: Skeleton, order: tuple[int, ...], depths: IntArray, bones: _Bones, scale: float
+) -> Iterator[str]:
+    """The lines before MOTION; `depths` (J,) counts the joints above each."""
     names = _names(skeleton.joints)
     offsets = np.round(bones.offsets * scale, 6) + 0.0  # no minus before a zero
+    following = [*depths[list(order[1:])].tolist(), 0]
     yield "HIERARCHY"
-    for row, (joint, depth) in enumerate(zip(bones.order, bones.depth, strict=True)):
-        pad, following = "\t" * depth, bones.depth[row + 1] if row + 1 < len(bones.depth) else 0
-        yield f"{pad}{'JOINT' if row else 'ROOT'} {names[joint]}"
+    for joint, after in zip(order, following, strict=True):
+        depth = int(depths[joint])
+        pad = "\t" * depth
+        yield f"{pad}{'JOINT' if depth else 'ROOT'} {names[joint]}"
         yield f"{pad}{{"
-        yield f"{pad}\tOFFSET {' '.join(f'{value:.6f}' for value in offsets[row])}"
-        yield f"{pad}\tCHANNELS {f'6 {POSITIONS}' if bones.moving[row] else '3'} {ROTATIONS}"
-        if following <= depth:
+        yield f"{pad}\tOFFSET {' '.join(f'{value:.6f}' for value in offsets[joint])}"
+        yield f"{pad}\tCHANNELS {f'6 {POSITIONS}' if bones.moving[joint] else '3'} {ROTATIONS}"
+        if after <= depth:
             yield from (f"{pad}\t{line}" for line in ("End Site", "{", "\tOFFSET 0 0 0", "}"))
-        yield from ("\t" * level + "}" for level in range(depth, following - 1, -1))
+        yield from ("\t" * level + "}" for level in range(depth, after - 1, -1))
 
 
 def _names(joints: tuple[str, ...]) -> list[str]:
@@ -223,9 +191,9 @@ def _names(joints: tuple[str, ...]) -> list[str]:
     return names
 
 
-def _table(bones: _Bones, scale: float) -> FloatArray:
+def _table(bones: _Bones, order: tuple[int, ...], scale: float) -> FloatArray:
     """The numbers of every frame, (T, channels)."""
     columns = []
-    for row, moving in enumerate(bones.moving):
-        columns += [bones.local[:, row] * scale] * moving + [bones.turns[:, row]]
+    for joint in order:
+        columns += [bones.local[:, joint] * scale] * bool(bones.moving[joint]) + [bones.turns[:, joint]]
     return np.concatenate(columns, axis=1)

@@ -1,12 +1,17 @@
-"""2-D key points (COCO-17, OpenPose) to Motion in image coordinates, y down.
+"""Key points of pose estimators to Motion: COCO-17, OpenPose and MediaPipe, from JSON, from arrays, from a folder.
 
-An estimator marks a joint it did not see with confidence 0. Such a joint is filled in by a straight line in time, and
-the frame is marked not valid; a joint that is never seen is an error. Leave out what does not matter
-(`joints=("left_wrist", ...)`), else every frame with a hidden ear counts as not valid.
+A joint that an estimator did not see (confidence 0) is filled in by a straight line in time, and its frame is marked
+not valid; so is a frame without anybody. A joint that is never seen is an error. Leave out what does not matter
+(`joints=("left_wrist", ...)`), else every frame with a hidden ear counts as not valid. Joints that MediaPipe only
+guesses are kept; frames whose mean visibility is below 0.5 are marked not valid.
+
+Of several people in a frame, of those at least half as confident as the best, the dancer is the one nearest to the
+dancer of the frame before; in the first frame the most confident. `harmolab.io.layouts` has the layouts of JSON.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,102 +20,104 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.io.arrays import checked_motion, number_array, read_npy
-from harmolab.io.errors import PathLike, read_json, reading
-from harmolab.types import FloatArray, Motion, Skeleton
+from harmolab.io import layouts
+from harmolab.io.arrays import checked_motion, read_npy
+from harmolab.io.files import MAX_BYTES, MAX_JSON_BYTES, MissingFrameRate, PathLike, read_json, reading
+from harmolab.io.layouts import MEDIAPIPE_33
+from harmolab.skeletons import joint_indices, skeleton_part
+from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
-__all__ = [
-    "COCO_17",
-    "OPENPOSE_18",
-    "OPENPOSE_25",
-    "dancer_motion",
-    "joint_indices",
-    "keypoints_motion",
-    "load_keypoints",
-    "load_openpose",
-    "named_skeleton",
-    "skeleton_part",
-]
-
-COCO_17 = Skeleton(
-    (
-        *("nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder", "left_elbow"),
-        *("right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip", "left_knee", "right_knee"),
-        *("left_ankle", "right_ankle"),
-    ),
-    (-1, 0, 0, 1, 2, 0, 0, 5, 6, 7, 8, 5, 6, 11, 12, 13, 14),
-)
-
-OPENPOSE_18 = Skeleton(
-    (
-        *("nose", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist"),
-        *("right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle"),
-        *("right_eye", "left_eye", "right_ear", "left_ear"),
-    ),
-    (1, -1, 1, 2, 3, 1, 5, 6, 1, 8, 9, 1, 11, 12, 0, 0, 14, 15),
-)
-
-OPENPOSE_25 = Skeleton(
-    (
-        *("nose", "neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist"),
-        *("mid_hip", "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee", "left_ankle"),
-        *("right_eye", "left_eye", "right_ear", "left_ear", "left_big_toe", "left_small_toe", "left_heel"),
-        *("right_big_toe", "right_small_toe", "right_heel"),
-    ),
-    (1, 8, 1, 2, 3, 1, 5, 6, -1, 8, 9, 10, 8, 12, 13, 0, 0, 15, 16, 14, 19, 14, 11, 22, 11),
-)
-
+SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20
+_LANDMARKS = len(MEDIAPIPE_33.joints)
 
 
-def named_skeleton(count: int) -> Skeleton | None:
-    """The pose skeleton with `count` joints: 17 COCO, 18 and 25 OpenPose; None for other counts."""
-    return {17: COCO_17, 18: OPENPOSE_18, 25: OPENPOSE_25}.get(count)
-
-
-def load_keypoints(path: PathLike, *, fps: float, joints: Sequence[str] | None = None) -> Motion:
-    """2-D key points from a `.npy` array, or from a folder of OpenPose JSON files.
+def load_keypoints(
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    joints: Sequence[str] | None = None,
+    world: bool | None = None,
+    aspect: float | None = None,
+) -> Motion:
+    """One dancer's movement from key points: `.json`, `.jsonl`, `.npy`, or the folder that OpenPose wrote.
 
     Parameters
     ----------
     path : str or path
-        An array (T, J, 2), (T, J, 3) with a confidence behind x and y, or flat (T, 2J), (T, 3J); J is 17, 18 or 25.
-        Or the folder that OpenPose wrote.
-    fps : float, frames per second
-    joints : names, optional
-        Keep these joints only.
+        Arrays are those of `keypoints_motion`.
+    fps : float, frames per second; needed unless the JSON holds it
+    joints : names to keep, optional
+    world, aspect : of MediaPipe's landmarks; default what the file says, else as in `keypoints_motion`
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file.
     """
-    if Path(path).is_dir():
-        return load_openpose(path, fps=fps, joints=joints)
-    with reading(path, "a .npy array") as file:
-        with file.open("rb") as stream:
-            values = read_npy(stream, file.stat().st_size)
-        return keypoints_motion(values, fps, joints=joints)
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return _load_folder(path, fps, joints)
+    with reading(path, "key points", max_bytes=MAX_BYTES if suffix == ".npy" else MAX_JSON_BYTES):
+        about: dict[str, Any] = {}
+        if suffix == ".npy":
+            with path.open("rb") as stream:
+                values = read_npy(stream, path.stat().st_size)
+        elif layouts.is_landmarks(content := layouts.json_or_lines(path)):
+            about = content if isinstance(content, dict) else {}
+            values = layouts.landmarks_by_frame(content)
+        else:
+            values = _dancer(layouts.people_by_frame(content))
+        rate = about.get("fps") if fps is None else fps
+        if rate is None:
+            raise MissingFrameRate("holds key points but no frame rate; pass fps")
+        is_world = about.get("world", False) if world is None else world
+        if not isinstance(is_world, bool):
+            raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
+        ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
+        return keypoints_motion(values, rate, joints=joints, world=is_world, aspect=ratio)
 
 
-def keypoints_motion(values: NDArray[Any], fps: float, *, joints: Sequence[str] | None = None) -> Motion:
-    """A Motion from an array of key points; gaps (confidence 0) are filled and marked.
+def keypoints_motion(
+    values: NDArray[Any], fps: Any, *, joints: Sequence[str] | None = None, world: bool = False, aspect: float = 1.0
+) -> Motion:
+    """A Motion from an array of key points; gaps are filled and marked.
 
     Parameters
     ----------
     values : (T, J, 2), (T, J, 3) or flat (T, 2J), (T, 3J) array; x, y and perhaps confidence
+        Or MediaPipe's landmarks, (T, 33, 3) or (T, 33, 4) x, y, z and visibility, NaN in frames without anybody.
     fps : float, frames per second
     joints : names to keep, optional
+    world : bool
+        World landmarks (metres from the hips, so travel is lost): 3-D, y up. Else image landmarks: 2-D, x and y as
+        shares of the picture's width and height.
+    aspect : float
+        Width over height of the picture, so that both directions of image landmarks are in one unit.
+
+    Raises
+    ------
+    ValueError
+        For another shape, an aspect that cannot be, a joint that is never seen, unknown names.
     """
-    points = _with_joints(values)
-    skeleton = named_skeleton(points.shape[1]) or Skeleton.unnamed(points.shape[1])
-    if joints is not None:
-        keep = joint_indices(skeleton, joints)
-        points, skeleton = points[:, keep], skeleton_part(skeleton, keep)
+    are_landmarks = values.ndim == 3 and values.shape[1] == _LANDMARKS and values.shape[2] in (3, 4)
+    points = values if are_landmarks else _with_joints(values)
+    named = MEDIAPIPE_33 if are_landmarks else layouts.named_skeleton(points.shape[1])
+    skeleton = named or Skeleton.unnamed(points.shape[1])
+    keep = joint_indices(skeleton, skeleton.joints if joints is None else joints)
+    kept = skeleton_part(skeleton, keep)
+    if are_landmarks:
+        if not (np.isfinite(aspect) and 0.1 <= aspect <= 10):
+            raise ValueError(f"aspect is width over height and must lie between 0.1 and 10, got {aspect}")
+        scale = np.array([1.0, -1.0, -1.0] if world else [aspect, 1.0])
+        places, valid = _seen_landmarks(points)
+        return checked_motion(places[:, keep, : scale.size] * scale, fps, kept, valid)
+    points = points[:, keep]
     if points.shape[2] == 2:
-        return checked_motion(points, fps, skeleton)
+        return checked_motion(points, fps, kept)
     seen = np.asarray(points[..., 2] > 0)
-    return checked_motion(_filled(points[..., :2], seen, skeleton), fps, skeleton, np.asarray(seen.all(axis=1)))
+    return checked_motion(_filled(points[..., :2], seen, kept), fps, kept, np.asarray(seen.all(axis=1)))
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
@@ -125,137 +132,73 @@ def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
     )
 
 
-def joint_indices(skeleton: Skeleton, joints: Sequence[str]) -> list[int]:
-    """Where `joints` stand in the skeleton."""
-    unknown = [name for name in joints if name not in skeleton.joints]
-    if unknown or not joints:
-        raise ValueError(f"no joints named {unknown}; there are {', '.join(skeleton.joints)}")
-    return [skeleton.joints.index(name) for name in joints]
+def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
+    """Places (T, 33, 3), filled in where the frame is empty, and the frames (T,) in which the body was."""
+    empty = np.isnan(values).all(axis=(1, 2))
+    if empty.all():
+        raise ValueError(f"nobody is seen in any of its {len(values)} frames")
+    valid = np.nan_to_num(values[..., 3].mean(axis=1)) >= SEEN if values.shape[2] == 4 else ~empty
+    seen = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
+    return _filled(values[..., :3], seen, MEDIAPIPE_33), valid & ~empty
 
 
-def skeleton_part(skeleton: Skeleton, keep: list[int]) -> Skeleton:
-    """The skeleton of the joints `keep`; each hangs on its nearest ancestor that is kept."""
-    parents = []
-    for joint in keep:
-        parent = skeleton.parents[joint]
-        while parent >= 0 and parent not in keep:
-            parent = skeleton.parents[parent]
-        parents.append(keep.index(parent) if parent >= 0 else -1)
-    return Skeleton(tuple(skeleton.joints[joint] for joint in keep), tuple(parents))
-
-
-def _filled(points: NDArray[Any], seen: NDArray[np.bool_], skeleton: Skeleton) -> FloatArray:
-    """`points` (T, J, 2) with straight lines where a joint was not `seen` (T, J); held at the ends."""
+def _filled(points: NDArray[Any], seen: BoolArray, skeleton: Skeleton) -> FloatArray:
+    """`points` (T, J, D) with straight lines where a joint was not `seen` (T, J); held at the ends."""
     never = [name for joint, name in enumerate(skeleton.joints) if not seen[:, joint].any()]
     if never:
         raise ValueError(f"never shows {', '.join(never)}; keep the other joints only (joints=...)")
     filled, frames = points.astype(np.float64), np.arange(len(points))
     for joint in np.flatnonzero(~seen.all(axis=0)):
         there = seen[:, joint]
-        for axis in (0, 1):
+        for axis in range(points.shape[2]):
             filled[:, joint, axis] = np.interp(frames, frames[there], filled[there, joint, axis])
     return filled
 
 
-def load_openpose(folder: PathLike, *, fps: float, joints: Sequence[str] | None = None) -> Motion:
-    """One dancer's key points from a folder of OpenPose JSON files, one file a frame in the order of their numbers.
-
-    With several people in a frame, of those at least half as confident as the best the one nearest to the dancer of
-    the frame before is taken (in the first frame: the most confident). Frames without anybody are filled in and
-    marked not valid.
-
-    Parameters
-    ----------
-    folder : str or path
-    fps : float, frames per second
-    joints : names to keep, optional
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        Both name the folder or the file in it.
-    """
-    frames = [_people(file) for file in _frame_files(Path(folder))]
+def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
+    """One dancer from OpenPose's JSON files, one a frame in the order of their numbers."""
+    if fps is None:
+        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps")
+    frames = []
+    for path in _frame_files(folder):
+        with reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):
+            frames.append(layouts.entry_poses(read_json(path), layouts.OPENPOSE, "frame"))
     try:
-        return dancer_motion(frames, fps, joints=joints)
+        return keypoints_motion(_dancer(frames), fps, joints=joints)
     except ValueError as error:
         raise ValueError(f"{folder}: {error}") from None
 
 
-def dancer_motion(frames: Sequence[Sequence[FloatArray]], fps: float, *, joints: Sequence[str] | None = None) -> Motion:
-    """One dancer followed through frames with any number of people (`load_openpose` tells how).
+def _frame_files(folder: Path) -> list[Path]:
+    """The JSON files of a folder by frame number; ValueError where a number is missing or there twice."""
+    digits = {file: re.findall(r"\d+", file.stem.removesuffix("_keypoints")) for file in folder.glob("*.json")}
+    files = sorted((int(numbers[-1][-18:]), file) for file, numbers in digits.items() if numbers)
+    if not files:
+        raise ValueError(f"{folder}: holds no numbered JSON files as OpenPose writes them (name_000000000000.json)")
+    for (number, file), (following, other) in itertools.pairwise(files):
+        if following == number:
+            raise ValueError(f"{folder}: has two files for frame {number}: {file.name} and {other.name}")
+        if following > number + 1:
+            raise ValueError(f"{folder}: frame {number + 1} is missing between {files[0][0]} and {files[-1][0]}")
+    return [file for _, file in files]
 
-    Parameters
-    ----------
-    frames : for each frame the people in it, each (J, 3): x, y, confidence
-    fps : float, frames per second
-    joints : names to keep, optional
 
-    Raises
-    ------
-    ValueError
-        Nobody is seen in any frame, or poses differ in their number of joints.
-    """
-    found: list[FloatArray | None] = []
+def _dancer(frames: Sequence[Sequence[FloatArray]]) -> FloatArray:
+    """(T, J, 3) x, y, confidence of one dancer followed through frames of people (J, 3); 0 in empty frames."""
+    poses: list[FloatArray | None] = []
     last = None
     for people in frames:
-        found.append(_dancer(people, last))
-        last = last if found[-1] is None else found[-1]
-    poses = [pose for pose in found if pose is not None]
-    if not poses:
+        poses.append(_dancer_among(people, last))
+        last = last if poses[-1] is None else poses[-1]
+    if last is None:
         raise ValueError(f"nobody is seen in any of its {len(frames)} frames")
-    if len({len(pose) for pose in poses}) > 1:
+    if len({len(pose) for pose in poses if pose is not None}) > 1:
         raise ValueError("mixes poses of different numbers of joints")
-    empty = np.zeros_like(poses[0])
-    return keypoints_motion(np.stack([empty if pose is None else pose for pose in found]), fps, joints=joints)
+    return np.stack([np.zeros_like(last) if pose is None else pose for pose in poses])
 
 
-def _frame_files(folder: Path) -> list[Path]:
-    """The JSON files of a folder by frame number; ValueError where a number is missing."""
-    if not folder.exists():
-        raise FileNotFoundError(f"{folder}: no such folder")
-    if not folder.is_dir():
-        raise ValueError(f"{folder}: is not a folder of OpenPose JSON files")
-    numbered: dict[int, Path] = {}
-    for file in folder.glob("*.json"):
-        numbers = re.findall(r"\d+", file.stem.removesuffix("_keypoints"))
-        number = int(numbers[-1][-18:]) if numbers else -1
-        if number in numbered:
-            raise ValueError(f"{folder}: has two files for frame {number}: {numbered[number].name} and {file.name}")
-        if numbers:
-            numbered[number] = file
-    if not numbered:
-        raise ValueError(f"{folder}: holds no numbered JSON files as OpenPose writes them (name_000000000000.json)")
-    first, last = min(numbered), max(numbered)
-    if last - first + 1 != len(numbered):
-        missing = next(number for number in range(first, last) if number not in numbered)
-        raise ValueError(f"{folder}: frame {missing} is missing between {first} and {last}")
-    return [numbered[number] for number in range(first, last + 1)]
-
-
-def _people(file: Path) -> list[FloatArray]:
-    """The people in one frame, each (J, 3): x, y, confidence."""
-    with reading(file, "an OpenPose frame", max_bytes=_PERSON_BYTES):
-        frame = read_json(file)
-        if not isinstance(frame, dict) or not isinstance(frame.get("people"), list):
-            raise ValueError("has no list 'people'; OpenPose writes one into every frame")
-        return [_person(person) for person in frame["people"]]
-
-
-def _person(person: Any) -> FloatArray:
-    """One person's key points (J, 3)."""
-    flat = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
-    if not isinstance(flat, list) or len(flat) not in (3 * 18, 3 * 25):
-        raise ValueError("has a person without pose_keypoints_2d of 18 or 25 joints (x, y, confidence)")
-    pose = number_array(flat, "pose_keypoints_2d", (None,)).reshape(-1, 3)
-    if not np.isfinite(pose).all():
-        joint = int(np.argwhere(~np.isfinite(pose))[0][0])
-        raise ValueError(f"NaN or infinity at joint {joint}")
-    return pose
-
-
-def _dancer(people: Sequence[FloatArray], previous: FloatArray | None) -> FloatArray | None:
-    """The person who is the dancer, or None if nobody is there."""
+def _dancer_among(people: Sequence[FloatArray], previous: FloatArray | None) -> FloatArray | None:
+    """The person who is the dancer, or None in an empty frame."""
     confidence = [float(pose[:, 2].mean()) for pose in people]
     if not people or max(confidence) <= 0:
         return None

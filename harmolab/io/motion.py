@@ -27,8 +27,8 @@ Other formats
     joints get the names of COCO or OpenPose, and pixels with a confidence behind them are read as such. AIST++ file
     names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.io.keypoints`.
 ``.json``, ``.jsonl``
-    MediaPipe's landmarks (`harmolab.io.landmarks`) or COCO-17 key points of a whole video, as AlphaPose, Detectron2,
-    MMPose, OpenPifPaf, Ultralytics and ViTPose write them (`harmolab.io.coco`). The content tells which.
+    MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
+    Ultralytics and ViTPose write them (`harmolab.io.layouts`). The content tells which.
 ``.bvh``
     any skeleton; `harmolab.io.bvh`.
 ``.pkl``
@@ -42,6 +42,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,17 +50,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres, read_npy
-from harmolab.io.aside import written_aside
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.coco import coco_people, people_motion, read_lines
-from harmolab.io.errors import MAX_BYTES, MAX_JSON_BYTES, PathLike, reading
-from harmolab.io.keypoints import joint_indices, keypoints_motion, load_openpose, named_skeleton, skeleton_part
-from harmolab.io.landmarks import MEDIAPIPE_33, is_landmarks, landmarks_motion, load_landmarks
+from harmolab.io.files import MAX_BYTES, MissingFrameRate, PathLike, atomic_write, reading
+from harmolab.io.keypoints import keypoints_motion, load_keypoints
+from harmolab.io.layouts import named_skeleton
 from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
+from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import Motion, Skeleton
-
-__all__ = ["load_motion", "save_motion"]
 
 _MEMBERS = {"positions": "fiu", "fps": "fiu", "joints": "U", "parents": "iu", "valid": "b", "units": "U"}
 # Movement hardly compresses. An archive that unfolds to more than this, and a hundredfold, is a trap.
@@ -99,14 +97,16 @@ def load_motion(
 def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[str] | None) -> Motion:
     """The motion by the reader of its suffix; those that fill unseen joints leave out all but `joints` before."""
     suffix = path.suffix.lower()
-    if path.is_dir():
-        return _load_folder(path, fps, joints)
+    if path.is_dir() and (path / "motion.npz").is_file():
+        path, suffix = path / "motion.npz", ".npz"
+    elif path.is_dir() and (path / "skeletons.json").is_file():
+        raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.data.load_recording")
+    if path.is_dir() or suffix in (".json", ".jsonl"):
+        return load_keypoints(path, fps=fps, joints=joints)
     if suffix == ".npz":
         return _load_npz(path, fps)
     if suffix == ".npy":
         return _load_npy(path, fps, 1.0 if scale is None else scale, joints)
-    if suffix in (".json", ".jsonl"):
-        return _load_json(path, fps, joints)
     if suffix == ".bvh":
         return load_bvh(path, fps=fps, scale=scale)
     if suffix in (".pkl", ".pickle"):
@@ -115,62 +115,21 @@ def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[s
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json")
 
 
-def _load_json(path: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
-    """Landmarks or key points, by what the file holds."""
-    with reading(path, "landmarks or key points in JSON", max_bytes=MAX_JSON_BYTES):
-        content = read_lines(path)
-        if is_landmarks(content):
-            return load_landmarks(path, fps=fps, joints=joints)
-        if isinstance(content, dict) and isinstance(content.get("people"), list):
-            raise ValueError("is one frame of OpenPose; name the folder that holds all of them")
-        people = coco_people(content)
-        if people is None:
-            raise ValueError(
-                f"holds {_looks(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
-                "nor COCO-17 key points (entries with image_id and keypoints)"
-            )
-        if fps is None:
-            raise ValueError("holds COCO-17 key points but no frame rate; pass fps")
-        return people_motion(people, fps, joints=joints)
-
-
-def _looks(content: Any) -> str:
-    """What a JSON file holds, in a few words."""
-    if isinstance(content, dict):
-        return "an object with " + (", ".join(repr(str(name)[:20]) for name in list(content)[:5]) or "nothing in it")
-    if isinstance(content, list):
-        return f"a list of {len(content)}" + (f", first {str(content[0])[:40]!r}" if content else "")
-    return repr(str(content)[:40])
-
-
-def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
-    """A folder's own `motion.npz`, or OpenPose's JSON files."""
-    if (folder / "motion.npz").is_file():
-        return _load_npz(folder / "motion.npz", fps)
-    if (folder / "skeletons.json").is_file():
-        raise ValueError(f"{folder}: is a sequence of Tang et al.; read it with harmolab.data.load_sequence")
-    if fps is None:
-        raise ValueError(f"{folder}: holds no frame rate; pass fps")
-    return load_openpose(folder, fps=fps, joints=joints)
-
-
 def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[str] | None) -> Motion:
     """A `.npy` array: (T, J, 3) metres, (T, J, 2) or flat image coordinates, or landmarks with their visibility."""
     with reading(path, "a .npy array") as file:
         with file.open("rb") as stream:
             values = read_npy(stream, file.stat().st_size)
         if fps is None and not is_aist_name(file):
-            raise ValueError("holds no frame rate; pass fps")
+            raise MissingFrameRate("holds no frame rate; pass fps")
         rate = AIST_FPS if fps is None else fps
-        if values.shape[1:] == (len(MEDIAPIPE_33.joints), 4):
-            return landmarks_motion(values, rate, joints=joints)
         if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             return keypoints_motion(values, rate, joints=joints)
         return checked_motion(in_metres(values, scale), rate, named_skeleton(values.shape[1]))
 
 
 def _has_confidence(values: NDArray[Any]) -> bool:
-    """Whether (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
+    """True where (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
     is_pose = named_skeleton(values.shape[1]) is not None and len(values) > 0
     return bool(
         is_pose and values[..., 2].min() >= 0 and values[..., 2].max() <= 1 and np.abs(values[..., :2]).max() > 20
@@ -178,7 +137,7 @@ def _has_confidence(values: NDArray[Any]) -> bool:
 
 
 def _load_npz(path: PathLike, fps: float | None) -> Motion:
-    """Our own format, as the module's docstring tells it."""
+    """Our own format, as in the module's docstring."""
     with reading(path, "an .npz motion") as file:
         arrays = _npz_arrays(file)
         for name in ("positions", "fps"):
@@ -194,25 +153,20 @@ def _load_npz(path: PathLike, fps: float | None) -> Motion:
 
 
 def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
-    """The skeleton of an `.npz`, as far as it is told."""
-    if "joints" not in arrays and "parents" not in arrays:
-        return None
-    count = arrays["joints" if "joints" in arrays else "parents"].size
-    plain = Skeleton.unnamed(count)
-    joints = arrays["joints"].ravel().tolist() if "joints" in arrays else plain.joints
-    parents = arrays["parents"].ravel().tolist() if "parents" in arrays else plain.parents
-    return Skeleton(tuple(joints), tuple(parents))
+    """The skeleton of an `.npz`; joints without names, or without bones, where it holds one of the two only."""
+    parts = {name: tuple(arrays[name].ravel().tolist()) for name in ("joints", "parents") if name in arrays}
+    return replace(Skeleton.unnamed(len(next(iter(parts.values())))), **parts) if parts else None
 
 
 def _npz_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of an `.npz` that we know; sizes are summed before anything is unpacked."""
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        known = {name: info for name, info in members.items() if name in _MEMBERS}
-        unpacked = sum(info.file_size for info in known.values())
+        ours = {name: info for name, info in members.items() if name in _MEMBERS}
+        unpacked = sum(info.file_size for info in ours.values())
         if unpacked > MAX_BYTES or unpacked > max(_BOMB_BYTES, _BOMB_RATIO * path.stat().st_size):
             raise ValueError(f"would unpack to {unpacked} bytes from {path.stat().st_size}; refused")
-        return {name: _member(archive, info, name) for name, info in known.items()}
+        return {name: _member(archive, info, name) for name, info in ours.items()}
 
 
 def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> NDArray[Any]:
@@ -244,7 +198,7 @@ def save_motion(path: PathLike, motion: Motion) -> None:
         return
     if suffix != ".npz":
         raise ValueError(f"{path}: motion is saved as .npz or .bvh; choose a name that ends so")
-    with written_aside(path) as aside, aside.open("wb") as stream:
+    with atomic_write(path) as aside, aside.open("wb") as stream:
         np.savez(
             stream,
             positions=motion.positions,

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_motion, in_metres
-from harmolab.io.errors import PathLike, reading
-from harmolab.io.keypoints import COCO_17
+from harmolab.io.files import PathLike, reading
+from harmolab.io.layouts import COCO_17
 from harmolab.types import Motion
 
 __all__ = ["AIST_FPS", "is_aist_name", "load_aist", "read_array_pickle"]

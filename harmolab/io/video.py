@@ -20,8 +20,7 @@ import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
 from numpy.typing import NDArray
 
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike, reading
+from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.types import Audio
 
 __all__ = ["CODINGS", "VideoFrames", "is_video", "opened_container", "video_frames", "write_video"]
@@ -289,7 +288,7 @@ def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: A
     if not MIN_FPS <= fps <= MAX_FPS:
         raise ValueError(f"{path}: fps must lie between {MIN_FPS:g} and {MAX_FPS:g}, got {fps}")
     with (
-        written_aside(path) as aside,
+        atomic_write(path) as aside,
         av.open(f"file:{aside}", "w", format=path.suffix[1:].lower(), container_options=coding.container) as container,
     ):
         _encode(container, coding, _checked(path, frames), Fraction(fps).limit_denominator(100_000), audio)

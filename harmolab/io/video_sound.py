@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.audio import load_audio
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.io.video import is_video, opened_container
 from harmolab.types import Audio
 

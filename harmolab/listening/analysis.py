@@ -1,4 +1,4 @@
-"""What the answers of a study say: rates with intervals, agreement between raters, correlation with scores.
+"""Analysis of a study's answers: rates with intervals, agreement between raters, correlation with scores.
 
 Every row of a table says in its field "simulated" whether the raters behind it were people; `answer_grid` refuses
 answers of both.
@@ -7,37 +7,19 @@ answers of both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import binomtest, norm, rankdata, t
+from scipy.stats import rankdata
 
 from harmolab.listening.answers import Answers
 from harmolab.listening.trials import CHOICES, Key
-from harmolab.significance import auc
+from harmolab.significance import auc, bootstrap_interval_of, wilson_interval
+from harmolab.types import BoolArray, FloatArray
 
-__all__ = [
-    "Grid",
-    "Rate",
-    "agreement_row",
-    "answer_grid",
-    "cohen_kappa",
-    "krippendorff_alpha",
-    "pooled_rate",
-    "rater_rows",
-    "score_rows",
-    "version_rows",
-    "wilson_rate",
-]
-
-FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
-
-LEVEL = 0.95
-N_BOOTSTRAP = 1000
 
 
 @dataclass(frozen=True)
@@ -82,9 +64,9 @@ class Grid:
     def right(self) -> FloatArray:
         """(R, T) array: 1.0 for a right answer, 0.0 for a wrong one, NaN where none was given or none is right."""
         first, second = CHOICES[self.key.kind]
-        wanted = [{first: 0.0, second: 1.0}.get(self.key.trials[one].right or "", math.nan) for one in self.trials]
-        missing = np.isnan(self.second) | np.isnan(wanted)
-        return np.where(missing, math.nan, self.second == np.asarray(wanted))
+        expected = [{first: 0.0, second: 1.0}.get(self.key.trials[one].right or "", math.nan) for one in self.trials]
+        missing = np.isnan(self.second) | np.isnan(expected)
+        return np.where(missing, math.nan, self.second == np.asarray(expected))
 
 
 def answer_grid(answers: Answers, key: Key) -> Grid:
@@ -113,14 +95,25 @@ def answer_grid(answers: Answers, key: Key) -> Grid:
     return Grid(second, raters, trials, answers.simulated, key)
 
 
+def study_tables(
+    answers: Answers, key: Key, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0
+) -> dict[str, list[Row]]:
+    """The rows of every table of a study by name; "raters" and "agreement" only where there are any."""
+    grid = answer_grid(answers, key)
+    tables = {
+        "raters": rater_rows(grid) if any(entry.right for entry in key.trials.values()) else [],
+        "versions": version_rows(grid),
+        "agreement": [agreement_row(grid, seed=seed)] if len(grid.raters) > 1 else [],
+        "scores": score_rows(grid, scores, seed=seed),
+    }
+    return {name: rows for name, rows in tables.items() if rows}
+
+
 def wilson_rate(values: FloatArray) -> Rate:
     """Share of ones among independent answers, with Wilson's interval; NaN entries do not count."""
-    given = values[~np.isnan(values)]
-    hits, n = int(given.sum()), given.size
-    if n == 0:
-        return Rate(0, 0, math.nan, math.nan)
-    interval = binomtest(hits, n).proportion_ci(LEVEL, method="wilson")
-    return Rate(hits, n, float(interval.low), float(interval.high))
+    answered = values[~np.isnan(values)]
+    hits, n = int(answered.sum()), answered.size
+    return Rate(hits, n, *wilson_interval(hits, n))
 
 
 def pooled_rate(values: FloatArray) -> Rate:
@@ -136,41 +129,33 @@ def pooled_rate(values: FloatArray) -> Rate:
     ----------
     values : (R, T) array of 0, 1 and NaN
     """
-    given = ~np.isnan(values)
-    hits, n = int(np.nansum(values)), int(given.sum())
+    answered = ~np.isnan(values)
+    hits, n = int(np.nansum(values)), int(answered.sum())
     if n == 0:
         return Rate(0, 0, math.nan, math.nan)
     share = hits / n
     noise = share * (1 - share) / n
-    residual = np.where(given, values - share, 0.0)
-    by_rater, by_trial = (_cluster_variance(residual, given, axis) for axis in (1, 0))
+    residual = np.where(answered, values - share, 0.0)
+    by_rater, by_trial = (_cluster_variance(residual, answered, axis) for axis in (1, 0))
     alike = max(by_rater - noise, 0.0) + max(by_trial - noise, 0.0)
     variance = noise + alike
     worth = share * (1 - share) / variance if variance > 0 else float(n)
     # Few raters tell little about how much raters differ: Student's quantile, by Satterthwaite's degrees of freedom.
     doubt = sum(
-        max(part - noise, 0.0) ** 2 / max(int(given.any(axis).sum()) - 1, 1)
+        max(part - noise, 0.0) ** 2 / max(int(answered.any(axis).sum()) - 1, 1)
         for part, axis in ((by_rater, 1), (by_trial, 0))
     )
-    quantile = t.ppf(0.5 + LEVEL / 2, variance**2 / doubt) if doubt > 0 else norm.ppf(0.5 + LEVEL / 2)
-    return Rate(hits, n, *_wilson(share, worth, float(quantile)))
+    freedom = variance**2 / doubt if doubt > 0 else math.inf
+    return Rate(hits, n, *wilson_interval(share * worth, worth, freedom=freedom))
 
 
-def _cluster_variance(residual: FloatArray, given: NDArray[np.bool_], axis: int) -> float:
+def _cluster_variance(residual: FloatArray, answered: BoolArray, axis: int) -> float:
     """Variance of the mean if the clusters along the other axis are what was drawn; 0 with fewer than two."""
-    clusters = int(given.any(axis).sum())
+    clusters = int(answered.any(axis).sum())
     if clusters < 2:
         return 0.0
     sums = residual.sum(axis)
-    return float(clusters / (clusters - 1) * (sums**2).sum() / given.sum() ** 2)
-
-
-def _wilson(share: float, n: float, quantile: float) -> tuple[float, float]:
-    """Wilson's score interval for a share of `n` answers, which need not be whole."""
-    square = quantile**2 / n
-    centre = (share + square / 2) / (1 + square)
-    half = quantile * math.sqrt(share * (1 - share) / n + square / (4 * n)) / (1 + square)
-    return max(centre - half, 0.0), min(centre + half, 1.0)
+    return float(clusters / (clusters - 1) * (sums**2).sum() / answered.sum() ** 2)
 
 
 def rater_rows(grid: Grid) -> list[Row]:
@@ -190,16 +175,16 @@ def rater_rows(grid: Grid) -> list[Row]:
 
 
 def version_rows(grid: Grid) -> list[Row]:
-    """What was picked: for "pick" the share of each condition that was called inharmonious, for "choice" that of each
-    pair of models in which the first was preferred.
+    """Shares of what was picked: how often each condition was called inharmonious ("pick"), how often the first of each
+    pair of models was preferred ("choice").
     """
-    asked = [grid.key.trials[one].versions for one in grid.trials]
+    shown = [grid.key.trials[one].versions for one in grid.trials]
     rows = []
-    for versions in sorted({tuple(sorted(one)) for one in asked}):
-        mine = np.array([tuple(sorted(one)) == versions for one in asked])
+    for versions in sorted({tuple(sorted(one)) for one in shown}):
+        these = np.array([tuple(sorted(one)) == versions for one in shown])
         # The second answer says "inharmonious", or that the dance on the right is better.
-        flipped = np.array([len(one) == 2 and one[1] != versions[0] for one in asked])
-        picked = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, mine]
+        flipped = np.array([len(one) == 2 and one[1] != versions[0] for one in shown])
+        picked = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, these]
         rows.append({"version": " over ".join(versions), **pooled_rate(picked).row()})
     return _labelled(rows, grid)
 
@@ -237,7 +222,7 @@ def krippendorff_alpha(values: FloatArray) -> float:
 
 
 def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
-    """How well the raters agree beyond chance: Cohen's kappa of two, Krippendorff's alpha of more.
+    """Agreement of the raters beyond chance: Cohen's kappa of two, Krippendorff's alpha of more.
 
     The interval is a bootstrap over trials.
 
@@ -251,7 +236,7 @@ def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
         raise ValueError("agreement needs two raters or more; merge their files first")
     measure, name = (_kappa, "Cohen's kappa") if n_raters == 2 else (krippendorff_alpha, "Krippendorff's alpha")
     shared = grid.second[:, (~np.isnan(grid.second)).sum(0) >= 2]
-    low, high = _bootstrap(lambda drawn: measure(shared[:, drawn]), shared.shape[1], seed)
+    low, high = bootstrap_interval_of(lambda drawn: measure(shared[:, drawn]), shared.shape[1], seed=seed)
     row = {"measure": name, "raters": n_raters, "n": shared.shape[1], "rate": measure(shared), "low": low, "high": high}
     return _labelled([row], grid)[0]
 
@@ -261,7 +246,7 @@ def _kappa(values: FloatArray) -> float:
 
 
 def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0) -> list[Row]:
-    """How the answers go with every score; the interval of both correlations is a bootstrap over trials.
+    """Correlation of the answers with every score; the interval of both correlations is a bootstrap over trials.
 
     Parameters
     ----------
@@ -284,8 +269,8 @@ def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: i
     for name, values in scores.items():
         score = _trial_scores(grid, name, values)
         liked = grid.second if grid.key.kind == "choice" else 1.0 - grid.second
-        asked = ~np.isnan(liked).all(0) & ~np.isnan(score)
-        rows.append({"score": name, "n": int(asked.sum()), **_correlations(score[asked], liked[:, asked], seed)})
+        defined = ~np.isnan(liked).all(0) & ~np.isnan(score)
+        rows.append({"score": name, "n": int(defined.sum()), **_correlations(score[defined], liked[:, defined], seed)})
     return _labelled(rows, grid)
 
 
@@ -301,8 +286,8 @@ def _trial_scores(grid: Grid, name: str, values: Mapping[str, float]) -> FloatAr
 def _correlations(score: FloatArray, liked: FloatArray, seed: int) -> Row:
     """Both correlations of (T,) scores with (R, T) answers, and the AUC of single answers."""
     share = np.nanmean(liked, axis=0) if score.size else np.empty(0)
-    ranks = _bootstrap(lambda drawn: _rank(score[drawn], share[drawn]), score.size, seed)
-    singles = _bootstrap(lambda drawn: _point_biserial(score[drawn], liked[:, drawn]), score.size, seed)
+    ranks = bootstrap_interval_of(lambda drawn: _rank(score[drawn], share[drawn]), score.size, seed=seed)
+    singles = bootstrap_interval_of(lambda drawn: _point_biserial(score[drawn], liked[:, drawn]), score.size, seed=seed)
     every = np.broadcast_to(score, liked.shape)
     return {
         "rank": _rank(score, share),
@@ -320,8 +305,8 @@ def _rank(score: FloatArray, share: FloatArray) -> float:
 
 
 def _point_biserial(score: FloatArray, liked: FloatArray) -> float:
-    given = ~np.isnan(liked)
-    return _pearson(np.broadcast_to(score, liked.shape)[given], liked[given])
+    answered = ~np.isnan(liked)
+    return _pearson(np.broadcast_to(score, liked.shape)[answered], liked[answered])
 
 
 def _pearson(one: FloatArray, other: FloatArray) -> float:
@@ -331,18 +316,6 @@ def _pearson(one: FloatArray, other: FloatArray) -> float:
     a, b = one - one.mean(), other - other.mean()
     scale = math.sqrt(float((a**2).sum() * (b**2).sum()))
     return float((a * b).sum() / scale) if scale > 1e-12 else math.nan
-
-
-def _bootstrap(measure: Callable[[NDArray[np.int64]], float], n: int, seed: int) -> tuple[float, float]:
-    """Percentile interval of a measure of drawn trials; NaN if there are fewer than two, or it is rarely defined."""
-    if n < 2:
-        return math.nan, math.nan
-    drawn = np.random.default_rng(seed).integers(0, n, (N_BOOTSTRAP, n))
-    found = np.array([measure(row) for row in drawn])
-    if np.isnan(found).mean() > 0.5:
-        return math.nan, math.nan
-    low, high = np.nanquantile(found, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(low), float(high)
 
 
 def _labelled(rows: Sequence[Row], grid: Grid) -> list[Row]:

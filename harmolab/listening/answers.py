@@ -16,10 +16,8 @@ from typing import Any
 
 from filelock import FileLock
 
-from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, reading
+from harmolab.io.files import MAX_TEXT_BYTES, PathLike, reading
 from harmolab.listening.trials import CHOICES, Trial, TrialSet
-
-__all__ = ["SIMULATED", "Answer", "AnswerLog", "Answers", "merge", "read_answers"]
 
 SIMULATED = "simulated-"
 START = b'{"study"'  # of every line
@@ -80,13 +78,28 @@ class Answers:
 
     @property
     def simulated(self) -> bool:
-        """Whether any of the answers is not a person's."""
+        """True if any of the answers is not a person's."""
         return any(answer.simulated for answer in self.answers)
 
     @property
     def raters(self) -> tuple[str, ...]:
         """Names, sorted."""
         return tuple(sorted({answer.rater for answer in self.answers}))
+
+    def of(self, raters: str) -> Answers:
+        """The answers of "all" raters, of "people" or of "simulated" raters alone.
+
+        Raises
+        ------
+        ValueError
+            If none are left, or "all" are of both kinds.
+        """
+        left = [one for one in self.answers if raters == "all" or one.simulated == (raters == "simulated")]
+        if not left:
+            raise ValueError(f"there are no answers of {raters} raters")
+        if len({one.simulated for one in left}) > 1:
+            raise ValueError("there are answers of people and of simulated raters; say --raters people or simulated")
+        return Answers(tuple(left), self.notes)
 
 
 class AnswerLog:
@@ -141,7 +154,7 @@ class AnswerLog:
         return answer
 
     def read(self) -> Answers:
-        """What was answered so far; nothing if the file is not there yet."""
+        """The answers so far; nothing if the file is not there yet."""
         return read_answers(self.path) if self.path.exists() else Answers(())
 
     def resume(self, trials: TrialSet) -> tuple[Trial, ...]:
@@ -208,14 +221,14 @@ def _lines(path: PathLike, notes: list[str]) -> Iterator[tuple[int, Answer]]:
         return  # killed before the first line
     with reading(path, "an answer file", max_bytes=MAX_TEXT_BYTES) as file:
         rows = file.read_bytes().split(b"\n")
-        found = []
+        whole = []
         for number, row in enumerate(rows, 1):
             answer = _parsed(row, number) if row else None
             if answer is not None:
-                found.append((number, answer))
+                whole.append((number, answer))
             elif row:
                 notes.append(f"{path}: line {number} was cut off while it was written; left out")
-    yield from found
+    yield from whole
 
 
 def _parsed(row: bytes, number: int) -> Answer | None:

@@ -1,4 +1,4 @@
-"""What a study shows, cut from a corpus: pieces of music, and for each the dances that may be shown to it.
+"""The stimuli of a study, cut from a corpus: pieces of music, and for each the dances that may be shown to it.
 
 The music of a piece stays and the dance is exchanged: its own ("true"), its own half a beat late ("lagged"), another
 clip's of the same kind ("swapped"), or another model's. Against its dance the music is wrong all the same, and the
@@ -14,20 +14,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import music_and_motion, score_clip
 from harmolab.kinematics import resample_motion, upsample_motion
-from harmolab.listening.trials import Item
+from harmolab.listening.trials import Item, KeyEntry
 from harmolab.metrics import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
-from harmolab.types import Audio, BeatTrack, Clip, Motion
-
-__all__ = ["Pieces", "StudyPiece", "clip_scores", "lagged_pieces", "paired_pieces", "swapped_pieces"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 
 FPS = 60.0  # of every motion shown, so that its rate does not tell where it comes from
 FADE = 0.05  # seconds, at both ends of the sound
@@ -84,6 +79,21 @@ class Pieces:
         """The piece of that name, which a key calls item."""
         return next(piece for piece in self.pieces if piece.name == name)
 
+    def shown(self, entry: KeyEntry) -> tuple[Audio, list[Motion]]:
+        """The music of a trial and its dance, or its two dances (left, right): what `blind_page` takes."""
+        piece = self.named(entry.item)
+        return piece.audio, [piece.motions[version] for version in entry.versions]
+
+    def scores(self, entries: Iterable[KeyEntry]) -> dict[str, dict[str, float]]:
+        """`clip_scores` of every dance that is shown: {score: {source: value}}."""
+        rows = {
+            source: clip_scores(self.named(one.item).clip(version))
+            for one in entries
+            for version, source in zip(one.versions, one.sources, strict=True)
+        }
+        names = next(iter(rows.values()), {})
+        return {name: {source: row[name] for source, row in rows.items()} for name in names}
+
 
 def lagged_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces:
     """A piece of each clip, with its dance "true" and "lagged": every movement half a beat late.
@@ -103,8 +113,8 @@ def lagged_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces
     Examples
     --------
     >>> from harmolab import synthetic_clip
-    >>> made = lagged_pieces([synthetic_clip("waltz", seconds=8.0)], seconds=5.0, seed=1)
-    >>> made.pieces[0].audio.duration, sorted(made.pieces[0].motions)
+    >>> study = lagged_pieces([synthetic_clip("waltz", seconds=8.0)], seconds=5.0, seed=1)
+    >>> study.pieces[0].audio.duration, sorted(study.pieces[0].motions)
     (5.0, ['lagged', 'true'])
     """
     return _pieces(((clip.name, partial(_lagged, clip, seconds, seed)) for clip in clips), seconds, seed)
@@ -171,7 +181,7 @@ def clip_scores(clip: Clip) -> dict[str, float]:
 
 
 def _pieces(cuts: Iterable[tuple[str, Callable[[], StudyPiece]]], seconds: float, seed: int) -> Pieces:
-    """What comes of each clip, equally loud; why one gives nothing is noted."""
+    """The pieces of all clips, equally loud, and why some clips gave none."""
     if not SHORTEST <= seconds <= LONGEST:
         raise ValueError(f"seconds must be between {SHORTEST:g} and {LONGEST:g}, got {seconds:g}")
     if seed < 0:
@@ -240,10 +250,10 @@ def _cut(
     for start in _rng(seed, clip.name).permutation(np.arange(first, last + 1, STEP)):
         audio = _faded(clip.audio.span(max(clip.offset + start / FPS, 0.0), count / FPS))
         shown = {name: _frames(motion, int(start) - late_frames[name], count) for name, motion in motions.items()}
-        heard = beats.span(max(clip.offset + start / FPS, 0.0), audio.duration)
+        music = beats.span(max(clip.offset + start / FPS, 0.0), audio.duration)
         recorded = min(motion.valid.mean() for motion in shown.values())
-        if _sounds(audio) and recorded >= RECORDED and len(heard) > 1:
-            return StudyPiece(clip.name, audio, heard, shown, clip.dance)
+        if _sounds(audio) and recorded >= RECORDED and len(music) > 1:
+            return StudyPiece(clip.name, audio, music, shown, clip.dance)
     raise ValueError(f"has no {seconds:g} s that begin with sound, hold beats and are recorded throughout")
 
 
@@ -261,7 +271,7 @@ def _faded(audio: Audio) -> Audio:
 
 
 def _sounds(audio: Audio) -> bool:
-    """Whether the beginning is not silent."""
+    """True if the beginning is not silent."""
     beginning = audio.samples[: round(ONSET * audio.sample_rate)]
     return bool(_loudness(beginning) > QUIET * _loudness(audio.samples) > 0)
 
@@ -270,9 +280,9 @@ def _equally_loud(pieces: list[StudyPiece]) -> tuple[StudyPiece, ...]:
     """All sounds at one root mean square: `LOUDNESS`, or what the sharpest of them reaches without clipping."""
     loudness = [_loudness(piece.audio.samples) for piece in pieces]
     peaks = [float(np.abs(piece.audio.samples).max()) for piece in pieces]
-    wanted = min([LOUDNESS, *(0.99 * loud / peak for loud, peak in zip(loudness, peaks, strict=True))])
+    level = min([LOUDNESS, *(0.99 * loud / peak for loud, peak in zip(loudness, peaks, strict=True))])
     return tuple(
-        replace(piece, audio=Audio(piece.audio.samples * (wanted / loud), piece.audio.sample_rate))
+        replace(piece, audio=Audio(piece.audio.samples * (level / loud), piece.audio.sample_rate))
         for piece, loud in zip(pieces, loudness, strict=True)
     )
 

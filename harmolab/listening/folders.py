@@ -10,33 +10,15 @@ key.json, scores.json  what was asked, and how it scores; no rater should open t
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading
+from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading, write_json, write_text
 from harmolab.listening.answers import AnswerLog
-from harmolab.listening.trials import MOST_TRIALS, Asked, Key, Trial, TrialSet
-
-__all__ = [
-    "KEY_FILE",
-    "SCORES_FILE",
-    "TRIALS_FILE",
-    "answer_files",
-    "answer_log",
-    "read_key",
-    "read_page",
-    "read_scores",
-    "read_trials",
-    "write_page",
-    "write_scores",
-    "write_study",
-]
+from harmolab.listening.trials import MOST_TRIALS, Key, KeyEntry, Trial, TrialSet
 
 TRIALS_FILE, KEY_FILE, SCORES_FILE = "trials.json", "key.json", "scores.json"
 PAGES, ANSWERS = "pages", "answers"
@@ -54,9 +36,8 @@ def write_study(folder: PathLike, trials: TrialSet, key: Key) -> Path:
         raise ValueError(f"trials of study {trials.study} do not go with the key of study {key.study}")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    asked = {name: asdict(one) for name, one in key.trials.items()}
-    _write_json(folder / KEY_FILE, {"study": key.study, "kind": key.kind, "trials": asked})
-    _write_json(folder / TRIALS_FILE, asdict(trials))  # last: a study that has it is whole
+    write_json(folder / KEY_FILE, key)
+    write_json(folder / TRIALS_FILE, trials)  # last: a study that has it is whole
     return folder
 
 
@@ -81,20 +62,19 @@ def read_key(path: PathLike) -> Key:
         content = _fields(read_json(file), "study", "kind", "trials")
         if not isinstance(content["trials"], dict):
             raise ValueError("trials must be an object from trial to what it asks")
-        trials = {name: _asked(row) for name, row in content["trials"].items()}
+        trials = {name: _key_entry(row) for name, row in content["trials"].items()}
         return Key(content["study"], content["kind"], trials)
 
 
 def write_page(folder: PathLike, trial: str, page: str) -> None:
-    """Writes what a trial shows; `trial` is its id."""
+    """Write the page of a trial; `trial` is its id."""
     path = _page_path(folder, trial)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with written_aside(path) as aside:
-        aside.write_text(page, "utf-8")
+    write_text(path, page)
 
 
 def read_page(folder: PathLike, trial: str) -> str:
-    """What a trial shows, as HTML.
+    """The page of a trial, HTML.
 
     Raises
     ------
@@ -132,11 +112,7 @@ def answer_files(folder: PathLike) -> list[Path]:
 
 def write_scores(folder: PathLike, scores: Mapping[str, Mapping[str, float]]) -> None:
     """Writes the value of every score for every source: ``{score: {source: value}}``, null where there is none."""
-    plain = {
-        name: {source: float(value) if math.isfinite(value) else None for source, value in values.items()}
-        for name, values in scores.items()
-    }
-    _write_json(Path(folder) / SCORES_FILE, plain)
+    write_json(Path(folder) / SCORES_FILE, scores)
 
 
 def read_scores(path: PathLike) -> dict[str, dict[str, float]]:
@@ -156,16 +132,16 @@ def _number(value: Any) -> float:
     return float(value)
 
 
-def _asked(content: Any) -> Asked:
+def _key_entry(content: Any) -> KeyEntry:
     row = _fields(content, "item", "versions", "sources", "right")
-    return Asked(_texts([row["item"]])[0], _texts(row["versions"]), _texts(row["sources"]), row["right"])
+    return KeyEntry(_texts([row["item"]])[0], _texts(row["versions"]), _texts(row["sources"]), row["right"])
 
 
 def _fields(content: Any, *names: str) -> dict[str, Any]:
     """`content`, if it is an object with just these fields: any other might tell the rater something."""
     if not isinstance(content, dict) or set(content) != set(names):
-        found = sorted(content) if isinstance(content, dict) else type(content).__name__
-        raise ValueError(f"must have the fields {', '.join(names)} and no other, got {found!s:.200}")
+        content_names = sorted(content) if isinstance(content, dict) else type(content).__name__
+        raise ValueError(f"must have the fields {', '.join(names)} and no other, got {content_names!s:.200}")
     return content
 
 
@@ -179,8 +155,3 @@ def _texts(content: Any) -> tuple[str, ...]:
     if not isinstance(content, list) or not all(isinstance(text, str) and text for text in content):
         raise ValueError(f"must be texts that are not empty, got {content!r:.120}")
     return tuple(content)
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    with written_aside(path) as aside:
-        aside.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", "utf-8")

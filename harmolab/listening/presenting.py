@@ -1,4 +1,4 @@
-"""A study as a plain local page, without a notebook; the browser talks to this machine alone."""
+"""A study as a plain local page, in a browser or in a frame of a notebook; it talks to this machine alone."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -16,12 +17,13 @@ from urllib.parse import parse_qs
 
 from harmolab.listening.answers import AnswerLog
 from harmolab.listening.trials import Trial, TrialSet
-
-__all__ = ["StudyServer", "trial_page"]
+from harmolab.templates import framed
 
 HOST = "127.0.0.1"
+TITLE = "Listening study"
 MOST_BYTES = 4096  # of a form
 IDLE_SECONDS = 30.0
+FRAME_HEIGHT = 860  # pixels: question, player and answers
 
 
 def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Trial], str], *, action: str) -> str:
@@ -31,7 +33,7 @@ def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Tri
     ----------
     trials : TrialSet
     waiting : tuple of Trial, those without an answer
-    show : callable, ``show(trial)`` returns the HTML of a trial
+    show : callable, ``show(trial)`` returns the page of a trial, such as `blind_page`, which is framed
     action : str, address that the answer is sent to
     """
     if not waiting:
@@ -41,7 +43,7 @@ def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Tri
     return _page(
         f'<p class="count">Trial {number} of {len(trials)}</p>'
         f'<progress max="{len(trials)}" value="{number - 1}"></progress>'
-        f"<h1>{html.escape(trials.question)}</h1>{show(trial)}"
+        f"<h1>{html.escape(trials.question)}</h1>{framed(show(trial))}"
         f'<form method="post" action="{html.escape(action, quote=True)}">'
         f'<input type="hidden" name="trial" value="{trial.id}">{buttons}</form>'
     )
@@ -61,7 +63,7 @@ STYLE = """
 
 def _page(body: str) -> str:
     return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Listening study</title>'
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
         f"<style>{STYLE}</style></head><body>{body}</body></html>"
     )
@@ -75,7 +77,7 @@ class StudyServer:
     trials : TrialSet
     log : AnswerLog
         An answer is written through before the next page is sent.
-    show : callable, ``show(trial)`` returns the HTML of a trial
+    show : callable, ``show(trial)`` returns the page of a trial, such as `blind_page`, which is framed
     port : int, 0 for any free one
 
     Notes
@@ -83,8 +85,12 @@ class StudyServer:
     It listens on 127.0.0.1 only. Its address holds a secret, so that another page open in the browser can neither
     read the trials nor answer them.
 
+    In a notebook it shows itself as a frame whose buttons work while the kernel runs. The frame holds the trial itself,
+    so the offline report shows and plays it too.
+
     Examples
     --------
+    >>> StudyServer(trials, log, show).start()  # doctest: +SKIP
     >>> server = StudyServer(trials, log, show)  # doctest: +SKIP
     >>> with server.running() as address:  # doctest: +SKIP
     ...     webbrowser.open(address)
@@ -101,34 +107,46 @@ class StudyServer:
         self._since = time.monotonic()
         self._answering = threading.Lock()
         self.finished = threading.Event()
-        self._server = _Server(port, self)
+        self._server = ThreadingHTTPServer((HOST, port), partial(_Handler, self))
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
 
     @property
     def address(self) -> str:
-        """What to open in the browser."""
+        """The page's address, for a browser of this machine."""
         return f"http://{HOST}:{self._server.server_port}{self.path}"
+
+    def start(self) -> StudyServer:
+        """Itself, serving until `stop` or the end of the program."""
+        self._thread.start()
+        return self
+
+    def stop(self) -> None:
+        """End serving; answers stay."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
 
     @contextmanager
     def running(self) -> Iterator[str]:
         """The address, served until the end of the ``with`` block."""
-        thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
-        thread.start()
+        self.start()
         try:
             yield self.address
         finally:
-            self._server.shutdown()
-            self._server.server_close()
-            thread.join()
+            self.stop()
 
     def page(self) -> str:
         """The page that the rater sees now."""
-        self._since = time.monotonic()
-        return trial_page(self._trials, self._log.resume(self._trials), self._show, action=self.path)
+        return self.turn()[1]
 
-    def sent(self) -> None:
-        """To be called when a page has gone out: after that of thanks nothing is left to do."""
-        if not self._log.resume(self._trials):
-            self.finished.set()
+    def turn(self) -> tuple[tuple[Trial, ...], str]:
+        """The trials without an answer, and the page that asks the first of them."""
+        self._since = time.monotonic()
+        waiting = self._log.resume(self._trials)
+        return waiting, trial_page(self._trials, waiting, self._show, action=self.address)
+
+    def _repr_html_(self) -> str:
+        return framed(self.page(), title=TITLE, height=FRAME_HEIGHT)
 
     def answer(self, trial: str, choice: str) -> None:
         """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""
@@ -138,28 +156,23 @@ class StudyServer:
                 self._log.record(self._trials, trial, choice, seconds=seconds)
 
 
-class _Server(ThreadingHTTPServer):
-    """A server on this machine alone that knows its study."""
-
-    daemon_threads = True
-
-    def __init__(self, port: int, study: StudyServer) -> None:
-        self.study = study
-        super().__init__((HOST, port), _Handler)
-
-
 class _Handler(BaseHTTPRequestHandler):
     """GET shows the trial, POST answers it."""
 
-    server: _Server
     timeout = IDLE_SECONDS
+
+    def __init__(self, study: StudyServer, *args: Any) -> None:
+        self.study = study
+        super().__init__(*args)  # answers the request
 
     def do_GET(self) -> None:
         if not self._is_ours():
             return
         try:
-            self._reply(HTTPStatus.OK, self.server.study.page())
-            self.server.study.sent()
+            waiting, page = self.study.turn()
+            self._reply(HTTPStatus.OK, page)
+            if not waiting:
+                self.study.finished.set()
         except ValueError as error:  # a damaged file of answers or pages
             self._reply(HTTPStatus.INTERNAL_SERVER_ERROR, _page(f"<p>{html.escape(str(error))}</p>"))
 
@@ -168,7 +181,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             form = self._form()
-            self.server.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
+            self.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
         except (ValueError, OSError) as error:
             self._reply(HTTPStatus.BAD_REQUEST, _page(f"<p>The answer was not saved: {html.escape(str(error))}</p>"))
         else:
@@ -181,7 +194,7 @@ class _Handler(BaseHTTPRequestHandler):
         return parse_qs(self.rfile.read(int(length)).decode("utf-8", "replace"))
 
     def _is_ours(self) -> bool:
-        if self.path == self.server.study.path:
+        if self.path == self.study.path:
             return True
         self._reply(HTTPStatus.NOT_FOUND, _page("<p>There is nothing here.</p>"))
         return False

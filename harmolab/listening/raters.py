@@ -9,8 +9,6 @@ import numpy as np
 from harmolab.listening.answers import SIMULATED, Answer
 from harmolab.listening.trials import Key, TrialSet
 
-__all__ = ["SimulatedRater"]
-
 
 @dataclass(frozen=True)
 class SimulatedRater:
@@ -56,18 +54,18 @@ class SimulatedRater:
         if trials.study != key.study or trials.rater != self.name:
             raise ValueError(f"{self.name} was given trials of {trials.rater}, study {trials.study}")
         drawn = np.random.default_rng([self.seed, int(trials.study, 16)]).random(len(trials)) < self.skill
-        given = []
+        rows = []
         for trial, is_right in zip(trials.trials, drawn, strict=True):
             right = self._right(key, trial.id)
             other = trials.choices[1 - trials.choices.index(right)]
             choice = right if is_right else other
-            given.append(Answer(trials.study, self.name, trial.id, choice, simulated=True))
-        return tuple(given)
+            rows.append(Answer(trials.study, self.name, trial.id, choice, simulated=True))
+        return tuple(rows)
 
     def _right(self, key: Key, trial: str) -> str:
-        asked = key.trials[trial]
-        if asked.right is not None:
-            return asked.right
-        if self.prefers not in asked.versions:
-            raise ValueError(f"no answer is right between {asked.versions}; give prefers= one of them")
-        return ("left", "right")[asked.versions.index(self.prefers)]
+        entry = key.trials[trial]
+        if entry.right is not None:
+            return entry.right
+        if self.prefers not in entry.versions:
+            raise ValueError(f"no answer is right between {entry.versions}; give prefers= one of them")
+        return ("left", "right")[entry.versions.index(self.prefers)]

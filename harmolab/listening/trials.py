@@ -19,27 +19,10 @@ from typing import Literal
 
 import numpy as np
 
-__all__ = [
-    "CHOICES",
-    "MOST_TRIALS",
-    "QUESTIONS",
-    "Asked",
-    "Item",
-    "Key",
-    "Trial",
-    "TrialSet",
-    "make_key",
-    "make_trials",
-]
-
 Kind = Literal["pick", "choice"]
 
-CHOICES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")}
-)
-QUESTIONS: Mapping[str, str] = MappingProxyType(
-    {"pick": "Does the dance fit its music?", "choice": "Which dance fits the music better?"}
-)
+CHOICES = MappingProxyType({"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")})
+QUESTIONS = MappingProxyType({"pick": "Does the dance fit its music?", "choice": "Which dance fits the music better?"})
 ID = re.compile(r"[0-9a-f]{12}")
 MOST_TRIALS = 10_000
 
@@ -82,7 +65,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class TrialSet:
-    """What one rater is asked, in order; it holds no condition, no model and no source.
+    """The trials of one rater, in order; it holds no condition, no model and no source.
 
     Parameters
     ----------
@@ -117,7 +100,7 @@ class TrialSet:
 
     @property
     def question(self) -> str:
-        """What the rater is asked."""
+        """The question that the rater answers."""
         return QUESTIONS[self.kind]
 
     def ordered_for(self, rater: str) -> TrialSet:
@@ -128,8 +111,8 @@ class TrialSet:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What one trial really asks; not for the rater's eyes.
+class KeyEntry:
+    """The truth about one trial; not for the rater's eyes.
 
     Parameters
     ----------
@@ -147,27 +130,27 @@ class Asked:
 
 @dataclass(frozen=True)
 class Key:
-    """What every trial of a study asks; the same for all raters.
+    """The truth about every trial of a study; the same for all raters.
 
     Parameters
     ----------
     study : str
     kind : "pick" or "choice"
-    trials : mapping from the id of a trial to Asked
+    trials : mapping from the id of a trial to KeyEntry
     """
 
     study: str
     kind: Kind
-    trials: Mapping[str, Asked]
+    trials: Mapping[str, KeyEntry]
 
     def __post_init__(self) -> None:
         _check_kind(self.kind)
         _check_ids(self.study, *self.trials)
-        for name, asked in self.trials.items():
-            if not len(asked.versions) == len(asked.sources) == _n_shown(self.kind):
+        for name, entry in self.trials.items():
+            if not len(entry.versions) == len(entry.sources) == _n_shown(self.kind):
                 raise ValueError(f"trial {name} must have {_n_shown(self.kind)} versions and sources")
-            if asked.right not in (None, *CHOICES[self.kind]):
-                raise ValueError(f"trial {name}: right answer must be in {CHOICES[self.kind]}, got {asked.right!r}")
+            if entry.right not in (None, *CHOICES[self.kind]):
+                raise ValueError(f"trial {name}: right answer must be in {CHOICES[self.kind]}, got {entry.right!r}")
         object.__setattr__(self, "trials", MappingProxyType(dict(self.trials)))
 
 
@@ -204,21 +187,21 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
 
 
 def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str = "true") -> Key:
-    """What the trials of `make_trials` with the same arguments ask."""
+    """The key to the trials of `make_trials` with the same arguments."""
     _check_kind(kind)
     versions = _common_versions(items)
     rng = _rng(seed, 0)
     plan = (
         _plan_pick(items, versions, n, truth, rng) if kind == "pick" else _plan_choice(items, versions, n, truth, rng)
     )
-    asked = [plan[place] for place in rng.permutation(n)]
-    study = hashlib.sha256(json.dumps([kind, seed, [asdict(one) for one in asked]]).encode()).hexdigest()[:12]
-    return Key(study, kind, dict(zip(_random_ids(n, seed, 1), asked, strict=True)))
+    entries = [plan[place] for place in rng.permutation(n)]
+    study = hashlib.sha256(json.dumps([kind, seed, [asdict(one) for one in entries]]).encode()).hexdigest()[:12]
+    return Key(study, kind, dict(zip(_random_ids(n, seed, 1), entries, strict=True)))
 
 
 def _plan_pick(
     items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
-) -> list[Asked]:
+) -> list[KeyEntry]:
     """A clip for every trial, half of them true."""
     if truth not in versions:
         raise ValueError(f"items need a version {truth!r}, which is the right music; they have {list(versions)}")
@@ -227,14 +210,14 @@ def _plan_pick(
     conditions = [truth] * (n // 2) + wrong * (n // (2 * len(wrong)))
     clips = [items[place] for place in rng.permutation(len(items))[:n]]
     return [
-        Asked(clip.name, (one,), (clip.versions[one],), CHOICES["pick"][one != truth])
+        KeyEntry(clip.name, (one,), (clip.versions[one],), CHOICES["pick"][one != truth])
         for clip, one in zip(clips, conditions, strict=True)
     ]
 
 
 def _plan_choice(
     items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
-) -> list[Asked]:
+) -> list[KeyEntry]:
     """Items for every pair of versions, half of them with the first on the left."""
     pairs = list(combinations(versions, 2))
     _check_count(n, 2 * len(pairs), len(items) * len(pairs), "pairs")
@@ -245,7 +228,7 @@ def _plan_choice(
             sides = pair if turn % 2 else pair[::-1]
             right = CHOICES["choice"][sides.index(truth)] if truth in sides else None
             sources = tuple(items[place].versions[side] for side in sides)
-            plan.append(Asked(items[place].name, sides, sources, right))
+            plan.append(KeyEntry(items[place].name, sides, sources, right))
     return plan
 
 

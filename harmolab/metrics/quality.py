@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.io.joint_names import foot_joints
 from harmolab.metrics.steps import STEP, runs, sampled, spans, vector_lengths
+from harmolab.skeletons import foot_joints, root_position
 from harmolab.types import Motion
 
 __all__ = [
@@ -207,7 +207,7 @@ def pfc(motion: Motion, *, step: float = STEP) -> float:
     if len(feet) != 2:
         raise ValueError(f"two feet are needed, named left and right; joints are {motion.skeleton.joints}")
     positions, valid, stride = sampled(motion, step, steps=2)
-    root = _root(positions, motion)
+    root = root_position(positions, motion.skeleton)
     push = (root[2 * stride :] - 2 * root[stride:-stride] + root[: -2 * stride]) / step**2
     push[:, 1] = np.maximum(push[:, 1], 0.0)
     strength = np.linalg.norm(push, axis=1)
@@ -265,13 +265,6 @@ def _speeds(motion: Motion, step: float) -> FloatArray:
     """Speed of every joint over every valid step, (S, J), metres per second."""
     positions, valid, stride = sampled(motion, step, steps=1)
     return vector_lengths(positions[stride:] - positions[:-stride])[spans(valid, stride)] / step
-
-
-def _root(positions: FloatArray, motion: Motion) -> FloatArray:
-    parents = motion.skeleton.parents
-    if not motion.skeleton.bones:
-        return positions.mean(axis=1)
-    return positions[:, parents.index(-1) if -1 in parents else 0]
 
 
 def _reference_lengths(lengths: ArrayLike, motion: Motion) -> FloatArray:

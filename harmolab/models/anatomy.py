@@ -1,9 +1,10 @@
-"""What a network is made of, found by running it once: parts that learn, their shapes, what feeds what (Fig. 7)."""
+"""What a network is made of, measured by running it once: parts that learn, their layers, sizes and shapes (Fig. 7)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -13,138 +14,94 @@ from torch import Tensor, nn
 from harmolab.data.units import Batch
 from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic
 
-__all__ = ["Part", "anatomy", "parts_of"]
-
 
 @dataclass(frozen=True)
 class Part:
-    """A box of the diagram.
+    """An input, a part that learns, or an output of a network.
 
     Parameters
     ----------
-    name : str
-        Attribute of the network ("joining.0" inside a list), argument of its ``forward``, or field of what it returns.
-    kind : "input", "output", or the layers inside, such as "GRU" or "3 Conv1d"
-    input, output : shapes of the first tensor that goes in and of the first that comes out
-        () for what goes into an input of the network, and for what comes out of its output.
+    network : "generator", "cross_domain" or "spatial_temporal"
+    name : argument of ``forward``, attribute of the network ("joining.0" inside a list), or field of what it returns
+    layers : "input", "output", or the layers inside, such as "GRU" or "3 Conv1d"
     parameters : int, values that training changes
-    sources : names of the parts that its input is made of, in the order in which they ran
+    shape : shape of one unit's share of what comes out; units that are cut have the number of pieces in front
     """
 
+    network: str
     name: str
-    kind: str
-    input: tuple[int, ...]
-    output: tuple[int, ...]
+    layers: str
     parameters: int
-    sources: tuple[str, ...]
+    shape: str
 
 
-def anatomy(generator: Generator, batch: Batch) -> dict[str, tuple[Part, ...]]:
+def anatomy(generator: Generator, batch: Batch) -> list[Part]:
     """Parts of a generator and of the two discriminators of its size, by running them on a batch.
 
     Parameters
     ----------
     generator : Generator; neither its weights nor its mode change
     batch : Batch of units for it
-
-    Returns
-    -------
-    dict with the keys "generator", "cross_domain" and "spatial_temporal"
     """
     audio, initial, motion, mask = map(torch.from_numpy, (batch.audio, batch.initial, batch.motion, batch.mask))
     with torch.random.fork_rng(devices=[]):  # looking must not change what is trained afterwards
         cross = CrossDomainCritic(generator.params, generator.n_audio, generator.skeleton)
         temporal = SpatialTemporalCritic(generator.params, generator.skeleton)
-    return {
-        "generator": parts_of(generator, audio=audio, initial=initial),
-        "cross_domain": parts_of(cross, mask=mask, audio=audio, motion=motion),
-        "spatial_temporal": parts_of(temporal, mask=mask, motion=motion),
-    }
+    return [
+        *parts_of("generator", generator, audio=audio, initial=initial),
+        *parts_of("cross_domain", cross, audio=audio, motion=motion, mask=mask),
+        *parts_of("spatial_temporal", temporal, motion=motion, mask=mask),
+    ]
 
 
-def parts_of(network: nn.Module, *, mask: Tensor | None = None, **inputs: Tensor) -> tuple[Part, ...]:
-    """Inputs, parts that learn, and outputs of a network, in the order in which they run on `inputs`.
+@torch.no_grad()
+def parts_of(title: str, network: nn.Module, **inputs: Tensor) -> list[Part]:
+    """Inputs (but for "mask"), parts that learn, in the order in which they run, and outputs of a network.
 
-    Nothing of the wiring is written down here. Each part's output is cut from the graph as it comes out; one part feeds
-    another where the gradient of the one's input reaches the other's output, with no part between.
-
-    Parameters
-    ----------
-    network : Module
-        Its children that have parameters are the parts; lists of modules are opened.
-    mask : Tensor, optional
-        Given to ``forward`` as well; which frames are real is no signal, and no box.
-    inputs : arguments of ``forward``; floating-point tensors
-
-    Raises
-    ------
-    ValueError
-        If a part runs more than once (its box would stand for several) or is called like an input.
-
-    Examples
-    --------
-    >>> small = nn.Sequential(nn.Linear(2, 3), nn.ReLU(), nn.Linear(3, 1))
-    >>> [(part.name, part.sources) for part in parts_of(small, input=torch.ones(5, 2))]
-    [('input', ()), ('0', ('input',)), ('2', ('0',)), ('output', ('2',))]
+    Its children with parameters are the parts; lists of modules are opened.
     """
-    leaves = {name: values.detach().clone().requires_grad_() for name, values in inputs.items()}
-    found = [Part(name, "input", (), tuple(values.shape), 0, ()) for name, values in leaves.items()]
-    handles = [module.register_forward_hook(_cutter(name, found, leaves)) for name, module in _learning_parts(network)]
-    try:
-        with torch.enable_grad():
-            made = network(**leaves, **({} if mask is None else {"mask": mask}))
-    finally:
-        for handle in handles:
-            handle.remove()
-    return (*found, *_outputs(made, leaves))
+    n_units = len(next(iter(inputs.values())))
+    parts = [
+        Part(title, name, "input", 0, shape_text(x.shape, n_units)) for name, x in inputs.items() if name != "mask"
+    ]
 
-
-def _cutter(name: str, found: list[Part], leaves: dict[str, Tensor]) -> Any:
-    """Forward hook that notes a part in `found`, and puts a fresh tensor in place of its output, kept in `leaves`."""
-
-    def cut(module: nn.Module, arguments: tuple[Any, ...], result: Any) -> Any:
-        if name in leaves:
-            raise ValueError(f"{name} runs more than once, or is called like an input; a name stands for one box")
-        values = result[0] if isinstance(result, tuple) else result
+    def note(name: str, module: nn.Module, _: Any, result: Any) -> None:
+        shape = (result[0] if isinstance(result, tuple) else result).shape
         count = sum(weights.numel() for weights in module.parameters())
-        fed = _sources(arguments[0], leaves)
-        found.append(Part(name, _kind(module), tuple(arguments[0].shape), tuple(values.shape), count, fed))
-        leaves[name] = values.detach().clone().requires_grad_()
-        return (leaves[name], *result[1:]) if isinstance(result, tuple) else leaves[name]
+        parts.append(Part(title, name, layers_of(module), count, shape_text(shape, n_units)))
 
-    return cut
+    hooks = [module.register_forward_hook(partial(note, name)) for name, module in _learning_parts(network)]
+    try:
+        result = network(**inputs)
+    finally:
+        for hook in hooks:
+            hook.remove()
+    outputs = result._asdict() if hasattr(result, "_asdict") else {"output": result}
+    return parts + [Part(title, name, "output", 0, shape_text(x.shape, n_units)) for name, x in outputs.items()]
 
 
 def _learning_parts(network: nn.Module) -> Iterator[tuple[str, nn.Module]]:
     """Children with parameters; those of a list one by one."""
     for name, child in network.named_children():
         if isinstance(child, nn.ModuleList):
-            inside = [(f"{name}.{place}", module) for place, module in child.named_children()]
-        else:
-            inside = [(name, child)]
-        yield from ((label, module) for label, module in inside if any(True for _ in module.parameters()))
+            yield from ((f"{name}.{place}", module) for place, module in child.named_children())
+        elif any(True for _ in child.parameters()):
+            yield name, child
 
 
-def _kind(module: nn.Module) -> str:
+def layers_of(module: nn.Module) -> str:
     """Classes of the layers with weights of their own, in order: "3 Conv1d", "GRU", "Conv1d + Linear"."""
     layers = [type(part).__name__ for part in module.modules() if any(True for _ in part.parameters(recurse=False))]
     runs = [(name, len(list(run))) for name, run in groupby(layers)]
     return " + ".join(f"{count} {name}" if count > 1 else name for name, count in runs)
 
 
-def _sources(values: Tensor, leaves: dict[str, Tensor]) -> tuple[str, ...]:
-    """Names of the tensors that `values` depends on."""
-    if not values.requires_grad:
-        return ()
-    # With weights of one, something that is added here and taken away there would seem to have no part in it.
-    weights = torch.rand(values.shape, generator=torch.Generator().manual_seed(0)).to(values)
-    slopes = torch.autograd.grad(values, list(leaves.values()), weights, retain_graph=True, allow_unused=True)
-    pairs = zip(leaves, slopes, strict=True)
-    return tuple(name for name, slope in pairs if slope is not None and bool(slope.any()))
+def shape_text(shape: tuple[int, ...], n_units: int) -> str:
+    """The shape of one unit's share in a batch; units that were cut into several pieces have their number in front.
 
-
-def _outputs(made: Any, leaves: dict[str, Tensor]) -> Iterator[Part]:
-    """One part for each field of a named tuple; one called "output" for a tensor."""
-    fields = made._asdict() if hasattr(made, "_asdict") else {"output": made}
-    for name, values in fields.items():
-        yield Part(name, "output", tuple(values.shape), (), 0, _sources(values, leaves))
+    >>> shape_text((10, 60), 10), shape_text((50, 128), 10), shape_text((10,), 10)
+    ('60', '5 of 128', '1')
+    """
+    first, *rest = shape
+    inside = " \N{MULTIPLICATION SIGN} ".join(str(size) for size in rest) or "1"
+    return f"{first // n_units} of {inside}" if first > n_units else inside

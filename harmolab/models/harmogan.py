@@ -12,8 +12,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from harmolab.models.poses import PATH_CHANNELS, ancestors, decode, fix_bones, local_joints
+from harmolab.models.poses import PATH_CHANNELS, decode, fix_bones, local_joints
 from harmolab.params import FeatureParams, ModelParams
+from harmolab.skeletons import ancestors
 from harmolab.types import Skeleton
 
 __all__ = [

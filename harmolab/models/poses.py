@@ -11,7 +11,9 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-__all__ = ["PATH_CHANNELS", "ancestors", "decode", "fix_bones", "local_joints", "root_path"]
+from harmolab.skeletons import ancestors
+
+__all__ = ["PATH_CHANNELS", "decode", "fix_bones", "local_joints", "root_path"]
 
 # Root velocity to the side and forward, yaw rate: the last channels of a code.
 PATH_CHANNELS = 3
@@ -59,30 +61,6 @@ def decode(code: Tensor, fps: float) -> Tensor:
     x, y, z = local_joints(code).unbind(dim=-1)  # each (N, T, J)
     x, z = _turned(x, z, heading[..., None])
     return torch.stack([x + path[..., 0, None], y, z + path[..., 1, None]], dim=-1)
-
-
-def ancestors(parents: Sequence[int]) -> list[list[int]]:
-    """J rows of 0 and 1: entry (i, j) is 1 where j is joint i or lies between it and its root.
-
-    Raises
-    ------
-    ValueError
-        If parents run in a circle.
-
-    Examples
-    --------
-    >>> ancestors((-1, 0, 1))
-    [[1, 0, 0], [1, 1, 0], [1, 1, 1]]
-    """
-    rows = []
-    for joint in range(len(parents)):
-        row, above = [0] * len(parents), joint
-        while above >= 0:
-            if row[above]:
-                raise ValueError(f"parents must form a tree; joint {joint} has no root above it: {tuple(parents)}")
-            row[above], above = 1, parents[above]
-        rows.append(row)
-    return rows
 
 
 def fix_bones(local: Tensor, parents: Sequence[int], lengths: Tensor) -> Tensor:

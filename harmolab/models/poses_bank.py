@@ -17,8 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike, reading
+from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.models.poses import PATH_CHANNELS
 from harmolab.models.weights import DEFAULT_STEM
 from harmolab.params import FeatureParams
@@ -131,7 +130,7 @@ def save_poses(weights: PathLike, bank: PoseBank) -> None:
     """Write a bank beside the weights of that name; the file appears whole or not at all."""
     path = poses_path(weights)
     about = {"format": _FORMAT, "dances": json.dumps(bank.dances)}
-    with written_aside(path) as aside:
+    with atomic_write(path) as aside:
         aside.write_bytes(save({"poses": bank.poses.astype(np.float16)}, metadata=about))
 
 

@@ -23,7 +23,7 @@ import torch
 from safetensors import SafetensorError
 from torch import Tensor, nn
 
-from harmolab.io.errors import MAX_TEXT_BYTES, PathLike, read_json, reading
+from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, reading
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
 from harmolab.params import FeatureParams, ModelParams

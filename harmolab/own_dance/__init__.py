@@ -1,16 +1,22 @@
-"""Your own dance: a song and a motion file or a video, put together, scored, told in words, shown on one page.
+"""One's own dance: a song and a motion file or a video, put together, scored, explained in words and on one page.
 
 The page, in `harmolab.own_dance.page`, needs jinja2 of the extra `lab`; the rest does not.
 """
 
-from harmolab.own_dance.recording import Placement, Recording, load_recording, place_recording
-from harmolab.own_dance.telling import OwnDance, explain_recording
+from harmolab.own_dance.recording import (
+    OwnDance,
+    Performance,
+    Placement,
+    explain_performance,
+    load_performance,
+    place_performance,
+)
 
 __all__ = [
     "OwnDance",
+    "Performance",
     "Placement",
-    "Recording",
-    "explain_recording",
-    "load_recording",
-    "place_recording",
+    "explain_performance",
+    "load_performance",
+    "place_performance",
 ]

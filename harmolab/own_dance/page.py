@@ -6,25 +6,19 @@ import base64
 import io
 from collections.abc import Iterator
 from importlib.metadata import version
-from pathlib import Path
 from typing import NamedTuple
 
 import cv2
-import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.harmony import hit_mask
-from harmolab.io.aside import written_aside
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike, write_text
 from harmolab.io.video import video_frames
-from harmolab.own_dance.telling import OwnDance
+from harmolab.own_dance.recording import OwnDance
+from harmolab.templates import rendered
 from harmolab.viz.timing import timing_figure
 from harmolab.widgets.player import LONGEST, Dancer, Player
 
-__all__ = ["dance_page", "dance_player", "save_page"]
-
-TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 DPI = 150
 WIDE, NARROW = (9.0, 3.6), (4.4, 4.4)  # inches
 STRIP_HEIGHT = 200  # pixels
@@ -48,7 +42,7 @@ def dance_player(dance: OwnDance) -> Player:
     ValueError
         It is a video, of which no skeleton is known, or longer than the player shows.
     """
-    if dance.recording.is_video:
+    if dance.performance.is_video:
         raise ValueError(f"{dance.name}: is a video; the player shows skeletons")
     dancer = Dancer(dance.name, dance.motion, dance.score)
     return Player(dance.audio, [dancer], music=dance.music, title=_title(dance))
@@ -56,9 +50,7 @@ def dance_player(dance: OwnDance) -> Player:
 
 def save_page(path: PathLike, dance: OwnDance) -> None:
     """Write `dance_page` to a file, aside first."""
-    page = dance_page(dance)
-    with written_aside(Path(path)) as aside:
-        aside.write_text(page, encoding="utf-8")
+    write_text(path, dance_page(dance))
 
 
 def dance_page(dance: OwnDance) -> str:
@@ -71,19 +63,19 @@ def dance_page(dance: OwnDance) -> str:
     ValueError
         The video has gone or changed since it was read.
     """
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
     is_short = dance.motion.duration <= LONGEST
-    return environment.get_template("own_dance.html.j2").render(
+    return rendered(
+        "own_dance.html.j2",
         title=_title(dance),
         dance=dance,
         wide=_timing_png(dance, WIDE),
         narrow=_timing_png(dance, NARROW),
-        player=dance_player(dance).page if is_short and not dance.recording.is_video else "",
+        player=dance_player(dance).page if is_short and not dance.performance.is_video else "",
         longest=LONGEST / 60,
-        stills=list(_stills(dance)) if dance.recording.is_video else [],
+        stills=list(_stills(dance)) if dance.performance.is_video else [],
         numbers=_numbers(dance),
-        delay=1000 * dance.params.reaction_delay,
-        settings=", ".join(f"{name} {value}" for name, value in vars(dance.params).items() if name != "pattern"),
+        delay=1000 * dance.score.params.reaction_delay,
+        settings=", ".join(f"{name} {value}" for name, value in vars(dance.score.params).items() if name != "pattern"),
         version=version("harmolab"),
     )
 
@@ -94,49 +86,42 @@ def _title(dance: OwnDance) -> str:
 
 def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
     """Early and late along time, with the means of the halves, as base64 of PNG."""
-    means = [(part.start, part.end, part.mean, part.interval) for part in dance.words.stretches]
-    figure = timing_figure(dance.music, dance.visual, params=dance.params, means=means, title="", size=size)
+    figure = timing_figure(dance.score, means=dance.words.halves, title="", size=size)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
     return base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def _numbers(dance: OwnDance) -> dict[str, str]:
-    """What a dancer may want to look up: name -> text."""
+    """The numbers of the page's table: name -> text."""
     score, beats = dance.score, dance.music.times
-    low, high = score.interval
-    known = {finding.kind: finding for finding in dance.words.findings}
-    hits = known.get("hits")
+    hits = next(finding for finding in dance.words.findings if finding.kind == "hits")
     numbers = {"Harmony above chance (0: chance, 1: all)": f"{score.harmony_above_chance:.2f}"}
-    if np.isfinite(low):
-        numbers["its 95 % interval"] = f"{low:.2f} to {high:.2f}"
+    if np.isfinite(score.interval[0]):
+        numbers["its 95 % interval"] = "{:.2f} to {:.2f}".format(*score.interval)
         numbers["Share of all shifts in time that fit as well (p)"] = f"{score.p_value:.3f}"
-    if hits is not None and np.isfinite(hits.value):
-        numbers[f"Beats met within {1000 * dance.params.reaction_delay:.0f} ms"] = f"{hits.value:.0%}".replace(
-            "%", " %"
-        )
+    if not hits.is_missing:
+        numbers[f"Beats met within {1000 * hits.delay:.0f} ms"] = f"{100 * hits.value:.0f} %"
     tempo = f", {60 / np.median(np.diff(beats)):.0f} a minute" if beats.size > 1 else ""
     numbers["Music beats"] = f"{beats.size}{tempo}"
-    numbers["Movements found"] = str(len(dance.visual))
+    numbers["Movements found"] = str(len(dance.score.visual))
     numbers["Length danced to the song"] = f"{dance.motion.duration:.1f} s"
     return numbers
 
 
 def _stills(dance: OwnDance) -> Iterator[Still]:
-    """Pictures of the video at music beats, evenly chosen."""
-    beats, params = dance.music.times, dance.params
+    """Pictures of the video at music beats, evenly spread over them."""
+    beats, pairs = dance.score.music.times, dance.score.pairs
     if not beats.size:
         return
-    seen = dance.visual.times - params.lag
-    met = hit_mask(beats, seen, delay=params.reaction_delay, matching=params.matching)
-    chosen = np.unique(np.linspace(0, beats.size - 1, STRIP_COUNT).round().astype(int))
-    video = video_frames(dance.recording.path, height=STRIP_HEIGHT, colour=True)
-    wanted = {round((beats[beat] + dance.skipped) * video.fps): beat for beat in chosen}
-    for number, picture in enumerate(video):
-        if number in wanted:
-            beat = wanted[number]
-            yield Still(float(beats[beat] + dance.skipped), _jpeg(picture), bool(met[beat]))
-        if number >= max(wanted):
+    video = video_frames(dance.performance.path, height=STRIP_HEIGHT, colour=True)
+    places = np.unique(np.linspace(0, beats.size - 1, STRIP_COUNT).round().astype(int))
+    frames = {round((beats[place] + dance.skipped) * video.fps): place for place in places}
+    for frame, picture in enumerate(video):
+        if frame in frames:
+            place = frames[frame]
+            yield Still(float(beats[place] + dance.skipped), _jpeg(picture), bool(pairs[place] >= 0))
+        if frame >= max(frames):
             return
 
 

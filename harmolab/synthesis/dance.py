@@ -7,9 +7,8 @@ ended. The first meter follows a movement from the bank of poses, brought to the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import numpy as np
 import torch
@@ -19,6 +18,7 @@ from harmolab.beats.audio import audio_beats
 from harmolab.features.audio import audio_features
 from harmolab.features.poses import decode_motion
 from harmolab.features.priors import initial_poses, temporal_index
+from harmolab.io.files import Progress, silent
 from harmolab.models.harmogan import Generator
 from harmolab.models.poses import PATH_CHANNELS, fix_bones, local_joints
 from harmolab.models.poses_bank import PoseBank, retimed
@@ -29,8 +29,6 @@ from harmolab.synthesis.grounding import on_floor, planted_feet
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
 __all__ = ["synthesize_dance"]
-
-Progress = Callable[[Iterable[Any], str], Iterable[Any]]
 
 
 def synthesize_dance(
@@ -44,7 +42,7 @@ def synthesize_dance(
     poses: PoseBank | ArrayLike | None = None,
     dance: str | None = None,
     plant_feet: bool = True,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Motion:
     """A dance to music, at the generator's frame rate; frame 0 belongs to the audio time `start`.
 
@@ -141,7 +139,7 @@ def _danced(
     heard: NDArray[np.float32],
     meters: list[MeterFrames],
     clip: FloatArray,
-    progress: Progress | None,
+    progress: Progress,
 ) -> FloatArray:
     """The motion code (T, C) of all meters and the beats before the first, one meter after the other."""
     origin, first = meters[0].begin, meters[0]
@@ -149,7 +147,7 @@ def _danced(
     taken = max(1, round(first.share * len(clip)))
     code[: first.meter - origin] = retimed(clip[-taken:], first.meter - origin)
     with _evaluating(generator):
-        for meter in progress(meters, "dancing") if progress else meters:
+        for meter in progress(meters, "dancing"):
             begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
             made = _meter(generator, heard[begin:end], code[begin:end], now - begin)
             code[now:end] = continued(code[:now], made, generator.fps)

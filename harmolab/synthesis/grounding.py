@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from harmolab.io.joint_names import foot_joints
 from harmolab.kinematics import smooth
+from harmolab.skeletons import foot_joints
 from harmolab.synthesis.legs import find_leg, moved_foot
 from harmolab.types import FloatArray, Skeleton
 

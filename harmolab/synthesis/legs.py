@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harmolab.models.poses import ancestors
+from harmolab.skeletons import subtree
 from harmolab.types import FloatArray, Skeleton
 
-__all__ = ["Leg", "find_leg", "moved_foot"]
-
 STRETCHED = 0.99  # of its length: a leg is not pulled further, since a knee snaps where a leg becomes straight
-FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not tell
+FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not show
 TINY = 1e-9  # metres
 
 
@@ -28,7 +26,7 @@ class Leg:
 
 
 def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
-    """The leg above the joints of one foot (`harmolab.io.joint_names.foot_joints`).
+    """The leg above the joints of one foot (`harmolab.skeletons.foot_joints`).
 
     None where they hang on more than one joint, where no knee and hip are above them, or where the knee carries more
     than this foot.
@@ -39,15 +37,10 @@ def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
     ankle = tops[0]
     knee = skeleton.parents[ankle]
     hip = skeleton.parents[knee] if knee >= 0 else -1
-    below = _below(skeleton, ankle)
-    if hip < 0 or _below(skeleton, knee) != (*sorted({knee, *below}),):
+    below = subtree(skeleton.parents, ankle)
+    if hip < 0 or subtree(skeleton.parents, knee) != (*sorted({knee, *below}),):
         return None
     return Leg(hip, knee, ankle, below)
-
-
-def _below(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
-    """The joint and all that hangs on it, in order of their numbers."""
-    return tuple(other for other, above in enumerate(ancestors(skeleton.parents)) if above[joint])
 
 
 def moved_foot(positions: FloatArray, leg: Leg, shift: FloatArray) -> FloatArray:

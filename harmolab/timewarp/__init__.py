@@ -6,8 +6,7 @@
 from __future__ import annotations
 
 from harmolab.timewarp.beats import beat_warp, lee_warp
-from harmolab.timewarp.retime import Retimed, retime
-from harmolab.timewarp.video import warp_video
+from harmolab.timewarp.retime import Retimed, retime, warp_video
 from harmolab.timewarp.warps import TimeWarp
 
 __all__ = ["Retimed", "TimeWarp", "beat_warp", "lee_warp", "retime", "warp_video"]

@@ -5,17 +5,12 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.params import HarmonyParams
-from harmolab.timewarp.matching import best_path, capped_costs, meetings
+from harmolab.timewarp.matching import best_path, candidate_matches, capped_costs
 from harmolab.timewarp.warps import TimeWarp
-from harmolab.types import BeatTrack
-
-__all__ = ["METHODS", "Method", "beat_warp", "lee_warp"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import BeatTrack, FloatArray
 
 Method = Literal["dp", "lee2019"]
 METHODS = get_args(Method)
@@ -23,7 +18,7 @@ METHODS = get_args(Method)
 KNOT = 0.02  # seconds between the knots of a warp
 ROUNDING = 0.12  # seconds over which a change of speed is spread
 STRETCH = 12  # music beats that are judged together
-WORTH = 0.4  # mean gain, in missed beats, from which on a stretch is worth bending
+WORTH = 0.4  # mean gain a beat, in missed beats, from which on a stretch is bent
 SLACK = 1e-3  # of the bounds, which rounding off and interpolation may use up
 LONE_PERIOD = 0.5  # seconds: the beat period of music with a single beat
 CLOSEST = 1e-3  # seconds between beats that the warper of 2019 keeps apart
@@ -69,27 +64,27 @@ def beat_warp(
 
     Returns
     -------
-    TimeWarp; the identity when there are no beats on one side, or nothing is worth bending.
+    TimeWarp; the identity when there are no beats on one side, or nothing gains enough.
 
     Raises
     ------
     ValueError
         For a phase, strength or bound out of range, a reaction delay of zero, or a method that is neither.
     """
-    chosen = params or HarmonyParams.valleys()
-    _check(phase, strength, slowest, fastest, chosen.reaction_delay)
+    params = params or HarmonyParams.valleys()
+    _check(phase, strength, slowest, fastest, params.reaction_delay)
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}; got {method!r}")
     if method == "lee2019":
-        return lee_warp(visual, music, duration, phase=phase, params=chosen).scaled(strength)
-    beats, targets, periods = _sides(visual, music, duration, phase, chosen)
+        return lee_warp(visual, music, duration, phase=phase, params=params).scaled(strength)
+    beats, targets, periods = _beats_and_targets(visual, music, duration, phase, params)
     identity = TimeWarp.identity(duration)
     if beats.size == 0 or targets.size == 0:
         return identity
-    found = meetings(beats, targets, periods, duration, chosen.reaction_delay)
-    path = best_path(found, min(1.0, slowest * (1 + SLACK)), max(1.0, fastest * (1 - SLACK)))
-    warp = _bounded(_rounded(found.source[path], found.target[path]), slowest, fastest)
-    if not _worth_it(warp, beats, targets, chosen.reaction_delay):
+    candidates = candidate_matches(beats, targets, periods, duration, params.reaction_delay)
+    path = best_path(candidates, min(1.0, slowest * (1 + SLACK)), max(1.0, fastest * (1 - SLACK)))
+    warp = _bounded(_rounded(candidates.source[path], candidates.target[path]), slowest, fastest)
+    if not _gains_enough(warp, beats, targets, params.reaction_delay):
         return identity
     return warp if strength == 1 else warp.scaled(strength)
 
@@ -102,15 +97,15 @@ def lee_warp(
     In between time is stretched linearly, as much as it takes: the local speed has no bounds. Of visual beats with the
     same nearest music beat the closest one goes there. Parameters are those of `beat_warp`.
     """
-    chosen = params or HarmonyParams.valleys()
-    _check(phase, 1.0, 1.0, 1.0, chosen.reaction_delay)
-    beats, targets, _ = _sides(visual, music, duration, phase, chosen)
+    params = params or HarmonyParams.valleys()
+    _check(phase, 1.0, 1.0, 1.0, params.reaction_delay)
+    beats, targets, _ = _beats_and_targets(visual, music, duration, phase, params)
     if beats.size == 0 or targets.size == 0:
         return TimeWarp.identity(duration)
     distances = np.abs(beats[:, None] - targets[None])
     nearest, best = distances.argmin(axis=1), distances.argmin(axis=0)
-    chosen_beats = [(beats[best[n]], targets[n]) for n in np.unique(nearest) if nearest[best[n]] == n]
-    source, target = np.array([(0.0, 0.0), *chosen_beats, (duration, duration)]).T
+    nearest_pairs = [(beats[best[n]], targets[n]) for n in np.unique(nearest) if nearest[best[n]] == n]
+    source, target = np.array([(0.0, 0.0), *nearest_pairs, (duration, duration)]).T
     apart = np.append(True, (np.diff(source) > CLOSEST) & (np.diff(target) > CLOSEST))
     apart[-1] = True
     return _linear(source[apart], target[apart])
@@ -129,19 +124,19 @@ def _check(phase: float, strength: float, slowest: float, fastest: float, tolera
         raise ValueError("retiming needs params with a reaction_delay above 0 seconds")
 
 
-def _sides(
+def _beats_and_targets(
     visual: BeatTrack, music: BeatTrack, duration: float, phase: float, params: HarmonyParams
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Visual beats (M,), where they should be (N,) and the beat periods there (N,), all strictly inside the clip."""
-    heard, seen = salient_audio(music, params).times, salient_visual(visual, params).times
-    periods = np.gradient(heard) if heard.size > 1 else np.full(heard.size, LONE_PERIOD)
-    targets = heard + phase * periods + params.lag
+    beats, moves = salient_audio(music, params).times, salient_visual(visual, params).times
+    periods = np.gradient(beats) if beats.size > 1 else np.full(beats.size, LONE_PERIOD)
+    targets = beats + phase * periods + params.lag
     inside = (targets > 0) & (targets < duration)
-    return seen[(seen > 0) & (seen < duration)], targets[inside], periods[inside]
+    return moves[(moves > 0) & (moves < duration)], targets[inside], periods[inside]
 
 
-def _worth_it(warp: TimeWarp, beats: FloatArray, targets: FloatArray, tolerance: float) -> bool:
-    """Whether some stretch of music gains enough."""
+def _gains_enough(warp: TimeWarp, beats: FloatArray, targets: FloatArray, tolerance: float) -> bool:
+    """True if the mean gain of some stretch of music is above `WORTH`."""
     gain = capped_costs(beats, targets, tolerance) - capped_costs(warp(beats), targets, tolerance)
     size = min(STRETCH, gain.size)
     return bool(np.convolve(gain, np.full(size, 1 / size), mode="valid").max() > WORTH)

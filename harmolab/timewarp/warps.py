@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-__all__ = ["TimeWarp"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray
 
 HALVINGS = 60  # of the interval between two knots: beyond the precision of a double
 STEP = 0.01  # seconds between the moments over which `bent` is a mean
@@ -61,7 +59,7 @@ class TimeWarp:
 
     @property
     def is_identity(self) -> bool:
-        """Whether nothing is shifted."""
+        """True if nothing is shifted."""
         return bool(np.array_equal(self.source, self.target))
 
     @cached_property
@@ -70,24 +68,24 @@ class TimeWarp:
 
     def inverse(self, times: ArrayLike) -> FloatArray:
         """Source times of target times (any shape), seconds: which moment of the old motion is seen then."""
-        wanted = np.asarray(times, dtype=np.float64)
+        moments = np.asarray(times, dtype=np.float64)
         if self.is_identity:
-            return wanted.copy()
-        inside = (wanted > self.target[0]) & (wanted < self.target[-1])
-        curve: FloatArray = self._curve(np.clip(wanted, self.target[0], self.target[-1]))
-        return np.where(inside, curve, wanted)
+            return moments.copy()
+        inside = (moments > self.target[0]) & (moments < self.target[-1])
+        curve: FloatArray = self._curve(np.clip(moments, self.target[0], self.target[-1]))
+        return np.where(inside, curve, moments)
 
     def __call__(self, times: ArrayLike) -> FloatArray:
         """Target times of source times (any shape), seconds: when a moment of the old motion is seen now."""
-        wanted = np.asarray(times, dtype=np.float64)
-        place = np.clip(np.searchsorted(self.source, wanted, side="right") - 1, 0, self.source.size - 2)
+        moments = np.asarray(times, dtype=np.float64)
+        place = np.clip(np.searchsorted(self.source, moments, side="right") - 1, 0, self.source.size - 2)
         low, high = self.target[place], self.target[place + 1]
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            early = self.inverse(middle) < wanted
+            early = self.inverse(middle) < moments
             low, high = np.where(early, middle, low), np.where(early, high, middle)
-        inside = (wanted > self.source[0]) & (wanted < self.source[-1])
-        return np.where(inside & (not self.is_identity), (low + high) / 2, wanted)
+        inside = (moments > self.source[0]) & (moments < self.source[-1])
+        return np.where(inside & (not self.is_identity), (low + high) / 2, moments)
 
     def speed_range(self) -> tuple[float, float]:
         """Lowest and highest local speed anywhere, source seconds per target second (1 is as before)."""

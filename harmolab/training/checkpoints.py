@@ -18,7 +18,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from harmolab.io.errors import reading
+from harmolab.io.files import reading
 
 __all__ = ["STATE", "load_state", "optimiser_tensors", "restore", "save_state", "write_aside"]
 

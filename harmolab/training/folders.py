@@ -11,7 +11,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from harmolab.data.splits import Split
-from harmolab.io.errors import MAX_JSON_BYTES, read_json, reading
+from harmolab.io.files import MAX_JSON_BYTES, read_json, reading
 from harmolab.training.checkpoints import PART, write_aside
 
 __all__ = ["check_folder", "check_pretrained", "open_folder"]

@@ -24,7 +24,7 @@ from lightning_fabric import Fabric
 
 from harmolab.data.splits import Split
 from harmolab.data.units import UnitSet
-from harmolab.io.errors import PathLike
+from harmolab.io.files import PathLike
 from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic, Statistics
 from harmolab.models.pose_features import PoseNet, train_pose_net
 from harmolab.models.poses_bank import pose_bank, poses_path, save_poses

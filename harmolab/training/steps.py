@@ -9,7 +9,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from harmolab.io.joint_names import foot_joints
 from harmolab.models.harmogan import CrossDomainCritic, Generator, GeneratorOutput, SpatialTemporalCritic
 from harmolab.models.losses import (
     above_chance_loss,
@@ -27,6 +26,7 @@ from harmolab.models.pose_features import PoseNet
 from harmolab.models.poses import local_joints
 from harmolab.models.soft_harmony import SoftHarmony, soft_harmony
 from harmolab.params import HarmonyParams, TrainParams
+from harmolab.skeletons import foot_joints
 from harmolab.training.batches import Tensors
 from harmolab.types import Skeleton
 

@@ -14,29 +14,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from harmolab.params import TrainParams
-from harmolab.viz.style import COLOURS, figure_style
-from harmolab.viz.variants import LOOKS
+from harmolab.viz.style import COLOURS, figure_style, styled_axes
+from harmolab.viz.variants import LOOKS, PRINTED, Record, draw_mean, panels, rows_by_name, shaded, spread
 
-__all__ = [
-    "MEASURES",
-    "ablation_figure",
-    "draw_measure",
-    "draw_printed",
-    "draw_trade_off",
-    "trade_off_figure",
-]
-
-Record = Mapping[str, Any]
+Targets = Mapping[str, tuple[float, float]]  # name -> (least, most); either may be infinite
 
 RECORDED = "recorded"
 WEIGHTED = "recommended"  # the loss whose weight the trade-off curve varies
-ASIDE = (
-    (0, -14),
-    (-17, 0),
-    (17, -6),
-    (-15, 8),
-    (15, 10),
-)  # points from mark to label; mirrored where the curve runs to the left
+ASIDE = ((0, -14), (-17, 0), (17, -6), (-15, 8), (15, 10))  # points from mark to label; mirrored on a curve to the left
 OUR_WEIGHT = TrainParams.recommended().harmony_weight
 
 # Columns of the ablation, from left to right, with the words for them.
@@ -53,9 +38,7 @@ MEASURES = MappingProxyType(
 GENERATED = tuple(name for name in LOOKS if name != RECORDED)
 
 
-def draw_measure(
-    ax: Axes, rows: Sequence[Record], *, measure: str, targets: Mapping[str, tuple[float, float]] | None = None
-) -> Axes:
+def draw_measure(ax: Axes, rows: Iterable[Record], *, measure: str, targets: Targets | None = None) -> Axes:
     """One measure of every variant: a mark at the mean, a line over its interval, the recorded motion dashed.
 
     An arrow leads from each variant without the harmony term to the one with it.
@@ -67,20 +50,24 @@ def draw_measure(
     measure : name in `MEASURES`
     targets : variant -> (least, most) that is asked of it, a pale green band in its row; either may be infinite
     """
-    places = {name: place for place, name in enumerate(reversed(GENERATED))}
-    mine = {row["variant"]: row for row in rows if row["measure"] == measure}
-    if RECORDED in mine and np.isfinite(mine[RECORDED]["mean"]):
-        ax.axvline(mine[RECORDED]["mean"], color=LOOKS[RECORDED].colour, linestyle="--", linewidth=1.3, zorder=1)
-    low, high = _span(mine.values())
+    places = rows_by_name(ax, GENERATED)
+    by_variant = {row["variant"]: row for row in rows if row["measure"] == measure}
+    if RECORDED in by_variant and np.isfinite(by_variant[RECORDED]["mean"]):
+        ax.axvline(by_variant[RECORDED]["mean"], color=LOOKS[RECORDED].colour, linestyle="--", linewidth=1.3, zorder=1)
+    low, high = spread(by_variant.values())
     for name, place in places.items():
-        _draw_mean(ax, mine[name], place, ".0f" if high >= 10 else ".2f")
-        if (before := mine.get(f"{name}, without")) is not None:
-            ends = (mine[name]["mean"], place), (before["mean"], places[before["variant"]])
-            arrow = {"arrowstyle": "-|>", "color": LOOKS[name].colour, "alpha": 0.45, "shrinkA": 6, "shrinkB": 6}
+        look, mean = LOOKS[name], by_variant[name]["mean"]
+        draw_mean(ax, by_variant[name], place, look)
+        ax.annotate(
+            f"{mean:.0f}" if high >= 10 else f"{mean:.2f}", (mean, place), xytext=(0, 6), textcoords="offset points",
+            ha="center", va="bottom", fontsize=8.5, color=look.colour, zorder=4,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6},
+        )  # fmt: skip
+        if (before := by_variant.get(f"{name}, without")) is not None:
+            ends = (mean, place), (before["mean"], places[before["variant"]])
+            arrow = {"arrowstyle": "-|>", "color": look.colour, "alpha": 0.45, "shrinkA": 6, "shrinkB": 6}
             ax.annotate("", *ends, arrowprops=arrow, zorder=2)
-    ax.set(yticks=range(len(GENERATED)), yticklabels=[LOOKS[name].label for name in reversed(GENERATED)])
     ax.set(ylim=(-0.5, len(GENERATED) - 0.2), xlabel=MEASURES.get(measure, measure))
-    ax.tick_params(axis="y", length=0)
     # From zero, so that lengths can be compared; no further than a share can go.
     limits = [limit for target in (targets or {}).values() for limit in target if np.isfinite(limit)]
     shares = measure in ("paper_harmony", "paper_hit_rate")
@@ -93,14 +80,11 @@ def draw_measure(
 def _shade(ax: Axes, across: tuple[float, float], up: tuple[float, float]) -> None:
     """The part of a rectangle within the axes, pale green; its ends may be infinite."""
     (left, right), (bottom, top) = np.clip(across, *ax.get_xlim()), np.clip(up, *ax.get_ylim())
-    area = Rectangle((left, bottom), right - left, top - bottom, facecolor=COLOURS["hit"], alpha=0.13, linewidth=0)
-    area.set(zorder=0, gid="target")
-    ax.add_patch(area)
+    look: dict[str, Any] = {"facecolor": COLOURS["hit"], "alpha": 0.13, "linewidth": 0, "gid": "target"}
+    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, zorder=0, **look))
 
 
-def _asked(
-    targets: Mapping[str, tuple[float, float]], before: Record, recorded: Record
-) -> dict[str, tuple[float, float]]:
+def _asked(targets: Targets, before: Record, recorded: Record) -> dict[str, tuple[float, float]]:
     """Targets in the units of the axes: relative ones times what they are relative to.
 
     Parameters
@@ -117,26 +101,7 @@ def _asked(
     }
 
 
-def _draw_mean(ax: Axes, row: Record, place: float, digits: str) -> None:
-    """A variant's mean with its interval and its value."""
-    look, mean = LOOKS[row["variant"]], row["mean"]
-    if np.isfinite(row["low"]):
-        ax.plot([row["low"], row["high"]], [place, place], color=look.colour, linewidth=2.2, zorder=2, gid="interval")
-    ax.plot(mean, place, **look.mark, zorder=3)
-    ax.annotate(
-        f"{mean:{digits}}", (mean, place), xytext=(0, 6), textcoords="offset points",
-        ha="center", va="bottom", fontsize=8.5, color=look.colour, zorder=4,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6},
-    )  # fmt: skip
-
-
-def _span(rows: Iterable[Record]) -> tuple[float, float]:
-    """Least and greatest of means and interval ends."""
-    values = np.array([[row["mean"], row["low"], row["high"]] for row in rows], np.float64)
-    return float(np.nanmin(values)), float(np.nanmax(values))
-
-
-def draw_printed(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
+def draw_printed(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
     """What the paper prints for one measure: hatched grey bars, which none of our own numbers has.
 
     Parameters
@@ -144,19 +109,15 @@ def draw_printed(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
     rows : records with "variant", "measure" and "paper" (NaN where the paper prints nothing)
     """
     printed = {row["variant"]: row["paper"] for row in rows if row["measure"] == measure}
-    names = [name for name in GENERATED[::-1] if np.isfinite(printed.get(name, np.nan))]
-    values = [printed[name] for name in names]
-    bars = ax.barh(
-        range(len(names)), values, height=0.6, color=COLOURS["faint"], edgecolor=COLOURS["chance"], hatch="//"
-    )
+    names = [name for name in GENERATED if np.isfinite(printed.get(name, np.nan))]
+    places = rows_by_name(ax, names)
+    bars = ax.barh([*places.values()][::-1], [printed[name] for name in names[::-1]], height=0.6, **PRINTED)
     ax.bar_label(bars, fmt="%.2f", padding=3, fontsize=8.5, color=COLOURS["chance"])
-    ax.set(yticks=range(len(names)), yticklabels=[LOOKS[name].label for name in names])
     ax.set(xlim=(0.0, 1.0), xlabel=MEASURES.get(measure, measure))
-    ax.tick_params(axis="y", length=0)
     return ax
 
 
-def ablation_figure(rows: Iterable[Record], targets: Mapping[str, tuple[float, float]]) -> Figure:
+def ablation_figure(rows: Iterable[Record], targets: Targets) -> Figure:
     """A row of panels for each corpus, one panel a measure, and above them, apart, what the paper prints.
 
     Parameters
@@ -167,56 +128,40 @@ def ablation_figure(rows: Iterable[Record], targets: Mapping[str, tuple[float, f
         without the harmony term
     """
     table = list(rows)
-    corpora = list(dict.fromkeys(row["corpus"] for row in table))
+
+    titles = {"paper_harmony": "ours: {corpus}", "above_chance": "what the paper leaves out"}
+
+    def draw(ax: Axes, records: list[Record], measure: str) -> None:
+        draw_measure(ax, records, measure=measure, targets=_asked_of_losses(records, targets, measure))
+        ax.set_title(titles.get(measure, "").format(**records[0]))
+
     with figure_style():
-        heights = [1.0, *[1.75] * len(corpora)]
-        figure = Figure(figsize=(14.0, 1.35 * sum(heights) + 0.5), layout="constrained")
-        axes = figure.subplots(len(heights), len(MEASURES), squeeze=False, height_ratios=heights)
-        _printed_row(axes[0], table)
-        for line, corpus in zip(axes[1:], corpora, strict=True):
-            mine = [row for row in table if row["corpus"] == corpus]
-            asked = _asked_of_losses(mine, targets)
-            for ax, measure in zip(line, MEASURES, strict=True):
-                draw_measure(ax, mine, measure=measure, targets=asked.get(measure))
-                ax.tick_params(axis="y", labelleft=ax is line[0])
-            line[0].set_title(f"ours: {corpus}")
-            line[2].set_title("what the paper leaves out")
+        figure = panels(table, list(MEASURES), draw, size=(14.0, 2.36), top=1.35)
+        _draw_printed_row(figure.axes[: len(MEASURES)], [row for row in table if row["corpus"] == table[0]["corpus"]])
     return figure
 
 
-def _asked_of_losses(
-    rows: Sequence[Record], targets: Mapping[str, tuple[float, float]]
-) -> dict[str, dict[str, tuple[float, float]]]:
-    """measure -> variant with the harmony term -> (least, most) in the units of the axes."""
+def _asked_of_losses(rows: Sequence[Record], targets: Targets, measure: str) -> dict[str, tuple[float, float]]:
+    """variant with the harmony term -> (least, most) of a measure in the units of the axes; empty without a target."""
     means: dict[str, dict[str, float]] = {}
     for row in rows:
         means.setdefault(row["variant"], {})[row["measure"]] = row["mean"]
-    found: dict[str, dict[str, tuple[float, float]]] = {measure: {} for measure in targets}
-    for name in GENERATED:
-        if (before := means.get(f"{name}, without")) is not None:
-            for measure, limits in _asked(targets, before, means[RECORDED]).items():
-                found[measure][name] = limits
-    return found
+    losses = [name for name in GENERATED if f"{name}, without" in means and measure in targets]
+    return {name: _asked(targets, means[f"{name}, without"], means[RECORDED])[measure] for name in losses}
 
 
-def _printed_row(axes: Sequence[Axes], table: Sequence[Record]) -> None:
+def _draw_printed_row(axes: Sequence[Axes], rows: Sequence[Record]) -> None:
     """The paper's two measures, and the legend where it has none."""
     for ax, measure in zip(axes, MEASURES, strict=True):
-        if any(row["measure"] == measure and np.isfinite(row["paper"]) for row in table):
-            draw_printed(ax, [row for row in table if row["corpus"] == table[0]["corpus"]], measure=measure)
-            ax.tick_params(axis="y", labelleft=ax is axes[0])
+        if any(row["measure"] == measure and np.isfinite(row["paper"]) for row in rows):
+            draw_printed(ax, rows, measure=measure).tick_params(axis="y", labelleft=ax is axes[0])
         else:
             ax.axis("off")
     axes[0].set_title("printed in the paper")
     handles = [
-        Patch(
-            facecolor=COLOURS["faint"],
-            edgecolor=COLOURS["chance"],
-            hatch="//",
-            label="printed in the paper, for other music",
-        ),
+        Patch(**PRINTED, label="printed in the paper, for other music"),
         Line2D([], [], color=LOOKS[RECORDED].colour, linestyle="--", label="recorded motion"),
-        Patch(facecolor=COLOURS["hit"], alpha=0.13, label="asked of a harmony loss"),
+        shaded("asked of a harmony loss"),
         Line2D([], [], color=COLOURS["chance"], linewidth=2.2, label="95 % interval, where several were trained"),
     ]
     axes[2].legend(handles=handles, loc="upper left", fontsize=9).set_in_layout(False)
@@ -271,7 +216,7 @@ def _set_limits(ax: Axes, heights: Sequence[float], target: tuple[float, float])
 def trade_off_figure(
     sweeps: Mapping[str, Sequence[Record]],
     others: Mapping[str, Mapping[str, Record]],
-    targets: Mapping[str, tuple[float, float]],
+    targets: Targets,
 ) -> Figure:
     """A row for each corpus: `draw_trade_off` against jerk, FID and M / N.
 
@@ -281,10 +226,9 @@ def trade_off_figure(
     others : corpus -> name in `LOOKS` -> record; "recorded" among them
     targets : as for `ablation_figure`
     """
-    with figure_style():
-        figure = Figure(figsize=(12.0, 3.5 * len(sweeps) + 0.5), layout="constrained")
-        axes = figure.subplots(len(sweeps), 3, squeeze=False, sharey="row")
-        for line, (corpus, sweep) in zip(axes, sweeps.items(), strict=True):
+    with styled_axes((12.0, 3.5 * len(sweeps) + 0.5), len(sweeps), 3, sharey="row") as (figure, axes):
+        for row, (corpus, sweep) in enumerate(sweeps.items()):
+            line = axes[3 * row : 3 * row + 3]
             asked = _asked(targets, sweep[0], others[corpus][RECORDED])
             least = asked["above_chance"][0]
             for ax, measure in zip(line, ("jerk", "fid", "count_ratio"), strict=True):
@@ -293,7 +237,6 @@ def trade_off_figure(
         names = (WEIGHTED, *next(iter(others.values())))
         handles = [Line2D([], [], **LOOKS[name].mark, label=LOOKS[name].label) for name in names]
         handles[0].set_label(f"our losses, weight of the harmony term beside it (elsewhere {OUR_WEIGHT:g})")
-        region = Patch(facecolor=COLOURS["hit"], alpha=0.13, label="asked for")
         # Above: below the canvas is where synthetic data is marked.
-        figure.legend(handles=[*handles, region], loc="outside upper center", ncols=3)
+        figure.legend(handles=[*handles, shaded("asked for")], loc="outside upper center", ncols=3)
     return figure

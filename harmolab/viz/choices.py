@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.viz.style import COLOURS, figure_style
-from harmolab.viz.variants import LOOKS
-
-__all__ = ["draw_choices", "forced_choice_figure"]
-
-Record = Mapping[str, Any]
+from harmolab.viz.style import COLOURS, styled_axes
+from harmolab.viz.variants import LOOKS, Record
 
 # The colours of these scores in `harmolab.viz.results.disturbances_figure`.
 JUDGES = MappingProxyType({"paper's harmony": ("^", "#56B4E9"), "above chance": ("s", "#CC79A7")})
@@ -51,9 +46,7 @@ def draw_choices(ax: Axes, rows: Sequence[Record]) -> Axes:
 
 def forced_choice_figure(tables: Mapping[str, Sequence[Record]]) -> Figure:
     """`draw_choices` for each corpus, one above the other."""
-    with figure_style():
-        figure = Figure(figsize=(9.0, 3.6 * len(tables)), layout="constrained")
-        axes = figure.subplots(len(tables), 1, squeeze=False)[:, 0]
+    with styled_axes((9.0, 3.6 * len(tables)), len(tables)) as (figure, axes):
         for ax, (corpus, rows) in zip(axes, tables.items(), strict=True):
             draw_choices(ax, rows).set_title(f"{corpus}: two scores as judges, {rows[0]['n']} units (no people)")
         axes[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)

@@ -80,7 +80,7 @@ def draw_speed(ax: Axes, motion: Motion, score: HarmonyScore, *, start: float = 
         visual, np.interp(visual, seconds, curve), linestyle="none", marker=MARKERS["visual"], markersize=7,
         color=COLOURS["visual"], markeredgecolor="white", markeredgewidth=0.6, zorder=3, label="visual beat",
     )  # fmt: skip
-    draw_marks(ax, music, np.full(music.size, 0.85 * top), score.hits)
+    draw_marks(ax, music, np.full(music.size, 0.85 * top), score.pairs >= 0)
     ax.set(xlim=(0.0, motion.duration), ylim=(0.0, top))
     ax.yaxis.set_major_locator(MaxNLocator(3))
     return ax

@@ -14,8 +14,6 @@ from harmolab.beats.meter import MeterUnit
 from harmolab.types import BeatTrack
 from harmolab.viz.style import COLOURS
 
-__all__ = ["UNIT_COLOURS", "draw_meter", "draw_places", "unit_label"]
-
 # One colour for each signature with its inner grouping; the label on each bracket says the same in words.
 UNIT_COLOURS = MappingProxyType({"4/4 (2+2)": "#B0528C", "4/4": "#5B2A86", "5/4": "#A6561C", "6/4": "#5E6B00"})
 

@@ -10,12 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.types import Motion, Skeleton
+from harmolab.skeletons import turned
+from harmolab.types import FloatArray, Motion, Skeleton
 from harmolab.viz.style import COLOURS
-
-__all__ = ["draw_frames", "draw_poses"]
-
-FloatArray = NDArray[np.float64]
 
 GHOSTS = ("#C9C9C9", "#A8A8A8")  # oldest first
 
@@ -49,7 +46,8 @@ def draw_poses(
     """
     moments = np.atleast_1d(np.asarray(times, np.float64))
     levels = np.broadcast_to(np.asarray(y, np.float64), moments.shape)
-    places = _seen(motion, turn) * (height / max(_stretch(motion), 1e-9))
+    stretch = np.ptp(motion.positions[..., 1], axis=1).max()
+    places = _seen(motion, turn) * (height / max(float(stretch), 1e-9))
     for moment, level in zip(moments, levels, strict=True):
         box = DrawingArea(height, height, clip=False)
         for line in _figures(places, motion, moment, trail, colour, middle=height / 2):
@@ -60,19 +58,11 @@ def draw_poses(
     return ax
 
 
-def _stretch(motion: Motion) -> float:
-    """Largest vertical extent of a single pose, in units of the motion."""
-    return float(np.ptp(motion.positions[..., 1], axis=1).max())
-
-
 def _seen(motion: Motion, turn: float) -> FloatArray:
     """(T, J, 2): to the right and upwards, as a camera far away sees the motion."""
-    positions = motion.positions
-    if positions.shape[2] == 2:
-        return positions * (1.0, -1.0)
-    angle = np.radians(turn)
-    right = positions[..., 0] * np.cos(angle) + positions[..., 2] * np.sin(angle)
-    return np.stack([right, positions[..., 1]], axis=-1)
+    if motion.positions.shape[2] == 2:
+        return motion.positions * (1.0, -1.0)
+    return turned(motion.positions, np.radians(turn))[..., :2]
 
 
 def _figures(

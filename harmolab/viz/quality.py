@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -11,17 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
-from harmolab.types import Motion
+from harmolab.types import FloatArray, Motion
 from harmolab.viz.motion import draw_poses
-from harmolab.viz.style import COLOURS, figure_style
-from harmolab.viz.variants import LOOKS
-
-__all__ = ["DISTANCES", "distances_figure", "draw_distances", "draw_sequence", "sequences_figure", "shot_times"]
-
-FloatArray = NDArray[np.float64]
-Record = Mapping[str, Any]
+from harmolab.viz.style import COLOURS, styled_axes
+from harmolab.viz.variants import LOOKS, PRINTED, Record, panels, rows_by_name, spread
 
 DISTANCES = MappingProxyType(
     {"fid": "FID on the pose network's features", "fid_kinetic": "FID on kinetic features (speeds)"}
@@ -33,7 +27,7 @@ _REFERENCES = MappingProxyType(
 HEIGHT = 74.0  # points, of a stick figure
 
 
-def draw_distances(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
+def draw_distances(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
     """One bar a variant, with its interval; below, hatched, recorded motion against recorded motion.
 
     Parameters
@@ -42,29 +36,25 @@ def draw_distances(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
     rows : records with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus
     measure : name in `DISTANCES`
     """
-    found = {row["variant"]: row for row in rows if row["measure"] == measure}
-    names = [name for name in (*LOOKS, *_REFERENCES) if name in found]
-    reach = max(np.nanmax([found[name]["mean"], found[name]["high"]]) for name in names)
-    for place, name in enumerate(names[::-1]):
-        row, bar = found[name], _bar(name)
-        ax.barh(place, row["mean"], height=0.62, **bar)
+    distances = {row["variant"]: row for row in rows if row["measure"] == measure}
+    places = rows_by_name(ax, [name for name in (*LOOKS, *_REFERENCES) if name in distances], _REFERENCES)
+    low, high = spread(distances.values())
+    for name, place in reversed(places.items()):
+        row = distances[name]
+        ax.barh(place, row["mean"], height=0.62, **_bar(name))
         if np.isfinite(row["low"]):
             ax.plot([row["low"], row["high"]], [place, place], color=COLOURS["ink"], linewidth=2.2, gid="interval")
         right = np.nanmax([row["mean"], row["high"], 0.0])
-        ax.text(right + 0.02 * reach, place, _number(row["mean"]), va="center", fontsize=9, color=COLOURS["ink"])
-    words = {name: look.label for name, look in LOOKS.items()} | dict(_REFERENCES)
-    ax.set(yticks=range(len(names)), yticklabels=[words[name] for name in names[::-1]], xlabel="distance (0: the same)")
-    lowest = min(0.0, *(np.nanmin([found[name]["mean"], found[name]["low"]]) for name in names))
-    ax.set_xlim(1.3 * lowest, 1.14 * reach)
+        ax.text(right + 0.02 * high, place, _number(row["mean"]), va="center", fontsize=9, color=COLOURS["ink"])
+    ax.set(xlabel="distance (0: the same)", xlim=(1.3 * min(0.0, low), 1.14 * high))
     ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
-    ax.tick_params(axis="y", length=0)
     return ax
 
 
 def _bar(name: str) -> dict[str, Any]:
     """Colours of a bar: as everywhere for the variants, grey and hatched for recorded motion."""
     if name in _REFERENCES:
-        return {"color": COLOURS["faint"], "edgecolor": COLOURS["chance"], "hatch": "//"}
+        return dict(PRINTED)
     look = LOOKS[name]
     return {"color": look.colour if look.filled else "white", "edgecolor": look.colour, "linewidth": 1.6}
 
@@ -80,26 +70,16 @@ def distances_figure(rows: Iterable[Record]) -> Figure:
     ----------
     rows : records of `harmolab.experiments.quality.motion_quality`
     """
-    table = list(rows)
-    corpora = list(dict.fromkeys(row["corpus"] for row in table))
-    with figure_style():
-        figure = Figure(figsize=(10.5, 3.2 * len(corpora) + 0.5), layout="constrained")
-        axes = figure.subplots(len(corpora), len(DISTANCES), squeeze=False)
-        for line, corpus in zip(axes, corpora, strict=True):
-            mine = [row for row in table if row["corpus"] == corpus]
-            for ax, (measure, title) in zip(line, DISTANCES.items(), strict=True):
-                draw_distances(ax, mine, measure=measure).set_title(f"{corpus}: {title}")
-                ax.tick_params(axis="y", labelleft=ax is line[0])
-        handles = [
-            Patch(
-                facecolor=COLOURS["faint"], edgecolor=COLOURS["chance"], hatch="//", label="no generator: recordings"
-            ),
-            Line2D(
-                [], [], color=COLOURS["ink"], linewidth=2.2, label="95 % interval, where several were drawn or trained"
-            ),
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    return figure
+    interval = "95 % interval, where several were drawn or trained"
+    handles = [
+        Patch(**PRINTED, label="no generator: recordings"),
+        Line2D([], [], color=COLOURS["ink"], linewidth=2.2, label=interval),
+    ]
+    return panels(rows, list(DISTANCES), _draw_panel, size=(10.5, 3.2), handles=handles, legend="outside lower center")
+
+
+def _draw_panel(ax: Axes, rows: list[Record], measure: str) -> None:
+    draw_distances(ax, rows, measure=measure).set_title(f"{rows[0]['corpus']}: {DISTANCES[measure]}")
 
 
 def shot_times(motion: Motion, shots: int) -> FloatArray:
@@ -155,9 +135,7 @@ def sequences_figure(
     ----------
     motions : name in `LOOKS` -> Motion, all equally long
     """
-    with figure_style():
-        figure = Figure(figsize=(11.0, 1.5 * len(motions) + 0.9), layout="constrained")
-        axes = figure.subplots(len(motions), 1, sharex=True, squeeze=False)[:, 0]
+    with styled_axes((11.0, 1.5 * len(motions) + 0.9), len(motions), sharex=True) as (figure, axes):
         for ax, (name, motion) in zip(axes, motions.items(), strict=True):
             look = LOOKS[name]
             draw_sequence(ax, motion, shots=shots, start=start, turn=turn, colour=look.colour).set_title(look.label)

@@ -12,19 +12,8 @@ from matplotlib.figure import Figure
 
 from harmolab.params import BarPattern
 from harmolab.pattern import evaluate_pattern
-from harmolab.viz.style import COLOURS, figure_style
-
-__all__ = [
-    "SCORE_LABELS",
-    "auc_figure",
-    "disturbances_figure",
-    "draw_auc",
-    "draw_disturbances",
-    "draw_patterns",
-    "draw_picks",
-    "patterns_figure",
-    "picks_figure",
-]
+from harmolab.viz.style import COLOURS, styled_axes
+from harmolab.viz.variants import rows_by_name
 
 SCORE_LABELS = {
     "recommended": "recommended (bar pattern)",
@@ -53,23 +42,16 @@ def draw_auc(ax: Axes, scores: Mapping[str, Mapping[str, Any]], *, title: str = 
     scores : the "scores" of a `harmolab compare` summary
     title : str
     """
-    names = [name for name in SCORE_LABELS if name in scores][::-1]
-    for row, name in enumerate(names):
-        low, high = scores[name]["chance_band"]
-        value = scores[name]["auc"]
-        ax.barh(
-            row,
-            high - low,
-            left=low,
-            height=0.7,
-            color=COLOURS["faint"],
-            label="chance band (95 %)" if not row else None,
-        )
+    places = rows_by_name(ax, [name for name in SCORE_LABELS if name in scores], SCORE_LABELS)
+    for name, row in places.items():
+        (low, high), value = scores[name]["chance_band"], scores[name]["auc"]
+        label = None if row else "chance band (95 %)"
+        ax.barh(row, high - low, left=low, height=0.7, color=COLOURS["faint"], label=label)
         colour = COLOURS["hit"] if value > high else COLOURS["ink"] if value >= low else COLOURS["miss"]
         ax.plot(value, row, "o" if value > high else "x", color=colour, markersize=8, markeredgewidth=2)
         ax.annotate(f"{value:.2f}", (value, row), xytext=(9, 0), textcoords="offset points", va="center", color=colour)
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
-    ax.set(yticks=range(len(names)), yticklabels=[SCORE_LABELS[name] for name in names], xlim=(0, 1.1))
+    ax.set_xlim(0, 1.1)
     ax.set_xlabel("AUC: true above wrong music (0.5 = coin, 1 = always)")
     ax.set_title(title)
     return ax
@@ -98,16 +80,17 @@ def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
     ----------
     table : DataFrame with columns "judge", "paper", "harmolab" (shares; one of the two is NaN), "low", "high"
     """
-    for row, (_, judge) in enumerate(table[::-1].iterrows()):
-        human = pd.notna(judge["paper"])
-        value = judge["paper"] if human else judge["harmolab"]
-        colour = COLOURS["chance"] if human else SCORE_COLOURS[2]
-        ax.barh(row, value, color=colour, hatch="//" if human else None, height=0.65, edgecolor="white")
+    places = rows_by_name(ax, list(table["judge"]))
+    for judge in table.to_dict("records"):
+        human, row = pd.notna(judge["paper"]), places[judge["judge"]]
+        value, end = (judge["paper"], judge["paper"]) if human else (judge["harmolab"], judge["high"])
+        colour, hatch = (COLOURS["chance"], "//") if human else (SCORE_COLOURS[2], None)
+        ax.barh(row, value, color=colour, hatch=hatch, height=0.65, edgecolor="white")
         if not human:
             ax.plot([judge["low"], judge["high"]], [row, row], color=COLOURS["ink"], linewidth=2)
-        ax.annotate(f" {value:.0%}", (max(value, judge["high"]) if not human else value, row), va="center")
+        ax.annotate(f" {value:.0%}", (max(value, end), row), va="center")
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1.5)
-    ax.set(yticks=range(len(table)), yticklabels=table["judge"][::-1], xlim=(0, 1.12))
+    ax.set_xlim(0, 1.12)
     ax.set_xlabel("inharmonious clips picked out (dotted: by guessing; black: 95 % of draws)")
     return ax
 
@@ -134,9 +117,7 @@ def auc_figure(summaries: Mapping[str, Mapping[str, Any]]) -> Figure:
     ----------
     summaries : corpus -> the summary of its comparison
     """
-    with figure_style():
-        figure = Figure(figsize=(4.4 + 3.6 * len(summaries), 4.6), layout="constrained")
-        axes = figure.subplots(1, len(summaries), sharey=True, squeeze=False)[0]
+    with styled_axes((4.4 + 3.6 * len(summaries), 4.6), 1, len(summaries), sharey=True) as (figure, axes):
         for ax, (name, summary) in zip(axes, summaries.items(), strict=True):
             draw_auc(ax, summary["scores"], title=f"{name} (n = {summary['n']}, {summary['beats']} beats)")
     return figure
@@ -144,25 +125,21 @@ def auc_figure(summaries: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 def patterns_figure(patterns: Mapping[str, BarPattern], *, title: str) -> Figure:
     """`draw_patterns` in a figure of its own."""
-    with figure_style():
-        figure = Figure(figsize=(8.0, 3.8), layout="constrained")
-        draw_patterns(figure.subplots(), patterns).set_title(title)
+    with styled_axes((8.0, 3.8)) as (figure, (ax,)):
+        draw_patterns(ax, patterns).set_title(title)
     return figure
 
 
 def picks_figure(table: pd.DataFrame, *, title: str) -> Figure:
     """`draw_picks` in a figure of its own."""
-    with figure_style():
-        figure = Figure(figsize=(8.0, 2.8), layout="constrained")
-        draw_picks(figure.subplots(), table).set_title(title)
+    with styled_axes((8.0, 2.8)) as (figure, (ax,)):
+        draw_picks(ax, table).set_title(title)
     return figure
 
 
 def disturbances_figure(tables: Sequence[pd.DataFrame], scores: Sequence[str]) -> Figure:
     """`draw_disturbances` for several disturbances side by side, with one legend."""
-    with figure_style():
-        figure = Figure(figsize=(4.0 * len(tables), 3.8), layout="constrained")
-        axes = figure.subplots(1, len(tables), sharey=True, squeeze=False)[0]
+    with styled_axes((4.0 * len(tables), 3.8), 1, len(tables), sharey=True) as (figure, axes):
         for ax, table in zip(axes, tables, strict=True):
             draw_disturbances(ax, table, scores)
         axes[-1].legend(loc="lower right", fontsize=9)

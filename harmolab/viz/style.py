@@ -16,24 +16,12 @@ from typing import Any, Protocol
 import matplotlib as mpl
 from cycler import cycler
 from filelock import FileLock
+from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
-from harmolab.io.aside import written_aside
+from harmolab.io.files import atomic_write, write_json
 from harmolab.params import RunProfile
-
-__all__ = [
-    "COLOURS",
-    "MANIFEST",
-    "MARKERS",
-    "STYLE",
-    "Saved",
-    "figure_style",
-    "figures_folder",
-    "save_figure",
-    "save_table",
-    "write_figure",
-]
 
 MANIFEST = "manifest.json"
 
@@ -101,6 +89,16 @@ def figure_style() -> Iterator[None]:
         yield
     finally:
         mpl.rcParams.update(before)
+
+
+@contextmanager
+def styled_axes(
+    size: tuple[float, float], rows: int = 1, columns: int = 1, **options: Any
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A new figure of `size` inches and its axes in reading order, in `figure_style`; options as for ``subplots``."""
+    with figure_style():
+        figure = Figure(figsize=size, layout="constrained")
+        yield figure, list(figure.subplots(rows, columns, squeeze=False, **options).flat)
 
 
 @dataclass(frozen=True)
@@ -178,7 +176,7 @@ def save_table(
 ) -> Saved:
     """The CSV just written; arguments as for `save_figure`. The frame's index is left out."""
     path = _output(name, ".csv", profile)
-    with written_aside(path) as part:
+    with atomic_write(path) as part:
         frame.to_csv(part, index=False)
     _record(path, notebook, source, profile, seed, title)
     return Saved(path)
@@ -202,7 +200,7 @@ def write_figure(figure: Figure, path: Path) -> Path:
         raise ValueError(f"{path}: no picture format {suffix!r}; there are {', '.join(sorted(formats))}")
     # Without a software tag the same picture is the same bytes, so that git sees no change where there is none.
     metadata = {"Software": None} if suffix == "png" else None
-    with written_aside(path) as part:
+    with atomic_write(path) as part:
         figure.savefig(part, format=suffix, bbox_inches="tight", metadata=metadata)
     return path
 
@@ -237,6 +235,4 @@ def _record(path: Path, notebook: str, source: str, profile: RunProfile, seed: i
     manifest = path.parent / MANIFEST
     with FileLock(manifest.with_name(f".{MANIFEST}.lock"), timeout=60):
         entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
-        text = json.dumps({**entries, path.name: entry}, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
-        with written_aside(manifest) as part:
-            part.write_text(text, "utf-8")
+        write_json(manifest, dict(sorted({**entries, path.name: entry}.items())))

@@ -7,58 +7,45 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from harmolab.beats.saliency import salient_audio, salient_visual
-from harmolab.harmony import EDGE
-from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack
+from harmolab.types import FloatArray, HarmonyScore
 from harmolab.viz.beats import draw_marks
 from harmolab.viz.style import COLOURS, figure_style
 
-__all__ = ["draw_means", "draw_timing", "signed_offsets", "timing_figure"]
-
-FloatArray = NDArray[np.float64]
 Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
 
-FEWEST_ROOM = 1.6  # tolerances that the y axis shows at least
+LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
 
 
 def signed_offsets(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
-    """How late the visual beat nearest to each music beat is: (N,) seconds, early is negative; NaN without any.
+    """Offset of the visual beat nearest to each music beat: (N,) seconds, early is negative; NaN without any.
 
     >>> signed_offsets(np.array([1.0, 2.0]), np.array([1.1, 1.75]))
     array([ 0.1 , -0.25])
     """
     if visual_times.size == 0:
         return np.full(audio_times.size, np.nan)
-    late = visual_times[None, :] - audio_times[:, None]
-    offsets: FloatArray = late[np.arange(audio_times.size), np.abs(late).argmin(axis=1)]
+    differences = visual_times[None, :] - audio_times[:, None]
+    offsets: FloatArray = differences[np.arange(audio_times.size), np.abs(differences).argmin(axis=1)]
     return offsets
 
 
-def draw_timing(ax: Axes, music: BeatTrack, visual: BeatTrack, *, params: HarmonyParams | None = None) -> Axes:
-    """Each music beat's offset to its nearest visual beat, in milliseconds; early lies below zero, late above.
+def draw_timing(ax: Axes, score: HarmonyScore) -> Axes:
+    """Each music beat's offset to the visual beat that hits it, in milliseconds; early lies below zero, late above.
 
-    A green circle lies inside the tolerance, a red cross outside. Without visual beats only the band is drawn.
-
-    Parameters
-    ----------
-    ax : Axes
-    music, visual : BeatTrack on one time line
-    params : HarmonyParams, default ``HarmonyParams.valleys()``
-        Its saliency, reaction delay and lag are used.
+    A green circle is a hit of the score; a red cross a miss, at its nearest visual beat. Without visual beats only the
+    band of the tolerance is drawn.
     """
-    chosen = params or HarmonyParams.valleys()
-    heard, seen = salient_audio(music, chosen), salient_visual(visual, chosen)
-    offsets = 1000 * signed_offsets(heard.times, seen.times - chosen.lag)
-    delay = 1000 * chosen.reaction_delay
+    music, times = score.music, score.visual.times - score.params.lag
+    hits = score.pairs >= 0
+    offsets = 1000 * signed_offsets(music.times, times)
+    offsets[hits] = 1000 * (times[score.pairs[hits]] - music.times[hits])
+    delay = 1000 * score.params.reaction_delay
     ax.axhspan(-delay, delay, color=COLOURS["audio"], alpha=0.13, linewidth=0, zorder=0, label="tolerance field")
     ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
-    there = np.isfinite(offsets)
-    good = np.abs(offsets[there]) <= delay + 1000 * EDGE
-    draw_marks(ax, heard.times[there], offsets[there], good, labels=("hit", "missed"))
-    room = 1.15 * max(float(np.abs(offsets[there]).max(initial=0.0)), FEWEST_ROOM * delay, 1.0)
+    finite = np.isfinite(offsets)
+    draw_marks(ax, music.times[finite], offsets[finite], hits[finite], labels=("hit", "missed"))
+    room = 1.15 * max(float(np.abs(offsets[finite]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
     ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel="early (ms)  |  late (ms)")
     return ax
 
@@ -80,10 +67,8 @@ def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
 
 
 def timing_figure(
-    music: BeatTrack,
-    visual: BeatTrack,
+    score: HarmonyScore,
     *,
-    params: HarmonyParams | None = None,
     means: Sequence[Mean] = (),
     title: str = "How early or late each music beat is met",
     size: tuple[float, float] = (9.0, 3.6),
@@ -92,15 +77,14 @@ def timing_figure(
 
     Parameters
     ----------
-    music, visual : BeatTrack on one time line
-    params : HarmonyParams, default ``HarmonyParams.valleys()``
-    means : as in `draw_means`; the stretches of an explanation fit
+    score : HarmonyScore
+    means : as in `draw_means`, such as the halves of an explanation
     title : str
     size : (float, float), inches
     """
     with figure_style():
         figure = Figure(figsize=size)
-        ax = draw_means(draw_timing(figure.subplots(), music, visual, params=params), means)
+        ax = draw_means(draw_timing(figure.subplots(), score), means)
         ax.set_title(title)
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)
     return figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -12,15 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
-from harmolab.viz.style import COLOURS, figure_style
-from harmolab.viz.variants import LOOKS
-
-__all__ = ["TERMS", "VALIDATED", "draw_term", "draw_validated", "losses_figure", "validation_figure"]
-
-FloatArray = NDArray[np.float64]
-Record = Mapping[str, Any]
+from harmolab.types import FloatArray
+from harmolab.viz.style import COLOURS, styled_axes
+from harmolab.viz.variants import LOOKS, Record
 
 PRETRAIN = "pretrain"
 # Panels of the losses in reading order: title, column of the history, variants that share its scale (None: all).
@@ -62,15 +57,13 @@ def draw_term(ax: Axes, rows: Sequence[Record], column: str, variants: Sequence[
     variants : names in `LOOKS`
     """
     for name in variants:
-        mine = [row for row in rows if row["variant"] == name]
-        values = _column(mine, column)
-        shown = np.isfinite(values)
-        epochs = np.arange(1, len(mine) + 1)
-        ax.plot(epochs[shown], values[shown], **_line(name, int(shown.sum())))
+        values = _column(rows, column, name)
+        epochs = np.flatnonzero(np.isfinite(values)) + 1
+        ax.plot(epochs, values[epochs - 1], **_line(name, epochs.size))
     if column in _GUESSED:
         ax.axhline(GUESSING, color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
     before = _pretrained(rows)
-    if before and any(np.isfinite(_column([row for row in rows if row["phase"] == PRETRAIN], column))):
+    if any(np.isfinite(_column([row for row in rows if row["phase"] == PRETRAIN], column))):
         ax.axvspan(0.5, before + 0.5, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=0, gid="pretraining")
     ax.xaxis.set_major_locator(MaxNLocator(4, integer=True))
     ax.yaxis.set_major_locator(MaxNLocator(4))
@@ -87,14 +80,13 @@ def draw_validated(ax: Axes, rows: Sequence[Record], column: str) -> Axes:
     """
     before = _pretrained(rows)
     for name in _named(rows):
-        values = _column([row for row in rows if row["variant"] == name], column)
-        shown = np.isfinite(values) & (np.arange(1, values.size + 1) >= before)
-        ax.plot(np.flatnonzero(shown) + 1 - before, values[shown], **_line(name, int(shown.sum())))
-    if column == "val_above_chance":
-        ax.axhline(0.0, color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
-    if column == "val_count_ratio":
-        ax.axhline(1.0, color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
-    else:
+        values = _column(rows, column, name)[max(before - 1, 0) :]
+        epochs = np.flatnonzero(np.isfinite(values))
+        ax.plot(epochs + (0 if before else 1), values[epochs], **_line(name, epochs.size))
+    levels = {"val_above_chance": 0.0, "val_count_ratio": 1.0}
+    if column in levels:
+        ax.axhline(levels[column], color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
+    if column != "val_count_ratio":
         low, high = ax.get_ylim()
         ax.set_ylim(min(low, 0.0), max(high, 1.0))
     ax.set(title=VALIDATED[column], xlabel="adversarial epoch (0: end of pretraining)")
@@ -106,13 +98,9 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
     """`draw_term` for every term of Eq. 32 and its parts, before weighting."""
     table = list(rows)
     names = _named(table)
-    with figure_style():
-        figure = Figure(figsize=(11.0, 8.2), layout="constrained")
-        axes = figure.subplots(3, 4).ravel()
+    with styled_axes((11.0, 8.2), 3, 4) as (figure, axes):
         for ax, (title, column, shared) in zip(axes, TERMS, strict=True):
-            has = [
-                name for name in names if any(np.isfinite(_column([r for r in table if r["variant"] == name], column)))
-            ]
+            has = [name for name in names if np.isfinite(_column(table, column, name)).any()]
             draw_term(ax, table, column, [name for name in has if shared is None or name in shared]).set_title(title)
         figure.supxlabel("epoch", fontsize=10)
         figure.supylabel("mean over the epoch's batches, before the weight of the term", fontsize=10)
@@ -125,17 +113,17 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
 def validation_figure(rows: Iterable[Record]) -> Figure:
     """`draw_validated` for the paper's two scores, and beside them what they do not tell."""
     table = list(rows)
-    with figure_style():
-        figure = Figure(figsize=(11.0, 6.2), layout="constrained")
-        for ax, column in zip(figure.subplots(2, 2).ravel(), VALIDATED, strict=True):
+    with styled_axes((11.0, 6.2), 2, 2) as (figure, axes):
+        for ax, column in zip(axes, VALIDATED, strict=True):
             draw_validated(ax, table, column)
         figure.legend(handles=_handles(_named(table)), loc="outside upper left", ncols=4)
     return figure
 
 
-def _column(rows: Sequence[Record], column: str) -> FloatArray:
-    """Values of one column, NaN where a row does not have it."""
-    return np.array([row.get(column, np.nan) for row in rows], dtype=np.float64)
+def _column(rows: Sequence[Record], column: str, variant: str = "") -> FloatArray:
+    """Values of one column, of one variant if one is named; NaN where a row does not have it."""
+    named = [row for row in rows if variant in ("", row["variant"])]
+    return np.array([row.get(column, np.nan) for row in named], dtype=np.float64)
 
 
 def _pretrained(rows: Sequence[Record]) -> int:
@@ -145,8 +133,9 @@ def _pretrained(rows: Sequence[Record]) -> int:
 
 
 def _named(rows: Sequence[Record]) -> list[str]:
-    found = {row["variant"] for row in rows}
-    return [name for name in LOOKS if name in found]
+    """Variants of the rows, in the order of `LOOKS`."""
+    names = {row["variant"] for row in rows}
+    return [name for name in LOOKS if name in names]
 
 
 def _line(name: str, n_points: int) -> dict[str, Any]:

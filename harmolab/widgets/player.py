@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
 
-import jinja2
 import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import motion_curve
-from harmolab.features.poses import mean_heading, skull_and_limbs
 from harmolab.harmony import score_motion
-from harmolab.io.aside import written_aside
-from harmolab.kinematics import resample_motion, smooth, upsample_motion
+from harmolab.io.files import PathLike, write_text
+from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.params import HarmonyParams
+from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height
+from harmolab.templates import framed, rendered
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, HarmonyScore, Motion
 
-TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
-FOLLOW = 0.8  # seconds over which the camera's way is smoothed
+HEIGHT = 880  # pixels of the frame
 LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
 LEVELS = 65535  # steps of a number in the page
@@ -52,29 +48,11 @@ class Dancer:
     score: HarmonyScore
 
 
-class _Framed:
-    """A page that shows itself in a frame, and can be saved."""
-
-    title: str
-    page: str
-    height: int
-
-    def _repr_html_(self) -> str:
-        return framed(self.page, title=f"{self.title}: player", height=self.height)
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the page to a file, aside first."""
-        with written_aside(Path(path)) as aside:
-            aside.write_text(self.page, encoding="utf-8")
-
-
-class Player(_Framed):
+class Player:
     """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
 
     >>> Player(audio, [Dancer("one", motion, score)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
     """
-
-    height = 880
 
     def __init__(
         self,
@@ -88,18 +66,12 @@ class Player(_Framed):
         self.title = title
         self.page = player_page(audio, dancers, music=music, title=title, facts=facts)
 
+    def _repr_html_(self) -> str:
+        return framed(self.page, title=f"{self.title}: player", height=HEIGHT)
 
-class BlindPlayer(_Framed):
-    """The player of `blind_page`, as it shows itself to a rater in a notebook and in the offline report.
-
-    >>> BlindPlayer(audio, [motion])  # doctest: +SKIP
-    """
-
-    title = "Dance"
-    height = 520
-
-    def __init__(self, audio: Audio, motions: Sequence[Motion]) -> None:
-        self.page = blind_page(audio, motions)
+    def save(self, path: PathLike) -> None:
+        """Write the page to a file, whole or not at all."""
+        write_text(path, self.page)
 
 
 def player_of(
@@ -156,17 +128,6 @@ def _fact(dancer: Dancer) -> tuple[str, str]:
     return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
 
 
-def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
-    """A player's page in a frame, as HTML to stand in another page.
-
-    The page sets the frame's height itself; `height`, in pixels, is for readers that run no script.
-    """
-    return (
-        f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}" '
-        f'style="width: 100%; height: {height}px; border: 0" loading="lazy"></iframe>'
-    )
-
-
 def player_page(
     audio: Audio,
     dancers: Sequence[Dancer],
@@ -203,7 +164,7 @@ def player_page(
         "lag": score.params.lag,
         "dancers": [_dancer(dancer) for dancer in dancers],
     }
-    return _rendered("player.html.j2", title=title, facts=facts, data=data)
+    return rendered("player.html.j2", title=title, facts=facts, data=data)
 
 
 def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
@@ -226,7 +187,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
     dancers = [{"name": name, **_movement(motion)} for name, motion in zip(names, motions, strict=True)]
     data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
-    return _rendered("blind.html.j2", data=data)
+    return rendered("blind.html.j2", data=data)
 
 
 def _duration(motions: Sequence[Motion]) -> float:
@@ -237,11 +198,6 @@ def _duration(motions: Sequence[Motion]) -> float:
     if duration > LONGEST:
         raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
     return duration
-
-
-def _rendered(template: str, **values: Any) -> str:
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
-    return environment.get_template(template).render(**values)
 
 
 def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
@@ -288,8 +244,7 @@ def _movement(motion: Motion) -> dict[str, Any]:
 def _on_floor(positions: FloatArray, fps: float) -> tuple[FloatArray, FloatArray, float]:
     """(positions with the floor at y = 0, the camera's way over it (T, 2), the dancer's height)."""
     low = float(np.percentile(positions[..., 1].min(axis=1), 2))
-    height = float(np.percentile(np.ptp(positions[..., 1], axis=1), 90))
-    way = smooth(positions.mean(axis=1)[:, [0, 2]], FOLLOW, fps)
+    height, way = standing_height(positions), camera_way(positions, fps)[:, [0, 2]]
     size = max(height, 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
     return positions - np.array([0.0, low, 0.0]), way, size
 

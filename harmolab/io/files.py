@@ -1,0 +1,217 @@
+"""Files: one clear error for every damaged one, whole or no new ones, JSON, the cache, and progress over many.
+
+Nothing in a file is trusted: its size is looked at before it is read, and a loader raises ValueError or
+FileNotFoundError only, with the file's name first.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pickle
+import shutil
+import stat
+import struct
+import tempfile
+import threading
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PathLike = str | os.PathLike[str]
+Arrays = dict[str, NDArray[Any]]
+
+# function(items, label) -> items, such as ``lambda items, label: tqdm(items, desc=label)``
+Progress = Callable[[Iterable[Any], str], Iterable[Any]]
+
+MAX_BYTES = 512 * 2**20
+# Parsed text takes many times its room.
+MAX_JSON_BYTES = 256 * 2**20
+MAX_TEXT_BYTES = 16 * 2**20
+UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
+
+# RuntimeError stands for RecursionError, NotImplementedError and the errors of libsndfile.
+_FAULTS = (
+    ValueError, OSError, EOFError, RuntimeError, ArithmeticError, LookupError, TypeError, AttributeError, SyntaxError,
+    tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile, pickle.UnpicklingError,
+)  # fmt: skip
+
+
+def silent(items: Iterable[Any], label: str) -> Iterable[Any]:
+    """The items as they are: the `Progress` that shows nothing."""
+    return items
+
+
+class MissingFrameRate(ValueError):
+    """A motion file holds no frame rate, and none was passed; with a rate it may be read."""
+
+
+@contextmanager
+def reading(path: PathLike, what: str, *, max_bytes: int | None = MAX_BYTES) -> Iterator[Path]:
+    """The path, checked to be an ordinary file with bytes in it; faults inside the block name the file.
+
+    Parameters
+    ----------
+    path : str or path
+    what : str
+        What the file ought to be, such as "a BVH motion".
+    max_bytes : int or None
+        Larger files are refused unread. None: any size (the reader bounds itself).
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    ValueError
+        It is a folder, a device, empty or too large, or the block failed on its content; a `MissingFrameRate` of the
+        block stays one.
+    """
+    try:
+        _check_file(Path(path), max_bytes)
+        yield Path(path)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{path}: no such file") from None
+    except MemoryError as error:
+        raise ValueError(f"{path}: needs more memory than this machine has; read a part of it") from error
+    except _FAULTS as error:
+        kind = MissingFrameRate if isinstance(error, MissingFrameRate) else ValueError
+        raise kind(_message(str(path), what, error)) from error
+
+
+def _check_file(path: Path, max_bytes: int | None) -> None:
+    """ValueError unless `path` is an ordinary file of 1 to `max_bytes` bytes."""
+    status = path.stat()
+    if stat.S_ISDIR(status.st_mode):
+        raise ValueError("is a folder, not a file")
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError("is a device or a pipe, not a file; copy it to a file first")
+    if status.st_size == 0:
+        raise ValueError("the file is empty")
+    if max_bytes is not None and status.st_size > max_bytes:
+        raise ValueError(f"has {status.st_size} bytes, more than the {max_bytes} allowed; cut it into parts")
+
+
+def _message(path: str, what: str, error: Exception) -> str:
+    """`error` in one line behind the file's name; an error that is none of ours says what was expected."""
+    text = " ".join(str(error).split())[:400]
+    if text.startswith(path):
+        return text
+    if type(error) in (ValueError, MissingFrameRate):
+        return f"{path}: {text}"
+    return f"{path}: cannot be read as {what} ({text or type(error).__name__})"
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, without a byte order mark."""
+    return path.read_bytes().decode("utf-8-sig")
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file; call it inside `reading`, which bounds its size and words its errors."""
+    return json.loads(path.read_bytes())
+
+
+@contextmanager
+def atomic_write(path: PathLike) -> Iterator[Path]:
+    """A hidden neighbour of `path` to write to; it takes the place of `path` at the end, or is removed after an error.
+
+    Whoever reads `path` meanwhile sees what was there before.
+    """
+    path = Path(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_native_id()}.tmp")
+    try:
+        yield part
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: PathLike) -> Iterator[Path]:
+    """A hidden neighbour of the folder `path` to fill; as `atomic_write`, what `path` held goes as a whole."""
+    path = Path(path)
+    part = Path(tempfile.mkdtemp(prefix=f"{UNFINISHED}{path.name}_", dir=path.parent))
+    try:
+        part.chmod(0o755)
+        yield part
+        if path.exists():
+            shutil.rmtree(path)
+        part.replace(path)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def write_text(path: PathLike, text: str) -> None:
+    """Write a file of text, UTF-8, whole or not at all."""
+    with atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def write_json(path: PathLike, content: Any) -> None:
+    """Write `plain(content)` as a JSON file, whole or not at all."""
+    write_text(path, json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def plain(content: Any) -> Any:
+    """`content` as JSON holds it: records as objects, tuples and arrays as lists, null for a number not finite.
+
+    >>> plain({"interval": (0.5, float("nan")), "hits": np.arange(3)})
+    {'interval': [0.5, None], 'hits': [0, 1, 2]}
+    """
+    if is_dataclass(content) and not isinstance(content, type):
+        content = {field.name: getattr(content, field.name) for field in fields(content)}
+    if isinstance(content, np.ndarray | np.generic):
+        content = content.tolist()
+    if isinstance(content, Mapping):
+        return {name: plain(one) for name, one in content.items()}
+    if isinstance(content, list | tuple):
+        return [plain(one) for one in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def cache_folder() -> Path | None:
+    """Folder of kept analyses: ``HARMOLAB_CACHE``, else the user's cache folder; None when the variable is "off"."""
+    named = os.environ.get("HARMOLAB_CACHE")
+    if named == "off":
+        return None
+    if named:
+        return Path(named)
+    from platformdirs import user_cache_path
+
+    return user_cache_path("harmolab")
+
+
+def cached_arrays(name: str) -> Arrays | None:
+    """Arrays kept under a name; None when there are none, the file is damaged, or nothing is kept."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    try:
+        # numpy leaves a damaged file open unless somebody else closes it.
+        with (folder / f"{name}.npz").open("rb") as file, np.load(file, allow_pickle=False) as content:
+            return dict(content)
+    # A zip file with a flipped bit may claim any compression or encryption, a lone array is no context manager.
+    except (OSError, KeyError, TypeError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        return None
+
+
+def keep_arrays(name: str, arrays: Arrays) -> None:
+    """Keep arrays under a name; a cache that cannot be written is no error."""
+    folder = cache_folder()
+    if folder is None:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with atomic_write(folder / f"{name}.npz") as part, part.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+    except OSError:
+        return

@@ -1,0 +1,28 @@
+"""The HTML pages of players, own dances and reports: filled and framed here. Needs jinja2 (extra `lab`)."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+TEMPLATES = Path(__file__).parent
+
+
+def rendered(template: str, **values: Any) -> str:
+    """The page of a template of this folder; text among the values is escaped."""
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True)
+    return environment.get_template(template).render(**values)
+
+
+def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
+    """A page in a frame, as HTML to stand in another page, a notebook or the report.
+
+    A player's page sets the frame's height itself; `height`, in pixels, is for readers that run no script.
+    """
+    return (
+        f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}" '
+        f'style="width: 100%; height: {height}px; border: 0" loading="lazy"></iframe>'
+    )

@@ -1,0 +1,94 @@
+"""Small things that many tests build: beats, bodies, dances to planted music, a call of the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from numpy.typing import ArrayLike
+from typer import Typer
+from typer.testing import CliRunner, Result
+
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.io import save_motion
+from harmolab.types import BeatTrack, Clip, Motion, Skeleton
+
+
+def track(
+    times: ArrayLike,
+    strengths: ArrayLike | None = None,
+    *,
+    fps: float = 100.0,
+    duration: float = 10.0,
+    bar_places: Sequence[int] | None = None,
+) -> BeatTrack:
+    """Beats at these seconds, all of strength 1 unless strengths are given."""
+    times = np.asarray(times, float)
+    return BeatTrack(times, np.ones(times.size) if strengths is None else strengths, fps, duration, bar_places)
+
+
+def metronome(
+    strengths: ArrayLike,
+    *,
+    period: float = 0.5,
+    first: float = 0.0,
+    fps: float = 100.0,
+    duration: float = 60.0,
+    bar_places: Sequence[int] | None = None,
+) -> BeatTrack:
+    """Beats of these strengths, one every `period` seconds from `first` on."""
+    times = first + period * np.arange(np.size(strengths))
+    return track(times, strengths, fps=fps, duration=duration, bar_places=bar_places)
+
+
+def along_x(x: ArrayLike, *, fps: float) -> Motion:
+    """One joint that is at these places (m) on the x axis, one a frame."""
+    positions = np.zeros((np.size(x), 1, 3))
+    positions[:, 0, 0] = x
+    return Motion(positions, fps, Skeleton.unnamed(1))
+
+
+def still(frames: int, *, fps: float, joints: int = 2, axes: int = 3) -> Motion:
+    """Joints that rest at the origin, but for the second, a metre above it."""
+    positions = np.zeros((frames, joints, axes))
+    positions[:, 1:2, 1] = 1.0
+    return Motion(positions, fps, Skeleton.unnamed(joints))
+
+
+def bone_lengths(motion: Motion) -> np.ndarray:
+    """(T, bones) lengths, in the motion's unit."""
+    ends = [motion.positions[:, child] - motion.positions[:, parent] for parent, child in motion.skeleton.bones]
+    return np.linalg.norm(np.stack(ends, axis=1), axis=2)
+
+
+@cache
+def planted_dance(dance: str = "cha-cha", *, seconds: float = 6.0, fps: float = 60.0, seed: int = 1) -> Clip:
+    """The same synthetic clip for every test that asks for it: an exact dancer to beats that are known."""
+    return synthetic_clip(dance, seconds=seconds, fps=fps, seed=seed)
+
+
+def write_song(path: Path, clip: Clip) -> Path:
+    """The file, which then holds the clip's music."""
+    soundfile.write(path, clip.audio.samples, round(clip.audio.sample_rate))
+    return path
+
+
+def write_dance(path: Path, clip: Clip) -> Path:
+    """The file, which then holds the clip's movement."""
+    assert clip.motion is not None
+    save_motion(path, clip.motion)
+    return path
+
+
+def bobbing(first_rest: float, *, size: float = 0.2, fps: float = 15.0, seconds: float = 4.0) -> Motion:
+    """One joint that rests at `first_rest` and every half second after."""
+    heights = 1.0 + size * np.cos(2 * np.pi * (np.arange(round(seconds * fps)) / fps - first_rest))
+    return Motion(heights[:, None, None] * np.array([0.0, 1.0, 0.0]), fps, Skeleton(("joint",), (-1,)))
+
+
+def called(app: Typer, *arguments: object) -> Result:
+    """Exit code and output of a command with these arguments."""
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
