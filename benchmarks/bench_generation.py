@@ -13,7 +13,7 @@ from torch import Tensor
 
 from benchmarks.timing import best_of
 from harmolab.data.tang2018 import TANG_23
-from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic
+from harmolab.models.harmogan import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
 from harmolab.models.pose_features import PoseNet
 from harmolab.params import ModelParams
 
@@ -42,7 +42,7 @@ def training_milliseconds(params: ModelParams, *, rounds: int = 15) -> dict[str,
     generator = generator_of(params)
     audio, mask = torch.randn(TRAINING_CLIPS, TRAINING_FRAMES, N_AUDIO), torch.ones(TRAINING_CLIPS, TRAINING_FRAMES)
     motion = torch.randn(TRAINING_CLIPS, TRAINING_FRAMES, generator.n_motion).requires_grad_()
-    cross, temporal = CrossDomainCritic(params, N_AUDIO, TANG_23), SpatialTemporalCritic(params, TANG_23)
+    cross, temporal = CrossDomainDiscriminator(params, N_AUDIO, TANG_23), SpatialTemporalDiscriminator(params, TANG_23)
     pose_net = PoseNet(TANG_23, fps=FPS)
 
     def features() -> Tensor:
@@ -50,7 +50,7 @@ def training_milliseconds(params: ModelParams, *, rounds: int = 15) -> dict[str,
 
     losses: dict[str, Callable[[], Tensor]] = {
         "generator": lambda: generator(audio, motion).motion.square().sum(),
-        "both critics": lambda: cross(audio, motion, mask).sum() + temporal(motion, mask).sum(),
+        "both discriminators": lambda: cross(audio, motion, mask).sum() + temporal(motion, mask).sum(),
         "pose network": features,
     }
     return {name: best_of(lambda loss=loss: loss().backward(), rounds) for name, loss in losses.items()}
@@ -71,7 +71,9 @@ def measure() -> dict[str, float]:
             figures[f"{name}: times faster than music is played at {FPS:g} Hz"] = fastest / FPS
             steps = training_milliseconds(params)
             figures |= {f"{name}: {part}, forward and backward (ms)": value for part, value in steps.items()}
-            figures[f"{name}: both critics against generator (ratio)"] = steps["both critics"] / steps["generator"]
+            figures[f"{name}: both discriminators against generator (ratio)"] = (
+                steps["both discriminators"] / steps["generator"]
+            )
     finally:
         torch.set_num_threads(threads)
     return figures

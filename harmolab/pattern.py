@@ -23,10 +23,7 @@ from harmolab.beats.visual import RATE, motion_curve
 from harmolab.io.files import PathLike, read_json, reading, write_json
 from harmolab.kinematics import upsample_motion
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.types import BeatTrack, Motion
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
 
 GRID = 24  # samples per beat on which curve and pattern are compared
 DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat

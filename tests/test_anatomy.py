@@ -13,7 +13,7 @@ from harmolab.models.harmogan import Generator
 from harmolab.params import ModelParams
 from harmolab.types import Skeleton
 
-TINY = ModelParams(hidden=16, layers=1, pose_features=8, critic=4)
+TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))  # C = 3 * 3 + 3 = 12
 N, T, F, C = 4, 30, 5, 12
 

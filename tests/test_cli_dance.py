@@ -18,13 +18,13 @@ from typer.testing import CliRunner, Result
 
 import harmolab
 from harmolab.cli import app
-from harmolab.cli.dancing import dance_scores
+from harmolab.dance_scores import dance_scores
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.io import load_audio, load_motion
 from harmolab.kinematics import resample_motion
-from harmolab.models.harmogan import Generator
+from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.models.weights import load_generator, save_weights
+from harmolab.models.weights import save_weights
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.synthesis import synthesize_dance
 from harmolab.types import BeatTrack, Clip, Motion
@@ -52,7 +52,7 @@ def run_folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     motion = resample_motion(clip.motion, FPS)
     code = encode_motion(motion.positions, FPS, motion.skeleton)
     generator = Generator(
-        ModelParams(hidden=8, layers=1, pose_features=8, critic=4), features.n_audio, motion.skeleton,
+        ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4), features.n_audio, motion.skeleton,
         torch.tensor(bone_lengths(motion.positions, motion.skeleton)), fps=FPS, features=features,
     )  # fmt: skip
     generator.motion_scale.set(torch.tensor(code.mean(axis=0)), torch.tensor(code.std(axis=0)))
@@ -132,7 +132,7 @@ def test_several_samples_are_numbered_by_their_seeds(dance: Callable[..., Result
         ("dance.mp4", ("--start", 60), "start must lie within the music (0 to 6.00 s), got 60 s"),
         ("dance.mp4", ("--dance", "polka"), "unknown dance 'polka'"),
         ("dance.mp4", ("--seconds", -1), "seconds must be positive, got -1"),
-        ("dance.mp4", ("--weights", "nowhere"), "nowhere.safetensors: no such file"),
+        ("dance.mp4", ("--weights", "nowhere"), "nowhere.json: no such file"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_no_file(

@@ -16,11 +16,11 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
-from harmolab.cli.training import EpochBar, train
+from harmolab.cli.training import epoch_bar, train
 from harmolab.data.synthetic import write_corpus
-from harmolab.models.weights import load_generator
+from harmolab.models.harmogan import load_generator
 from harmolab.params import ModelParams, TrainParams
-from harmolab.training import folders
+from harmolab.training import checkpoints
 
 Run = Callable[..., Result]
 
@@ -37,7 +37,7 @@ def run() -> Run:
     app = typer.Typer(rich_markup_mode="markdown")
     app.command()(train)
     quick = {"pretrain_epochs": 2, "adversarial_epochs": 1, "pose_epochs": 1, "batch_size": 50}
-    tiny = ModelParams(hidden=8, layers=1, pose_features=8, critic=4)
+    tiny = ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
     kept = {name: replace(getattr(TrainParams, name)(), **quick) for name in ("paper", "recommended")}
 
     def invoke(*arguments: object) -> Result:
@@ -105,8 +105,8 @@ def told(result: Result) -> str:
 @pytest.mark.parametrize(
     ("option", "value", "line"),
     [
-        ("--preset", "large", "--preset must be small or paper, got 'large'"),
-        ("--params", "ours", "--params must be recommended or paper, got 'ours'"),
+        ("--preset", "large", "preset must be small or paper, got 'large'"),
+        ("--params", "ours", "params must be recommended or paper, got 'ours'"),
         ("--harmony-weight", "-1", "harmony_weight must be zero or more, got -1.0"),
         ("--harmony-weight", "nan", "harmony_weight must be zero or more, got nan"),
     ],
@@ -120,7 +120,7 @@ def test_an_unknown_accelerator_is_named(corpus: Path, tmp_path: Path):
     app = typer.Typer()
     app.command()(train)
     result = CliRunner().invoke(app, [str(corpus), "--out", str(tmp_path / "run"), "--accelerator", "tpu"])
-    assert told(result) == "harmolab: --accelerator must be auto or cpu or cuda, got 'tpu'"
+    assert told(result) == "harmolab: accelerator must be auto or cpu or cuda, got 'tpu'"
 
 
 def test_a_missing_corpus_is_named(run: Run, tmp_path: Path):
@@ -205,7 +205,7 @@ def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.Monk
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "settings.json").write_text("{}")
     monkeypatch.setenv("RANK", "1")
-    monkeypatch.setattr(folders, "check_folder", lambda *given, **more: pytest.fail("it looked"))
+    monkeypatch.setattr(checkpoints, "check_folder", lambda *given, **more: pytest.fail("it looked"))
     assert "nowhere" in told(run(tmp_path / "nowhere", "--out", tmp_path / "run"))
 
 
@@ -214,7 +214,7 @@ def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.Monk
 
 TERMS = {"kl": 0.01, "mse": 250.0, "feature": 50.0, "gan": 1.41, "harmony": -0.25, "smoothness": 0.5}
 TERMS |= {"energy": 0.2, "foot": 0.1}
-CRITICS = {"critic_cd": 1.38, "critic_st": 1.37, "total": 3.25}
+JUDGES = {"critic_cd": 1.38, "critic_st": 1.37, "total": 3.25}
 SCORES = {
     "val_mse": 260.0,
     "val_harmony": 0.375,
@@ -250,17 +250,14 @@ def epoch(phase: str, number: int, values: dict[str, float]) -> dict[str, Any]:
     return {"phase": phase, "epoch": number, "rate": 1e-4, "tau": 0.25, **values}
 
 
-ENDS = {"pose network": 40, "pretrain": 225, "adversarial": 270}
-
-
 def test_a_terminal_shows_every_term_and_the_validation(monkeypatch: pytest.MonkeyPatch):
     def draw() -> None:
-        with EpochBar(ENDS) as report:
-            report(epoch("adversarial", 229, TERMS | CRITICS | SCORES))
+        with epoch_bar() as report:
+            report(epoch("adversarial", 229, TERMS | JUDGES | SCORES), 270)
 
     shown = on_terminal(draw, monkeypatch)
     assert "adversarial" in shown and "230/270" in shown
-    for name, value in (TERMS | CRITICS).items():
+    for name, value in (TERMS | JUDGES).items():
         assert f"{name} {value:.3g}" in shown, name
     assert "validation: mse 260  harmony 0.375  hit_rate 0.5  above_chance 0.125" in shown
     assert shown.rfind("\x1b[?25h") > shown.rfind("\x1b[?25l")  # the cursor is back
@@ -268,9 +265,9 @@ def test_a_terminal_shows_every_term_and_the_validation(monkeypatch: pytest.Monk
 
 def test_the_last_validation_stays_in_sight(monkeypatch: pytest.MonkeyPatch):
     def draw() -> None:
-        with EpochBar(ENDS) as report:
-            report(epoch("pretrain", 4, {"mse": 250.0} | SCORES))
-            report(epoch("pretrain", 5, {"mse": 249.0}))
+        with epoch_bar() as report:
+            report(epoch("pretrain", 4, {"mse": 250.0} | SCORES), 225)
+            report(epoch("pretrain", 5, {"mse": 249.0}), 225)
 
     last = on_terminal(draw, monkeypatch).split("mse 249")[1]
     assert "harmony 0.375" in last
@@ -278,8 +275,8 @@ def test_the_last_validation_stays_in_sight(monkeypatch: pytest.MonkeyPatch):
 
 def test_the_bar_leaves_the_terminal_usable_after_a_fault(monkeypatch: pytest.MonkeyPatch):
     def draw() -> None:
-        with pytest.raises(ValueError, match="broken"), EpochBar(ENDS) as report:
-            report({"phase": "pose network", "epoch": 0, "train": 1.5, "validation": 2.5})
+        with pytest.raises(ValueError, match="broken"), epoch_bar() as report:
+            report({"phase": "pose network", "epoch": 0, "train": 1.5, "validation": 2.5}, 40)
             raise ValueError("broken")
 
     shown = on_terminal(draw, monkeypatch)
@@ -287,15 +284,16 @@ def test_the_bar_leaves_the_terminal_usable_after_a_fault(monkeypatch: pytest.Mo
     assert shown.rfind("\x1b[?25h") > shown.rfind("\x1b[?25l")
 
 
-def test_other_processes_draw_nothing(monkeypatch: pytest.MonkeyPatch):
+def test_nothing_is_drawn_before_the_first_epoch(monkeypatch: pytest.MonkeyPatch):
+    # Processes beside the first are told of no epoch, and reading the recordings has a bar of its own.
     def draw() -> None:
-        with EpochBar(ENDS, shown=False):
+        with epoch_bar():
             pass
 
     assert on_terminal(draw, monkeypatch) == ""
 
 
 def test_numbers_are_shown_with_three_digits(capsys: pytest.CaptureFixture[str]):
-    with EpochBar(ENDS) as report:
-        report(epoch("pretrain", 4, {"mse": np.pi * 100, "val_mse": 1 / 3}))
+    with epoch_bar() as report:
+        report(epoch("pretrain", 4, {"mse": np.pi * 100, "val_mse": 1 / 3}), 225)
     assert capsys.readouterr().err == "pretrain epoch 5: rate 0.0001  tau 0.25  mse 314  val_mse 0.333\n"

@@ -35,16 +35,16 @@ from harmolab.kinematics import direction_spread, joint_speed, step_signs, turni
 from harmolab.models.losses import (
     adversarial_value,
     charbonnier_mse,
-    critic_loss,
+    discriminator_loss,
     feature_loss,
     generator_gan_loss,
     harmony_loss,
     kl_loss,
     literal_harmony_loss,
-    total_loss,
 )
 from harmolab.models.soft_harmony import SoftHarmony
 from harmolab.params import HarmonyParams, TrainParams
+from harmolab.training.shards import total_loss
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from tests.builders import along_x, track
 
@@ -77,8 +77,8 @@ EQUATIONS: dict[int, Callable[..., object]] = {
     26: feature_loss,
     27: harmony_loss,
     28: adversarial_value,
-    29: critic_loss,
-    30: critic_loss,
+    29: discriminator_loss,
+    30: discriminator_loss,
     31: generator_gan_loss,
     32: total_loss,
 }
@@ -291,14 +291,14 @@ def test_equation_28_value_that_the_discriminator_raises():
 def test_equation_29_cross_domain_discriminator_maximises():
     # D_cd = 0.8 for the recorded pair (logit ln 4), 0.2 for the generated one: minimised is -(ln 0.8 + ln(1 - 0.2)).
     logit = torch.tensor([np.log(4.0)])
-    assert critic_loss(logit, -logit).item() == pytest.approx(-2 * np.log(0.8))
-    assert critic_loss(-logit, logit).item() == pytest.approx(-2 * np.log(0.2))
+    assert discriminator_loss(logit, -logit).item() == pytest.approx(-2 * np.log(0.8))
+    assert discriminator_loss(-logit, logit).item() == pytest.approx(-2 * np.log(0.2))
 
 
 def test_equation_30_spatial_temporal_discriminator_maximises():
     # D_st = 0.5 for recorded, 0.9 for generated motion (logit ln 9): -(ln 0.5 + ln 0.1); its gradient pulls both apart.
     real, fake = torch.zeros(1, requires_grad=True), torch.tensor([np.log(9.0)], requires_grad=True)
-    loss = critic_loss(real, fake)
+    loss = discriminator_loss(real, fake)
     loss.backward()
     assert loss.item() == pytest.approx(-np.log(0.5) - np.log(0.1))
     assert (real.grad.item(), fake.grad.item()) == (pytest.approx(-0.5), pytest.approx(0.9))

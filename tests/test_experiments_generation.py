@@ -20,7 +20,6 @@ from harmolab.experiments.generation import (
     SWEEP,
     SYNTHETIC,
     VARIANTS,
-    all_trained,
     generator_corpora,
     histories,
     trained,
@@ -133,11 +132,6 @@ def test_a_process_waits_for_the_one_that_trains(paper: generation.Trained, cach
 def test_histories_name_their_variants():
     table = histories(PROFILE, SYNTHETIC)
     assert table.groupby("variant", sort=False).size().to_dict() == dict.fromkeys(VARIANTS, 2)
-
-
-def test_all_variants_are_trained_for_every_seed():
-    found = [(corpus, name, seed) for corpus, name, seed, _ in all_trained(PROFILE)]
-    assert found == [(SYNTHETIC, name, 1) for name in VARIANTS]
 
 
 def test_the_sweep_goes_from_no_harmony_loss_to_three_times_as_much():

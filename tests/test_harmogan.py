@@ -1,4 +1,4 @@
-"""models.harmogan: what the generator gives, what it may know, and what the critics look at."""
+"""models.harmogan: what the generator gives, what it may know, and what the discriminators look at."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import torch
 from harmolab.data.tang2018 import TANG_23
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.models.harmogan import (
-    CrossDomainCritic,
+    CrossDomainDiscriminator,
     Generator,
     Normaliser,
-    SpatialTemporalCritic,
+    SpatialTemporalDiscriminator,
     Statistics,
     parameter_count,
     segments,
@@ -21,7 +21,7 @@ from harmolab.models.poses import local_joints
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.types import Skeleton
 
-TINY = ModelParams(hidden=16, layers=1, pose_features=8, critic=4)
+TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 LENGTHS = torch.tensor([0.0, 0.3, 0.25])
 
@@ -215,9 +215,9 @@ def test_segments_are_even_and_hold_real_frames_only():
     assert found == [[[0], [1], [2, 3], [4], [5, 6]], [[7], [8], [9], [10], [11]]]
 
 
-def critics() -> tuple[CrossDomainCritic, SpatialTemporalCritic]:
+def discriminators() -> tuple[CrossDomainDiscriminator, SpatialTemporalDiscriminator]:
     """Both, with statistics of random motion."""
-    cross, temporal = CrossDomainCritic(TINY, 4, ARM), SpatialTemporalCritic(TINY, ARM)
+    cross, temporal = CrossDomainDiscriminator(TINY, 4, ARM), SpatialTemporalDiscriminator(TINY, ARM)
     known = Statistics.of(noise(3, 30, 4), noise(3, 30, 12) + 2.0, torch.ones(3, 30))
     cross.set_statistics(known)
     temporal.set_statistics(known)
@@ -225,8 +225,8 @@ def critics() -> tuple[CrossDomainCritic, SpatialTemporalCritic]:
 
 
 @pytest.mark.parametrize("length", [1, 3, 17, 20])
-def test_critics_do_not_see_padding(length: int):
-    cross, temporal = critics()
+def test_discriminators_do_not_see_padding(length: int):
+    cross, temporal = discriminators()
     audio, motion, mask = noise(1, length, 4), noise(1, length, 12), torch.ones(1, length)
     padded = [torch.cat([values, noise(1, 7, values.shape[2])], dim=1) for values in (audio, motion)]
     longer = torch.cat([mask, torch.zeros(1, 7)], dim=1)
@@ -234,8 +234,8 @@ def test_critics_do_not_see_padding(length: int):
     torch.testing.assert_close(temporal(padded[1], longer), temporal(motion, mask))
 
 
-def test_critics_see_every_real_frame():
-    cross, temporal = critics()
+def test_discriminators_see_every_real_frame():
+    cross, temporal = discriminators()
     audio, motion, mask = noise(2, 23, 4), noise(2, 23, 12).requires_grad_(), torch.ones(2, 23)
     mask[0, 18:] = 0
     for logits in (cross(audio, motion, mask), temporal(motion, mask)):
@@ -244,14 +244,14 @@ def test_critics_see_every_real_frame():
         assert torch.equal(gradient.abs().sum(dim=2) > 0, mask > 0)
 
 
-def test_cross_domain_critic_hears_whose_music_it_is():
-    cross, _ = critics()
+def test_cross_domain_discriminator_hears_whose_music_it_is():
+    cross, _ = discriminators()
     audio, motion, mask = noise(2, 20, 4), noise(2, 20, 12), torch.ones(2, 20)
     assert not torch.allclose(cross(audio, motion, mask), cross(audio.flip(0), motion, mask))
 
 
-def test_cross_domain_critic_hears_when_music_and_motion_are_out_of_step():
-    cross, _ = critics()
+def test_cross_domain_discriminator_hears_when_music_and_motion_are_out_of_step():
+    cross, _ = discriminators()
     beat, mask = torch.zeros(1, 40, 1), torch.ones(1, 40)
     beat[:, ::8] = 5.0
     together = cross(beat.expand(-1, -1, 4), beat.expand(-1, -1, 12), mask)
@@ -259,15 +259,15 @@ def test_cross_domain_critic_hears_when_music_and_motion_are_out_of_step():
     assert (together - apart).abs() > 1e-3
 
 
-def test_spatial_temporal_critic_sees_the_order_of_segments():
-    _, temporal = critics()
+def test_spatial_temporal_discriminator_sees_the_order_of_segments():
+    _, temporal = discriminators()
     motion, mask = noise(1, 20, 12), torch.ones(1, 20)
     swapped = torch.cat([motion[:, 16:], motion[:, 4:16], motion[:, :4]], dim=1)
     assert (temporal(motion, mask) - temporal(swapped, mask)).abs() > 1e-4
 
 
-def test_critics_learn_to_tell_two_kinds_of_motion_apart():
-    cross, temporal = critics()
+def test_discriminators_learn_to_tell_two_kinds_of_motion_apart():
+    cross, temporal = discriminators()
     audio, mask = noise(8, 20, 4), torch.ones(8, 20)
     shaking = noise(8, 20, 12) + 2.0
     smooth = shaking.mean(dim=1, keepdim=True).expand(-1, 20, -1)

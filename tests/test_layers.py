@@ -37,6 +37,8 @@ LAYERS = {
     "training": 5,
     "synthesis": 5,
     "retiming": 5,
+    "dance_scores": 3,
+    "systems": 6,
     "experiments": 6,
     "parts": 6,
     "corpus": 6,
@@ -68,7 +70,7 @@ ARROWS = {  # allowed inside a layer
 SEES_ONLY = {"viz": set(), "widgets": {"viz"}}  # these two see layers 0 to 2 and what is named here
 
 LIBRARIES = {
-    "torch": ("models", "training", "synthesis", "retiming", "experiments"),
+    "torch": ("models", "training", "synthesis", "systems", "retiming", "experiments"),
     "matplotlib": ("viz", "widgets"),
     "ipywidgets": ("widgets",),
     "anywidget": ("widgets",),

@@ -59,7 +59,7 @@ def run(rng: np.random.Generator) -> Trained:
     """Test arms swing by 0.2 m, training arms by 0.6 m."""
     torch.manual_seed(0)
     train, test = arms("train", 30, 0.6, rng), arms("test", 24, 0.2, rng)
-    tiny = ModelParams(hidden=8, layers=1, pose_features=4, critic=2)
+    tiny = ModelParams(hidden=8, layers=1, pose_features=4, discriminator=2)
     generator = Generator(tiny, FEATURES.n_audio, ARM, torch.tensor([0.0, 0.3, 0.3]), fps=FEATURES.fps)
     split = Split(train, arms("validation", 4, 0.6, rng), test, {}, {})
     return Trained(Path(), generator, PoseNet(ARM, fps=FEATURES.fps), split, pd.DataFrame())

@@ -24,7 +24,7 @@ def test_training_settings_are_those_of_section_5_2():
     assert (paper.kl_weight, paper.harmony_weight) == (0.0001, 1)
     assert paper.mse_weight == paper.feature_weight == paper.gan_weight == 0.001
     assert paper.cross_domain_weight == 1
-    assert (paper.critic_decay, paper.generator_decay) == (0.001, 0.0001)
+    assert (paper.discriminator_decay, paper.generator_decay) == (0.001, 0.0001)
     assert paper.harmony == "paper"
 
 
@@ -71,7 +71,7 @@ def test_a_model_without_size_is_refused_by_name(name: str):
         ("pretrain_drop_epochs", 0, "positive"),
         ("pretrain_epochs", -1, "zero or more"),
         ("harmony_weight", -0.5, "zero or more"),
-        ("critic_decay", float("nan"), "zero or more"),
+        ("discriminator_decay", float("nan"), "zero or more"),
         ("seed", -1, "zero or more"),
     ],
 )

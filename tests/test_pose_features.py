@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
@@ -12,8 +9,8 @@ from numpy.typing import NDArray
 
 from harmolab.data.tang2018 import TANG_23
 from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.models.harmogan import parameter_count
-from harmolab.models.pose_features import EMBEDDING, ImageNetVGG, PoseNet, resample, train_pose_net
+from harmolab.models.layers import parameter_count
+from harmolab.models.pose_features import EMBEDDING, PoseNet, resample, train_pose_net
 from harmolab.params import FeatureParams
 from harmolab.types import Skeleton
 
@@ -174,20 +171,3 @@ def test_without_units_or_epochs_there_is_nothing_to_learn(sizes: tuple[int, int
     message = f"got {sizes[0]} units, {sizes[1]} validation units and {epochs} epochs"
     with pytest.raises(ValueError, match=message):
         train_pose_net(waving(sizes[0], "a"), waving(sizes[1], "b"), epochs=epochs)
-
-
-def test_the_photographs_network_is_an_option_that_says_what_it_needs(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "torchvision.models", None)
-    with pytest.raises(ImportError, match="ImageNetVGG needs torchvision"):
-        ImageNetVGG(PoseNet(ARM, fps=15.0))
-
-
-def test_the_photographs_network_gives_maps_of_three_blocks(monkeypatch: pytest.MonkeyPatch):
-    layers = [torch.nn.Conv2d(3, 4, 3, padding=1), *[torch.nn.ReLU() for _ in range(3)], torch.nn.MaxPool2d(2)]
-    layers += [torch.nn.ReLU() for _ in range(4)] + [torch.nn.MaxPool2d(2)] + [torch.nn.ReLU() for _ in range(20)]
-    vgg = SimpleNamespace(features=torch.nn.Sequential(*layers))
-    monkeypatch.setitem(sys.modules, "torchvision.models", SimpleNamespace(vgg16=lambda weights: vgg))
-    net = ImageNetVGG(PoseNet(ARM, fps=15.0))
-    maps = net.features(torch.randn(1, 20, 12), torch.ones(1, 20))
-    assert [tuple(layer.shape) for layer in maps] == [(1, 4, 128, 16), (1, 4, 64, 8), (1, 4, 32, 4)]
-    assert not any(values.requires_grad for values in net.layers.parameters())

@@ -11,10 +11,10 @@ import torch
 from harmolab import synthetic_clip
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.kinematics import resample_motion
-from harmolab.models.harmogan import Generator
-from harmolab.models.pose_features import PoseNet
+from harmolab.models.harmogan import Generator, load_generator
+from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.models.weights import load_generator, load_pose_net, read_about, save_weights
+from harmolab.models.weights import read_about, save_weights
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.synthesis.shipping import ship
 from harmolab.types import Motion

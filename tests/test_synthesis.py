@@ -28,7 +28,7 @@ FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
 SKELETON = Skeleton(("hip", "toe L", "toe R", "head"), (-1, 0, 0, 0))
 REST = np.array([[0.0, 1.0, 0.0], [0.2, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.0, 1.6, 0.0]])
 C = 15
-TINY = ModelParams(hidden=8, layers=1, pose_features=8, critic=4)
+TINY = ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
 
 
 def beat_track(period: float = 0.5, seconds: float = 30.0, first: float = 0.2) -> BeatTrack:
@@ -222,6 +222,21 @@ def test_beats_are_tracked_when_none_are_given():
     tracked = harmolab.audio_beats(clip.audio, tempo="waltz")
     again = synthesize_dance(generator, clip.audio, beats=tracked, poses=rest_code()[None, None])
     np.testing.assert_array_equal(motion.positions, again.positions)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.9, 1.7, 2.6])
+@pytest.mark.parametrize("length", [0.6, 4.0])
+def test_dance_goes_on_from_where_a_motion_ended(start: float, length: float, untrained: Generator, clip: Clip):
+    # Also where a meter is under way when the dance begins.
+    before = resample_motion(clip.motion, FPS).span(1.0, length)
+    dance = synthesize_dance(
+        untrained, clip.audio, beats=clip.beats, start=start, seconds=2.0, initial=before, plant_feet=False
+    )
+    codes = [encode_motion(motion.positions, FPS, motion.skeleton) for motion in (before, dance)]
+    joints = [code[:, :-3].reshape(len(code), -1, 3)[..., [0, 2]] for code in codes]  # the floor may shift heights
+    farthest = np.abs(np.diff(joints[0], axis=0)).max()  # that a joint goes from one frame to the next
+    assert np.abs(joints[1][0] - joints[0][-1]).max() < farthest
+    assert np.abs(joints[1][-1] - joints[0][-1]).max() > farthest  # it does not stay there
 
 
 def test_generator_is_left_in_the_mode_it_was_in(untrained: Generator, clip: Clip):

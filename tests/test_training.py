@@ -14,18 +14,25 @@ import torch
 from lightning_fabric import Fabric
 
 from harmolab.data.splits import Split
-from harmolab.models.harmogan import GeneratorOutput
-from harmolab.models.losses import critic_loss, total_loss
-from harmolab.models.pose_features import PoseNet
-from harmolab.models.weights import load_generator, load_pose_net, read_about
+from harmolab.models.harmogan import GeneratorOutput, load_generator
+from harmolab.models.losses import discriminator_loss
+from harmolab.models.pose_features import PoseNet, load_pose_net
+from harmolab.models.weights import read_about
 from harmolab.params import ModelParams, TrainParams
-from harmolab.training import loop, make_fabric, train_harmogan
+from harmolab.training import fit, make_fabric
+from harmolab.training import run as harmogan
 from harmolab.training.batches import Tensors
-from harmolab.training.loop import fit
-from harmolab.training.run import _networks
-from harmolab.training.schedule import adversarial_rate, epoch_order, pretrain_rate
-from harmolab.training.steps import Danced, Networks, critic_terms, danced, generator_terms, meter_span, pretrain_terms
-from harmolab.training.validation import validate
+from harmolab.training.run import _networks, adversarial_rate, phases, pretrain_rate, train_harmogan, validate
+from harmolab.training.shards import Batching, epoch_order, total_loss
+from harmolab.training.steps import (
+    Danced,
+    Networks,
+    danced,
+    discriminator_terms,
+    generator_terms,
+    meter_span,
+    pose_terms,
+)
 from tests import tiny_training as tiny
 
 PAPER: TrainParams = tiny.PAPER
@@ -82,14 +89,14 @@ def test_adversarial_rate_is_divided_by_2_and_5_in_turn(epoch: int, rate: float)
 
 @pytest.mark.parametrize(("n_units", "sizes"), [(20, [10, 10]), (23, [8, 8, 7]), (11, [6, 5]), (7, [7]), (1, [1])])
 def test_an_epoch_shows_every_unit_once_in_batches_of_like_size(n_units: int, sizes: list[int]):
-    batches = epoch_order(n_units, 3, TrainParams.paper())
+    batches = epoch_order(n_units, 3, Batching(10))
     assert [len(batch) for batch in batches] == sizes
     assert sorted(torch.cat(batches).tolist()) == list(range(n_units))
 
 
 def test_the_order_is_drawn_anew_each_epoch_and_by_the_seed():
     def order(epoch: int, seed: int) -> list[int]:
-        return torch.cat(epoch_order(30, epoch, replace(TrainParams.paper(), seed=seed))).tolist()
+        return torch.cat(epoch_order(30, epoch, Batching(10, seed=seed))).tolist()
 
     assert order(0, 1) == order(0, 1)
     assert len({tuple(order(epoch, seed)) for epoch in (0, 1) for seed in (1, 2)}) == 4
@@ -102,30 +109,38 @@ def test_pretraining_ends_when_nothing_is_gained_and_goes_back_to_the_best_epoch
     networks: Networks, split: Split, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     errors = iter([3.0, 1.0, 2.0, 2.0, 2.0])
-    monkeypatch.setattr(loop, "validate", lambda *_: {"val_mse": next(errors)})
-    monkeypatch.setattr(loop, "VALIDATE_EVERY", 1)
+    monkeypatch.setattr(harmogan, "validate", lambda *_: {"val_mse": next(errors)})
+    monkeypatch.setattr(harmogan, "VALIDATE_EVERY", 1)
     kept: list[torch.Tensor] = []
     patient = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=2)
-    train, validation = Tensors.of(split.train), Tensors.of(split.validation)
-    rows = fit(
-        make_fabric(accelerator="cpu"), networks, train, validation, patient, tmp_path,
-        report=lambda row: kept.append(weights(networks.generator)),
+    rows = run(
+        make_fabric(accelerator="cpu"), networks, split, patient, tmp_path,
+        report=lambda row, end: kept.append(weights(networks.generator)),
     )  # fmt: skip
     assert [row["epoch"] for row in rows] == [0, 1, 2, 3]
     assert torch.equal(weights(networks.generator), kept[1])
     assert not torch.equal(kept[1], kept[3])
 
 
+def test_patience_shorter_than_the_way_to_the_first_validation_waits_for_it(
+    networks: Networks, split: Split, fabric: Fabric, tmp_path: Path
+):
+    hasty = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=1)
+    rows = run(fabric, networks, split, hasty, tmp_path)
+    assert len(rows) > harmogan.VALIDATE_EVERY and "val_mse" in rows[harmogan.VALIDATE_EVERY - 1]
+    stored = load_generator(tmp_path / "pretrained")
+    assert torch.equal(weights(stored), weights(networks.generator))
+
+
 def test_without_patience_every_epoch_is_run_and_the_last_one_stays(
     networks: Networks, split: Split, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     errors = iter([1.0, 2.0, 3.0])
-    monkeypatch.setattr(loop, "validate", lambda *_: {"val_mse": next(errors)})
-    monkeypatch.setattr(loop, "VALIDATE_EVERY", 1)
+    monkeypatch.setattr(harmogan, "validate", lambda *_: {"val_mse": next(errors)})
+    monkeypatch.setattr(harmogan, "VALIDATE_EVERY", 1)
     before = weights(networks.generator)
     stubborn = replace(PAPER, pretrain_epochs=3, adversarial_epochs=0, patience=None)
-    train, validation = Tensors.of(split.train), Tensors.of(split.validation)
-    rows = fit(make_fabric(accelerator="cpu"), networks, train, validation, stubborn, tmp_path)
+    rows = run(make_fabric(accelerator="cpu"), networks, split, stubborn, tmp_path)
     assert len(rows) == 3
     stored = load_generator(tmp_path / "pretrained")
     assert torch.equal(weights(stored), weights(networks.generator))
@@ -163,8 +178,8 @@ def test_the_span_of_a_unit_is_its_meter(split: Split):
 def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
     made = danced(networks.generator, batch)
     assert set(generator_terms(networks, made, batch, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
-    assert set(pretrain_terms(networks.generator, batch, PAPER)) == {"kl", "mse"}
-    assert set(critic_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
+    assert set(pose_terms(networks.generator, made.own, batch, PAPER)) == {"kl", "mse"}
+    assert set(discriminator_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
 
 
 def test_the_ablation_has_no_harmony_term_and_ours_has_three_more(networks: Networks, batch: Tensors):
@@ -184,7 +199,7 @@ def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batc
 
 def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
     others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
-    later = others.going_on_from(batch.motion, batch.mask)
+    later = others.continued_from(batch.motion, batch.mask)
     own = generator_terms(networks, danced(networks.generator, batch), batch, PAPER, 0.5)
     after = generator_terms(networks, danced(networks.generator, later), later, PAPER, 0.5)
     both = generator_terms(networks, danced(networks.generator, batch, others), batch, PAPER, 0.5)
@@ -200,7 +215,7 @@ def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks
     small, few = (Tensors.of(split.train).take(torch.tensor(numbers)) for numbers in ([0, 1], [2, 3]))
     second = danced(networks.generator, small, few, first)
     later, _ = second.later
-    expected = few.going_on_from(first.later[1][:2], first.later[0].mask[:2])
+    expected = few.continued_from(first.later[1][:2], first.later[0].mask[:2])
     torch.testing.assert_close(later.initial, expected.initial)
     assert not later.initial.requires_grad
 
@@ -208,20 +223,20 @@ def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks
 def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
     others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
     both = danced(networks.generator, batch, others)
-    alone, seen = (critic_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
+    alone, seen = (discriminator_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
     later, after = both.later
     judge = networks.spatial_temporal
-    more = critic_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
+    more = discriminator_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
     torch.testing.assert_close(seen, {**alone, "critic_st": (alone["critic_st"] + more) / 2})
     assert not torch.equal(more, alone["critic_st"])
 
 
 def test_a_discriminator_that_is_not_heard_is_not_trained(networks: Networks, batch: Tensors):
     made = danced(networks.generator, batch)
-    assert set(critic_terms(networks, made, batch, RECOMMENDED)) == {"critic_st"}
-    heard = {id(parameter) for parameter in networks.critics(RECOMMENDED)}
+    assert set(discriminator_terms(networks, made, batch, RECOMMENDED)) == {"critic_st"}
+    heard = {id(parameter) for parameter in networks.discriminators(RECOMMENDED)}
     assert heard == {id(parameter) for parameter in networks.spatial_temporal.parameters()}
-    assert len(networks.critics(PAPER)) > len(heard)
+    assert len(networks.discriminators(PAPER)) > len(heard)
 
 
 def test_going_on_begins_with_the_last_frames_and_then_their_mean():
@@ -230,7 +245,7 @@ def test_going_on_begins_with_the_last_frames_and_then_their_mean():
     index = torch.tensor([[1.0] * 3 + [0.0] * 5])
     none = torch.zeros(1, 8, 1)
     units = Tensors(none, none, index, torch.ones(1, 8), none, torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
-    found = units.going_on_from(made, mask).initial[0, :, 0]
+    found = units.continued_from(made, mask).initial[0, :, 0]
     assert found.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
 
 
@@ -274,11 +289,14 @@ def test_total_is_the_terms_by_the_weights_of_section_5_2(
 
 
 def run(fabric: Fabric, networks: Networks, split: Split, params: TrainParams, folder: Path, **more: Any) -> list[Any]:
-    train, validation = Tensors.of(split.train), Tensors.of(split.validation)
-    return fit(fabric, networks, train, validation, params, folder, **more)
+    batching = Batching(params.batch_size, params.shards, params.seed)
+    steps = phases(networks, Tensors.of(split.validation), params, folder, {})
+    return fit(fabric, steps, Tensors.of(split.train), batching, folder, **more)
 
 
-def test_two_steps_change_generator_and_both_critics(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
+def test_two_steps_change_generator_and_both_discriminators(
+    split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
+):
     before = {name: weights(part) for name, part in networks.modules().items()}
     run(fabric, networks, split, replace(PAPER, pretrain_epochs=0, adversarial_epochs=1, batch_size=7), tmp_path)
     for name, part in networks.modules().items():
@@ -293,7 +311,7 @@ def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., t
     torch.testing.assert_close(one, three, rtol=1e-4, atol=1e-5)
 
 
-def test_pretraining_leaves_the_critics_alone(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
+def test_pretraining_leaves_the_discriminators_alone(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
     before = {name: weights(part) for name, part in networks.modules().items()}
     run(fabric, networks, split, replace(PAPER, pretrain_epochs=1, adversarial_epochs=0), tmp_path)
     same = {name: torch.equal(weights(part), before[name]) for name, part in networks.modules().items()}
@@ -314,7 +332,8 @@ def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batc
     optimiser = torch.optim.Adam(generator.parameters(), lr=5e-3)
     losses = []
     for _ in range(100):
-        loss = total_loss(pretrain_terms(generator, batch, PAPER), {"kl": 0.1, "mse": 1.0})
+        output = generator(batch.audio, batch.initial)
+        loss = total_loss(pose_terms(generator, output, batch, PAPER), {"kl": 0.1, "mse": 1.0})
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -376,7 +395,9 @@ def finished(
     split: Split, fabric: Fabric, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, list[dict[str, Any]]]:
     folder, rows = tmp_path_factory.mktemp("runs") / "deep" / "run", []
-    train_harmogan(split, folder, model=MODEL, params=RECOMMENDED, fabric=fabric, report=rows.append)
+    train_harmogan(
+        split, folder, model=MODEL, params=RECOMMENDED, fabric=fabric, report=lambda row, end: rows.append(row)
+    )
     return folder, rows
 
 

@@ -22,10 +22,10 @@ from tensorboardX.proto.event_pb2 import Event
 from harmolab.data.splits import Split
 from harmolab.models.harmogan import Generator
 from harmolab.params import TrainParams
-from harmolab.training import loop, make_fabric, train_harmogan
-from harmolab.training.checkpoints import STATE, load_state, restore, save_state
-from harmolab.training.folders import check_folder
+from harmolab.training import loop, make_fabric
+from harmolab.training.checkpoints import STATE, check_folder, load_state, restore, save_state
 from harmolab.training.history import EventLog, history_text
+from harmolab.training.run import train_harmogan
 from tests import tiny_training as tiny
 
 PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
@@ -56,7 +56,7 @@ def train(split: Split, fabric: Fabric) -> Train:
     """`train(folder, stop_after=None, params=PAPER, ...)`; a run that stops raises Stopped."""
 
     def run(folder: Path, *, stop_after: int | None = None, params: TrainParams = PAPER, **more: Any) -> Generator:
-        def report(row: dict[str, Any]) -> None:
+        def report(row: dict[str, Any], end: int) -> None:
             if row["phase"] != "pose network" and row["epoch"] == stop_after:
                 raise Stopped
 
@@ -439,6 +439,19 @@ def test_pretraining_that_is_not_there_is_missed_by_name(train: Train, tmp_path:
     with pytest.raises(FileNotFoundError, match=r"nowhere/settings.json: no such file"):
         train(tmp_path / "new", pretrained=tmp_path / "nowhere")
     assert not (tmp_path / "new").exists()
+
+
+def test_pretraining_of_an_earlier_version_is_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
+    """It calls discriminators critics, and rollout "goes_on"."""
+    old = shutil.copytree(undisturbed, tmp_path / "old")
+    for name in ("settings.json", "pretrained.json"):
+        text = (old / name).read_text().replace('"discriminator', '"critic').replace('"rollout"', '"goes_on"')
+        (old / name).write_text(text)
+    assert '"critic": 4' in text and '"system": "harmogan"' in text
+    (old / name).write_text(text.replace('"system": "harmogan",', ""))
+    for run, source in ((tmp_path / "one", undisturbed), (tmp_path / "two", old)):
+        train(run, pretrained=source)
+    assert (tmp_path / "one" / "history.csv").read_bytes() == (tmp_path / "two" / "history.csv").read_bytes()
 
 
 def test_a_run_on_taken_over_pretraining_can_stop_too(undisturbed: Path, train: Train, tmp_path: Path):

@@ -7,13 +7,11 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from harmolab.params import TrainParams
-from harmolab.training.run import _check_shares
+from harmolab.training.shards import Batching, check_shards
 
 SCRIPT = Path(__file__).with_name("tiny_training.py")
 CASES = ("paper", "recommended", "paper_13", "own_music", "paper_shards", "recommended_shards")
@@ -78,9 +76,8 @@ def test_only_the_first_process_writes_events(shared: Path):
 
 
 def test_a_batch_that_cannot_be_shared_is_refused():
-    params = replace(TrainParams.paper(), batch_size=10)
-    _check_shares(11, params, 5)  # batches of six and five
+    check_shards(11, Batching(10), 5)  # batches of six and five
     with pytest.raises(ValueError, match="batches of 5 units cannot be cut into 6 shards; 5 at most"):
-        _check_shares(11, params, 6)
+        check_shards(11, Batching(10), 6)
     with pytest.raises(ValueError, match="3 shards cannot be spread evenly over 2 processes"):
-        _check_shares(11, replace(params, shards=3), 2)
+        check_shards(11, Batching(10, shards=3), 2)

@@ -13,9 +13,9 @@ import pytest
 import safetensors.torch
 import torch
 
-from harmolab.models.harmogan import Generator, Statistics
-from harmolab.models.pose_features import PoseNet
-from harmolab.models.weights import load_generator, load_pose_net, read_about, save_weights
+from harmolab.models.harmogan import Generator, Statistics, load_generator
+from harmolab.models.pose_features import PoseNet, load_pose_net
+from harmolab.models.weights import read_about, save_weights
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.types import Skeleton
 
@@ -87,7 +87,7 @@ def test_half_the_bits_take_half_the_room_and_keep_statistics(generator: Generat
 def test_the_description_says_what_was_stored(stored: Path):
     about = read_about(stored)
     assert about["meta"] == {"seed": 7}
-    assert about["class"] == "Generator"
+    assert (about["system"], about["class"]) == ("harmogan", "Generator")
     assert about["shapes"]["bone_lengths"] == [3]
 
 
@@ -121,7 +121,7 @@ def test_a_value_too_large_for_16_bits_is_refused(generator: Generator, tmp_path
 
 
 def test_other_modules_are_not_stored(tmp_path: Path):
-    with pytest.raises(ValueError, match="weights of Generator and PoseNet can be stored, got Linear"):
+    with pytest.raises(ValueError, match="weights of networks that describe themselves can be stored, got Linear"):
         save_weights(tmp_path / "linear", torch.nn.Linear(2, 2))
 
 

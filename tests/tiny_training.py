@@ -23,12 +23,13 @@ from harmolab.data.splits import Split
 from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.params import FeatureParams, ModelParams, TrainParams
-from harmolab.training import make_fabric, train_harmogan
+from harmolab.training import make_fabric
+from harmolab.training.run import train_harmogan
 from harmolab.types import Skeleton
 
 FPS = 15.0
 DANCER = Skeleton(("hips", "left_hip", "right_hip", "left_toe", "right_toe"), (-1, 0, 0, 1, 2))
-MODEL = ModelParams(hidden=16, layers=1, pose_features=8, critic=4)
+MODEL = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
 SHORT: dict[str, Any] = {"pretrain_epochs": 3, "adversarial_epochs": 3, "pose_epochs": 1, "batch_size": 4}
 PAPER, RECOMMENDED = replace(TrainParams.paper(), **SHORT), replace(TrainParams.recommended(), **SHORT)
 # 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4; of 13.
@@ -37,7 +38,7 @@ CASES = {
     # Two shards: a dance that goes on from itself makes rounding grow, past 1e-4 within these few epochs.
     "recommended": replace(RECOMMENDED, shards=2),
     "paper_13": replace(PAPER, batch_size=13),
-    "own_music": replace(RECOMMENDED, goes_on=False, batch_size=5),
+    "own_music": replace(RECOMMENDED, rollout=False, batch_size=5),
     "paper_shards": replace(PAPER, shards=2),
     "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5),
 }

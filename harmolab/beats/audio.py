@@ -21,11 +21,7 @@ from numpy.typing import NDArray
 from harmolab.beats.meter import accented_places, cycle_of_meter
 from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import DANCES
-from harmolab.types import Audio, BeatTrack, Clip
-
-__all__ = ["audio_beats", "beat_strengths", "compile_tracker", "music_beats", "onset_envelope", "tempo_range"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray
 
 HOP = 512  # samples between onset strengths
 CACHE_VERSION = 2  # raise when the analysis changes

@@ -27,26 +27,12 @@ from harmolab.beats.impacts import (
     THRESHOLD,
     envelope_beats,
     impact_envelope,
-    local_peaks,
     normalise_envelope,
 )
 from harmolab.io.files import Progress, silent
-from harmolab.types import BeatTrack
-
-__all__ = [
-    "directogram",
-    "envelope_beats",
-    "flow_beats",
-    "flow_directograms",
-    "flow_envelope",
-    "impact_envelope",
-    "local_peaks",
-    "normalise_envelope",
-    "optical_flow",
-]
+from harmolab.types import BeatTrack, FloatArray
 
 Frame = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
 
 SMALLEST_SIDE = 16  # pixels; the coarse grid of the flow has nothing to hold on to below
 CHANGED = 2  # grey levels of 255, mean over 5 x 5 pixels

@@ -8,17 +8,12 @@ valley of the joint speed.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import correlate1d, maximum_filter, maximum_filter1d, median_filter, uniform_filter1d
 from scipy.signal import find_peaks
 
 from harmolab.kinematics import refine_extrema, smooth
-from harmolab.types import BeatTrack
-
-__all__ = ["envelope_beats", "impact_envelope", "local_peaks", "normalise_envelope"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from harmolab.types import BeatTrack, FloatArray, IntArray
 
 RADIUS = 0.15  # seconds, t_2 of Eq. 5
 AROUND = 0.3  # seconds

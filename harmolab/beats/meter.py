@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from harmolab.types import BeatTrack, BoolArray
 
-__all__ = ["CATEGORIES", "accented_places", "cycle_of_meter", "meter_units", "strong_beats"]
-
 # Accent pattern (True = strong) -> signature. Three types in four categories, as Sec. 4.1 counts them: a quarter-note
 # meter opens on a strong beat and is split by its inner strong beats, 4 = 2+2 or 4, 5 = 3+2, 6 = 3+3.
 CATEGORIES: dict[tuple[bool, ...], str] = {

@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack
-
-__all__ = ["audio_mask", "normalise_strengths", "salient_audio", "salient_visual", "strength_steps", "visual_mask"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from harmolab.types import BeatTrack, BoolArray, FloatArray
 
 
 def audio_mask(strengths: FloatArray, threshold: float, *, reading: str = "threshold") -> BoolArray:

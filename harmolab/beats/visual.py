@@ -21,8 +21,6 @@ from harmolab.kinematics import (
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, FloatArray, Motion
 
-__all__ = ["RATE", "curve_beats", "motion_curve", "visual_beats"]
-
 RATE = 120.0  # hertz: with `subframe`, slower motion is interpolated first, so that its frame rate does not show
 
 # Several scores, pictures and pages of one motion read the same curve: each is computed once while the motion is alive.

@@ -3,37 +3,32 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from inspect import signature
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from harmolab.cli.common import plain_errors, progress
 
-if TYPE_CHECKING:
-    from harmolab.data.splits import Split
-    from harmolab.params import TrainParams
-
-__all__ = ["EpochBar", "train"]
-
-CHOICES = {"preset": ("small", "paper"), "params": ("recommended", "paper"), "accelerator": ("auto", "cpu", "cuda")}
+# Arguments that every system is given, and those that are no business of it.
+ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples"}
 
 
 def train(
+    context: typer.Context,
     data: Annotated[list[Path], typer.Argument(help="Corpora: folders of sequences (see `harmolab data check`).")],
     out: Annotated[Path, typer.Option(help="Folder of the run: weights, history, split, settings.")],
+    system: Annotated[str, typer.Option(help="A system of harmolab, or a class: package.module:Class.")] = "harmogan",
     preset: Annotated[str, typer.Option(help="Size: small (1 M parameters, a laptop) or paper (8 M).")] = "small",
     params: Annotated[str, typer.Option(help="Losses and features: paper (Sec. 5.2) or recommended.")] = "recommended",
     harmony_weight: Annotated[
         float | None, typer.Option(help="Weight of the harmony loss; 0 is the ablation.", show_default="1")
     ] = None,
-    pretrain_epochs: Annotated[
-        int | None, typer.Option(help="Epochs of pretraining.", min=0, show_default="225")
-    ] = None,
-    adversarial_epochs: Annotated[int | None, typer.Option(help="Epochs after it.", min=0, show_default="45")] = None,
+    pretrain_epochs: Annotated[int, typer.Option(help="Epochs of pretraining.", min=0)] = 225,
+    adversarial_epochs: Annotated[int, typer.Option(help="Epochs after it.", min=0)] = 45,
     pretrained: Annotated[
         Path | None, typer.Option(help="Run on the same data whose pretraining is taken over.")
     ] = None,
@@ -46,7 +41,7 @@ def train(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
     accelerator: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
 ) -> None:
-    """Train HarmoGAN: 225 epochs of pretraining, then 45 adversarial ones.
+    """Train a system: HarmoGAN in 225 epochs of pretraining, then 45 adversarial ones.
 
     **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
     training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
@@ -65,147 +60,85 @@ def train(
     process with `--shards 2` has the same result to the last bit; without it they differ by rounding, which grows.
 
     **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
+
+    **A system of your own** is a class that fulfils `harmolab.systems.System`; it takes the options that its `train`
+    has. Name it in both commands: `--system package.module:Class`.
     """
-    with plain_errors():
-        for name, value in (("preset", preset), ("params", params), ("accelerator", accelerator)):
-            _check_choice(name, value)
-        changed = {"harmony_weight": harmony_weight, "pretrain_epochs": pretrain_epochs}
-        changed |= {"adversarial_epochs": adversarial_epochs, "seed": seed, "shards": shards}
-        chosen = _settings(params, changed)
-        _check_out(out, resume=resume)
-        split = _split(data, params, step, split_seed)
-        _train(split, out, preset, chosen, resume=resume, pretrained=pretrained, accelerator=accelerator)
+    first = int(os.environ.get("RANK", 0)) == 0  # of several processes, the one that tells
+    with plain_errors(), epoch_bar() as report:
+        try:
+            from harmolab.systems import find
+
+            extras = {"report": report, "notice": _notice if first else lambda line: None, "progress": progress}
+            find(system).train(data, out, **accepted(find(system).train, context, extras))
+        except ModuleNotFoundError as error:
+            raise ValueError(f"training needs {error.name}; install it with: pip install 'harmolab[train]'") from None
+    if first:
+        named = f" --system {system}" if ":" in system else ""
+        typer.echo(f"trained: {out}; dance with it: harmolab dance SONG --weights {out}{named} --out dance.mp4")
 
 
-def _is_first() -> bool:
-    """Whether this process is the one that writes and prints."""
-    return int(os.environ.get("RANK", 0)) == 0
+def _notice(line: str) -> None:
+    typer.echo(line if line.startswith("units: ") else f"harmolab: {line}", err=True)
 
 
-def _check_choice(name: str, value: str) -> None:
-    if value not in CHOICES[name]:
-        raise ValueError(f"--{name} must be {' or '.join(CHOICES[name])}, got {value!r}")
+def accepted(function: Callable[..., Any], context: typer.Context, extras: Mapping[str, Any]) -> dict[str, Any]:
+    """Keywords for a system's function: the options on the command line, and those extras that it takes.
 
-
-def _check_out(out: Path, *, resume: bool) -> None:
-    """Refuse a folder before the recordings are read, which takes minutes. Other processes leave that to the first."""
-    try:
-        from harmolab.training.folders import check_folder
-    except ModuleNotFoundError as error:
-        raise ValueError(f"training needs {error.name}; install it with: pip install 'harmolab[train]'") from None
-    if _is_first():
-        check_folder(out, resume=resume)
-
-
-def _settings(name: str, changed: Mapping[str, Any]) -> TrainParams:
-    """The named settings with what the command line changes; None changes nothing."""
-    from harmolab.params import TrainParams
-
-    base = TrainParams.paper() if name == "paper" else TrainParams.recommended()
-    return replace(base, **{key: value for key, value in changed.items() if value is not None})
-
-
-def _split(data: list[Path], params: str, step: int, seed: int) -> Split:
-    """Units of all corpora, split by motion group."""
-    from harmolab.data.clips import load_units
-    from harmolab.data.splits import split_units
-    from harmolab.params import FeatureParams
-
-    features = FeatureParams.paper() if params == "paper" else FeatureParams.recommended()
-    units = load_units([*data], features, step=step, progress=progress)
-    split = split_units(units, seed=seed)
-    if _is_first():
-        for note in units.notes:
-            typer.echo(f"harmolab: left out: {note}", err=True)
-        counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
-        typer.echo(f"units: {counts}; data: {split.train.source}", err=True)
-    return split
-
-
-def _train(
-    split: Split,
-    out: Path,
-    preset: str,
-    params: TrainParams,
-    *,
-    resume: bool,
-    pretrained: Path | None,
-    accelerator: str,
-) -> None:
-    """Run the training with a bar that shows every term."""
-    from harmolab.params import ModelParams
-    from harmolab.training import make_fabric, train_harmogan
-
-    model = ModelParams.paper() if preset == "paper" else ModelParams.small()
-    fabric = make_fabric(accelerator=accelerator)
-    first = 0 if pretrained else params.pretrain_epochs
-    ends = {"pose network": params.pose_epochs, "pretrain": first, "adversarial": first + params.adversarial_epochs}
-    with EpochBar(ends, shown=fabric.is_global_zero) as bar:
-        train_harmogan(
-            split, out, model=model, params=params, resume=resume, pretrained=pretrained, fabric=fabric, report=bar
-        )
-    if fabric.is_global_zero:
-        typer.echo(f"trained: {out}; dance with it: harmolab dance SONG --weights {out} --out dance.mp4")
-
-
-class EpochBar:
-    """Progress over the epochs of each phase, with every loss term and the last validation below it.
-
-    Where standard error is no terminal: a line for each validated epoch.
-
-    Parameters
-    ----------
-    ends : phase -> number of the epoch it ends at
-    shown : False draws nothing
+    Raises
+    ------
+    ValueError
+        For an option that it does not take.
     """
+    known = signature(function).parameters
+    takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
+    options = {
+        name: value
+        for name, value in context.params.items()
+        if name not in ANY_SYSTEM and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    }
+    if other := [name for name in options if name not in known and not takes_all]:
+        raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
+    return options | {name: value for name, value in extras.items() if name in known}
 
-    def __init__(self, ends: Mapping[str, int], *, shown: bool = True) -> None:
-        from rich.console import Console
-        from rich.live import Live
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-        console = Console(stderr=True)
-        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-        self.ends = ends
-        self.bar = Progress(*columns, console=console)
-        self.task = self.bar.add_task("preparing", total=None)
-        self.terms: dict[str, float] = {}
-        self.live = Live(self.bar, console=console) if shown and console.is_terminal else None
+@contextmanager
+def epoch_bar() -> Iterator[Callable[[Mapping[str, Any], int], None]]:
+    """A function that shows an epoch: its row of the history and the epoch that its phase ends at.
 
-    def __enter__(self) -> Callable[[Mapping[str, Any]], None]:
-        if self.live is not None:
-            self.live.start()
-        return self.show
+    On a terminal it is a bar, with every loss term and the last validation below it, from the first epoch on. Where
+    standard error is no terminal: a line for each validated epoch.
+    """
+    from rich.console import Console, Group
+    from rich.live import Live
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.text import Text
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self.live is not None:
-            self.live.stop()
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
+    )
+    task, live = bar.add_task("", total=None), Live(bar, console=console)
+    scores: dict[str, float] = {}  # of the last validation
 
-    def show(self, row: Mapping[str, Any]) -> None:
-        """One more epoch: a row of the history."""
+    def show(row: Mapping[str, Any], end: int) -> None:
         values = {name: value for name, value in row.items() if isinstance(value, float)}
-        if self.live is None:
-            if "val_mse" in row:
+        validation = {name.removeprefix("val_"): value for name, value in values.items() if name.startswith("val_")}
+        scores.update(validation)
+        if not console.is_terminal:
+            if validation:
                 typer.echo(f"{row['phase']} epoch {row['epoch'] + 1}: {_line(values)}", err=True)
             return
-        kept = {name: value for name, value in self.terms.items() if name.startswith("val_")}
-        self.terms = kept | values
-        self.bar.update(self.task, description=row["phase"], total=self.ends[row["phase"]], completed=row["epoch"] + 1)
-        self.live.update(self._drawn(), refresh=True)
+        losses = {name: value for name, value in values.items() if not name.startswith("val_")}
+        lines = [Text(_line(losses)), *([Text(f"validation: {_line(scores)}")] if scores else [])]
+        bar.update(task, description=row["phase"], total=end, completed=row["epoch"] + 1)
+        live.start()
+        live.update(Group(bar, *lines), refresh=True)
 
-    def _drawn(self) -> Any:
-        """The bar, the terms of the last epoch, the scores of the last validation."""
-        from rich.console import Group
-        from rich.text import Text
-
-        found = {name: value for name, value in self.terms.items() if name.startswith("val_")}
-        losses = {name: value for name, value in self.terms.items() if name not in found}
-        lines = [Text(_line(losses))]
-        if found:
-            lines.append(Text(f"validation: {_line({name[4:]: value for name, value in found.items()})}"))
-        return Group(self.bar, *lines)
+    try:
+        yield show
+    finally:
+        live.stop()
 
 
 def _line(values: Mapping[str, float]) -> str:

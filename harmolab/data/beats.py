@@ -11,8 +11,6 @@ from harmolab.data.folders import Recording
 from harmolab.params import DANCES
 from harmolab.types import BeatTrack
 
-__all__ = ["music_beats"]
-
 
 def music_beats(sequence: Recording, beats: str) -> BeatTrack:
     """Beats of a sequence's music on the audio time line.

@@ -18,9 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from harmolab.data.folders import Recording
 from harmolab.features.poses import encode_motion
-from harmolab.types import FloatArray, Motion
-
-IntArray = NDArray[np.int64]
+from harmolab.types import FloatArray, IntArray, Motion
 
 # Mean distance of the joints, metres, below which two stretches are the same movement. In the beat-locked recordings
 # 98 % of the pairs that repeat a unit lie below it and none of two figures; most copies in Tang's lie below .02.

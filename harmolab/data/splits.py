@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.types import BoolArray
-
-IntArray = NDArray[np.int64]
+from harmolab.types import BoolArray, IntArray
 
 SIDES = ("train", "validation", "test")
 TRAIN, VALIDATION, TEST = range(3)

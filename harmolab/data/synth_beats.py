@@ -7,12 +7,10 @@ from numbers import Integral
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from harmolab.params import DANCES
-from harmolab.types import BoolArray, FloatArray
-
-IntArray = NDArray[np.int64]
+from harmolab.types import BoolArray, FloatArray, IntArray
 
 BARS_AROUND = 3  # bars of the piece that exist before and after the clip, so that its edges are like its middle
 CLOSEST = 0.25  # beats that two movement ends stay apart at least

@@ -21,27 +21,13 @@ from harmolab.data.splits import Split, split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.experiments.study import corpus_folders, data_root
 from harmolab.io.files import cache_folder
-from harmolab.models.harmogan import Generator
-from harmolab.models.pose_features import PoseNet
-from harmolab.models.weights import load_generator, load_pose_net
+from harmolab.models.harmogan import Generator, load_generator
+from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
-from harmolab.training import make_fabric, train_harmogan
+from harmolab.training import make_fabric
 from harmolab.training.history import HISTORY
 from harmolab.training.loop import settings_of
-from harmolab.training.run import MODEL, POSE_NET
-
-__all__ = [
-    "SYNTHETIC",
-    "VARIANTS",
-    "Trained",
-    "Variant",
-    "corpus_root",
-    "generator_corpora",
-    "histories",
-    "trained",
-    "training_split",
-    "weight_sweep",
-]
+from harmolab.training.run import MODEL, POSE_NET, train_harmogan
 
 SYNTHETIC = "synthetic"
 SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
@@ -173,7 +159,7 @@ def _model(profile: RunProfile) -> ModelParams:
         return small
     share = profile.hidden / small.hidden
     return ModelParams(
-        profile.hidden, small.layers, round(share * small.pose_features), max(round(share * small.critic), 4)
+        profile.hidden, small.layers, round(share * small.pose_features), max(round(share * small.discriminator), 4)
     )
 
 
@@ -185,14 +171,6 @@ def histories(profile: RunProfile, corpus: str) -> pd.DataFrame:
     """Losses and validation of every variant, epoch by epoch (first seed): columns of history.csv and "variant"."""
     tables = (trained(profile, corpus, variant, 1).history.assign(variant=name) for name, variant in VARIANTS.items())
     return pd.concat(tables, ignore_index=True)
-
-
-def all_trained(profile: RunProfile) -> Iterator[tuple[str, str, int, Trained]]:
-    """(corpus, variant, seed, training) of the whole ablation."""
-    for corpus in generator_corpora(profile):
-        for seed in range(1, profile.n_seeds + 1):
-            for name, variant in VARIANTS.items():
-                yield corpus, name, seed, trained(profile, corpus, variant, seed)
 
 
 def weight_sweep(profile: RunProfile, corpus: str) -> Iterator[tuple[float, Trained]]:

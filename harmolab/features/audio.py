@@ -13,11 +13,8 @@ from numpy.typing import NDArray
 from harmolab.beats.audio import HOP, onset_envelope
 from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import FeatureParams
-from harmolab.types import Audio, BeatTrack
+from harmolab.types import Audio, BeatTrack, FloatArray
 
-__all__ = ["audio_features", "beat_phase", "mfcc"]
-
-FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
 # librosa's own rate: the mel bands reach to half the rate, so coefficients at another rate would mean other things.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["initial_poses", "temporal_index"]
-
 
 def temporal_index(n_frames: int, n_prior: int) -> NDArray[np.float32]:
     """TI: 1 where a frame belongs to the last meter, 0 where it belongs to this one; (T,) array.

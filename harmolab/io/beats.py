@@ -26,8 +26,6 @@ from harmolab.io.arrays import number_array
 from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading
 from harmolab.types import BeatTrack, FloatArray
 
-__all__ = ["ANNOTATION_RATE", "BeatAnnotation", "Unit", "load_annotation", "load_beats"]
-
 # Annotations are not read from a curve; they are good to a millisecond at best.
 ANNOTATION_RATE = 1000.0
 

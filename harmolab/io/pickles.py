@@ -24,8 +24,6 @@ from harmolab.io.files import PathLike, reading
 from harmolab.io.layouts import COCO_17
 from harmolab.types import Motion
 
-__all__ = ["AIST_FPS", "is_aist_name", "load_aist", "read_array_pickle"]
-
 AIST_FPS = 60.0
 
 # Building values, remembering them, and calling the stand-ins. Not: importing by extension code, instances, sets.

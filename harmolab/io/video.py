@@ -23,8 +23,6 @@ from numpy.typing import NDArray
 from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.types import Audio
 
-__all__ = ["CODINGS", "VideoFrames", "is_video", "opened_container", "video_frames", "write_video"]
-
 Frame = NDArray[np.uint8]
 
 SUFFIXES = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".webm", ".wmv")

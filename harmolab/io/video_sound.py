@@ -16,8 +16,6 @@ from harmolab.io.files import PathLike
 from harmolab.io.video import is_video, opened_container
 from harmolab.types import Audio
 
-__all__ = ["load_sound", "video_sound"]
-
 MIN_RATE, MAX_RATE = 1000, 768_000
 MAX_LATE = 60.0  # seconds that the sound may start behind the pictures
 

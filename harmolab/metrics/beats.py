@@ -11,21 +11,9 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack
-
-__all__ = [
-    "beat_align",
-    "beat_coverage",
-    "beat_hit_rate",
-    "kinematic_params",
-    "mir_eval_scores",
-    "other_scores",
-]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import BeatTrack, FloatArray
 
 AIST_SIGMA = 3 / 60  # seconds: 3 frames at AIST++'s 60 fps
 AIST_SMOOTHING = 5 / 60  # seconds: 5 frames at 60 fps

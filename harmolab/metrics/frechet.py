@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
-__all__ = ["FrechetResult", "diversity", "frechet_distance", "multimodality", "standardise"]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray
 
 SPLITS = 10
 

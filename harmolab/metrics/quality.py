@@ -15,25 +15,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from harmolab.metrics.steps import STEP, runs, sampled, spans, vector_lengths
 from harmolab.skeletons import foot_joints, root_position
-from harmolab.types import Motion
-
-__all__ = [
-    "PEAK_PERCENTILE",
-    "StepSpeeds",
-    "bone_error",
-    "foot_skating",
-    "freezing",
-    "jerk",
-    "largest_step",
-    "pfc",
-    "relative_jerk",
-]
-
-FloatArray = NDArray[np.float64]
+from harmolab.types import FloatArray, Motion
 
 FOOT_FPS = 60.0  # hertz; at fewer instants a foot's coming and going is not found in time
 FLOOR_PERCENTILE = 5.0  # a foot joint is on the floor for more than this share of a dance, in percent

@@ -6,15 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.kinematics import upsample_motion
-from harmolab.types import Motion
-
-__all__ = ["STEP", "Sampled", "runs", "sampled", "spans", "vector_lengths"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from harmolab.types import BoolArray, FloatArray, Motion
 
 STEP = 1 / 15  # seconds: the rate of the generated motion, the slowest that is compared
 

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from harmolab.data.units import Batch
-from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic
+from harmolab.models.harmogan import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ def anatomy(generator: Generator, batch: Batch) -> list[Part]:
     """
     audio, initial, motion, mask = map(torch.from_numpy, (batch.audio, batch.initial, batch.motion, batch.mask))
     with torch.random.fork_rng(devices=[]):  # looking must not change what is trained afterwards
-        cross = CrossDomainCritic(generator.params, generator.n_audio, generator.skeleton)
-        temporal = SpatialTemporalCritic(generator.params, generator.skeleton)
+        cross = CrossDomainDiscriminator(generator.params, generator.n_audio, generator.skeleton)
+        temporal = SpatialTemporalDiscriminator(generator.params, generator.skeleton)
     return [
         *parts_of("generator", generator, audio=audio, initial=initial),
         *parts_of("cross_domain", cross, audio=audio, motion=motion, mask=mask),

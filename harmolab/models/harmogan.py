@@ -1,4 +1,4 @@
-"""The generator of the harmony paper's Sec. 4.2 and its two discriminators (here: critics).
+"""The generator of the harmony paper's Sec. 4.2 and its two discriminators.
 
 All of them take the motion code of `harmolab.features.poses` as it is, in metres and seconds, and normalise it with the
 training split's mean and standard deviation, which they keep as buffers.
@@ -7,33 +7,25 @@ training split's mean and standard deviation, which they keep as buffers.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
 
+from harmolab.io.files import PathLike
+from harmolab.models.layers import Normaliser, channel_statistics, parameter_count
 from harmolab.models.poses import PATH_CHANNELS, decode, fix_bones, local_joints
+from harmolab.models.weights import MOST_LAYERS, load_weights, renamed, stored_skeleton, whole
 from harmolab.params import FeatureParams, ModelParams
 from harmolab.skeletons import ancestors
 from harmolab.types import Skeleton
 
-__all__ = [
-    "CrossDomainCritic",
-    "Generator",
-    "GeneratorOutput",
-    "Normaliser",
-    "SpatialTemporalCritic",
-    "Statistics",
-    "channel_statistics",
-    "parameter_count",
-]
-
-# Parts in time that the spatial-temporal critic looks at (Sec. 4.2).
+# Parts in time that the spatial-temporal discriminator looks at (Sec. 4.2).
 SEGMENTS = 5
 # Seconds before and after a moment that the encoder hears at once: a dancer must know of a beat before it comes.
 _HORIZON = 0.7
-# A channel that hardly varies (the root's own x and z never do) is not blown up to variance one.
-_LEAST_STD = 1e-3
 # Size of the last layers' first weights: an untrained generator returns the initial poses, nearly.
 _FIRST_CORRECTION = 0.01
 _SLOPE = 0.1
@@ -61,47 +53,6 @@ class Statistics(NamedTuple):
     def of(cls, audio: Tensor, motion: Tensor, mask: Tensor) -> Statistics:
         """Statistics over the frames whose mask is 1, of audio (N, T, F), motion (N, T, C) and mask (N, T)."""
         return cls(*channel_statistics(audio, mask), *channel_statistics(motion, mask))
-
-
-def channel_statistics(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean and standard deviation (C,) of values (N, T, C) over frames whose mask (N, T) is 1; ValueError without."""
-    real = values[mask > 0.5].double()
-    if not len(real):
-        raise ValueError("mask must keep at least one frame to take statistics from")
-    return real.mean(dim=0).float(), real.std(dim=0, correction=0).float()
-
-
-class Normaliser(nn.Module):
-    """To mean zero and standard deviation one, channel by channel; changes nothing until its statistics are set."""
-
-    mean: Tensor
-    std: Tensor
-
-    def __init__(self, channels: int) -> None:
-        super().__init__()
-        self.register_buffer("mean", torch.zeros(channels))
-        self.register_buffer("std", torch.ones(channels))
-
-    def set(self, mean: Tensor, std: Tensor) -> None:
-        """Keep (channels,) mean and standard deviation; ValueError for other shapes, NaN, or a negative deviation."""
-        for name, values in (("mean", mean), ("standard deviation", std)):
-            if values.shape != self.mean.shape:
-                raise ValueError(f"{name} must have shape {tuple(self.mean.shape)}, got {tuple(values.shape)}")
-            if not bool(values.isfinite().all()):
-                raise ValueError(f"{name} must be finite, got {values.tolist()}")
-        if bool((std < 0).any()):
-            raise ValueError(f"standard deviation must be zero or more, got {std.min().item()}")
-        self.mean.copy_(mean)
-        self.std.copy_(std)
-
-    def forward(self, values: Tensor) -> Tensor:
-        """(..., channels), in standard deviations from the mean."""
-        return (values - self.mean) / self.std.clamp(min=_LEAST_STD)
-
-
-def parameter_count(module: nn.Module) -> int:
-    """Number of values that training changes."""
-    return sum(values.numel() for values in module.parameters())
 
 
 def _perceptron(n_in: int, n_hidden: int, n_out: int, *, first: float = 1.0) -> nn.Sequential:
@@ -138,6 +89,7 @@ class Generator(nn.Module):
         How the audio features are made; kept with the weights, so that a song can be danced to.
     """
 
+    system = "harmogan"
     bone_lengths: Tensor
 
     def __init__(
@@ -218,6 +170,31 @@ class Generator(nn.Module):
         """Number of values that training changes."""
         return parameter_count(self)
 
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {
+            "model": asdict(self.params),
+            "features": None if self.features is None else asdict(self.features),
+            "n_audio": self.n_audio,
+            "fps": self.fps,
+            "skeleton": asdict(self.skeleton),
+        }
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A generator as its description says; ValueError for sizes that cannot be."""
+        model = ModelParams(**{name: whole(name, value) for name, value in renamed(build["model"]).items()})
+        if model.layers > MOST_LAYERS:
+            raise ValueError(f"describes {model.layers} recurrent layers, more than {MOST_LAYERS}")
+        features = None if build["features"] is None else FeatureParams(**build["features"])
+        n_audio, fps, skeleton = whole("n_audio", build["n_audio"]), float(build["fps"]), stored_skeleton(build)
+        return cls(model, n_audio, skeleton, tensors["bone_lengths"], fps=fps, features=features)
+
+
+def load_generator(path: PathLike) -> Generator:
+    """The generator stored at `path`; errors as of `harmolab.models.weights.load_weights`."""
+    return load_weights(path, Generator)
+
 
 class _MaskedConvolution(nn.Module):
     """Convolution over time that never sees padding: (N, T, in), (N, T) -> (N, T', out), (N, T')."""
@@ -255,7 +232,7 @@ def _mean_over_time(values: Tensor, mask: Tensor) -> Tensor:
     return (values * mask[:, None]).sum(dim=2) / mask.sum(dim=1, keepdim=True).clamp(min=1.0)
 
 
-class CrossDomainCritic(nn.Module):
+class CrossDomainDiscriminator(nn.Module):
     """D_cd: does this motion belong to this music? Two branches, features concatenated, one logit per clip (Sec. 4.2).
 
     The features are concatenated moment by moment, so that it can hear whether both agree in time.
@@ -265,9 +242,9 @@ class CrossDomainCritic(nn.Module):
         super().__init__()
         n_motion = 3 * len(skeleton.joints) + PATH_CHANNELS
         self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(n_motion)
-        self.hearing, self.seeing = _Branch(n_audio, params.critic), _Branch(n_motion, params.critic)
-        self.both = _MaskedConvolution(8 * params.critic, 4 * params.critic, stride=2)
-        self.verdict = _perceptron(4 * params.critic, 2 * params.critic, 1)
+        self.hearing, self.seeing = _Branch(n_audio, params.discriminator), _Branch(n_motion, params.discriminator)
+        self.both = _MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
+        self.verdict = _perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
 
     def set_statistics(self, statistics: Statistics) -> None:
         """Normalise by the training split from now on."""
@@ -282,7 +259,7 @@ class CrossDomainCritic(nn.Module):
         return self.verdict(_mean_over_time(both, reduced)).squeeze(-1)
 
 
-class SpatialTemporalCritic(nn.Module):
+class SpatialTemporalDiscriminator(nn.Module):
     """D_st: is this how people move? Five even segments, their features concatenated one after the other (Sec. 4.2).
 
     Segment k's features are joined to what is known of segments 1 to k - 1. Every clip is cut by its own length.
@@ -290,11 +267,11 @@ class SpatialTemporalCritic(nn.Module):
 
     def __init__(self, params: ModelParams, skeleton: Skeleton) -> None:
         super().__init__()
-        n_motion, known = 3 * len(skeleton.joints) + PATH_CHANNELS, 4 * params.critic
+        n_motion, known = 3 * len(skeleton.joints) + PATH_CHANNELS, 4 * params.discriminator
         self.motion_scale = Normaliser(n_motion)
-        self.seeing = _Branch(n_motion, params.critic)
+        self.seeing = _Branch(n_motion, params.discriminator)
         self.joining = nn.ModuleList(nn.Linear(2 * known, known) for _ in range(SEGMENTS - 1))
-        self.verdict = _perceptron(known, 2 * params.critic, 1)
+        self.verdict = _perceptron(known, 2 * params.discriminator, 1)
 
     def set_statistics(self, statistics: Statistics) -> None:
         """Normalise by the training split from now on."""

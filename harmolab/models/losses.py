@@ -6,7 +6,7 @@ paper does not have follow at the end: jerk, energy and sliding feet.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -14,22 +14,6 @@ from torch.nn.functional import relu, softplus
 
 from harmolab.models.soft_harmony import SoftHarmony
 from harmolab.types import HarmonyScore
-
-__all__ = [
-    "above_chance_loss",
-    "adversarial_value",
-    "charbonnier_mse",
-    "critic_loss",
-    "energy_loss",
-    "feature_loss",
-    "foot_loss",
-    "generator_gan_loss",
-    "harmony_loss",
-    "jerk_loss",
-    "kl_loss",
-    "literal_harmony_loss",
-    "total_loss",
-]
 
 RESTING = 1e-3  # metres per frame: less movement than this counts as this much
 STILL = 1.0  # metres per second cubed: less jerk than this in a recording counts as this much
@@ -67,7 +51,6 @@ def charbonnier_mse(
     mask: Tensor,
     *,
     epsilon: float = 1e-3,
-    scale: Tensor | None = None,
 ) -> Tensor:
     """Distance of every frame from the recorded one, prior frames counting half, added up over time (Eq. 25).
 
@@ -80,17 +63,14 @@ def charbonnier_mse(
     index : (N, T) tensor, TI: 1 where a frame belongs to the last meter
     mask : (N, T) tensor, 1 at real frames
     epsilon : float
-    scale : (C,) tensor, optional
-        Differences are divided by this, so that channels in other units weigh alike.
 
     Returns
     -------
     Mean over clips of the sum over real frames.
     """
     _check_shapes(motion, target, mask)
-    difference = motion - target if scale is None else (motion - target) / scale
     weights = (2 - index.to(motion.dtype)) / 2
-    distance = torch.sqrt(weights * difference.square().sum(dim=-1) + epsilon**2)
+    distance = torch.sqrt(weights * (motion - target).square().sum(dim=-1) + epsilon**2)
     return (distance * mask.to(motion.dtype)).sum(dim=1).mean()
 
 
@@ -156,7 +136,7 @@ def adversarial_value(real: Tensor, fake: Tensor) -> Tensor:
     return -softplus(-real).mean() - softplus(fake).mean()
 
 
-def critic_loss(real: Tensor, fake: Tensor) -> Tensor:
+def discriminator_loss(real: Tensor, fake: Tensor) -> Tensor:
     """What D_cd and D_st minimise: the negative of the values they are to maximise (Eq. 29-30).
 
     Parameters
@@ -178,23 +158,6 @@ def generator_gan_loss(
     """
     movement = softplus(-spatial_temporal).mean()
     return movement if cross_domain is None else cross_domain_weight * softplus(-cross_domain).mean() + movement
-
-
-def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:
-    """The weighted sum of the terms (Eq. 32).
-
-    Raises
-    ------
-    ValueError
-        For no terms, a term without weight, or a weight other than 0 without term.
-    """
-    if not terms:
-        raise ValueError("there is no loss term to add up")
-    if missing := sorted(set(terms) - set(weights)):
-        raise ValueError(f"no weight for the loss terms {', '.join(missing)}; weights are {', '.join(weights)}")
-    if unused := sorted(name for name in set(weights) - set(terms) if weights[name] != 0):
-        raise ValueError(f"no loss term for the weights {', '.join(unused)}; terms are {', '.join(terms)}")
-    return torch.stack([weights[name] * term for name, term in terms.items()]).sum()
 
 
 def jerk_loss(positions: Tensor, target: Tensor, mask: Tensor, *, fps: float) -> Tensor:

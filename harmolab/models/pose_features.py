@@ -2,27 +2,28 @@
 
 The paper takes VGG features of motion; VGG was trained on photographs. Here the same kind of network learns from dance:
 it is trained on the training split to tell motion groups and dances apart, to tell intact motion from damaged, and to
-remember enough to draw the motion again. `ImageNetVGG` is the photographs' network, for comparison.
+remember enough to draw the motion again.
 """
 
 from __future__ import annotations
 
 import copy
-import importlib
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from harmolab.data.units import DanceUnit, UnitSet, collate
-from harmolab.models.harmogan import Normaliser, channel_statistics
+from harmolab.io.files import PathLike
+from harmolab.models.layers import Normaliser, channel_statistics
 from harmolab.models.poses import PATH_CHANNELS
+from harmolab.models.weights import load_weights, stored_skeleton
 from harmolab.types import Skeleton
-
-__all__ = ["EMBEDDING", "FRAMES", "ImageNetVGG", "PoseNet", "resample", "train_pose_net"]
 
 # Frames that every clip is brought to, whatever its length and frame rate.
 FRAMES = 32
@@ -31,8 +32,6 @@ EMBEDDING = 32
 # Seconds by which velocities are multiplied, to be about as large as normalised positions.
 _VELOCITY_SPAN = 0.2
 _WIDTHS = (16, 32, 64)
-# Last layers of VGG-16's first three blocks.
-_VGG_MAPS = (3, 8, 15)
 # Of training: units in a batch and in an epoch; moments that the network learns to draw.
 _BATCH, _EPOCH_UNITS, _MOMENTS = 32, 256, 8
 
@@ -97,42 +96,19 @@ class PoseNet(nn.Module):
         embedding: Tensor = self.summary(over_time.flatten(1))
         return embedding
 
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {"fps": self.fps, "skeleton": asdict(self.skeleton)}
 
-class ImageNetVGG(nn.Module):
-    """VGG-16 trained on photographs, as the paper uses it: only `features`, and only where torchvision is installed.
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A pose network as its description says."""
+        return cls(stored_skeleton(build), fps=float(build["fps"]))
 
-    The picture is the one `PoseNet` sees, positions alone as red, green and blue. Weights are torchvision's; it
-    downloads them once.
 
-    Parameters
-    ----------
-    pose_net : PoseNet
-        Draws the picture.
-
-    Raises
-    ------
-    ImportError
-        Without torchvision.
-    """
-
-    def __init__(self, pose_net: PoseNet) -> None:
-        super().__init__()
-        try:
-            models = importlib.import_module("torchvision.models")
-        except ImportError:
-            raise ImportError("ImageNetVGG needs torchvision (pip install torchvision); PoseNet does not") from None
-        self.pose_net = pose_net
-        self.layers = models.vgg16(weights="IMAGENET1K_V1").features[: _VGG_MAPS[-1] + 1].eval().requires_grad_(False)
-
-    def features(self, motion: Tensor, mask: Tensor) -> list[Tensor]:
-        """Maps after the first, second and third block, (N, channels, frames, columns) each, of motion (N, T, C)."""
-        image = functional.interpolate(self.pose_net.picture(motion, mask)[:, ::2], scale_factor=4, mode="bilinear")
-        maps = []
-        for place, layer in enumerate(self.layers):
-            image = layer(image)
-            if place in _VGG_MAPS:
-                maps.append(image)
-        return maps
+def load_pose_net(path: PathLike) -> PoseNet:
+    """The pose network stored at `path`; errors as of `harmolab.models.weights.load_weights`."""
+    return load_weights(path, PoseNet)
 
 
 def _block(n_in: int, n_out: int) -> nn.Sequential:

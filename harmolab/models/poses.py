@@ -13,8 +13,6 @@ from torch import Tensor
 
 from harmolab.skeletons import ancestors
 
-__all__ = ["PATH_CHANNELS", "decode", "fix_bones", "local_joints", "root_path"]
-
 # Root velocity to the side and forward, yaw rate: the last channels of a code.
 PATH_CHANNELS = 3
 # Square of a length (0.1 mm) below which a bone has no direction.

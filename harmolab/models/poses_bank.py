@@ -23,8 +23,6 @@ from harmolab.models.weights import DEFAULT_STEM
 from harmolab.params import FeatureParams
 from harmolab.types import FloatArray
 
-__all__ = ["PoseBank", "load_poses", "pose_bank", "poses_path", "retimed", "save_poses"]
-
 _BEATS_OF_METER = 4  # the shortest meter, so that its unit has the most beats before it
 _MAX_BYTES = 64 * 2**20
 _FORMAT = "harmolab poses 1"

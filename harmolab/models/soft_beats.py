@@ -13,8 +13,6 @@ from torch.nn.functional import conv1d, pad, relu
 from harmolab.kinematics import TIE_TOLERANCE
 from harmolab.params import HarmonyParams
 
-__all__ = ["frames_before_end", "parabola_shift", "smoothed", "soft_beats", "soft_salience", "soft_speed"]
-
 RATE = 15.0  # hertz: steps of the curve are judged by what they would be at this rate, so that fps hardly matters
 
 

@@ -23,8 +23,6 @@ from harmolab.models.soft_beats import (
 )
 from harmolab.params import HarmonyParams
 
-__all__ = ["SoftHarmony", "anneal", "soft_harmony"]
-
 EDGE = 1e-7  # seconds: a beat exactly at the delay is a hit, also at the smallest tau
 REACH = 9.2  # widths of the hit kernel's edge beyond which it is nothing (below 1e-4)
 NODES = 4  # moments a frame at which chance is looked up when beats lie between frames

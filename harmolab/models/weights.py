@@ -3,8 +3,9 @@
 ``<stem>.safetensors``
     The module's parameters and buffers.
 ``<stem>.json``
-    What is needed to build the module again (class, sizes, skeleton, frame rate, settings of the audio features), the
-    shapes and the SHA-256 of the other file, and whatever the caller adds about training.
+    What is needed to build the network again (the system it belongs to, its class, and what the network itself says:
+    sizes, skeleton, frame rate), the shapes and the SHA-256 of the other file, and whatever the caller adds about
+    training.
 """
 
 from __future__ import annotations
@@ -13,10 +14,9 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
 import safetensors.torch
 import torch
@@ -24,33 +24,45 @@ from safetensors import SafetensorError
 from torch import Tensor, nn
 
 from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, reading
-from harmolab.models.harmogan import Generator
-from harmolab.models.pose_features import PoseNet
-from harmolab.params import FeatureParams, ModelParams
 from harmolab.types import Skeleton
-
-__all__ = ["FORMAT", "load_generator", "load_pose_net", "read_about", "save_weights"]
 
 FORMAT = 1
 DEFAULT_STEM = "model"
 _WHAT = "weights of harmolab"
 _PICKLES = (".pt", ".pth", ".pkl", ".pickle", ".ckpt", ".bin")
 # A description beyond these is not one of ours; building it would only fill the memory.
-_MOST_JOINTS, _MOST_LAYERS, _MOST_UNITS = 1000, 64, 2**16
+MOST_JOINTS, MOST_LAYERS, MOST_UNITS = 1000, 64, 2**16
 # Statistics and lengths span too many orders of magnitude for 16 bits.
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
+# Names of settings as versions before 0.2 wrote them into runs and weights.
+_OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay", "goes_on": "rollout"}
+
+
+@runtime_checkable
+class Stored(Protocol):
+    """A torch network that says of itself what it takes to build it again."""
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A network as its description says, of any weights; ValueError for a description that cannot be."""
+
+
+N = TypeVar("N", bound=nn.Module)
 
 
 def save_weights(
     path: PathLike, module: nn.Module, meta: Mapping[str, Any] | None = None, *, half: bool = False
 ) -> None:
-    """Write a generator or a pose network to ``<path>.safetensors`` and ``<path>.json``, aside and then renamed.
+    """Write a network to ``<path>.safetensors`` and ``<path>.json``, aside and then renamed.
 
     Parameters
     ----------
     path : str or path
         File stem, or an existing folder (the stem is then "model" in it). Suffixes of the two files may be given.
-    module : Generator or PoseNet
+    module : torch module that is `Stored`; its attribute ``system``, if it has one, names the system it is part of
     meta : JSON-able mapping about training; comes back from `read_about` under "meta"
     half : bool
         Store parameters in 16 bits. Statistics and bone lengths stay in 32.
@@ -58,8 +70,10 @@ def save_weights(
     Raises
     ------
     ValueError
-        If a value is not finite (in 16 bits), or the module is of another class.
+        If a value is not finite (in 16 bits), or the module does not describe itself.
     """
+    if not isinstance(module, Stored):
+        raise ValueError(f"weights of networks that describe themselves can be stored, got {type(module).__name__}")
     stem = _stem(path)
     tensors = {name: _stored(name, values, half=half) for name, values in module.state_dict().items()}
     _check_finite(stem, tensors)
@@ -67,8 +81,9 @@ def save_weights(
     about = {
         "format": FORMAT,
         "harmolab": version("harmolab"),
+        "system": getattr(module, "system", ""),
         "class": type(module).__name__,
-        "build": _description(module),
+        "build": module.description(),
         "shapes": {name: list(values.shape) for name, values in tensors.items()},
         "sha256": hashlib.sha256(data).hexdigest(),
         "meta": dict(meta or {}),
@@ -77,13 +92,16 @@ def save_weights(
     _publish({_tensor_file(stem): data, _json_file(stem): text.encode()})
 
 
-def load_generator(path: PathLike) -> Generator:
-    """The generator stored at `path`, on the CPU, in single precision and evaluation mode.
+def load_weights(path: PathLike, wanted: type[N]) -> N:
+    """The network of class `wanted` stored at `path`, on the CPU, in single precision and evaluation mode.
+
+    Everything is checked on the way: description, hash, names and shapes, values.
 
     Parameters
     ----------
     path : str or path
         As in `save_weights`.
+    wanted : class of torch modules that are `Stored`
 
     Raises
     ------
@@ -93,28 +111,6 @@ def load_generator(path: PathLike) -> Generator:
         It is damaged, foreign, of another size than its description says, holds NaN, lacks its JSON, or is a pickle;
         the message names the file and the fault.
     """
-    return cast(Generator, _load(path, Generator))
-
-
-def load_pose_net(path: PathLike) -> PoseNet:
-    """The pose network stored at `path`, on the CPU, in single precision and evaluation mode; errors as above."""
-    return cast(PoseNet, _load(path, PoseNet))
-
-
-def read_about(path: PathLike) -> dict[str, Any]:
-    """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as it was given on saving."""
-    file = _json_file(_stem(path))
-    with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
-        about = read_json(file)
-        if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
-            raise ValueError("does not describe weights of harmolab")
-        if about["format"] != FORMAT:
-            raise ValueError(f"has format {about['format']!r}; this version reads {FORMAT}. Update harmolab")
-    return about
-
-
-def _load(path: PathLike, wanted: type[nn.Module]) -> nn.Module:
-    """Any of our modules, checked on the way: description, hash, names and shapes, values."""
     stem = _stem(path)
     file = _tensor_file(stem)
     with reading(file, _WHAT):
@@ -128,7 +124,22 @@ def _load(path: PathLike, wanted: type[nn.Module]) -> nn.Module:
         if hashlib.sha256(data).hexdigest() != about.get("sha256"):
             raise ValueError(f"is not the file that {_json_file(stem).name} describes (SHA-256 differs)")
         _check_finite(stem, tensors)
-        return _filled(_built(about, tensors), tensors)
+        # Without memory of its own ("meta" device): a false description cannot fill the machine.
+        with torch.device("meta"):
+            module = wanted.built(about["build"], tensors)  # type: ignore[attr-defined]
+        return _filled(module, tensors)
+
+
+def read_about(path: PathLike) -> dict[str, Any]:
+    """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as it was given on saving."""
+    file = _json_file(_stem(path))
+    with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
+        about = read_json(file)
+        if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
+            raise ValueError("does not describe weights of harmolab")
+        if about["format"] != FORMAT:
+            raise ValueError(f"has format {about['format']!r}; this version reads {FORMAT}. Update harmolab")
+    return about
 
 
 def _stem(path: PathLike) -> Path:
@@ -187,47 +198,29 @@ def _tensors(data: bytes) -> dict[str, Tensor]:
         raise ValueError(f"is damaged or no safetensors file ({error})") from None
 
 
-def _description(module: nn.Module) -> dict[str, Any]:
-    """What `_built` needs beside the tensors."""
-    if isinstance(module, Generator):
-        return {
-            "model": asdict(module.params),
-            "features": None if module.features is None else asdict(module.features),
-            "n_audio": module.n_audio,
-            "fps": module.fps,
-            "skeleton": asdict(module.skeleton),
-        }
-    if isinstance(module, PoseNet):
-        return {"fps": module.fps, "skeleton": asdict(module.skeleton)}
-    raise ValueError(f"weights of Generator and PoseNet can be stored, got {type(module).__name__}")
-
-
-def _built(about: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> nn.Module:
-    """The described module without memory of its own ("meta" device): a false description cannot fill the machine."""
-    build = about["build"]
+def stored_skeleton(build: Mapping[str, Any]) -> Skeleton:
+    """The skeleton of a description; ValueError for one of too many joints."""
     skeleton = Skeleton(tuple(build["skeleton"]["joints"]), tuple(build["skeleton"]["parents"]))
-    if len(skeleton.joints) > _MOST_JOINTS:
-        raise ValueError(f"describes {len(skeleton.joints)} joints, more than {_MOST_JOINTS}")
-    with torch.device("meta"):
-        if about["class"] == "PoseNet":
-            return PoseNet(skeleton, fps=float(build["fps"]))
-        model = ModelParams(**{name: _whole(name, value) for name, value in build["model"].items()})
-        if model.layers > _MOST_LAYERS:
-            raise ValueError(f"describes {model.layers} recurrent layers, more than {_MOST_LAYERS}")
-        features = None if build["features"] is None else FeatureParams(**build["features"])
-        n_audio, fps = _whole("n_audio", build["n_audio"]), float(build["fps"])
-        module = Generator(model, n_audio, skeleton, tensors["bone_lengths"], fps=fps, features=features)
-    return module
+    if len(skeleton.joints) > MOST_JOINTS:
+        raise ValueError(f"describes {len(skeleton.joints)} joints, more than {MOST_JOINTS}")
+    return skeleton
 
 
-def _whole(name: str, value: object) -> int:
+def renamed(settings: Any) -> Any:
+    """Settings out of a file, at any depth, under the names they have now."""
+    if not isinstance(settings, dict):
+        return settings
+    return {_OLD_NAMES.get(name, name): renamed(value) for name, value in settings.items()}
+
+
+def whole(name: str, value: object) -> int:
     """A size from a description, as an int."""
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= _MOST_UNITS:
-        raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from 1 to {_MOST_UNITS} is needed")
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= MOST_UNITS:
+        raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from 1 to {MOST_UNITS} is needed")
     return value
 
 
-def _filled(module: nn.Module, tensors: Mapping[str, Tensor]) -> nn.Module:
+def _filled(module: N, tensors: Mapping[str, Tensor]) -> N:
     """`module` with these tensors in it; ValueError unless names and shapes agree."""
     expected = module.state_dict()
     if missing := sorted(expected.keys() ^ tensors.keys()):

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
-__all__ = ["FeatureParams", "ModelParams", "TrainParams"]
-
 
 def _check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = ()) -> None:
     """ValueError, with name and value, for a number out of range."""
@@ -74,14 +72,14 @@ class ModelParams:
         Recurrent layers of the audio encoder and of the pose decoder, each.
     pose_features : int
         Channels of the initial poses' features that are concatenated with the encoded audio, and of the heads.
-    critic : int
+    discriminator : int
         Channels of the discriminators' first layer.
     """
 
     hidden: int
     layers: int
     pose_features: int
-    critic: int
+    discriminator: int
 
     def __post_init__(self) -> None:
         _check_numbers(self, positive=[field.name for field in fields(self)])
@@ -89,12 +87,12 @@ class ModelParams:
     @classmethod
     def paper(cls) -> ModelParams:
         """Seven to nine million generator parameters: as many as the paper's Sec. 5.5 implies."""
-        return cls(hidden=512, layers=2, pose_features=256, critic=64)
+        return cls(hidden=512, layers=2, pose_features=256, discriminator=64)
 
     @classmethod
     def small(cls) -> ModelParams:
         """About one million generator parameters: trains on a laptop."""
-        return cls(hidden=192, layers=1, pose_features=192, critic=32)
+        return cls(hidden=192, layers=1, pose_features=192, discriminator=32)
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,7 @@ class TrainParams:
         Initial learning rates of Adam.
     pretrain_drops : factors, one after every `pretrain_drop_epochs` epochs; the last one stays
     adversarial_drops : factors in turn, one after every `adversarial_drop_epochs` epochs
-    generator_decay, critic_decay : float, weight decay
+    generator_decay, discriminator_decay : float, weight decay
     pretrain_kl_weight : float, L_pretrain = this * L_kl + L_mse
     kl_weight, mse_weight, feature_weight, harmony_weight, gan_weight : float
         The lambdas of Eq. 32.
@@ -131,11 +129,10 @@ class TrainParams:
         -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
     count_weight : float
         Weight of the count term inside the harmony loss.
-    goes_on : bool
-        Beside the units as recorded, let the generator dance to other units' music from where it ended in the batch
-        before, as it does in a song, and take half of each term that needs no recorded answer from there: L_gan,
-        L_harmo, smoothness, feet and energy. Else it only ever starts from recorded movement: it learns by heart
-        which movement goes with which song, and in a song of many meters loses its way.
+    rollout : bool
+        Rollout training (compare scheduled sampling): half of each term that needs no recorded answer (L_gan, L_harmo,
+        smoothness, feet, energy) is taken of dances to other units' music that begin where the generator itself ended
+        in the batch before, as in a song. Without it a song of many meters drifts away.
     tau_start, tau_end : float
         Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
     epsilon : float, of the Charbonnier losses (Eq. 25-26)
@@ -156,7 +153,7 @@ class TrainParams:
     adversarial_drops: tuple[float, ...] = (0.5, 0.2)
     adversarial_drop_epochs: int = 5
     generator_decay: float = 1e-4
-    critic_decay: float = 1e-3
+    discriminator_decay: float = 1e-3
     pretrain_kl_weight: float = 0.1
     kl_weight: float = 1e-4
     mse_weight: float = 1e-3
@@ -169,7 +166,7 @@ class TrainParams:
     energy_weight: float = 0.0
     harmony: Literal["paper", "above_chance"] = "paper"
     count_weight: float = 1.0
-    goes_on: bool = False
+    rollout: bool = False
     tau_start: float = 0.5
     tau_end: float = 0.05
     epsilon: float = 1e-3
@@ -211,6 +208,6 @@ class TrainParams:
             energy_weight=2.0,
             harmony="above_chance",
             count_weight=3.0,
-            goes_on=True,
+            rollout=True,
             adversarial_drops=(1.0,),
         )

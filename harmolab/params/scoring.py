@@ -9,8 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-__all__ = ["CHOICES", "DANCES", "BarPattern", "Dance", "HarmonyParams", "RunProfile"]
-
 
 @dataclass(frozen=True)
 class Dance:

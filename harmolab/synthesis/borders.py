@@ -6,8 +6,6 @@ import numpy as np
 
 from harmolab.types import FloatArray
 
-__all__ = ["continued"]
-
 FADE = 0.25  # seconds after which a tenth of a difference is left
 # Solution of (1 + a) exp(-a) = 0.1: a critically damped fade has then come down to a tenth.
 _TENTH = 3.8897

@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from harmolab.beats.audio import audio_beats
 from harmolab.features.audio import audio_features
-from harmolab.features.poses import decode_motion
+from harmolab.features.poses import decode_motion, encode_motion
 from harmolab.features.priors import initial_poses, temporal_index
 from harmolab.io.files import Progress, silent
+from harmolab.kinematics import resample_motion
 from harmolab.models.harmogan import Generator
 from harmolab.models.poses import PATH_CHANNELS, fix_bones, local_joints
 from harmolab.models.poses_bank import PoseBank, retimed
@@ -27,8 +28,6 @@ from harmolab.synthesis.borders import continued
 from harmolab.synthesis.grid import MeterFrames, meter_frames
 from harmolab.synthesis.grounding import on_floor, planted_feet
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
-
-__all__ = ["synthesize_dance"]
 
 
 def synthesize_dance(
@@ -40,6 +39,7 @@ def synthesize_dance(
     start: float = 0.0,
     seed: int = 0,
     poses: PoseBank | ArrayLike | None = None,
+    initial: Motion | None = None,
     dance: str | None = None,
     plant_feet: bool = True,
     progress: Progress = silent,
@@ -58,6 +58,7 @@ def synthesize_dance(
         Chooses the movement that the dance starts from: another seed, another dance.
     poses : PoseBank or (K, T0, C) array of motion codes to start from
         Left out: the mean pose at rest, which makes the same dance for every seed.
+    initial : Motion of the generator's skeleton that the dance goes on from; then `seed` draws nothing
     dance : name of a dance; starts from a movement of that dance if the bank has one
     plant_feet : bool
         Keep feet that carry from sliding (`harmolab.synthesis.grounding`).
@@ -71,24 +72,29 @@ def synthesize_dance(
     ------
     ValueError
         If `start` or `seconds` lies outside the music, `dance` is unknown to both the bank and the tempo table, the
-        poses do not fit the generator, or it was built without features.
+        poses or `initial` do not fit the generator, or it was built without features.
 
     Examples
     --------
-    >>> from harmolab.models.weights import load_generator
+    >>> from harmolab.models.harmogan import load_generator
     >>> generator = load_generator("run/model")  # doctest: +SKIP
     >>> motion = synthesize_dance(generator, load_audio("song.mp3"), seconds=20.0, seed=3)  # doctest: +SKIP
     """
     n_frames = _length(audio, start, seconds, generator.fps)
     if generator.features is None:
         raise ValueError("this generator does not say which audio features it hears; build it with features=...")
-    clip = _first_movement(generator, poses, dance, seed)
+    clip = _first_movement(generator, poses, dance, seed) if initial is None else _coded(generator, initial)
     track = audio_beats(audio, tempo=dance if dance in DANCES else None) if beats is None else beats
     meters = meter_frames(track, generator.features, start=start, n_frames=n_frames, fps=generator.fps)
     first, last = meters[0].begin, meters[-1].end
     times = start + np.arange(first, last) / generator.fps
-    heard = audio_features(audio, track, times, generator.features)
-    code = _danced(generator, heard, meters, clip, progress)[-first : n_frames - first]
+    music = audio_features(audio, track, times, generator.features)
+    if initial is None:  # a movement of the bank fills the beats before a meter of four
+        taken = max(1, round(meters[0].share * len(clip)))
+        prior = retimed(clip[-taken:], meters[0].meter - first)
+    else:  # what was danced before keeps its speed, and ends where the dance begins: the meter may be under way
+        prior = retimed(clip[first:], -first)
+    code = _danced(generator, music, meters, prior, progress)[-first : n_frames - first]
     positions = decode_motion(_with_bones(generator, code), generator.fps, generator.skeleton)
     positions = on_floor(positions, generator.fps)
     if plant_feet:
@@ -123,6 +129,15 @@ def _first_movement(
     return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
 
 
+def _coded(generator: Generator, motion: Motion) -> FloatArray:
+    """The motion code (T0, C) of a motion of the generator's skeleton."""
+    if motion.skeleton.joints != generator.skeleton.joints:
+        joints = len(motion.skeleton.joints), len(generator.skeleton.joints)
+        raise ValueError(f"initial has other joints ({joints[0]}) than the generator ({joints[1]}); retarget it first")
+    motion = resample_motion(motion, generator.fps)
+    return encode_motion(motion.positions, motion.fps, motion.skeleton).astype(np.float64)
+
+
 def _clips(generator: Generator, poses: PoseBank | ArrayLike | None, dance: str | None) -> FloatArray:
     """The motion codes to choose from; without any, the mean pose, at rest."""
     if isinstance(poses, PoseBank):
@@ -136,30 +151,30 @@ def _clips(generator: Generator, poses: PoseBank | ArrayLike | None, dance: str 
 
 def _danced(
     generator: Generator,
-    heard: NDArray[np.float32],
+    music: NDArray[np.float32],
     meters: list[MeterFrames],
-    clip: FloatArray,
+    prior: FloatArray,
     progress: Progress,
 ) -> FloatArray:
-    """The motion code (T, C) of all meters and the beats before the first, one meter after the other."""
-    origin, first = meters[0].begin, meters[0]
+    """The motion code (T, C) of all meters, one after the other, from the end of `prior` (P, C), its first frames."""
+    origin = meters[0].begin
     code = np.zeros((meters[-1].end - origin, generator.n_motion))
-    taken = max(1, round(first.share * len(clip)))
-    code[: first.meter - origin] = retimed(clip[-taken:], first.meter - origin)
+    code[: len(prior)] = prior
     with _evaluating(generator):
         for meter in progress(meters, "dancing"):
             begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
-            made = _meter(generator, heard[begin:end], code[begin:end], now - begin)
-            code[now:end] = continued(code[:now], made, generator.fps)
+            motion = _meter(generator, music[begin:end], code[begin:end], now - begin)
+            new = max(now, len(prior))
+            code[new:end] = continued(code[:new], motion[new - now :], generator.fps)
     return code
 
 
-def _meter(generator: Generator, heard: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
-    """What the generator makes of one meter, (T - n_prior, C), from its music (T, F) and what was danced before."""
+def _meter(generator: Generator, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
+    """Motion code of one meter, (T - n_prior, C), from its music (T, F) and what was danced before."""
     initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
     device = generator.bone_lengths.device
-    made = generator(torch.from_numpy(heard[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
-    return made[0, n_prior:].double().cpu().numpy()
+    motion = generator(torch.from_numpy(music[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
+    return motion[0, n_prior:].double().cpu().numpy()
 
 
 @contextmanager

@@ -10,8 +10,6 @@ from harmolab.data.clips import meter_spans
 from harmolab.params import FeatureParams
 from harmolab.types import BeatTrack, FloatArray
 
-__all__ = ["MeterFrames", "filled_beats", "meter_frames"]
-
 DEFAULT_PERIOD = 0.5  # seconds between beats where the music has none
 LONGEST_INTERVAL = 2.5  # in usual intervals; beats are put into longer ones
 # A beat that lies this share of a frame before a frame counts as on it.

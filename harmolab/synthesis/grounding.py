@@ -14,8 +14,6 @@ from harmolab.skeletons import foot_joints
 from harmolab.synthesis.legs import find_leg, moved_foot
 from harmolab.types import FloatArray, Skeleton
 
-__all__ = ["on_floor", "planted_feet"]
-
 FLOOR_WINDOW = 1.2  # seconds; a jump is shorter
 FLOOR_SMOOTHING = 0.6  # seconds
 RESTING_PERCENTILE = 5.0

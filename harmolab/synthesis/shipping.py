@@ -12,14 +12,13 @@ import numpy as np
 
 from harmolab.data.synthetic import synthetic_clip
 from harmolab.features.poses import encode_motion
-from harmolab.models.harmogan import Generator
+from harmolab.models.harmogan import Generator, load_generator
+from harmolab.models.pose_features import load_pose_net
 from harmolab.models.poses_bank import PoseBank, load_poses, retimed, save_poses
-from harmolab.models.weights import load_generator, load_pose_net, read_about, save_weights
+from harmolab.models.weights import read_about, save_weights
 from harmolab.params import DANCES
 from harmolab.synthesis.dance import synthesize_dance
 from harmolab.types import FloatArray
-
-__all__ = ["danced_bank", "ship"]
 
 SECONDS = 24.0  # of each dance
 SETTLED = 10.0  # seconds after which nothing of the movement it started from is left: several meters

@@ -9,11 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harmolab.types import FloatArray
-
-IntArray = NDArray[np.int64]
+from harmolab.types import FloatArray, IntArray
 
 REACH = 0.75  # of the local beat period: a visual beat further away is not brought to this music beat
 RESIDUALS = np.linspace(-0.8, 0.8, 17)  # of the tolerance: where around its target a visual beat may come to lie

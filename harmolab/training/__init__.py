@@ -1,5 +1,5 @@
-"""Training of the generators: visible loops on Lightning Fabric, checkpoints that survive a kill, a history to plot."""
+"""Training: phases in one visible loop on Lightning Fabric, checkpoints that survive a kill, a history to plot."""
 
-from harmolab.training.run import make_fabric, train_harmogan
+from harmolab.training.loop import Phase, Player, fit, make_fabric
 
-__all__ = ["make_fabric", "train_harmogan"]
+__all__ = ["Phase", "Player", "fit", "make_fabric"]

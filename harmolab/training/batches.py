@@ -9,8 +9,6 @@ from torch import Tensor
 
 from harmolab.data.units import UnitSet, collate
 
-__all__ = ["Tensors"]
-
 
 @dataclass(frozen=True, eq=False)
 class Tensors:
@@ -34,21 +32,21 @@ class Tensors:
         batch = collate(units.units)
         return cls(**{field.name: torch.as_tensor(getattr(batch, field.name)).to(device) for field in fields(cls)})
 
-    def going_on_from(self, made: Tensor, mask: Tensor) -> Tensors:
+    def continued_from(self, motion: Tensor, mask: Tensor) -> Tensors:
         """These units, begun where another motion ended: V_f of Eq. 23 from its last frames, not from recorded ones.
 
-        That is how a song is danced, meter by meter (Fig. 7b). Nobody danced that to this music, so there is nothing
-        to compare with; but harmony needs music alone, and a discriminator of movement needs none.
+        That is how a song is danced, meter by meter (Fig. 7b). There is no recording of it to compare with; but
+        harmony needs music alone, and a discriminator of movement needs none.
 
         Parameters
         ----------
-        made : (N, T, C) motion codes
-        mask : (N, T), 1 where `made` is real
+        motion : (N, T, C) motion codes
+        mask : (N, T), 1 where `motion` is real
         """
         lengths, prior = mask.sum(dim=1).long(), self.index.sum(dim=1).long()
-        frames = torch.arange(self.index.shape[1], device=made.device)
+        frames = torch.arange(self.index.shape[1], device=motion.device)
         at = ((lengths - prior)[:, None] + frames).clamp(min=0).minimum(lengths[:, None] - 1)
-        tail = made.gather(1, at[..., None].expand(-1, -1, made.shape[2]))
+        tail = motion.gather(1, at[..., None].expand(-1, -1, motion.shape[2]))
         known = self.index[..., None]
         mean = (tail * known).sum(dim=1, keepdim=True) / prior[:, None, None].clamp(min=1)
         return replace(self, initial=torch.where(known > 0, tail, mean))

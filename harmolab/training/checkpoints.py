@@ -1,7 +1,8 @@
-"""The state of a run in one file, from which it goes on as if it had never stopped.
+"""The folder of a run, and its state in one file, from which it goes on as if it had never stopped.
 
 Tensors are safetensors; everything else (history, settings) is JSON in the same file's header, so that one rename
-publishes both. Nothing is ever unpickled.
+publishes both. Nothing is ever unpickled. ``settings.json`` and ``split.json`` tell whether what lies in a folder
+belongs to what is asked for.
 """
 
 from __future__ import annotations
@@ -9,22 +10,26 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import torch
+from filelock import FileLock, Timeout
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from harmolab.io.files import reading
-
-__all__ = ["STATE", "load_state", "optimiser_tensors", "restore", "save_state", "write_aside"]
+from harmolab.data.splits import Split
+from harmolab.io.files import MAX_JSON_BYTES, read_json, reading
+from harmolab.models.weights import renamed
 
 STATE = "state.safetensors"
 PART = ".part"  # ends the name of a file that is not finished
-FORMAT = "harmolab training state 1"
+FORMAT = "harmolab training state 2"
+SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
+OTHERWISE = "ask for the same, or choose another folder"
 
 
 def write_aside(path: Path, content: str | bytes) -> None:
@@ -126,3 +131,100 @@ def restore(
 def _below(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
     """The tensors whose names begin with `prefix`, without it."""
     return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def check_folder(folder: Path, *, resume: bool) -> None:
+    """See that a run may be kept in `folder`: it is new or empty or, with `resume`, holds a run.
+
+    Raises
+    ------
+    ValueError
+        Otherwise; nothing was written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder}: is a file; a run needs a folder of its own")
+    held = sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")) if folder.is_dir() else []
+    if held and not resume:
+        raise ValueError(f"{folder}: is not empty; use --resume to go on with a run there, or choose another folder")
+    if held and SETTINGS not in held:
+        raise ValueError(f"{folder}: holds {held[0]} but no {SETTINGS}, so no run to resume; choose another folder")
+
+
+@contextmanager
+def open_folder(folder: Path, settings: dict[str, Any], split: Split, *, resume: bool) -> Iterator[None]:
+    """Keep `folder` for this process; settings.json and split.json are in it, and are what was asked for.
+
+    Parameters
+    ----------
+    folder : made unless it is there
+    settings : JSON-able
+    split : Split of the units
+    resume : whether the folder may hold a run
+
+    Raises
+    ------
+    ValueError
+        If the folder may not be written to, holds a run with other settings or another split, or another process
+        trains in it.
+    """
+    check_folder(folder, resume=resume)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / LOCK, timeout=0):
+            for unfinished in folder.glob(f".*{PART}"):
+                unfinished.unlink()
+            _agree(folder / SETTINGS, settings)
+            _agree(folder / SPLIT, _plain(split.to_dict()))
+            yield
+    except Timeout:
+        raise ValueError(f"{folder}: another process is training there") from None
+
+
+def check_pretrained(folder: Path, settings: dict[str, Any], split: Split) -> None:
+    """See that the run in `folder` learnt from the very units of `split`, with a model of the same size.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Otherwise.
+    """
+    shared = ("model", "features", "data")
+    found = _read(folder / SETTINGS)
+    _compare(folder / SETTINGS, {name: found.get(name) for name in shared}, {name: settings[name] for name in shared})
+    _compare(folder / SPLIT, _read(folder / SPLIT), _plain(split.to_dict()))
+
+
+def _agree(path: Path, wanted: dict[str, Any]) -> None:
+    """Write `wanted` unless the file is there; then it must hold the same."""
+    if path.exists():
+        _compare(path, _read(path), wanted)
+    else:
+        write_aside(path, json.dumps(wanted, indent=1))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    with reading(path, "JSON", max_bytes=MAX_JSON_BYTES):
+        found = read_json(path)
+        if not isinstance(found, dict):
+            raise ValueError("holds no settings of a run")
+    return renamed(found)
+
+
+def _compare(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """ValueError naming the first entry in which two dictionaries differ."""
+    for name in sorted(found.keys() | wanted.keys()):
+        here, asked = found.get(name), wanted.get(name)
+        if isinstance(here, dict) and isinstance(asked, dict):
+            _compare(path, {f"{name}.{key}": here[key] for key in here}, {f"{name}.{key}": asked[key] for key in asked})
+        elif here != asked:
+            raise ValueError(f"{path}: {name} is {_short(here)}, but {_short(asked)} is asked for; {OTHERWISE}")
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else f"{text[:40]}..."
+
+
+def _plain(content: dict[str, Any]) -> dict[str, Any]:
+    """A dictionary as it comes back from JSON."""
+    return json.loads(json.dumps(content))

@@ -12,12 +12,10 @@ from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 
 from harmolab.training.checkpoints import write_aside
 
-__all__ = ["HISTORY", "EventLog", "Report", "Row", "history_text", "write_history"]
-
 HISTORY = "history.csv"
 EVENTS = "events.out.tfevents.*"
 Row = dict[str, Any]
-Report = Callable[[Row], None]
+Report = Callable[[Row, int], None]  # a row, and the epoch that its phase ends at
 
 
 def history_text(rows: list[Row]) -> str:

@@ -1,4 +1,4 @@
-"""Training of HarmoGAN in two visible loops: pretraining, then adversarial epochs (paper Sec. 5.2).
+"""One training loop for every system: phases one after the other; on each batch of a phase its players step in turn.
 
 Runs on a CPU, a GPU or several processes (torchrun) through Lightning Fabric; `harmolab.training.shards` sees to it
 that the number of processes does not change the result. The whole state goes to disk between epochs; a run that was
@@ -8,7 +8,9 @@ killed goes on from there.
 from __future__ import annotations
 
 import json
+import os
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -17,36 +19,85 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
-from harmolab.models.losses import total_loss
-from harmolab.models.soft_harmony import anneal
-from harmolab.models.weights import load_generator, save_weights
-from harmolab.params import TrainParams
-from harmolab.training.batches import Tensors
 from harmolab.training.checkpoints import load_state, restore, save_state
 from harmolab.training.history import EventLog, Report, Row, write_history
-from harmolab.training.schedule import adversarial_rate, pretrain_rate
-from harmolab.training.shards import Means, Shard, Terms, epoch_shards, step
-from harmolab.training.steps import Danced, Networks, critic_terms, danced, generator_terms, pretrain_terms
-from harmolab.training.validation import validate
+from harmolab.training.shards import Batching, Means, Shard, Terms, Units, epoch_shards, step, total_loss
 
-__all__ = ["PRETRAINED", "fit", "settings_of"]
-
-PRETRAINED = "pretrained"
-PRETRAIN, ADVERSARIAL = "pretrain", "adversarial"
-VALIDATE_EVERY = 5  # pretraining epochs; adversarial epochs are all validated
 SAVING_SHARE = 0.05  # of the time may be spent on writing the state; a kill costs the epochs since the last time
+ACCELERATORS = ("auto", "cpu", "cuda")
 Optimisers = dict[str, torch.optim.Optimizer]
 
 
+@dataclass(frozen=True, eq=False)
+class Player:
+    """Parameters that one optimiser changes, and the loss that it lowers.
+
+    Parameters
+    ----------
+    name : of the optimiser (Adam) in the state
+    parameters : that a step changes; no others
+    terms : function(output, shard, row) -> named loss terms of one shard
+        `output` is the phase's forward pass of the shard, `row` the epoch's row of history as far as it is known
+        before its first batch (phase, epoch, rate, what the phase's schedule says).
+    weights : of the terms in the loss, by name; those of absent terms are not read
+    decay : float, weight decay
+    """
+
+    name: str
+    parameters: Sequence[nn.Parameter]
+    terms: Callable[[Any, Shard, Row], Terms]
+    weights: Mapping[str, float]
+    decay: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """A part of a training: its epochs, and what happens in each.
+
+    Parameters
+    ----------
+    name : in the history
+    epochs : int, at most
+    rate : function(number of the epoch in the phase) -> learning rate of all players
+    modules : networks by name, as they are kept in the state
+    players : in the order of their steps on each batch
+        The terms of all of them are in the history; "total" there is the last one's loss.
+    forward : function(shard, last) -> what the players' terms are of
+        `last` is its own output for the shard of that number in the batch before; None in an epoch's first batch, so
+        that an epoch that is resumed goes on the same.
+    schedule : function(number of the epoch in the phase) -> further columns of its row
+    validate : function() -> further columns of the row, on every process
+    validate_every : int, epochs; the last epoch is validated too
+    patience : int or None
+        The phase ends earlier when `error` has not fallen for so many epochs, and the best epoch is kept. None: all
+        epochs, and the last one is kept.
+    error : column that tells the best epoch
+    keep : function(), called on the first process after each validated epoch that is the one to keep so far
+    recall : function(), called on every process after the phase's last epoch: goes back to the epoch that was kept
+    """
+
+    name: str
+    epochs: int
+    rate: Callable[[int], float]
+    modules: Mapping[str, nn.Module]
+    players: Sequence[Player]
+    forward: Callable[[Shard, Any], Any]
+    schedule: Callable[[int], Row] = lambda number: {}
+    validate: Callable[[], dict[str, float]] = dict
+    validate_every: int = 1
+    patience: int | None = None
+    error: str = "val_mse"
+    keep: Callable[[], object] | None = None
+    recall: Callable[[], object] | None = None
+
+
 @dataclass(eq=False)
-class _Fit:
-    """What both loops share. `rows` is the history so far, one row an epoch."""
+class _Run:
+    """What all phases share. `rows` is the history so far, one row an epoch."""
 
     fabric: Fabric
-    networks: Networks
-    train: Tensors
-    validation: Tensors
-    params: TrainParams
+    units: Units
+    batching: Batching
     folder: Path
     settings: dict[str, Any]
     report: Report
@@ -55,52 +106,84 @@ class _Fit:
     saving: tuple[float, float] = (0.0, 0.0)  # seconds that the last state took to write, and when that was
 
 
+def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
+    """Fabric for this process: alone, or one of those that torchrun started.
+
+    Parameters
+    ----------
+    accelerator : "auto", "cpu" or "cuda"
+    precision : "32-true" or "bf16-mixed"; None is bf16 where a GPU computes in it, else 32 bit
+
+    Raises
+    ------
+    ValueError
+        If this machine has no such accelerator.
+    """
+    if accelerator not in ACCELERATORS:
+        raise ValueError(f"accelerator must be {' or '.join(ACCELERATORS)}, got {accelerator!r}")
+    world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
+    if accelerator == "cuda" and not torch.cuda.is_available():
+        raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
+    if precision is None:
+        gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
+        precision = "bf16-mixed" if gpu else "32-true"
+    fabric = Fabric(
+        accelerator=accelerator,
+        devices=local,
+        num_nodes=max(world // local, 1),
+        strategy="ddp" if world > 1 else "auto",
+        precision=precision,
+    )
+    fabric.launch()
+    return fabric
+
+
 def fit(
     fabric: Fabric,
-    networks: Networks,
-    train: Tensors,
-    validation: Tensors,
-    params: TrainParams,
+    phases: Sequence[Phase],
+    units: Units,
+    batching: Batching,
     folder: Path,
     *,
     settings: dict[str, Any] | None = None,
     resume: bool = False,
-    report: Report = lambda row: None,
+    report: Report = lambda row, end: None,
 ) -> list[Row]:
-    """Train to the end of the schedule; one row of history per epoch.
+    """Train through all phases; one row of history per epoch.
 
     Parameters
     ----------
     fabric : Fabric, launched
-    networks : Networks, on the device; trained in place
-    train, validation : Tensors on the device
+    phases : of networks on the device, which are trained in place; names differ
+    units : training units on the device
+    batching : how they are put into batches
     folder : existing folder; state, ``history.csv`` and events for TensorBoard are kept up to date in it
     settings : JSON-able; a state with other settings is not resumed
     resume : go on from the state in `folder` when there is one
-    report : called with each epoch's row, on the first process only
+    report : called with each epoch's row and the epoch that its phase ends at, on the first process only
 
     Raises
     ------
     ValueError
         If the state in `folder` is damaged or belongs to other settings.
     """
-    run = _Fit(fabric, networks, train, validation, params, folder, settings or {}, report)
+    run = _Run(fabric, units, batching, folder, settings or {}, report)
     tensors = _saved(run) if resume else None
     if fabric.is_global_zero:
         run.events = EventLog(folder, run.rows)
         write_history(folder, run.rows)  # a kill may have come after epochs that no state knows of
+    current = [phase.name for phase in phases].index(run.rows[-1]["phase"]) if run.rows else 0
     try:
-        if not any(row["phase"] == ADVERSARIAL for row in run.rows):
-            _pretrain(run, tensors)
+        for phase in phases[current:]:
+            _train(run, phase, tensors)
             tensors = None
-        _adversarial(run, tensors)
     finally:
         if run.events is not None:
             run.events.close()
     return run.rows
 
 
-def _saved(run: _Fit) -> dict[str, Tensor] | None:
+def _saved(run: _Run) -> dict[str, Tensor] | None:
     """The tensors of the state in the folder, if there is one; its history becomes the run's."""
     saved = load_state(run.folder)
     if saved is None:
@@ -112,104 +195,63 @@ def _saved(run: _Fit) -> dict[str, Tensor] | None:
     return tensors
 
 
-def _pretrain(run: _Fit, saved: dict[str, Tensor] | None) -> None:
-    """L_pretrain = 0.1 L_kl + L_mse."""
-    generator, params = run.networks.generator, run.params
-    modules: dict[str, nn.Module] = {"generator": generator}
-    optimisers: Optimisers = {"generator": torch.optim.Adam(generator.parameters(), lr=params.pretrain_rate)}
-    if saved is not None:
-        restore(saved, modules, optimisers)
-    weights = {"kl": params.pretrain_kl_weight, "mse": 1.0}
-    for epoch in range(len(run.rows), params.pretrain_epochs):
-        if params.patience is not None and run.rows and epoch > _best_epoch(run.rows) + params.patience:
-            break
-        rate = _set_rate(optimisers, pretrain_rate(epoch, params))
-        means = Means()
-        for shards in epoch_shards(run.fabric, run.train, epoch, params):
-            with run.fabric.autocast():
-                terms = [_with_total(pretrain_terms(generator, each.own, params), weights) for each in shards]
-            step(run.fabric, terms, shards, optimisers["generator"])
-            means.add(terms, shards)
-        row: Row = {"phase": PRETRAIN, "epoch": epoch, "rate": rate, "tau": "", **means.over(run.fabric)}
-        due = epoch % VALIDATE_EVERY == VALIDATE_EVERY - 1 or epoch == params.pretrain_epochs - 1
-        _end_epoch(run, row, modules, optimisers, validated=due)
-    if params.pretrain_epochs:
-        run.fabric.barrier()
-        generator.load_state_dict(load_generator(run.folder / PRETRAINED).state_dict())
-
-
-def _worth_keeping(run: _Fit) -> bool:
-    """Whether the last epoch is what pretraining has come to: the best one, or without patience the latest."""
-    return run.params.patience is None or _best_epoch(run.rows) == run.rows[-1]["epoch"]
-
-
-def _best_epoch(rows: list[Row]) -> int:
-    """The pretraining epoch with the least error on the validation units so far; 0 before the first was validated."""
-    judged = [(row["val_mse"], row["epoch"]) for row in rows if "val_mse" in row]
-    return min(judged)[1] if judged else 0
-
-
-def _adversarial(run: _Fit, saved: dict[str, Tensor] | None) -> None:
-    """Critics and generator in turn on every batch (Eq. 28-32)."""
-    params, modules = run.params, run.networks.modules()
-    optimisers = _adversarial_optimisers(run.networks, params)
-    if saved is not None:
-        restore(saved, modules, optimisers)
-    first = sum(row["phase"] != ADVERSARIAL for row in run.rows)
-    for epoch in range(len(run.rows), first + params.adversarial_epochs):
-        number = epoch - first
-        rate = _set_rate(optimisers, adversarial_rate(number, params))
-        tau = anneal(number, params.adversarial_epochs, params.tau_start, params.tau_end)
-        means, last = Means(), None  # a new epoch begins new dances, so that one that is resumed goes on the same
-        for shards in epoch_shards(run.fabric, run.train, epoch, params):
-            terms, last = _adversarial_step(run, optimisers, shards, tau, last)
-            means.add(terms, shards)
-        row: Row = {"phase": ADVERSARIAL, "epoch": epoch, "rate": rate, "tau": tau, **means.over(run.fabric)}
-        _end_epoch(run, row, modules, optimisers, validated=True)
-
-
-def _adversarial_optimisers(networks: Networks, params: TrainParams) -> Optimisers:
-    rate = params.adversarial_rate
-    return {
-        "generator": torch.optim.Adam(networks.generator.parameters(), lr=rate, weight_decay=params.generator_decay),
-        "critics": torch.optim.Adam(networks.critics(params), lr=rate, weight_decay=params.critic_decay),
+def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
+    """The epochs of a phase that are still to come, from the tensors of a saved state if there is one."""
+    optimisers: Optimisers = {
+        player.name: torch.optim.Adam(player.parameters, lr=phase.rate(0), weight_decay=player.decay)
+        for player in phase.players
     }
+    if saved is not None:
+        restore(saved, phase.modules, optimisers)
+    first = sum(row["phase"] != phase.name for row in run.rows)
+    for epoch in range(len(run.rows), first + phase.epochs):
+        if phase.patience is not None and epoch > _best_epoch(run.rows, phase) + phase.patience:
+            break
+        rate = _set_rate(optimisers, phase.rate(epoch - first))
+        row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
+        row |= _epoch_means(run, phase, optimisers, row)
+        _end_epoch(run, phase, row, optimisers, first)
+    if phase.epochs and phase.recall is not None:
+        run.fabric.barrier()
+        phase.recall()
 
 
-def _adversarial_step(
-    run: _Fit, optimisers: Optimisers, shards: list[Shard], tau: float, last: list[Danced] | None
-) -> tuple[list[Terms], list[Danced]]:
-    """One update of the critics, one of the generator; all terms of each shard, and what was danced."""
-    earlier: list[Danced | None] = [*last] if last else [None] * len(shards)
+def _best_epoch(rows: list[Row], phase: Phase) -> int:
+    """The epoch of a phase with the least error so far; the present one before any was validated."""
+    errors = [(row[phase.error], row["epoch"]) for row in rows if row["phase"] == phase.name and phase.error in row]
+    return min(errors)[1] if errors else len(rows)
+
+
+def _epoch_means(run: _Run, phase: Phase, optimisers: Optimisers, row: Row) -> dict[str, float]:
+    """Mean of every loss term over an epoch in which all players learnt."""
+    means, outputs = Means(), None
+    for shards in epoch_shards(run.fabric, run.units, row["epoch"], run.batching):
+        terms, outputs = _batch(run, phase, optimisers, row, shards, outputs or [None] * len(shards))
+        means.add(terms, shards)
+    return means.over(run.fabric)
+
+
+def _batch(
+    run: _Run, phase: Phase, optimisers: Optimisers, row: Row, shards: list[Shard], last: list[Any]
+) -> tuple[list[Terms], list[Any]]:
+    """One step of each player; all terms, and the forward pass, of each shard."""
     with run.fabric.autocast():
-        made = [_danced(run, each, before) for each, before in zip(shards, earlier, strict=True)]
-    judged = _critics_step(run, optimisers["critics"], made, shards) if run.params.gan_weight else [{} for _ in shards]
-    with run.fabric.autocast():
-        terms = [_generator_terms(run, dance, each, tau) for dance, each in zip(made, shards, strict=True)]
-    step(run.fabric, terms, shards, optimisers["generator"])
-    return [both | ours for both, ours in zip(judged, terms, strict=True)], made
+        outputs = [phase.forward(shard, before) for shard, before in zip(shards, last, strict=True)]
+    shown: list[Terms] = [{} for _ in shards]
+    for player in phase.players:
+        with run.fabric.autocast():
+            terms = [_with_total(player, output, shard, row) for output, shard in zip(outputs, shards, strict=True)]
+        step(run.fabric, terms, shards, optimisers[player.name])
+        for earlier, own in zip(shown, terms, strict=True):
+            earlier.pop("total", None)
+            earlier |= own
+    return shown, outputs
 
 
-def _danced(run: _Fit, shard: Shard, last: Danced | None) -> Danced:
-    return danced(run.networks.generator, shard.own, shard.others if run.params.goes_on else None, last)
-
-
-def _critics_step(run: _Fit, optimiser: torch.optim.Optimizer, made: list[Danced], shards: list[Shard]) -> list[Terms]:
-    """One update of the critics; their losses on each shard."""
-    with run.fabric.autocast():
-        pairs = zip(made, shards, strict=True)
-        losses = [critic_terms(run.networks, dance, each.own, run.params) for dance, each in pairs]
-    step(run.fabric, [_with_total(each, dict.fromkeys(each, 1.0)) for each in losses], shards, optimiser)
-    return losses
-
-
-def _generator_terms(run: _Fit, made: Danced, shard: Shard, tau: float) -> Terms:
-    """The terms of the hybrid loss and their weighted sum (Eq. 32)."""
-    terms = generator_terms(run.networks, made, shard.own, run.params, tau)
-    return _with_total(terms, {name: getattr(run.params, f"{name}_weight") for name in terms})
-
-
-def _with_total(terms: Terms, weights: dict[str, float]) -> Terms:
+def _with_total(player: Player, output: Any, shard: Shard, row: Row) -> Terms:
+    """A player's terms of a shard, and "total": their weighted sum."""
+    terms = player.terms(output, shard, row)
+    weights = {name: weight for name, weight in player.weights.items() if name in terms}
     return {**terms, "total": total_loss(terms, weights)}
 
 
@@ -220,30 +262,26 @@ def _set_rate(optimisers: Optimisers, rate: float) -> float:
     return rate
 
 
-def _end_epoch(run: _Fit, row: Row, modules: dict[str, nn.Module], optimisers: Optimisers, *, validated: bool) -> None:
+def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first: int) -> None:
     """Complete the row; put history, events and, where it is time, the state on disk."""
+    number, end = row["epoch"] + 1 - first, first + phase.epochs
+    validated = number % phase.validate_every == 0 or number == phase.epochs
     if validated:
-        row |= validate(run.networks.generator, run.validation, run.params)
+        row |= phase.validate()
     run.rows.append(row)
     if run.events is None:
         return
-    if validated and row["phase"] == PRETRAIN and _worth_keeping(run):
-        # Before the state, which may say that pretraining is over.
-        save_weights(run.folder / PRETRAINED, run.networks.generator, {"settings": run.settings})
+    best = phase.patience is None or _best_epoch(run.rows, phase) == row["epoch"]
+    if validated and best and phase.keep is not None:
+        phase.keep()  # before the state, which may say that the phase is over
     cost, when = run.saving
     start = time.monotonic()
-    last = sum(done["phase"] == row["phase"] for done in run.rows) == _planned(run.params, row["phase"])
-    if last or start - when >= cost / SAVING_SHARE:
-        save_state(run.folder, modules, optimisers, {"settings": run.settings, "history": run.rows})
+    if number == phase.epochs or start - when >= cost / SAVING_SHARE:
+        save_state(run.folder, phase.modules, optimisers, {"settings": run.settings, "history": run.rows})
         run.saving = time.monotonic() - start, time.monotonic()
     write_history(run.folder, run.rows)
     run.events.add(row)
-    run.report(row)
-
-
-def _planned(params: TrainParams, phase: str) -> int:
-    """Epochs of a phase, at most."""
-    return params.adversarial_epochs if phase == ADVERSARIAL else params.pretrain_epochs
+    run.report(row, end)
 
 
 def settings_of(**parts: Any) -> dict[str, Any]:

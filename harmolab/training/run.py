@@ -1,4 +1,4 @@
-"""From folders of recordings to a trained generator in a folder of its own.
+"""HarmoGAN's training: two phases, pretraining and adversarial epochs (paper Sec. 5.2), in a folder of its own.
 
 ==========================  ==================================================================
 settings.json               every setting, and what it was trained on
@@ -13,9 +13,10 @@ model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes 
 
 from __future__ import annotations
 
-import os
 from contextlib import nullcontext
 from dataclasses import replace
+from itertools import cycle, islice
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -25,51 +26,36 @@ from lightning_fabric import Fabric
 from harmolab.data.splits import Split
 from harmolab.data.units import UnitSet
 from harmolab.io.files import PathLike
-from harmolab.models.harmogan import CrossDomainCritic, Generator, SpatialTemporalCritic, Statistics
-from harmolab.models.pose_features import PoseNet, train_pose_net
+from harmolab.models.harmogan import (
+    CrossDomainDiscriminator,
+    Generator,
+    SpatialTemporalDiscriminator,
+    Statistics,
+    load_generator,
+)
+from harmolab.models.pose_features import PoseNet, load_pose_net, train_pose_net
 from harmolab.models.poses_bank import pose_bank, poses_path, save_poses
-from harmolab.models.weights import load_generator, load_pose_net, save_weights
-from harmolab.params import ModelParams, TrainParams
+from harmolab.models.soft_harmony import anneal
+from harmolab.models.weights import save_weights
+from harmolab.params import HarmonyParams, ModelParams, TrainParams
 from harmolab.training.batches import Tensors
-from harmolab.training.folders import check_pretrained, open_folder
+from harmolab.training.checkpoints import check_pretrained, open_folder
 from harmolab.training.history import Report
-from harmolab.training.loop import PRETRAINED, fit, settings_of
-from harmolab.training.schedule import epoch_order
-from harmolab.training.steps import Networks
+from harmolab.training.loop import Phase, Player, fit, make_fabric, settings_of
+from harmolab.training.shards import Batching, check_shards
+from harmolab.training.steps import (
+    Networks,
+    danced,
+    discriminator_terms,
+    generator_terms,
+    motion_error,
+    pose_terms,
+    score_batch,
+)
 
-__all__ = ["MODEL", "POSE_NET", "make_fabric", "train_harmogan"]
-
-MODEL, POSE_NET = "model", "pose_net"
-
-
-def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
-    """Fabric for this process: alone, or one of those that torchrun started.
-
-    Parameters
-    ----------
-    accelerator : "auto", "cpu" or "cuda"
-    precision : "32-true" or "bf16-mixed"; None is bf16 where a GPU computes in it, else 32 bit
-
-    Raises
-    ------
-    ValueError
-        If this machine has no such accelerator.
-    """
-    world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
-    if accelerator == "cuda" and not torch.cuda.is_available():
-        raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
-    if precision is None:
-        gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
-        precision = "bf16-mixed" if gpu else "32-true"
-    fabric = Fabric(
-        accelerator=accelerator,
-        devices=local,
-        num_nodes=max(world // local, 1),
-        strategy="ddp" if world > 1 else "auto",
-        precision=precision,
-    )
-    fabric.launch()
-    return fabric
+MODEL, POSE_NET, PRETRAINED = "model", "pose_net", "pretrained"
+VALIDATE_EVERY = 5  # pretraining epochs; adversarial epochs are all validated
+HARD = 1e-8  # softness at which the relaxed score is the hard one
 
 
 def train_harmogan(
@@ -81,7 +67,7 @@ def train_harmogan(
     resume: bool = False,
     pretrained: PathLike | None = None,
     fabric: Fabric | None = None,
-    report: Report = lambda row: None,
+    report: Report = lambda row, end: None,
 ) -> Generator:
     """Train a generator and keep everything about it in `folder`.
 
@@ -94,8 +80,8 @@ def train_harmogan(
     resume : go on where the run in `folder` stopped; start it when there is none
     pretrained : folder of another run on the same data, whose pretraining and pose network are taken over
     fabric : from `make_fabric`
-    report : called with each epoch's row of the history; before them with the pose network's epochs: phase
-        ("pose network"), epoch, train, validation
+    report : called with each epoch's row of the history and the epoch that its phase ends at; before them with those of
+        the pose network: phase ("pose network"), epoch, train, validation
 
     Raises
     ------
@@ -105,7 +91,8 @@ def train_harmogan(
     """
     fabric, folder = fabric or make_fabric(), Path(folder)
     pretrained = None if pretrained is None else Path(pretrained)
-    _check_shares(len(split.train), params, fabric.world_size)
+    batching = Batching(params.batch_size, params.shards, params.seed)
+    check_shards(len(split.train), batching, fabric.world_size)
     params = params if pretrained is None else replace(params, pretrain_epochs=0)
     settings = settings_of(
         model=model,
@@ -128,21 +115,12 @@ def train_harmogan(
             networks.generator.load_state_dict(load_generator(pretrained / PRETRAINED).state_dict())
         for part in (*networks.modules().values(), pose_net):
             fabric.to_device(part)
-        fit(fabric, networks, train, validation, params, folder, settings=settings, resume=resume, report=report)
+        steps = phases(networks, validation, params, folder, settings)
+        fit(fabric, steps, train, batching, folder, settings=settings, resume=resume, report=report)
         if first:
             about = {"settings": settings, "source": split.train.source, "units": len(split.train)}
             save_weights(folder / MODEL, networks.generator, about)
     return networks.generator
-
-
-def _check_shares(n_units: int, params: TrainParams, world: int) -> None:
-    """ValueError unless every process gets equally many shards, and every shard a unit of every batch."""
-    shards = max(params.shards, world)
-    smallest = min(len(batch) for batch in epoch_order(n_units, 0, params))
-    if shards % world:
-        raise ValueError(f"{shards} shards cannot be spread evenly over {world} processes")
-    if smallest < shards:
-        raise ValueError(f"batches of {smallest} units cannot be cut into {shards} shards; {smallest} at most")
 
 
 def _pose_net(
@@ -156,7 +134,7 @@ def _pose_net(
                 split.validation,
                 seed=params.seed,
                 epochs=params.pose_epochs,
-                progress=lambda row: report({"phase": "pose network", **row}),
+                progress=lambda row: report({"phase": "pose network", **row}, params.pose_epochs),
             )
         else:
             net = load_pose_net(pretrained / POSE_NET)
@@ -172,8 +150,125 @@ def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: Pose
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
-        cross, temporal = CrossDomainCritic(model, n_audio, skeleton), SpatialTemporalCritic(model, skeleton)
+        cross, temporal = (
+            CrossDomainDiscriminator(model, n_audio, skeleton),
+            SpatialTemporalDiscriminator(model, skeleton),
+        )
     statistics = Statistics.of(train.audio, train.motion, train.mask)
     for part in (generator, cross, temporal):
         part.set_statistics(statistics)
     return Networks(generator, cross, temporal, pose_net)
+
+
+def phases(
+    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+) -> list[Phase]:
+    """Pretraining of the generator alone, then discriminators and generator in turn.
+
+    Parameters
+    ----------
+    networks : Networks, on the device
+    validation : units on the device
+    params : schedule and loss weights
+    folder : of the run; ``pretrained.safetensors`` and ``.json`` are kept in it
+    settings : JSON-able; kept beside those weights
+    """
+    return [_pretraining(networks, validation, params, folder, settings), _adversarial(networks, validation, params)]
+
+
+def _pretraining(
+    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+) -> Phase:
+    """L_pretrain = 0.1 L_kl + L_mse; ends with the best epoch."""
+    generator = networks.generator
+    learner = Player(
+        "generator",
+        [*generator.parameters()],
+        lambda output, shard, row: pose_terms(generator, output, shard.own, params),
+        {"kl": params.pretrain_kl_weight, "mse": 1.0},
+    )
+    return Phase(
+        "pretrain",
+        params.pretrain_epochs,
+        rate=lambda number: pretrain_rate(number, params),
+        modules={"generator": generator},
+        players=[learner],
+        forward=lambda shard, last: generator(shard.own.audio, shard.own.initial),
+        schedule=lambda number: {"tau": ""},
+        validate=lambda: validate(generator, validation, params),
+        validate_every=VALIDATE_EVERY,
+        patience=params.patience,
+        keep=lambda: save_weights(folder / PRETRAINED, generator, {"settings": settings}),
+        recall=lambda: generator.load_state_dict(load_generator(folder / PRETRAINED).state_dict()),
+    )
+
+
+def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -> Phase:
+    """Discriminators and generator in turn on every batch (Eq. 28-32)."""
+    generator = networks.generator
+    discriminators = Player(
+        "discriminators",
+        networks.discriminators(params),
+        lambda output, shard, row: discriminator_terms(networks, output, shard.own, params),
+        {"critic_st": 1.0, "critic_cd": 1.0},
+        params.discriminator_decay,
+    )
+    dancer = Player(
+        "generator",
+        [*generator.parameters()],
+        lambda output, shard, row: generator_terms(networks, output, shard.own, params, row["tau"]),
+        {name.removesuffix("_weight"): getattr(params, name) for name in vars(params) if name.endswith("_weight")},
+        params.generator_decay,
+    )
+    return Phase(
+        "adversarial",
+        params.adversarial_epochs,
+        rate=lambda number: adversarial_rate(number, params),
+        modules=networks.modules(),
+        players=[discriminators, dancer] if params.gan_weight else [dancer],
+        forward=lambda shard, last: danced(generator, shard.own, shard.others if params.rollout else None, last),
+        schedule=lambda number: {"tau": anneal(number, params.adversarial_epochs, params.tau_start, params.tau_end)},
+        validate=lambda: validate(generator, validation, params),
+    )
+
+
+def pretrain_rate(epoch: int, params: TrainParams) -> float:
+    """Adam's learning rate in pretraining epoch `epoch` (from 0): one factor after every 50 epochs, then it stays.
+
+    >>> [pretrain_rate(epoch, TrainParams.paper()) for epoch in (0, 50, 100)]
+    [0.001, 0.0005, 0.0001]
+    """
+    drops = params.pretrain_drops[: epoch // params.pretrain_drop_epochs]
+    return params.pretrain_rate * prod(drops)
+
+
+def adversarial_rate(epoch: int, params: TrainParams) -> float:
+    """Learning rate of all networks in adversarial epoch `epoch` (from 0): divided by 2 and 5 in turn every 5 epochs.
+
+    >>> [adversarial_rate(epoch, TrainParams.paper()) for epoch in (0, 5, 10)]
+    [0.0001, 5e-05, 1e-05]
+    """
+    drops = islice(cycle(params.adversarial_drops), epoch // params.adversarial_drop_epochs)
+    return params.adversarial_rate * prod(drops)
+
+
+@torch.no_grad()
+def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[str, float]:
+    """Means over units: error, the paper's harmony and hit rate, harmony above chance, beats M per beat N.
+
+    Returns
+    -------
+    dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_count_ratio (valleys within 0.1 s)
+    """
+    generator.eval()
+    motion = generator(units.audio, units.initial).motion
+    generator.train()
+    paper = score_batch(generator, motion, units, HARD, HarmonyParams.paper())
+    valleys = score_batch(generator, motion, units, HARD, HarmonyParams.valleys())
+    return {
+        "val_mse": float(motion_error(generator, motion, units, params.epsilon)),
+        "val_harmony": float(paper.harmony.mean()),
+        "val_hit_rate": float(paper.hit_rate.mean()),
+        "val_above_chance": float(valleys.above_chance.mean()),
+        "val_count_ratio": float(valleys.n_visual.sum() / valleys.n_audio.sum().clamp(min=1.0)),
+    }

@@ -6,34 +6,76 @@ result to the last bit, whether one process computes them one after the other or
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, Self
 
 import torch
 from lightning_fabric import Fabric
 from torch import Tensor
 
-from harmolab.params import TrainParams
-from harmolab.training.batches import Tensors
-from harmolab.training.schedule import epoch_order
-
-__all__ = ["Means", "Shard", "Terms", "epoch_shards", "step"]
-
 Terms = dict[str, Tensor]  # by name, "total" is what the gradient is of
+
+
+class Units(Protocol):
+    """Training units as tensors, all of a set or a batch of them (`harmolab.training.batches.Tensors` is one kind)."""
+
+    def __len__(self) -> int:
+        """How many units."""
+
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Self:
+        """The units at every `world`-th of `indices`, from number `rank` on."""
+
+
+@dataclass(frozen=True)
+class Batching:
+    """How units are put into batches.
+
+    Parameters
+    ----------
+    size : int, units of a batch at most, over all processes together
+    shards : int, parts that each batch is computed in
+    seed : int, of the order of the units
+    """
+
+    size: int
+    shards: int = 1
+    seed: int = 1
 
 
 class Shard(NamedTuple):
     """A part of a batch: its units, the units next to them in the batch, and what share of the batch it is."""
 
-    own: Tensors
-    others: Tensors
+    own: Any
+    others: Any
     share: float
 
 
-def epoch_shards(fabric: Fabric, units: Tensors, epoch: int, params: TrainParams) -> Iterator[list[Shard]]:
+def epoch_order(n_units: int, epoch: int, batching: Batching) -> list[Tensor]:
+    """Batches of unit indices of one epoch, the same in every process: every unit once, in an order drawn by the seed.
+
+    As few batches as hold `batching.size` units at most, of equal size to one unit, so that none is left with a unit
+    or two. A function of the epoch alone: a run that resumes needs no memory of it.
+    """
+    shuffle = torch.Generator().manual_seed(batching.seed * 1_000_003 + epoch)
+    order = torch.randperm(n_units, generator=shuffle)
+    return list(order.tensor_split(-(-n_units // batching.size)))
+
+
+def check_shards(n_units: int, batching: Batching, world: int) -> None:
+    """ValueError unless each of `world` processes gets equally many shards, and every shard a unit of every batch."""
+    shards = max(batching.shards, world)
+    smallest = min(len(batch) for batch in epoch_order(n_units, 0, batching))
+    if shards % world:
+        raise ValueError(f"{shards} shards cannot be spread evenly over {world} processes")
+    if smallest < shards:
+        raise ValueError(f"batches of {smallest} units cannot be cut into {shards} shards; {smallest} at most")
+
+
+def epoch_shards(fabric: Fabric, units: Units, epoch: int, batching: Batching) -> Iterator[list[Shard]]:
     """This process's shards of each batch of an epoch: of R processes, number r has the shards r, r + R, ..."""
-    count = max(params.shards, fabric.world_size)
-    for indices in epoch_order(len(units), epoch, params):
+    count = max(batching.shards, fabric.world_size)
+    for indices in epoch_order(len(units), epoch, batching):
         numbers = range(fabric.global_rank, count, fabric.world_size)
         yield [
             Shard(
@@ -43,6 +85,23 @@ def epoch_shards(fabric: Fabric, units: Tensors, epoch: int, params: TrainParams
             )
             for number in numbers
         ]
+
+
+def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:
+    """The weighted sum of the terms (Eq. 32).
+
+    Raises
+    ------
+    ValueError
+        For no terms, a term without weight, or a weight other than 0 without term.
+    """
+    if not terms:
+        raise ValueError("there is no loss term to add up")
+    if missing := sorted(set(terms) - set(weights)):
+        raise ValueError(f"no weight for the loss terms {', '.join(missing)}; weights are {', '.join(weights)}")
+    if unused := sorted(name for name in set(weights) - set(terms) if weights[name] != 0):
+        raise ValueError(f"no loss term for the weights {', '.join(unused)}; terms are {', '.join(terms)}")
+    return torch.stack([weights[name] * term for name, term in terms.items()]).sum()
 
 
 def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: torch.optim.Optimizer) -> None:

@@ -1,4 +1,4 @@
-"""What one batch teaches: the named loss terms of pretraining, of the critics and of the generator (Eq. 24-32)."""
+"""Loss terms of one batch by name: of pretraining, of the discriminators and of the generator (Eq. 24-32)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from harmolab.models.harmogan import CrossDomainCritic, Generator, GeneratorOutput, SpatialTemporalCritic
+from harmolab.models.harmogan import CrossDomainDiscriminator, Generator, GeneratorOutput, SpatialTemporalDiscriminator
 from harmolab.models.losses import (
     above_chance_loss,
     charbonnier_mse,
-    critic_loss,
+    discriminator_loss,
     energy_loss,
     feature_loss,
     foot_loss,
@@ -30,27 +30,14 @@ from harmolab.skeletons import foot_joints
 from harmolab.training.batches import Tensors
 from harmolab.types import Skeleton
 
-__all__ = [
-    "Danced",
-    "Networks",
-    "critic_terms",
-    "danced",
-    "flat_poses",
-    "generator_terms",
-    "meter_span",
-    "motion_error",
-    "pretrain_terms",
-    "score_batch",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Networks:
     """Everything that is trained, and the pose network that judges features and is not."""
 
     generator: Generator
-    cross_domain: CrossDomainCritic
-    spatial_temporal: SpatialTemporalCritic
+    cross_domain: CrossDomainDiscriminator
+    spatial_temporal: SpatialTemporalDiscriminator
     pose_net: PoseNet
 
     def modules(self) -> dict[str, nn.Module]:
@@ -61,10 +48,10 @@ class Networks:
             "spatial_temporal": self.spatial_temporal,
         }
 
-    def critics(self, params: TrainParams) -> list[nn.Parameter]:
-        """Parameters of the discriminators that the generator listens to."""
-        heard = [self.cross_domain, self.spatial_temporal] if params.cross_domain_weight else [self.spatial_temporal]
-        return [parameter for critic in heard for parameter in critic.parameters()]
+    def discriminators(self, params: TrainParams) -> list[nn.Parameter]:
+        """Parameters of the discriminators that the generator's loss has a part for."""
+        judges = [self.cross_domain, self.spatial_temporal] if params.cross_domain_weight else [self.spatial_temporal]
+        return [parameter for judge in judges for parameter in judge.parameters()]
 
 
 class Danced(NamedTuple):
@@ -91,7 +78,7 @@ def danced(generator: Generator, batch: Tensors, others: Tensors | None = None, 
     before, mask = batch.motion, batch.mask
     if last is not None and last.later is not None:
         before, mask = last.later[1][: len(others)].detach(), last.later[0].mask[: len(others)]
-    later = others.going_on_from(before, mask)
+    later = others.continued_from(before, mask)
     # In one call: a recurrent layer takes its time for each frame, whether ten units take the step or twenty.
     made = generator(torch.cat([batch.audio, later.audio]), torch.cat([batch.initial, later.initial]))
     own, after = (GeneratorOutput(*pair) for pair in zip(*(part.chunk(2) for part in made), strict=True))
@@ -124,7 +111,7 @@ def score_batch(generator: Generator, motion: Tensor, batch: Tensors, tau: float
     )
 
 
-def _pose_terms(generator: Generator, made: GeneratorOutput, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+def pose_terms(generator: Generator, made: GeneratorOutput, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
     """L_kl over the 2-D poses and L_mse over the standardised motion (Eq. 24-25)."""
     flat = flat_poses(batch.motion)
     return {
@@ -139,25 +126,20 @@ def motion_error(generator: Generator, made: Tensor, batch: Tensors, epsilon: fl
     return charbonnier_mse(scale(made), scale(batch.motion), batch.index, batch.mask, epsilon=epsilon)
 
 
-def pretrain_terms(generator: Generator, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
-    """L_kl and L_mse of a batch (Sec. 5.2)."""
-    return _pose_terms(generator, generator(batch.audio, batch.initial), batch, params)
-
-
-def critic_terms(networks: Networks, made: Danced, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+def discriminator_terms(networks: Networks, made: Danced, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
     """The losses (Eq. 29-30) of the discriminators that are heard, on recorded and on generated motion, both coded.
 
     The spatial-temporal one judges movement alone, so it also sees what was danced to other music.
     """
     motion = made.own.motion.detach()
     recorded = networks.spatial_temporal(batch.motion, batch.mask)
-    terms = {"critic_st": critic_loss(recorded, networks.spatial_temporal(motion, batch.mask))}
+    terms = {"critic_st": discriminator_loss(recorded, networks.spatial_temporal(motion, batch.mask))}
     if params.cross_domain_weight:
         real = networks.cross_domain(batch.audio, batch.motion, batch.mask)
-        terms["critic_cd"] = critic_loss(real, networks.cross_domain(batch.audio, motion, batch.mask))
+        terms["critic_cd"] = discriminator_loss(real, networks.cross_domain(batch.audio, motion, batch.mask))
     if made.later is not None:
         later, after = made.later
-        more = critic_loss(recorded, networks.spatial_temporal(after.detach(), later.mask))
+        more = discriminator_loss(recorded, networks.spatial_temporal(after.detach(), later.mask))
         terms["critic_st"] = (terms["critic_st"] + more) / 2
     return terms
 
@@ -170,7 +152,7 @@ def generator_terms(
     Where `made` goes on to other music, half of the terms that need no recorded answer are of that part.
     """
     generator, motion = networks.generator, made.own.motion
-    terms = _pose_terms(generator, made.own, batch, params)
+    terms = pose_terms(generator, made.own, batch, params)
     if params.feature_weight:
         net = networks.pose_net
         terms["feature"] = feature_loss(

@@ -13,26 +13,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.ticker import FixedFormatter, FixedLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from harmolab.types import BeatTrack
+from harmolab.types import BeatTrack, FloatArray
 from harmolab.viz.style import COLOURS, MARKERS
-
-__all__ = [
-    "draw_curve",
-    "draw_hits",
-    "draw_marks",
-    "draw_rotations",
-    "draw_shares",
-    "draw_stems",
-    "draw_threshold",
-    "draw_tolerance",
-    "draw_tolerances",
-]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 SIDES = MappingProxyType({"audio": 1.0, "visual": -1.0})
 NAMES = MappingProxyType({"audio": "music beat", "visual": "visual beat"})

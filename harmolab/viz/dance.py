@@ -18,8 +18,6 @@ from harmolab.viz.beats import draw_marks, draw_tolerance
 from harmolab.viz.motion import draw_poses
 from harmolab.viz.style import COLOURS, MARKERS, figure_style
 
-__all__ = ["dance_figure", "draw_sheet", "draw_speed", "sheet_times"]
-
 FRAMES = 4  # between two pictures of the paper's Fig. 14, at 15 frames per second
 HEIGHT = 62.0  # points, of a stick figure
 

@@ -11,8 +11,6 @@ from harmolab.types import HarmonyScore
 from harmolab.viz.beats import draw_hits, draw_shares
 from harmolab.viz.style import figure_style
 
-__all__ = ["score_figure"]
-
 
 def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figure:
     """A row a mode: hits and misses with tolerance fields, or each beat's rank where the mode is a pattern's.

@@ -22,8 +22,6 @@ from numpy.typing import NDArray
 from harmolab.viz.style import figure_style
 from harmolab.widgets.quickdraw import QuickDraw, plain
 
-__all__ = ["Explorer"]
-
 NARROWEST, WIDEST = "640px", "900px"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

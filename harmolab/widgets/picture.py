@@ -7,8 +7,6 @@ from collections.abc import Callable
 import anywidget
 import traitlets
 
-__all__ = ["ClickPicture"]
-
 SCRIPT = """
 function render({ model, el }) {
   const image = document.createElement("img");

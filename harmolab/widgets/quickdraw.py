@@ -18,8 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from numpy.typing import NDArray
 
-__all__ = ["QuickDraw", "plain"]
-
 HANDLE_LOOK = (
     *("alpha", "color", "edgecolor", "facecolor", "linestyle", "linewidth"),
     *("marker", "markersize", "markeredgecolor", "markerfacecolor", "sizes", "hatch"),

@@ -7,18 +7,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harmolab.beats.visual import visual_beats
 from harmolab.params import HarmonyParams
 from harmolab.rescoring import BatchScores, BeatBatch, PatternBatch, rescore, rescore_patterns
-from harmolab.types import Clip
+from harmolab.types import Clip, FloatArray
 from harmolab.widgets.labs.lab import MODES
 from harmolab.widgets.labs.stage import Stage
-
-__all__ = ["Corpus", "corpus_scores"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from harmolab.harmony import score_motion
 from harmolab.params import HarmonyParams
 from harmolab.significance import auc
-from harmolab.types import Clip
+from harmolab.types import Clip, FloatArray
 from harmolab.viz.beats import draw_marks
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.clips import Corpus, corpus_scores
@@ -25,10 +24,6 @@ from harmolab.widgets.labs.lab import LOOK, ModeLab, menu, score_params, score_p
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
 from harmolab.widgets.picture import ClickPicture
 from harmolab.widgets.player import Dancer, Player
-
-__all__ = ["CorpusLab", "corpus_lab", "corpus_params", "draw_corpus_lab"]
-
-FloatArray = NDArray[np.float64]
 
 PLACES = ((0.085, 0.12, 0.4, 0.7), (0.59, 0.12, 0.39, 0.7))
 EDGE = 0.02  # of the picture, round the dots' panel

@@ -15,16 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from harmolab.beats.visual import motion_curve, visual_beats
 from harmolab.harmony import music_and_motion, nearest_intervals
 from harmolab.params import CHOICES, HarmonyParams
-from harmolab.types import BeatTrack, Clip
+from harmolab.types import BeatTrack, Clip, FloatArray
 from harmolab.viz.beats import draw_curve, draw_marks, draw_stems
 from harmolab.viz.style import COLOURS
 from harmolab.viz.timing import signed_offsets
 from harmolab.widgets.labs.lab import Lab, menu, slider, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
-
-__all__ = ["FOUND", "detector_lab", "detector_params", "draw_detector_lab"]
-
-FloatArray = NDArray[np.float64]
 
 # The curve over the whole width; below, who is where, and at its right, how far from the music.
 PLACES = ((0.085, 0.47, 0.895, 0.405), (0.085, 0.115, 0.57, 0.25), (0.735, 0.115, 0.245, 0.25))

@@ -15,20 +15,6 @@ from matplotlib.figure import Figure
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.widgets.explorer import Explorer
 
-__all__ = [
-    "LOOK",
-    "MODES",
-    "Lab",
-    "ModeLab",
-    "menu",
-    "params_line",
-    "score_params",
-    "score_presets",
-    "score_sliders",
-    "slider",
-    "start_at",
-]
-
 MODES = MappingProxyType(
     {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
 )

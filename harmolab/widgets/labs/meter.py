@@ -16,16 +16,11 @@ from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import MeterUnit, meter_units, strong_beats
 from harmolab.beats.saliency import salient_audio
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Clip
+from harmolab.types import BeatTrack, BoolArray, Clip, IntArray
 from harmolab.viz.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.lab import Lab, menu, slider, start_at
 from harmolab.widgets.labs.stage import draw_board, placed_axes
-
-__all__ = ["Song", "draw_meter_lab", "meter_lab", "meter_params"]
-
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 PLACES = ((0.085, 0.5, 0.895, 0.375), (0.085, 0.115, 0.4, 0.245), (0.58, 0.115, 0.4, 0.245))
 NEAR = 0.1  # seconds: a beat this close to an annotated one has its place in the bar

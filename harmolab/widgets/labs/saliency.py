@@ -10,21 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
-from numpy.typing import NDArray
 
 from harmolab.beats.saliency import audio_mask, normalise_strengths, strength_steps, visual_mask
 from harmolab.beats.visual import visual_beats
 from harmolab.params import CHOICES, HarmonyParams
-from harmolab.types import BeatTrack, Clip
+from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray
 from harmolab.viz.beats import draw_stems, draw_threshold
 from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.lab import Lab, menu, slider, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
-
-__all__ = ["draw_saliency_lab", "saliency_lab", "saliency_params"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Music above, dance below, on one time line; at their right, how many are kept at every threshold.
 PLACES = ((0.085, 0.53, 0.57, 0.345), (0.085, 0.1, 0.57, 0.345), (0.735, 0.1, 0.245, 0.71))

@@ -22,8 +22,6 @@ from harmolab.viz.style import COLOURS
 from harmolab.widgets.labs.lab import MODES, Lab, ModeLab, menu, score_params, score_presets, score_sliders, start_at
 from harmolab.widgets.labs.stage import Stage, draw_board, placed_axes
 
-__all__ = ["N_ROTATIONS", "draw_lab", "lab_params", "scoring_lab"]
-
 # Under the pictures; a legend would be made and drawn anew each time a slider moves.
 HITS_KEY = (
     "pale blue: tolerance field   |   circle: hit   |   cross: missed, or left over   |   grey, dotted: not noticed"

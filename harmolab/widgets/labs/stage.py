@@ -13,8 +13,6 @@ from harmolab.harmony import music_and_motion
 from harmolab.params import BarPattern
 from harmolab.types import BeatTrack, Clip, Motion
 
-__all__ = ["Stage", "draw_board", "placed_axes"]
-
 BOARD = (0.085, 0.94, 0.895, 0.05)  # left, bottom, width, height: at the top of every lab's picture
 
 

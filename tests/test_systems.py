@@ -1,0 +1,495 @@
+"""The contract of `harmolab.systems`: every system there is fulfils it, and so does a toy defined here.
+
+A system joins the tests by a line in `SYSTEMS`: a function that makes a small one.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner, Result
+
+import harmolab
+from harmolab import synthetic_clip
+from harmolab.beats.audio import audio_beats
+from harmolab.cli import app
+from harmolab.data.clips import load_units
+from harmolab.data.splits import split_units
+from harmolab.data.synthetic import write_corpus
+from harmolab.features.audio import audio_features
+from harmolab.features.poses import bone_lengths, decode_motion, encode_motion
+from harmolab.io import load_motion
+from harmolab.io.files import PathLike
+from harmolab.kinematics import resample_motion
+from harmolab.models.harmogan import Generator
+from harmolab.models.poses_bank import PoseBank
+from harmolab.models.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
+from harmolab.params import FeatureParams, ModelParams
+from harmolab.systems import System, find, load, names
+from harmolab.systems.harmogan import HarmoGAN
+from harmolab.training import Phase, Player, fit, make_fabric
+from harmolab.training import loop as training_loop
+from harmolab.training.batches import Tensors
+from harmolab.training.checkpoints import load_state, open_folder
+from harmolab.training.shards import Batching
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+
+TOY = f"{__name__}:Toy"
+FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
+
+
+# A toy system
+
+
+class Swaying(torch.nn.Module):
+    """Motion code (N, T, 3 J + 3) from where each frame lies between two beats."""
+
+    system = TOY
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        super().__init__()
+        self.skeleton = skeleton
+        self.layer = torch.nn.Linear(2, 3 * len(skeleton.joints) + 3)
+
+    def forward(self, audio: torch.Tensor) -> torch.Tensor:
+        return self.layer(audio[..., -2:])
+
+    def description(self) -> dict[str, Any]:
+        return {"skeleton": asdict(self.skeleton)}
+
+    @classmethod
+    def built(cls, build: Any, tensors: Any) -> Self:
+        return cls(stored_skeleton(build))
+
+
+class Toy:
+    """A dancer who sways with the beat, in a place that the seed draws."""
+
+    def __init__(self, net: Swaying) -> None:
+        self.net = net
+
+    def generate(
+        self, audio: Audio, beats: BeatTrack | None = None, *, start: float = 0.0, seconds: float | None = None,
+        seed: int = 0, initial: Motion | None = None,
+    ) -> Motion:  # fmt: skip
+        length = min(audio.duration - start, np.inf if seconds is None else seconds)
+        if start < 0 or length <= 0:
+            raise ValueError(f"start and seconds must lie within the music, got {start} and {seconds}")
+        times = start + np.arange(int(length * FEATURES.fps + 1e-6)) / FEATURES.fps
+        track = audio_beats(audio) if beats is None else beats
+        heard = torch.from_numpy(audio_features(audio, track, times, FEATURES))
+        code = self.net(heard[None])[0].detach().double().numpy()
+        positions = decode_motion(code, FEATURES.fps, self.net.skeleton)
+        place = np.random.default_rng(seed).uniform(-1, 1, 3) * (1, 0, 1)
+        if initial is not None:
+            if initial.skeleton.joints != self.net.skeleton.joints:
+                raise ValueError("initial has other joints than the toy")
+            place = initial.positions[-1].mean(axis=0) - positions[0].mean(axis=0)
+        return Motion(positions + place, FEATURES.fps, self.net.skeleton)
+
+    def save(self, folder: PathLike) -> None:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        save_weights(Path(folder) / DEFAULT_STEM, self.net)
+
+    @classmethod
+    def load(cls, folder: PathLike) -> Self:
+        return cls(load_weights(folder, Swaying))
+
+    @classmethod
+    def train(
+        cls, data: Sequence[PathLike], out: PathLike, *, seed: int = 1, resume: bool = False, shards: int = 1,
+        report: Callable[[dict[str, Any], int], None] = lambda row, end: None,
+    ) -> Self:  # fmt: skip
+        split = split_units(load_units([*map(Path, data)], FEATURES, step=4), seed=0)
+        torch.manual_seed(seed)
+        net, settings = Swaying(split.train.skeleton), {"seed": seed}
+        toy = Player("net", [*net.parameters()], lambda made, shard, row: distance(made, shard.own), {"mse": 1.0})
+        common: dict[str, Any] = {
+            "modules": {"net": net}, "players": [toy], "forward": lambda shard, last: net(shard.own.audio),
+        }  # fmt: skip
+        phases = [
+            Phase("coarse", 3, rate=lambda epoch: 0.1, **common),
+            Phase("fine", 3, rate=lambda epoch: 0.01 / (epoch + 1), **common),
+        ]
+        with open_folder(Path(out), settings, split, resume=resume):
+            units = Tensors.of(split.train)
+            fit(
+                make_fabric(accelerator="cpu"), phases, units, Batching(8, shards, seed), Path(out),
+                settings=settings, resume=resume, report=report,
+            )  # fmt: skip
+            cls(net).save(out)
+        return cls(net)
+
+
+def distance(code: torch.Tensor, units: Tensors) -> dict[str, torch.Tensor]:
+    square = (code - units.motion).square().mean(dim=-1) * units.mask
+    return {"mse": square.sum() / units.mask.sum()}
+
+
+# Every system there is, small
+
+
+def dancer() -> Motion:
+    motion = synthetic_clip("waltz", seed=2).motion
+    assert motion is not None
+    return resample_motion(motion, FEATURES.fps)
+
+
+def tiny_harmogan() -> HarmoGAN:
+    """An untrained generator, and two movements to start from."""
+    torch.manual_seed(0)
+    motion = dancer()
+    code = encode_motion(motion.positions, motion.fps, motion.skeleton)
+    lengths = torch.as_tensor(bone_lengths(motion.positions, motion.skeleton))
+    model = ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
+    generator = Generator(model, FEATURES.n_audio, motion.skeleton, lengths, fps=motion.fps, features=FEATURES)
+    generator.motion_scale.set(torch.tensor(code.mean(axis=0)), torch.tensor(code.std(axis=0)))
+    bank = np.stack([code[:25], code[30:55]]).astype(np.float16)
+    return HarmoGAN(generator.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
+
+
+def tiny_toy() -> Toy:
+    torch.manual_seed(0)
+    return Toy(Swaying(dancer().skeleton).eval())
+
+
+SYSTEMS: dict[str, Callable[[], System]] = {"harmogan": tiny_harmogan, TOY: tiny_toy}
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return synthetic_clip("cha-cha", seconds=22.0, seed=1)
+
+
+@pytest.fixture(params=SYSTEMS, ids=lambda name: name.rpartition(":")[2])
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def system(name: str) -> System:
+    return SYSTEMS[name]()
+
+
+@pytest.fixture
+def saved(system: System, tmp_path: Path) -> Path:
+    system.save(tmp_path / "run")
+    return tmp_path / "run"
+
+
+Generate = Callable[..., Motion]
+
+
+@pytest.fixture
+def generate(system: System, clip: Clip) -> Generate:
+    return lambda **options: system.generate(clip.audio, clip.beats, **{"seconds": 3.0} | options)
+
+
+def test_every_system_of_harmolab_is_tested_here():
+    assert set(names()) == {name for name in SYSTEMS if ":" not in name}
+
+
+def test_a_name_finds_its_class(name: str, system: System):
+    assert find(name) is type(system)
+
+
+def test_the_same_seed_gives_the_same_dance(generate: Generate):
+    np.testing.assert_array_equal(generate(seed=3).positions, generate(seed=3).positions)
+
+
+def test_another_seed_gives_another_dance(generate: Generate):
+    assert np.abs(generate(seed=0).positions - generate(seed=1).positions).max() > 0.01
+
+
+def test_what_is_saved_dances_the_same_when_it_is_loaded(saved: Path, name: str, system: System, clip: Clip):
+    again = load(saved, system=name if ":" in name else None)
+    assert type(again) is type(system)
+    motions = [each.generate(clip.audio, clip.beats, seconds=3.0, seed=1) for each in (system, again)]
+    np.testing.assert_array_equal(motions[0].positions, motions[1].positions)
+
+
+def test_weights_name_their_system(saved: Path, name: str):
+    assert json.loads((saved / "model.json").read_text())["system"] == name
+
+
+@pytest.mark.parametrize(("start", "seconds"), [(0.0, 0.5), (0.0, 20.0), (4.3, 6.0), (21.0, 0.7)])
+def test_a_dance_is_as_long_as_asked_for(start: float, seconds: float, generate: Generate):
+    motion = generate(start=start, seconds=seconds)
+    assert motion.n_frames == pytest.approx(seconds * motion.fps, abs=1)
+
+
+def test_a_dance_ends_with_the_music(generate: Generate):
+    assert generate(start=18.0, seconds=60.0).duration == pytest.approx(4.0, abs=0.1)
+    assert generate(start=18.0, seconds=None).duration == pytest.approx(4.0, abs=0.1)
+
+
+def test_a_dance_from_within_the_song_is_to_the_music_there(generate: Generate):
+    early, late = generate(start=0.0), generate(start=7.77)
+    assert np.abs(early.positions - late.positions).max() > 1e-4
+
+
+def test_the_dancer_is_a_person_on_the_floor(generate: Generate):
+    motion = generate()
+    assert 10 <= motion.fps <= 120 and len(motion.skeleton.joints) >= 5
+    assert np.isfinite(motion.positions).all() and motion.valid.all()
+    assert np.ptp(motion.positions, axis=(0, 1)).max() < 10
+
+
+@pytest.mark.parametrize("options", [{"start": -1.0}, {"start": 99.0}, {"seconds": -1.0}, {"seconds": 0.0}])
+def test_a_time_outside_the_music_is_refused(options: dict[str, float], generate: Generate):
+    with pytest.raises(ValueError, match=r"start|seconds"):
+        generate(**options)
+
+
+def test_beats_may_be_left_out(system: System, clip: Clip):
+    assert system.generate(clip.audio.span(0.0, 8.0), seconds=2.0).duration == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_dance_may_follow_a_motion(generate: Generate, clip: Clip):
+    one, other = clip.motion.span(0.0, 3.0), clip.motion.span(5.0, 3.4)
+    first = generate(initial=one)
+    np.testing.assert_array_equal(first.positions, generate(initial=one).positions)
+    assert np.abs(first.positions - generate(initial=other).positions).max() > 0.01
+
+
+def test_a_motion_of_other_joints_is_not_followed(generate: Generate):
+    arm = Motion(np.zeros((30, 3, 3)), 15.0, Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1)))
+    with pytest.raises(ValueError, match="initial has other joints"):
+        generate(initial=arm)
+
+
+# Weights that are not to be trusted
+
+
+def change(folder: Path, **entries: Any) -> None:
+    about = json.loads((folder / "model.json").read_text())
+    (folder / "model.json").write_text(json.dumps(about | entries))
+
+
+def test_damaged_weights_are_refused_by_file(saved: Path, name: str):
+    path = saved / "model.safetensors"
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(ValueError, match=r"model\.safetensors"):
+        load(saved, system=name if ":" in name else None)
+
+
+def test_weights_of_another_class_are_refused(saved: Path, name: str):
+    change(saved, **{"class": "Linear"})
+    with pytest.raises(ValueError, match="holds a Linear, not a"):
+        load(saved, system=name)
+
+
+def test_weights_of_another_system_are_refused(saved: Path, name: str):
+    other = next(each for each in SYSTEMS if each != name)
+    with pytest.raises(ValueError, match=f"run: was made by the system '{name}', not by '{other}'"):
+        load(saved, system=other)
+
+
+def test_a_folder_without_weights_is_named(tmp_path: Path, name: str):
+    with pytest.raises(FileNotFoundError, match=r"model\.json: no such file"):
+        load(tmp_path, system=name)
+
+
+@pytest.mark.parametrize("stranger", ["this", "os", "common", "harmogan.os", "..training", "", "Harmogan"])
+def test_a_file_cannot_name_a_module_to_import(tmp_path: Path, stranger: str):
+    sys.modules.pop("this", None)
+    tiny_toy().save(tmp_path)
+    change(tmp_path, system=stranger)
+    with pytest.raises(ValueError, match=f"was made by the system '{stranger}', which this version"):
+        load(tmp_path)
+    assert "this" not in sys.modules
+
+
+@pytest.mark.parametrize("stranger", ["this:s", TOY])
+def test_a_class_outside_harmolab_is_not_imported_because_a_file_says_so(tmp_path: Path, stranger: str):
+    sys.modules.pop("this", None)
+    tiny_toy().save(tmp_path)
+    change(tmp_path, system=stranger)
+    with pytest.raises(ValueError, match=f"was made by {stranger}, a class outside harmolab.*--system {stranger}"):
+        load(tmp_path)
+    assert "this" not in sys.modules
+
+
+def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
+    tiny_harmogan().save(tmp_path)
+    about = json.loads((tmp_path / "model.json").read_text())
+    del about["system"]
+    about["build"]["model"]["critic"] = about["build"]["model"].pop("discriminator")
+    (tmp_path / "model.json").write_text(json.dumps(about))
+    assert isinstance(load(tmp_path), HarmoGAN)
+
+
+@pytest.mark.parametrize(
+    ("stranger", "message"),
+    [
+        ("polka", "unknown system 'polka'; there are harmogan"),
+        ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
+        (f"{__name__}:Nobody", "has no class Nobody"),
+        ("json:dumps", "json has no class dumps"),
+    ],
+)
+def test_an_unknown_system_is_named(stranger: str, message: str):
+    with pytest.raises(ValueError, match=message):
+        find(stranger)
+
+
+def test_shipped_weights_are_of_harmogan():
+    folder = Path(__file__).resolve().parents[1] / "harmolab" / "weights"
+    assert isinstance(load(folder), HarmoGAN)
+
+
+# The toy from corpus to comparison, by the commands
+
+
+def command(*arguments: object, code: int = 0) -> Result:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "200"})
+    assert result.exit_code == code, result.output
+    return result
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_corpus(tmp_path_factory.mktemp("corpora") / "synth", clips=8, seconds=10.0, fps=30.0, seed=2)
+
+
+@pytest.fixture(scope="module")
+def run(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("runs") / "toy"
+    result = command("train", corpus, "--out", out, "--system", TOY)
+    assert f"harmolab dance SONG --weights {out} --system {TOY}" in result.stdout
+    return out
+
+
+def rows(folder: Path) -> list[list[str]]:
+    return [line.split(",") for line in (folder / "history.csv").read_text().splitlines()]
+
+
+def test_the_toy_learns_in_two_phases(run: Path):
+    header, *epochs = rows(run)
+    assert header == ["phase", "epoch", "rate", "mse", "total"]
+    assert [row[0] for row in epochs] == 3 * ["coarse"] + 3 * ["fine"]
+    assert [float(row[2]) for row in epochs] == pytest.approx([0.1, 0.1, 0.1, 0.01, 0.005, 0.01 / 3])
+    assert float(epochs[-1][3]) < 0.8 * float(epochs[0][3])
+
+
+def test_the_toy_learns_the_same_again_and_with_other_seeds_something_else(run: Path, corpus: Path, tmp_path: Path):
+    command("train", corpus, "--out", tmp_path / "again", "--system", TOY)
+    command("train", corpus, "--out", tmp_path / "other", "--system", TOY, "--seed", 2)
+    assert rows(tmp_path / "again") == rows(run) != rows(tmp_path / "other")
+
+
+def test_the_toy_takes_shards(run: Path, corpus: Path, tmp_path: Path):
+    command("train", corpus, "--out", tmp_path / "two", "--system", TOY, "--shards", 2)
+    one, two = ([float(row[3]) for row in rows(folder)[1:]] for folder in (run, tmp_path / "two"))
+    assert two == pytest.approx(one, rel=0.05)
+
+
+def stop_at(last: int) -> Callable[[dict[str, Any], int], None]:
+    def report(row: dict[str, Any], end: int) -> None:
+        if row["epoch"] == last:
+            raise InterruptedError
+
+    return report
+
+
+@pytest.mark.parametrize("last", [0, 2, 4])
+def test_the_toy_goes_on_where_it_was_stopped(
+    last: int, run: Path, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(training_loop, "SAVING_SHARE", float("inf"))
+    with pytest.raises(InterruptedError):
+        Toy.train([corpus], tmp_path / "run", report=stop_at(last))
+    state = load_state(tmp_path / "run")
+    assert state is not None and len(state[1]["history"]) == last + 1
+    command("train", corpus, "--out", tmp_path / "run", "--system", TOY, "--resume")
+    for file in ("history.csv", "model.safetensors"):
+        assert (tmp_path / "run" / file).read_bytes() == (run / file).read_bytes()
+
+
+@pytest.mark.slow
+def test_the_toy_goes_on_after_a_kill(run: Path, corpus: Path, tmp_path: Path):
+    code = (
+        "import os, signal, sys, test_systems as own\n"
+        "def report(row, end):\n    if row['epoch'] == 4: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "own.Toy.train([sys.argv[1]], sys.argv[2], report=report)"
+    )
+    path = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[1])])
+    killed = subprocess.run(
+        [sys.executable, "-c", code, str(corpus), str(tmp_path / "run")], env={**os.environ, "PYTHONPATH": path},
+        check=False,
+    )  # fmt: skip
+    assert killed.returncode < 0 and not (tmp_path / "run" / "model.json").exists()
+    command("train", corpus, "--out", tmp_path / "run", "--system", TOY, "--resume")
+    for file in ("history.csv", "model.safetensors"):
+        assert (tmp_path / "run" / file).read_bytes() == (run / file).read_bytes()
+
+
+def test_an_option_that_a_system_does_not_have_is_refused(corpus: Path, run: Path, tmp_path: Path):
+    result = command("train", corpus, "--out", tmp_path / "run", "--system", TOY, "--preset", "paper", code=2)
+    assert result.stderr.strip() == "harmolab: --preset is no option of this system"
+    song = next(corpus.glob("*/audio.wav"))
+    dancing = ("dance", song, "--weights", run, "--system", TOY, "--out", tmp_path / "dance.npz")
+    result = command(*dancing, "--no-plant-feet", code=2)
+    assert result.stderr.strip() == "harmolab: --plant-feet is no option of this system"
+
+
+def test_the_toys_run_is_danced_with_only_when_it_is_named(run: Path, corpus: Path, tmp_path: Path):
+    song = next(corpus.glob("*/audio.wav"))
+    refused = command("dance", song, "--weights", run, "--out", tmp_path / "dance.npz", code=2)
+    assert f"If you trust it, name it: --system {TOY}" in refused.stderr and not (tmp_path / "dance.npz").exists()
+    danced = ("dance", song, "--weights", run, "--system", TOY, "--out", tmp_path / "dance.npz")
+    assert "harmony above chance" in command(*danced, "--seconds", 3).output
+    assert load_motion(tmp_path / "dance.npz").duration == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.fixture(scope="module")
+def danced(run: Path, corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The corpus, danced by the toy to the annotated music."""
+    folder = tmp_path_factory.mktemp("danced") / "toy"
+    shutil.copytree(corpus, folder)
+    for song in folder.glob("*/audio.wav"):
+        command("dance", song, "--weights", run, "--system", TOY, "--out", song.with_name("motion.npz"))
+    return folder
+
+
+def test_the_toy_is_judged_by_the_score_of_all(danced: Path):
+    folder = min(path.parent for path in danced.glob("*/audio.wav"))
+    content = json.loads(command("score", folder / "audio.wav", folder / "motion.npz", "--json").stdout)
+    assert content["clip"]["motion"] == str(folder / "motion.npz")
+    assert content["paper"]["n_visual"] > 0 and 0 <= content["paper"]["harmony"] <= 1
+
+
+def test_the_toy_is_compared_as_all_dancers_are(danced: Path):
+    content = json.loads(command("compare", danced, "--window", 0, "--rotations", 20, "--json").stdout)
+    assert content["n_sequences"] == 8
+    assert all(0 <= scores["auc"] <= 1 for scores in content["scores"].values())
+
+
+# What all of them share
+
+SHARED = (
+    *(f"training/{name}" for name in ("loop", "shards", "checkpoints", "history", "batches")),
+    *(f"models/{name}" for name in ("layers", "weights", "poses", "poses_bank", "pose_features")),
+    *(f"synthesis/{name}" for name in ("borders", "grounding", "legs")),
+)
+HARMOGANS_OWN = ("models.harmogan", "models.losses", "models.soft_harmony", "systems")
+HARMOGANS_OWN += ("training.run", "training.steps", "synthesis.dance")
+
+
+@pytest.mark.parametrize("module", SHARED)
+def test_what_systems_share_knows_none_of_them(module: str):
+    tree = ast.parse((Path(harmolab.__file__).parent / f"{module}.py").read_text("utf-8"))
+    imports = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert not {f"harmolab.{name}" for name in HARMOGANS_OWN} & imports
