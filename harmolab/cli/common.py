@@ -13,7 +13,6 @@ import typer
 
 if TYPE_CHECKING:
     from harmolab.data.folders import Problem, Recording
-    from harmolab.types import Audio, BeatTrack
 
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
@@ -130,14 +129,6 @@ def finding_beats() -> Iterator[None]:
 
     with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
         yield
-
-
-def track_beats(audio: Audio, dance: str) -> BeatTrack:
-    """`audio_beats` with a prior for the tempo of `dance` ("": none)."""
-    from harmolab.beats.audio import audio_beats
-
-    with finding_beats():
-        return audio_beats(audio, tempo=dance or None)
 
 
 def show(value: Any) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import VIDEOS_OUT, check_out, plain_errors, progress, show, track_beats
+from harmolab.cli.common import VIDEOS_OUT, check_out, finding_beats, plain_errors, progress, show
 from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
@@ -88,11 +88,13 @@ def _dancer(weights: Path | None, system: str | None) -> System:
 
 def _music(song: Path, dance: str) -> tuple[Audio, BeatTrack]:
     """The song and its beats."""
+    from harmolab.beats.audio import music_beats
     from harmolab.io.video_sound import load_sound
-    from harmolab.params import DANCES
+    from harmolab.types import Clip
 
-    audio = load_sound(song)
-    return audio, track_beats(audio, dance if dance in DANCES else "")
+    clip = Clip(song.stem, load_sound(song), dance=dance)
+    with finding_beats():
+        return clip.audio, music_beats(clip)
 
 
 def _write(
