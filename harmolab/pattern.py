@@ -10,7 +10,7 @@ moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from scipy.stats import rankdata
 
 from harmolab.beats.saliency import salient_audio
 from harmolab.beats.visual import RATE, motion_curve
+from harmolab.io.files import PathLike, read_json, reading, write_json
 from harmolab.kinematics import upsample_motion
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
@@ -254,3 +255,29 @@ def _best_places(
     best = int(np.argmax([share @ mass for share in shares]))
     null = np.max(nulls, axis=0)
     return PatternFit(shares[best], weights, null, 0.5 if len(options) == 1 else float(null.mean()))
+
+
+def save_patterns(path: PathLike, patterns: Mapping[str, BarPattern]) -> None:
+    """Write bar patterns by dance as JSON, whole or not at all; `load_pattern` reads one of them."""
+    write_json(path, dict(patterns))
+
+
+def load_pattern(path: PathLike, dance: str = "") -> BarPattern:
+    """The bar pattern of a dance in a file of `save_patterns`; without a dance the only one there is.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; a dance that is not in it is an error.
+    """
+    with reading(path, "bar patterns written by `harmolab learn`") as file:
+        patterns = read_json(file)
+        if not isinstance(patterns, dict) or not patterns:
+            raise ValueError("holds no bar patterns; write one with `harmolab learn`")
+        name = dance if dance or len(patterns) > 1 else next(iter(patterns))
+        if name not in patterns:
+            raise ValueError(f"holds no pattern for --dance {name!r}; it has {', '.join(patterns)}")
+        row = patterns[name]
+        if not isinstance(row, dict) or set(row) != {"beats", "cosines", "sines", "source"}:
+            raise ValueError(f"pattern {name!r} must have beats, cosines, sines and source")
+        return BarPattern(int(row["beats"]), tuple(row["cosines"]), tuple(row["sines"]), str(row["source"]))

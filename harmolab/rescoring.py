@@ -1,8 +1,8 @@
 """Many clips at once: the score of every clip of a corpus after a slider moves (Eq. 11-21, vectorised).
 
-`BeatBatch` keeps the beats of all clips in two flat arrays; clip i is moved by i long days along the time line, so
-that one sorted search finds every nearest visual beat and none belongs to another clip. Same numbers as
-`score_harmony`.
+`BeatBatch` keeps the beats of all clips in two flat arrays; the beats of clip i have an offset of i times a gap longer
+than any clip, so that one sorted search finds every nearest visual beat and none belongs to another clip. Same numbers
+as `score_harmony`.
 
 `PatternBatch` keeps what the recommended mode needs: music beats, and the normalised speed, which is slow to find.
 Same numbers as `score_motion`.
@@ -58,17 +58,17 @@ class BeatBatch:
             raise ValueError("a batch needs at least one clip")
         durations = np.array([music.duration for music, _ in pairs])
         gap = 4.0 * float(durations.max()) + 4.0
-        sounds = [normalise_strengths(music.strengths, "max") for music, _ in pairs]
+        strengths = [normalise_strengths(music.strengths, "max") for music, _ in pairs]
         steps = [strength_steps(visual.strengths) for _, visual in pairs]
         return cls(
             audio=np.concatenate([music.times + i * gap for i, (music, _) in enumerate(pairs)]),
-            audio_strengths=np.concatenate(sounds),
+            audio_strengths=np.concatenate(strengths),
             audio_clip=np.repeat(np.arange(len(pairs)), [len(music) for music, _ in pairs]),
             visual=np.concatenate([visual.times + i * gap for i, (_, visual) in enumerate(pairs)]),
             visual_clip=np.repeat(np.arange(len(pairs)), [len(visual) for _, visual in pairs]),
             steps=np.concatenate(steps),
             spread=np.array([row[1:].std() if row.size > 1 else 0.0 for row in steps]),
-            level=np.array([row.std() if row.size else 0.0 for row in sounds]),
+            level=np.array([row.std() if row.size else 0.0 for row in strengths]),
             durations=durations,
             gap=gap,
         )
@@ -171,13 +171,13 @@ def rescore(batch: BeatBatch, params: HarmonyParams) -> BatchScores:
     if readings != ("threshold", "difference", "copy", "many", "max"):
         raise ValueError(f"rescore knows the default readings only, not {readings}; use score_harmony")
     clips = batch.durations.size
-    heard = batch.audio_strengths > params.audio_threshold * batch.level[batch.audio_clip]
+    salient = batch.audio_strengths > params.audio_threshold * batch.level[batch.audio_clip]
     visual, visual_clip = _salient_visual(batch, params)
     near = _nearest(batch.audio, visual) <= params.reaction_delay + EDGE
-    worth = batch.audio_strengths * heard
+    weights = batch.audio_strengths * salient
     n_visual = np.bincount(visual_clip, minlength=clips)
-    n_audio = np.bincount(batch.audio_clip, heard, clips).astype(np.int64)
-    score, total, hits = (_sums(batch.audio_clip, part, clips) for part in (worth * near, worth, near))
+    n_audio = np.bincount(batch.audio_clip, salient, clips).astype(np.int64)
+    score, total, hits = (_sums(batch.audio_clip, part, clips) for part in (weights * near, weights, near))
     chance = _coverage(visual, visual_clip, batch, params.reaction_delay)
     counts = (n_audio > 0) & (n_visual > 0)
     return BatchScores(
@@ -206,10 +206,10 @@ def rescore_patterns(batch: PatternBatch, params: HarmonyParams) -> BatchScores:
         raise ValueError(f"rescore_patterns knows the saliency 'threshold' only, not {params.saliency!r}")
     clips, clip = len(batch.music), batch.audio_clip
     strengths, level = _strengths(batch, params.normalisation)
-    heard, ranks = strengths > params.audio_threshold * level[clip], _beat_ranks(batch, params)
-    fits, worth = heard & (ranks > 0.5), strengths * heard
-    n_audio, n_fitting = (_sums(clip, mask, clips) for mask in (heard, fits))
-    score, total, mass = (_sums(clip, part, clips) for part in (worth * fits, worth, worth * ranks))
+    salient, ranks = strengths > params.audio_threshold * level[clip], _beat_ranks(batch, params)
+    fits, weights = salient & (ranks > 0.5), strengths * salient
+    n_audio, n_fitting = (_sums(clip, mask, clips) for mask in (salient, fits))
+    score, total, mass = (_sums(clip, part, clips) for part in (weights * fits, weights, weights * ranks))
     chance = np.full(clips, 0.5)
     return BatchScores(
         harmony=_harmony(score, n_audio.astype(np.int64), batch.n_visual, params.beta),
@@ -238,14 +238,14 @@ def _beat_ranks(batch: PatternBatch, params: HarmonyParams) -> FloatArray:
     ]
     fits = joint_fits([curve for curve, _ in curves], params.pattern)
     ordered = np.sort(fits, axis=-1)
-    found = [np.zeros(0)]
+    ranks = [np.zeros(0)]
     for clip, (beats, (curve, first)) in enumerate(zip(batch.beat_numbers, curves, strict=True)):
         if curve.size == 0:
-            found.append(np.full(beats.size, 0.5))
+            ranks.append(np.full(beats.size, 0.5))
             continue
         places, moments = beats % params.pattern.beats, beat_moments(beats, first, curve.size)
-        found.append(_ranks(ordered[clip], places, fits[clip, places, moments]) / curve.size)
-    return np.concatenate(found)
+        ranks.append(_ranks(ordered[clip], places, fits[clip, places, moments]) / curve.size)
+    return np.concatenate(ranks)
 
 
 def _ranks(ordered: FloatArray, places: IntArray, values: FloatArray) -> FloatArray:
@@ -281,8 +281,8 @@ def _salient_visual(batch: BeatBatch, params: HarmonyParams) -> tuple[FloatArray
     """Attentional visual beats (Eq. 13), shifted by the lag."""
     if params.visual_threshold is None:
         return batch.visual - params.lag, batch.visual_clip
-    seen = batch.steps > params.visual_threshold * batch.spread[batch.visual_clip]
-    return batch.visual[seen] - params.lag, batch.visual_clip[seen]
+    salient = batch.steps > params.visual_threshold * batch.spread[batch.visual_clip]
+    return batch.visual[salient] - params.lag, batch.visual_clip[salient]
 
 
 def _nearest(audio: FloatArray, visual: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from harmolab.data.folders import Recording
 from harmolab.io.beats import BeatAnnotation, Unit
 from harmolab.metrics.beats import beat_align
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.parts import cut_parts, dance_patterns, learn_patterns, score_parts
+from harmolab.parts import cut_clips, dance_patterns, learn_patterns, score_shifts
 from harmolab.pattern import fit_pattern
 from harmolab.types import Audio, Clip, Motion, Skeleton
 
@@ -77,7 +77,7 @@ def corpus(count: int = 6, *, peak: float = 0.3, **options: object) -> list[Reco
 
 
 def part_of(sequence: Recording):
-    (part,) = cut_parts(sequence, "annotated", 6.0, RECOMMENDED)
+    (part,) = cut_clips(sequence, "annotated", 6.0, RECOMMENDED)
     return part
 
 
@@ -89,7 +89,7 @@ def compared(sequences: list[Recording], **options: object) -> CorpusResult:
 
 
 def test_a_part_knows_its_place_its_music_and_its_figures():
-    parts = cut_parts(danced("S", dancer(1, seconds=13.0), "A", "B"), "annotated", 6.0, RECOMMENDED)
+    parts = cut_clips(danced("S", dancer(1, seconds=13.0), "A", "B"), "annotated", 6.0, RECOMMENDED)
     assert [(part.window, part.start, part.duration) for part in parts] == [(0, 1.0, 6.0), (1, 7.0, 6.0)]
     assert [set(part.figures) for part in parts] == [{"A"}, {"A", "B"}]  # A ends at 7.5 s
     assert [part.unit for part in parts] == ["S-0", "S-1"]
@@ -100,18 +100,18 @@ def test_a_part_knows_its_place_its_music_and_its_figures():
 
 def test_parts_start_on_a_frame():
     # 7.0 s at 30 fps in three windows of 2.33 s: frames 0, 69.9 and 139.8.
-    parts = cut_parts(danced("S", dancer(1, seconds=7.0)), "annotated", 2.33, RECOMMENDED)
+    parts = cut_clips(danced("S", dancer(1, seconds=7.0)), "annotated", 2.33, RECOMMENDED)
     np.testing.assert_allclose([part.start for part in parts], START + np.array([0, 70, 140]) / 30)
 
 
 def test_a_whole_sequence_is_one_window_of_parts_of_six_seconds_and_more():
-    parts = cut_parts(danced("S", dancer(1, seconds=20.0)), "annotated", None, RECOMMENDED)
+    parts = cut_clips(danced("S", dancer(1, seconds=20.0)), "annotated", None, RECOMMENDED)
     assert [part.window for part in parts] == [0, 0, 0]
     assert [part.duration for part in parts] == pytest.approx([20 / 3] * 3, abs=1 / 30)
 
 
 def test_a_sequence_shorter_than_the_window_is_one_window():
-    (part,) = cut_parts(danced("S", dancer(1, seconds=4.0)), "annotated", 6.0, RECOMMENDED)
+    (part,) = cut_clips(danced("S", dancer(1, seconds=4.0)), "annotated", 6.0, RECOMMENDED)
     assert part.duration == 4.0
 
 
@@ -131,7 +131,7 @@ def test_the_grid_of_scores_moves_the_music_by_tenths_of_a_beat():
     x = np.arange(180) / FPS / PERIOD
     stopping = travel(x + np.sin(2 * np.pi * (x - 0.3 - 0.5)) / (2 * np.pi))
     part = part_of(danced("S", stopping, "A"))
-    grid = score_parts([part], [BarPattern.stop_on_the_beat()], RECOMMENDED)
+    grid = score_shifts([part], [BarPattern.stop_on_the_beat()], RECOMMENDED)
     assert all(values[0].shape == (20,) for values in grid.values())
     for name in ("valleys", "mir_eval_f", "beat_align_music", "recommended"):
         assert grid[name][0][[3, 13]].min() == pytest.approx(grid[name][0].max(), abs=0.05), name
@@ -177,7 +177,7 @@ def test_a_figure_that_recurs_beside_another_is_not_fitted_on():
 
 def test_another_window_of_the_same_sequence_is_not_fitted_on():
     twice = danced("A", dancer(1, seconds=12.0), "X", "Y")
-    parts = cut_parts(twice, "annotated", 6.0, RECOMMENDED)
+    parts = cut_clips(twice, "annotated", 6.0, RECOMMENDED)
     assert learn_patterns(parts) == [BarPattern.stop_on_the_beat()] * 2
 
 
@@ -357,7 +357,7 @@ def test_dances_are_told_by_their_initial_or_their_name():
 
 
 def test_the_summary_says_what_was_fitted_on():
-    assert compared(corpus(2)).summary["fitted_on"] == "other sequences, without the figures of the judged part"
+    assert compared(corpus(2)).summary["fitted_on"] == "other sequences, without the figures of the judged clip"
     unnamed = [danced(f"S{i}", dancer(i)) for i in range(2)]
     assert "figures are not named here" in compared(unnamed).summary["fitted_on"]
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from harmolab.data.beat_marks import DANCER, HIT, MUSIC, hit_times
 from harmolab.data.dance_floor import FLOOR, WALL, render_dance
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.harmony import score_harmony
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack, HarmonyScore, Motion, Skeleton
 from harmolab.viz.style import COLOURS
 from tests.builders import track
 
@@ -93,15 +97,17 @@ def test_slow_motion_is_interpolated_to_the_pictures_rate() -> None:
 
 def test_disc_lights_up_at_each_beat_only_where_beats_are_given() -> None:
     motion = dance(*[STANDING] * 30)
-    lit = [
-        bool((frame[21, 21] == MUSIC).all()) for frame in render_dance(motion, beats=BeatTrack([0.5], [1.0], 30.0, 1.0))
-    ]
+    lit = [bool((frame[21, 21] == MUSIC).all()) for frame in render_dance(motion, score=score(track([0.5]), track([])))]
     assert [index for index, on in enumerate(lit) if on] == [15, 16, 17, 18, 19]
     assert not any((frame[:60, :60] == MUSIC).all(axis=2).any() for frame in render_dance(motion))
 
 
+def score(music: BeatTrack, visual: BeatTrack, **changes: object) -> HarmonyScore:
+    return score_harmony(music, visual, params=replace(HarmonyParams.valleys(), **changes), n_rotations=0)
+
+
 def test_dancer_and_hits_have_marks_of_their_own() -> None:
-    frames = render_dance(dance(*[STANDING] * 60), beats=track([0.5, 1.5]), dancer_beats=track([0.566, 1.0]))
+    frames = render_dance(dance(*[STANDING] * 60), score=score(track([0.5, 1.5]), track([0.566, 1.0])))
     lit = {"music": [], "dancer": [], "hit": []}
     for index, frame in enumerate(frames):
         for name, colour in (("music", MUSIC), ("dancer", DANCER), ("hit", HIT)):
@@ -118,9 +124,17 @@ def test_marks_have_the_projects_colours() -> None:
 
 
 def test_hit_falls_on_the_later_beat_of_the_two() -> None:
-    np.testing.assert_allclose(hit_times(track([0.5, 1.0, 1.5]), track([0.4, 1.05, 1.65])), [0.5, 1.05])
-    assert hit_times(track([0.5]), track([])).size == hit_times(track([]), track([0.5])).size == 0
-    np.testing.assert_allclose(hit_times(track([0.5]), track([0.55])), [0.55])
+    np.testing.assert_allclose(hit_times(score(track([0.5, 1.0, 1.5]), track([0.4, 1.05, 1.65]))), [0.5, 1.05])
+    assert hit_times(score(track([0.5]), track([]))).size == hit_times(score(track([]), track([0.5]))).size == 0
+    np.testing.assert_allclose(hit_times(score(track([0.5]), track([0.55]))), [0.55])
+
+
+def test_hits_are_those_of_the_score_whatever_lag_and_matching_it_has() -> None:
+    late = score(track([0.5, 1.0]), track([0.8, 1.3]), lag=0.3)
+    np.testing.assert_allclose(hit_times(late), [0.8, 1.3])
+    music, one = track([0.5, 0.6]), track([0.55])
+    assert hit_times(score(music, one)).size == 2
+    np.testing.assert_allclose(hit_times(score(music, one, matching="nearest")), [0.55])
 
 
 def test_floor_in_front_of_a_small_dancer_is_not_drawn_from_behind_the_camera() -> None:
@@ -139,7 +153,7 @@ def test_real_skeleton_and_one_without_bones_are_drawn() -> None:
 
 def test_what_cannot_be_drawn_is_refused() -> None:
     flat = Motion(np.zeros((3, 3, 2)), 30.0, MAN)
-    with pytest.raises(ValueError, match="draw image coordinates with render_skeleton"):
+    with pytest.raises(ValueError, match="points of a picture go over their video"):
         render_dance(flat)
     with pytest.raises(ValueError, match="at least 64 x 64 pixels, got 53 x 40"):
         render_dance(dance(STANDING, STANDING), height=40)

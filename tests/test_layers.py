@@ -43,6 +43,7 @@ LAYERS = {
     "experiments": 6,
     "parts": 6,
     "corpus": 6,
+    "dance_video": 6,
     "discrimination": 6,
     "listening": 6,
     "widgets": 6,

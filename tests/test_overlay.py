@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from harmolab.data.overlay import CORE, load_points, overlay_skeleton, points_in_picture
+from harmolab.harmony import score_harmony
 from harmolab.io.motion import save_motion
 from harmolab.io.video import VideoFrames, video_frames, write_video
 from harmolab.types import BeatTrack, Motion, Skeleton
@@ -75,8 +76,8 @@ def test_frames_that_came_in_are_not_changed() -> None:
 
 
 def test_marks_light_up_on_their_beats() -> None:
-    beats = BeatTrack([0.5], [1.0], 30.0, 2.0)
-    frames = list(overlay_skeleton(plain(20), 10.0, pole([200] * 20), beats=beats))
+    music, visual = BeatTrack([0.5], [1.0], 30.0, 2.0), BeatTrack([], [], 30.0, 2.0)
+    frames = list(overlay_skeleton(plain(20), 10.0, pole([200] * 20), score=score_harmony(music, visual)))
     lit = [bool((frame[10, 10] == (0, 114, 178)).all()) for frame in frames]
     assert [index for index, on in enumerate(lit) if on] == [5, 6]
 

@@ -379,7 +379,7 @@ def test_second_motion_keeps_the_frames_of_the_first(
     [
         ((), "x.mp4", "x.mp4: the player is written as .html, .htm; choose a name that ends so"),
         ((), "none/x.html", "none: no such folder"),
-        (("--start", 60), "x.html", "no motion from 60.0 s"),
+        (("--start", 60), "x.html", "no audio from 60.0 s"),
         (("--offset", 60), "x.html", "song.wav"),
         (("--seconds", -1), "x.html", "seconds must be positive and finite, got -1"),
         (("--seconds", "inf"), "x.html", "seconds must be positive and finite, got inf"),

@@ -19,23 +19,14 @@ from harmolab.cli.scoring import score
 from harmolab.cli.studying import study_app
 from harmolab.cli.training import train
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
-app.command()(score)
-app.command()(compare)
-app.command()(learn)
-app.command()(train)
-app.command()(dance)
-app.command()(play)
-app.command()(render)
-app.command()(retime)
-app.command()(explain)
+for command in (score, compare, learn, train, dance, play, render, retime, explain):
+    app.command()(command)
 app.add_typer(data_app, name="data")
 app.add_typer(study_app, name="study")
 

@@ -63,15 +63,15 @@ def explain(
     """
     from rich.console import Console
 
-    from harmolab.cli.scoring import read_pattern
     from harmolab.io.beats import load_annotation
     from harmolab.own_dance.recording import explain_performance
     from harmolab.params import HarmonyParams
+    from harmolab.pattern import load_pattern
 
     with plain_errors():
         if out is not None:
             check_out(out, "the page", PAGES)
-        params = HarmonyParams.recommended(read_pattern(pattern, dance) if pattern else None)
+        params = HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else None)
         performance = _load(dance_file, fps, joints)
         annotation = None if beats is None else load_annotation(beats)
         with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):

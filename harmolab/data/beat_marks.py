@@ -11,9 +11,7 @@ import cv2
 import numpy as np
 
 from harmolab.data.stage import FRACTION_BITS, Frame, fixed
-from harmolab.harmony import EDGE
-from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, FloatArray
+from harmolab.types import FloatArray, HarmonyScore
 
 # The project's colours for music, dancer and hits.
 MUSIC, DANCER, HIT = (0, 114, 178), (230, 159, 0), (0, 158, 115)
@@ -30,15 +28,14 @@ class BeatMarks:
     Parameters
     ----------
     height : int, pixels of the pictures
-    music, dancer : BeatTrack or None
-        Beats on the pictures' time line. A mark that has no track is left out; hits need both.
+    score : HarmonyScore or None
+        Its attentional beats and pairs, on the pictures' time line, light the marks; without it there are none.
     """
 
-    def __init__(self, height: int, music: BeatTrack | None, dancer: BeatTrack | None) -> None:
-        tracks = {"music": music, "dancer": dancer}
-        self.times = {name: track.times for name, track in tracks.items() if track is not None}
-        if music is not None and dancer is not None:
-            self.times["hit"] = hit_times(music, dancer)
+    def __init__(self, height: int, score: HarmonyScore | None) -> None:
+        self.times: dict[str, FloatArray] = {}
+        if score is not None:
+            self.times = {"music": score.music.times, "dancer": score.visual.times, "hit": hit_times(score)}
         states = product((False, True), repeat=len(self.times))
         self.plates = {lit: _plate(height, dict(zip(self.times, lit, strict=True))) for lit in states}
 
@@ -52,15 +49,10 @@ class BeatMarks:
         frame[:rows, :columns] = plate[:rows, :columns]
 
 
-def hit_times(music: BeatTrack, dancer: BeatTrack) -> FloatArray:
-    """Seconds, in order, at which music beats with a dancer's beat within 0.1 s are met: the later beat of the two."""
-    if not len(music) or not len(dancer):
-        return np.zeros(0)
-    after = np.searchsorted(dancer.times, music.times).clip(1, max(1, len(dancer) - 1))
-    around = dancer.times[np.stack([after - 1, np.minimum(after, len(dancer) - 1)])]
-    nearest = np.take_along_axis(around, np.abs(around - music.times).argmin(axis=0)[None], axis=0)[0]
-    met = np.abs(nearest - music.times) <= HarmonyParams.valleys().reaction_delay + EDGE
-    return np.sort(np.maximum(music.times, nearest)[met])
+def hit_times(score: HarmonyScore) -> FloatArray:
+    """Seconds, in order, at which the pairs of a score are complete: the later beat of the two, (hits,) array."""
+    hits = score.pairs >= 0
+    return np.sort(np.maximum(score.music.times[hits], score.visual.times[score.pairs[hits]]))
 
 
 def _plate(height: int, lit: dict[str, bool]) -> Frame:

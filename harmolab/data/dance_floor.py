@@ -18,7 +18,7 @@ from harmolab.data.beat_marks import BeatMarks
 from harmolab.data.stage import FARTHEST, FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height, turned
-from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion, Skeleton
+from harmolab.types import BoolArray, FloatArray, HarmonyScore, IntArray, Motion, Skeleton
 
 WALL, FLOOR, LINE, SHADOW = (246, 246, 246), (232, 232, 228), (196, 196, 192), (205, 205, 200)
 NEAR, FAR = np.array([30.0, 34.0, 42.0]), np.array([140.0, 146.0, 156.0])  # of limbs
@@ -73,8 +73,7 @@ def render_dance(
     height: int = 480,
     width: int | None = None,
     fps: float = 30.0,
-    beats: BeatTrack | None = None,
-    dancer_beats: BeatTrack | None = None,
+    score: HarmonyScore | None = None,
 ) -> Iterator[Frame]:
     """Frames of a dancer on a floor, seen from where she faces on average, by a camera that walks along.
 
@@ -85,9 +84,9 @@ def render_dance(
         `width` defaults to 4/3 of the height.
     fps : float, hertz
         Rate of the pictures; a slower motion is interpolated by cubic splines.
-    beats, dancer_beats : BeatTrack, optional
-        Beats of the music and of the dancer on the motion's time line; each lights its mark in the corner, and a ring
-        shows where both meet (`harmolab.data.beat_marks`).
+    score : HarmonyScore, optional
+        Of the motion with its music: each beat lights its mark in the corner, and a ring shows where two meet
+        (`harmolab.data.beat_marks`).
 
     Yields
     ------
@@ -100,7 +99,7 @@ def render_dance(
     """
     width = round(height * 4 / 3) if width is None else width
     if motion.positions.shape[2] != 3:
-        raise ValueError("a floor needs movement in space; draw image coordinates with render_skeleton")
+        raise ValueError("a floor needs movement in space; points of a picture go over their video (--over)")
     if min(height, width) < 64:
         raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
     check_positive(fps=fps)
@@ -108,7 +107,7 @@ def render_dance(
     # The camera stands at +z.
     facing = turned(danced.positions, -mean_heading(danced.positions, fps, danced.skeleton))
     shown = Motion(facing, fps, danced.skeleton, danced.valid)
-    return _frames(shown, height, width, BeatMarks(height, beats, dancer_beats))
+    return _frames(shown, height, width, BeatMarks(height, score))
 
 
 def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:

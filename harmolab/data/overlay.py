@@ -16,7 +16,7 @@ from harmolab.io.layouts import COCO_17, OPENPOSE_18, OPENPOSE_25
 from harmolab.io.video import VideoFrames
 from harmolab.kinematics import resample_motion
 from harmolab.skeletons import skull_and_limbs
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import HarmonyScore, Motion
 
 CORE, RIM = (255, 255, 255), (20, 20, 20)  # a light line in a dark one is seen on any picture
 THICKNESS = 1 / 110  # of a limb, in picture heights
@@ -90,8 +90,7 @@ def overlay_skeleton(
     fps: float,
     motion: Motion,
     *,
-    beats: BeatTrack | None = None,
-    dancer_beats: BeatTrack | None = None,
+    score: HarmonyScore | None = None,
 ) -> Iterator[Frame]:
     """The frames with the skeleton over them, as long as both last; the motion's first frame lies on the first frame.
 
@@ -102,8 +101,8 @@ def overlay_skeleton(
         A motion of another rate is interpolated.
     motion : Motion
         (T, J, 2) pixels of the frames, as from `points_in_picture`. Frames that are not valid are left undrawn.
-    beats, dancer_beats : BeatTrack, optional
-        Beats of the music and of the dancer on the motion's time line, as in `render_dance`.
+    score : HarmonyScore, optional
+        Of the motion with its music, as in `render_dance`.
 
     Yields
     ------
@@ -112,17 +111,15 @@ def overlay_skeleton(
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
     check_positive(fps=fps)
-    return _overlaid(frames, resample_motion(motion, fps), beats, dancer_beats)
+    return _overlaid(frames, resample_motion(motion, fps), score)
 
 
-def _overlaid(
-    frames: Iterable[Frame], motion: Motion, beats: BeatTrack | None, dancer_beats: BeatTrack | None
-) -> Iterator[Frame]:
+def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | None) -> Iterator[Frame]:
     _, limbs = skull_and_limbs(motion.skeleton)
     marks: BeatMarks | None = None
     # The motion first: zip would else read one frame too many.
     for index, (places, is_valid, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
-        marks = marks or BeatMarks(len(frame), beats, dancer_beats)
+        marks = marks or BeatMarks(len(frame), score)
         drawn = frame.copy()
         if is_valid:
             draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, len(frame)))

@@ -20,7 +20,7 @@ from harmolab.data.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.harmony import hit_mask
 from harmolab.io.files import cache_folder
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.parts import cut_parts, learn_patterns
+from harmolab.parts import cut_clips, learn_patterns
 from harmolab.profile import RunProfile
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip
@@ -198,15 +198,15 @@ def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: fl
     params = HarmonyParams.recommended()
     start = middle_span(recording, seconds).in_music
     near = [
-        part
-        for part in cut_parts(recording, "annotated", None, params)
-        if part.start < start + seconds and start < part.start + part.duration
+        clip
+        for clip in cut_clips(recording, "annotated", None, params)
+        if clip.start < start + seconds and start < clip.start + clip.duration
     ]
-    judged = replace(near[0], figures=frozenset().union(*(part.figures for part in near)))
+    judged = replace(near[0], figures=frozenset().union(*(clip.figures for clip in near)))
     others = (item for item in readable_recordings(recording.folder.parent) if item.folder != recording.folder)
     annotated = (item for item in others if item.annotation is not None and item.clip.dance == recording.clip.dance)
-    parts = [part for item in annotated for part in cut_parts(item, "annotated", None, params)]
-    return learn_patterns([judged], parts)[0]
+    clips = [clip for item in annotated for clip in cut_clips(item, "annotated", None, params)]
+    return learn_patterns([judged], clips)[0]
 
 
 @dataclass(frozen=True)

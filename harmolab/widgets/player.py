@@ -5,21 +5,23 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import soundfile
 from numpy.typing import NDArray
 
+from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import motion_curve
+from harmolab.harmony import score_motion
 from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.params import HarmonyParams
 from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height
 from harmolab.templates import framed, rendered
-from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, HarmonyScore, Motion
 
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 HEIGHT = 880  # pixels of the frame
@@ -70,6 +72,60 @@ class Player:
     def save(self, path: PathLike) -> None:
         """Write the page to a file, whole or not at all."""
         write_text(path, self.page)
+
+
+def player_of(
+    clips: Sequence[Clip],
+    *,
+    start: float | None = None,
+    seconds: float | None = None,
+    title: str = "",
+    facts: Mapping[str, str] | None = None,
+) -> Player:
+    """A player of a clip, or of two dances to the same music side by side, cut to what music and motion share.
+
+    Parameters
+    ----------
+    clips : one Clip with a motion, or two that share sound and offset; the second is shown at the rate of the first
+    start : float, seconds of audio time; the motions' first frame when left out
+    seconds : float, length; to the end of the music when left out
+    title, facts : as in `player_page`; left out, the facts are what each dance scores by speed valleys
+
+    Raises
+    ------
+    ValueError
+        As `player_page`; also where there is no music or no motion, or start and seconds are no times.
+    """
+    if start is not None and not np.isfinite(start):
+        raise ValueError(f"start must be a finite number of seconds, got {start:g}")
+    if seconds is not None and not 0 < seconds < np.inf:
+        raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
+    first = clips[0]
+    begins = max(0.0, first.offset, first.offset if start is None else start)
+    length = first.audio.duration - begins if seconds is None else seconds
+    beats = music_beats(first)
+    shown = [replace(_alike(clip, first), beats=beats).span(begins, length).shared() for clip in clips]
+    dancers = []
+    for clip in shown:
+        music, motion = cast(BeatTrack, clip.beats), cast(Motion, clip.motion)
+        dancers.append(Dancer(clip.name, motion, score_motion(music, motion, params=HarmonyParams.valleys())))
+    longest = max(shown, key=lambda clip: clip.audio.duration)
+    facts = dict(map(_fact, dancers)) if facts is None else facts
+    return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
+
+
+def _alike(clip: Clip, other: Clip) -> Clip:
+    """The clip with its motion at the frame rate of the other, so that one frame of each is one moment."""
+    if clip.motion is None or other.motion is None:
+        raise ValueError(f"{clip.name}: there is no motion to play")
+    fps = other.motion.fps
+    return replace(clip, motion=resample_motion(upsample_motion(clip.motion, fps), fps))
+
+
+def _fact(dancer: Dancer) -> tuple[str, str]:
+    """Name and text of what a dancer scores."""
+    score = dancer.score
+    return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
 
 
 def player_page(
