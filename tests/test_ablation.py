@@ -20,8 +20,8 @@ from harmolab.experiments.ablation import (
 )
 from harmolab.experiments.dances import danced_unit
 from harmolab.experiments.generation import VARIANTS
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import encode_motion
-from harmolab.params.learning import FeatureParams
 from harmolab.profile import RunProfile
 from harmolab.significance import mean_interval
 from harmolab.types import Motion, Skeleton

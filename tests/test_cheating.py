@@ -29,7 +29,7 @@ from harmolab.experiments.cheating import (
     trick_means,
 )
 from harmolab.experiments.generation import SYNTHETIC
-from harmolab.params.learning import FeatureParams
+from harmolab.features.params import FeatureParams
 from harmolab.profile import RunProfile
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 from harmolab.viz.cheating import CHEAT_MEASURES, cheating_figure, draw_dumbbells

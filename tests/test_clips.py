@@ -19,11 +19,11 @@ from harmolab.data.groups import Segment
 from harmolab.data.splits import split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.features.audio import audio_features
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import encode_motion
 from harmolab.io.beats import BeatAnnotation, Unit
 from harmolab.io.motion import save_motion
 from harmolab.kinematics import resample_motion
-from harmolab.params.learning import FeatureParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from tests.builders import metronome
 

@@ -12,7 +12,7 @@ import pytest
 from harmolab.beats.audio import HOP
 from harmolab.features import audio as heard
 from harmolab.features.audio import audio_features, beat_phase, mfcc
-from harmolab.params.learning import FeatureParams
+from harmolab.features.params import FeatureParams
 from harmolab.types import Audio, BeatTrack
 from tests.builders import track
 

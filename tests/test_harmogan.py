@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from harmolab.data.tang2018 import TANG_23
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.models.harmogan import (
     CrossDomainDiscriminator,
@@ -18,7 +19,7 @@ from harmolab.models.harmogan import (
     segments,
 )
 from harmolab.models.poses import local_joints
-from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.types import Skeleton
 
 TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)

@@ -55,6 +55,7 @@ LAYERS = {
 TOP = 7  # may import anything
 ARROWS = {  # allowed inside a layer
     ("types", "skeletons"),
+    ("params", "features"),
     ("types", "params"),  # a score's settings
     ("beats", "kinematics"),
     ("beats", "io"),  # the cache

@@ -24,9 +24,10 @@ from harmolab.experiments.quality import (
     recorded_distances,
     typical_unit,
 )
+from harmolab.features.params import FeatureParams
 from harmolab.models.harmogan import Generator
 from harmolab.models.pose_features import PoseNet
-from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.profile import RunProfile
 from harmolab.types import Motion, Skeleton
 

@@ -7,7 +7,8 @@ from dataclasses import asdict, fields, replace
 
 import pytest
 
-from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
+from harmolab.features.params import FeatureParams
+from harmolab.params.learning import ModelParams, TrainParams
 from harmolab.profile import RunProfile
 
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from harmolab.data.tang2018 import TANG_23
 from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.features.params import FeatureParams
 from harmolab.models.layers import parameter_count
 from harmolab.models.pose_features import EMBEDDING, PoseNet, resample, train_pose_net
-from harmolab.params.learning import FeatureParams
 from harmolab.types import Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))

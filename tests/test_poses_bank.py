@@ -9,8 +9,8 @@ import pytest
 from safetensors.numpy import save_file
 
 from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.features.params import FeatureParams
 from harmolab.models.poses_bank import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
-from harmolab.params.learning import FeatureParams
 from harmolab.types import Skeleton
 
 SKELETON = Skeleton(("hip", "knee"), (-1, 0))

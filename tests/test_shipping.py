@@ -9,13 +9,14 @@ import pytest
 import torch
 
 from harmolab import synthetic_clip
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.kinematics import resample_motion
 from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
 from harmolab.models.weights import read_about, save_weights
-from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.synthesis.shipping import ship
 from harmolab.types import Motion
 

@@ -9,7 +9,7 @@ import pytest
 
 from harmolab.data.splits import Split, split_units
 from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.params.learning import FeatureParams
+from harmolab.features.params import FeatureParams
 from harmolab.types import Skeleton
 
 FPS = 2.0

@@ -10,12 +10,13 @@ import torch
 from torch import Tensor
 
 import harmolab
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.kinematics import resample_motion
 from harmolab.metrics.quality import foot_skating
 from harmolab.models.harmogan import Generator, GeneratorOutput
 from harmolab.models.poses_bank import PoseBank
-from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.synthesis.borders import FADE, continued
 from harmolab.synthesis.dance import synthesize_dance
 from harmolab.synthesis.grid import filled_beats, meter_frames

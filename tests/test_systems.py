@@ -29,6 +29,7 @@ from harmolab.data.clips import load_units
 from harmolab.data.splits import split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.features.audio import audio_features
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import bone_lengths, decode_motion, encode_motion
 from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
@@ -36,9 +37,9 @@ from harmolab.kinematics import resample_motion
 from harmolab.models.harmogan import Generator
 from harmolab.models.poses_bank import PoseBank
 from harmolab.models.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
-from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.systems import System, find, load, names
-from harmolab.systems.harmogan import HarmoGAN
+from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.training import loop as training_loop
 from harmolab.training.batches import Tensors
 from harmolab.training.checkpoints import load_state, open_folder

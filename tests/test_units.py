@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harmolab.data.units import DanceUnit, UnitSet, collate
-from harmolab.params.learning import FeatureParams
+from harmolab.features.params import FeatureParams
 from harmolab.types import Skeleton
 
 JOINT = Skeleton(("joint",), (-1,))

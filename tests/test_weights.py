@@ -13,10 +13,11 @@ import pytest
 import safetensors.torch
 import torch
 
+from harmolab.features.params import FeatureParams
 from harmolab.models.harmogan import Generator, Statistics, load_generator
 from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.models.weights import read_about, save_weights
-from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.types import Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))

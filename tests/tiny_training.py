@@ -21,8 +21,9 @@ import torch
 
 from harmolab.data.splits import Split
 from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import bone_lengths, encode_motion
-from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
+from harmolab.params.learning import ModelParams, TrainParams
 from harmolab.training.loop import make_fabric
 from harmolab.training.run import train_harmogan
 from harmolab.types import Skeleton

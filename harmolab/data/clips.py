@@ -20,11 +20,11 @@ from harmolab.data.folders import Recording, find_recordings, load_recording
 from harmolab.data.groups import Outline, Segment, group_outlines, motion_groups, outline
 from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.features.audio import audio_features
+from harmolab.features.params import FeatureParams
 from harmolab.features.poses import bone_lengths, encode_motion
 from harmolab.features.priors import temporal_index
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
-from harmolab.params.learning import FeatureParams
 from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
 
 METERS = (4, 5, 6)  # beats in the categories of Eq. 22

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.features.params import FeatureParams
 from harmolab.features.priors import initial_poses
-from harmolab.params.learning import FeatureParams
 from harmolab.types import FloatArray, Skeleton
 
 SingleArray = NDArray[np.float32]

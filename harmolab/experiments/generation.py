@@ -20,10 +20,11 @@ from harmolab.data.clips import load_units
 from harmolab.data.splits import Split, split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.experiments.study import corpus_folders, data_root
+from harmolab.features.params import FeatureParams
 from harmolab.io.files import cache_folder
 from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.pose_features import PoseNet, load_pose_net
-from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
+from harmolab.params.learning import ModelParams, TrainParams
 from harmolab.profile import RunProfile
 from harmolab.training.history import HISTORY
 from harmolab.training.loop import make_fabric, settings_of

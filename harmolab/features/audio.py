@@ -11,8 +11,8 @@ import soxr
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, onset_envelope
+from harmolab.features.params import FeatureParams
 from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
-from harmolab.params.learning import FeatureParams
 from harmolab.types import Audio, BeatTrack, FloatArray
 
 SingleArray = NDArray[np.float32]

@@ -14,11 +14,12 @@ from typing import Any, NamedTuple, Self
 import torch
 from torch import Tensor, nn
 
+from harmolab.features.params import FeatureParams
 from harmolab.io.files import PathLike
 from harmolab.models.layers import Normaliser, channel_statistics, parameter_count
 from harmolab.models.poses import PATH_CHANNELS, decode, fix_bones, local_joints
 from harmolab.models.weights import MOST_LAYERS, load_weights, renamed, stored_skeleton, whole
-from harmolab.params.learning import FeatureParams, ModelParams
+from harmolab.params.learning import ModelParams
 from harmolab.skeletons import ancestors
 from harmolab.types import Skeleton
 

@@ -17,10 +17,10 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.features.params import FeatureParams
 from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.models.poses import PATH_CHANNELS
 from harmolab.models.weights import DEFAULT_STEM
-from harmolab.params.learning import FeatureParams
 from harmolab.types import FloatArray
 
 _BEATS_OF_METER = 4  # the shortest meter, so that its unit has the most beats before it

@@ -1,63 +1,12 @@
-"""Settings of what a generator hears and sees, how large it is, and how it is trained (paper Sec. 4 and 5.2)."""
+"""Settings of how large a generator is and how it is trained (paper Sec. 4 and 5.2)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Literal
+from typing import Literal
 
-
-def _check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = ()) -> None:
-    """ValueError, with name and value, for a number out of range."""
-    for name in positive:
-        if not 0 < getattr(settings, name) < math.inf:
-            raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
-    for name in not_negative:
-        if not 0 <= getattr(settings, name) < math.inf:
-            raise ValueError(f"{name} must be zero or more, got {getattr(settings, name)}")
-
-
-@dataclass(frozen=True)
-class FeatureParams:
-    """What the generator is given of music and motion (Sec. 4.1, 5.1).
-
-    Parameters
-    ----------
-    fps : float, hertz
-        Rate of motion and features; the paper resamples to 15.
-    n_mfcc : int
-        MFCC coefficients of A_f.
-    beat_channels : bool
-        Beside the MFCC give onset strength, and sine and cosine of the position between two beats. The paper does not.
-    unit_beats : int
-        Unified length of a training unit in beats: a meter of 4 to 6 beats and the beats before it that fill it up.
-    """
-
-    fps: float = 15.0
-    n_mfcc: int = 20
-    beat_channels: bool = False
-    unit_beats: int = 8
-
-    def __post_init__(self) -> None:
-        _check_numbers(self, positive=("fps", "n_mfcc"))
-        if self.unit_beats < 7:
-            raise ValueError(f"unit_beats must leave at least one beat before a meter of six, got {self.unit_beats}")
-
-    @classmethod
-    def paper(cls) -> FeatureParams:
-        """MFCC alone, at 15 frames per second."""
-        return cls()
-
-    @classmethod
-    def recommended(cls) -> FeatureParams:
-        """The same, and where each frame lies between two beats."""
-        return cls(beat_channels=True)
-
-    @property
-    def n_audio(self) -> int:
-        """Audio channels F of A_f."""
-        return self.n_mfcc + 3 * self.beat_channels
+from harmolab.features.params import check_numbers
 
 
 @dataclass(frozen=True)
@@ -82,7 +31,7 @@ class ModelParams:
     discriminator: int
 
     def __post_init__(self) -> None:
-        _check_numbers(self, positive=[field.name for field in fields(self)])
+        check_numbers(self, positive=[field.name for field in fields(self)])
 
     @classmethod
     def paper(cls) -> ModelParams:
@@ -176,7 +125,7 @@ class TrainParams:
     def __post_init__(self) -> None:
         rates = ("batch_size", "shards", "pretrain_rate", "adversarial_rate", "tau_start", "tau_end", "epsilon")
         weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
-        _check_numbers(
+        check_numbers(
             self,
             positive=(*rates, "pose_epochs", "pretrain_drop_epochs", "adversarial_drop_epochs"),
             not_negative=(*weights, "pretrain_epochs", "adversarial_epochs", "seed"),

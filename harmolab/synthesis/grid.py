@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harmolab.data.clips import meter_spans
-from harmolab.params.learning import FeatureParams
+from harmolab.features.params import FeatureParams
 from harmolab.types import BeatTrack, FloatArray
 
 DEFAULT_PERIOD = 0.5  # seconds between beats where the music has none

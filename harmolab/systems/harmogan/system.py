@@ -10,11 +10,12 @@ from typing import Any, Self
 
 from harmolab.data.clips import load_units
 from harmolab.data.splits import split_units
+from harmolab.features.params import FeatureParams
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.poses_bank import PoseBank, load_poses, poses_path, save_poses
 from harmolab.models.weights import DEFAULT_STEM, read_about, save_weights
-from harmolab.params.learning import FeatureParams, ModelParams, TrainParams
+from harmolab.params.learning import ModelParams, TrainParams
 from harmolab.synthesis.dance import synthesize_dance
 from harmolab.types import Audio, BeatTrack, Motion
 
