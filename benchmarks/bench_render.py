@@ -16,10 +16,10 @@ from pathlib import Path
 import cv2
 
 from harmolab.beats.audio import music_beats
-from harmolab.data.dance_floor import render_dance
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_motion
 from harmolab.io.video import write_video
+from harmolab.lab.render.scene import render_dance
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip
 

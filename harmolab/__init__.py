@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from harmolab.beats.meter import MeterUnit
     from harmolab.beats.saliency import salient_audio, salient_visual
     from harmolab.beats.visual import visual_beats
-    from harmolab.corpus import compare
-    from harmolab.data.synthetic import synthetic_clip
+    from harmolab.corpora.synthetic import synthetic_clip
     from harmolab.harmony import score_clip, score_harmony, score_motion
     from harmolab.io.audio import load_audio
     from harmolab.io.beats import load_beats
     from harmolab.io.motion import load_motion, save_motion
+    from harmolab.lab.compare.auc import compare
+    from harmolab.lab.profile import RunProfile
     from harmolab.params import BarPattern, HarmonyParams
-    from harmolab.profile import RunProfile
-    from harmolab.synthesis.dance import synthesize_dance
+    from harmolab.systems.harmogan.generate import synthesize_dance
     from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion, Skeleton
 
 __version__ = "0.1.0"
@@ -34,7 +34,7 @@ __version__ = "0.1.0"
 _HOME = {
     "harmolab.types": ("Audio", "BeatTrack", "Clip", "HarmonyScore", "Motion", "Skeleton"),
     "harmolab.params": ("BarPattern", "HarmonyParams"),
-    "harmolab.profile": ("RunProfile",),
+    "harmolab.lab.profile": ("RunProfile",),
     "harmolab.io.audio": ("load_audio",),
     "harmolab.io.beats": ("load_beats",),
     "harmolab.io.motion": ("load_motion", "save_motion"),
@@ -43,9 +43,9 @@ _HOME = {
     "harmolab.beats.meter": ("MeterUnit",),
     "harmolab.beats.saliency": ("salient_audio", "salient_visual"),
     "harmolab.harmony": ("score_clip", "score_harmony", "score_motion"),
-    "harmolab.corpus": ("compare",),
-    "harmolab.data.synth_clip": ("synthetic_clip",),
-    "harmolab.synthesis.dance": ("synthesize_dance",),
+    "harmolab.lab.compare.auc": ("compare",),
+    "harmolab.corpora.synthetic.clip": ("synthetic_clip",),
+    "harmolab.systems.harmogan.generate": ("synthesize_dance",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

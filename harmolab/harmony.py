@@ -14,12 +14,12 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from harmolab.bar_pattern import PatternFit, fit_of_motion
 from harmolab.beats.audio import music_beats
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import visual_beats
 from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
-from harmolab.pattern import PatternFit, fit_of_motion
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares
 from harmolab.types import Audio, BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore, IntArray, Motion
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.motion import load_motion, save_motion

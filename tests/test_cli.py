@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from harmolab.cli import app
-from harmolab.data.folders import load_recording
-from harmolab.data.synthetic import write_corpus
+from harmolab.corpora.folders import load_recording
+from harmolab.corpora.synthetic import write_corpus
 from harmolab.harmony import score_clip
 from harmolab.params import HarmonyParams
 from tests.builders import called
@@ -100,7 +100,7 @@ def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str,
 
 
 def test_score_listens_once(clip_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = counted(monkeypatch, "harmolab.data.files", "load_sound", "music_beats")
+    calls = counted(monkeypatch, "harmolab.corpora.files", "load_sound", "music_beats")
     assert run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json").exit_code == 0
     assert calls == {"load_sound": 1, "music_beats": 1}
 
@@ -109,7 +109,7 @@ def test_score_listens_once(clip_folder: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_commands_that_write_sound_decode_the_song_once(
     clip_folder: Path, tmp_path: Path, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calls = counted(monkeypatch, "harmolab.data.files", "load_sound", "music_beats")
+    calls = counted(monkeypatch, "harmolab.corpora.files", "load_sound", "music_beats")
     out = tmp_path / ("x.html" if command == "play" else "x.mp4")
     result = run(command, clip_folder / "audio.wav", clip_folder / "motion.npz", "--out", out)
     assert result.exit_code == 0, result.output

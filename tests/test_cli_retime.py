@@ -11,14 +11,14 @@ import soundfile
 import typer
 from typer.testing import CliRunner, Result
 
-from harmolab.alignment.pictures import picture_motion
 from harmolab.beats.visual import visual_beats
 from harmolab.cli.retiming import retime
-from harmolab.data.stage import render_skeleton
-from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.harmony import score_harmony
 from harmolab.io.motion import load_motion
 from harmolab.io.video import video_frames, write_video
+from harmolab.lab.render.stick import render_skeleton
+from harmolab.lab.timing.pictures import picture_motion
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip
 from tests.builders import write_dance, write_song

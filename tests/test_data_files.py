@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.corpus import compare
-from harmolab.data.files import corpus_recordings, load_clip
-from harmolab.data.folders import find_recordings
-from harmolab.data.synthetic import synthetic_clip, write_corpus
+from harmolab.bar_pattern import load_pattern, save_patterns
+from harmolab.corpora.files import corpus_recordings, load_clip
+from harmolab.corpora.folders import find_recordings
+from harmolab.corpora.synthetic import synthetic_clip, write_corpus
 from harmolab.io.video import write_video
+from harmolab.lab.compare.auc import compare
 from harmolab.params import BarPattern
-from harmolab.pattern import load_pattern, save_patterns
 from harmolab.types import Audio, Clip
 
 

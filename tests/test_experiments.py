@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.data.beats import music_beats
-from harmolab.data.folders import Recording, load_recording
-from harmolab.experiments import study
-from harmolab.experiments.study import (
+from harmolab.corpora.folders import Recording, load_recording
+from harmolab.corpora.music_beats import music_beats
+from harmolab.io.motion import save_motion
+from harmolab.lab.experiments import study
+from harmolab.lab.experiments.study import (
     Agreement,
     agreement,
     beat_agreement,
@@ -28,9 +29,8 @@ from harmolab.experiments.study import (
     study_recordings,
     synthetic_corpus,
 )
-from harmolab.io.motion import save_motion
+from harmolab.lab.profile import RunProfile
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.profile import RunProfile
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import track
 

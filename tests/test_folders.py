@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.data.check import FileSummary, check
-from harmolab.data.files import load_clip
-from harmolab.data.folders import (
+from harmolab.corpora.check import FileSummary, check
+from harmolab.corpora.files import load_clip
+from harmolab.corpora.folders import (
     Problem,
     Recording,
     find_recordings,

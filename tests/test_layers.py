@@ -171,7 +171,7 @@ def test_contributors_are_told_the_same_layers():
 @pytest.mark.parametrize(
     ("path", "source", "fault"),
     [
-        ("harmony.py", "from harmolab.viz.style import STYLE", "imports viz"),
+        ("harmony.py", "from harmolab.lab.figures.style import STYLE", "imports viz"),
         ("metrics.py", "from .harmony import hit_mask", "imports harmony"),
         ("kinematics.py", "from harmolab.beats import visual", "imports beats"),
         ("data/tang2018.py", "from .. import corpus", "imports corpus"),
@@ -201,7 +201,7 @@ def test_planted_breach_is_found(tmp_path: Path, path: str, source: str, fault: 
         ("beats/visual.py", "from harmolab.kinematics import joint_speed\nfrom .saliency import salient_beats"),
         ("beats/audio.py", "import librosa"),
         ("viz/results.py", "import pandas as pd\nfrom harmolab.harmony import score_harmony"),
-        ("widgets/labs.py", "from harmolab.viz.beats import draw_hits\nimport ipywidgets"),
+        ("widgets/labs.py", "from harmolab.lab.figures.beats import draw_hits\nimport ipywidgets"),
         ("cli.py", "from harmolab import report"),
         ("__init__.py", "from .harmony import score_harmony"),
     ],

@@ -7,9 +7,9 @@ from dataclasses import asdict, fields, replace
 
 import pytest
 
-from harmolab.features.params import FeatureParams
-from harmolab.params.learning import ModelParams, TrainParams
-from harmolab.profile import RunProfile
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
 
 
 def test_training_settings_are_those_of_section_5_2():

@@ -25,26 +25,26 @@ import harmolab
 from harmolab import synthetic_clip
 from harmolab.beats.audio import audio_beats
 from harmolab.cli import app
-from harmolab.data.clips import load_units
-from harmolab.data.splits import split_units
-from harmolab.data.synthetic import write_corpus
-from harmolab.features.audio import audio_features
-from harmolab.features.params import FeatureParams
-from harmolab.features.poses import bone_lengths, decode_motion, encode_motion
+from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
 from harmolab.kinematics import resample_motion
-from harmolab.models.harmogan import Generator
-from harmolab.models.poses_bank import PoseBank
-from harmolab.models.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
-from harmolab.params.learning import ModelParams
 from harmolab.systems import System, find, load, names
+from harmolab.systems.common import phases as training_loop
+from harmolab.systems.common.audio_features import audio_features
+from harmolab.systems.common.batches import Tensors
+from harmolab.systems.common.checkpoints import load_state, open_folder
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import bone_lengths, decode_motion, encode_motion
+from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
+from harmolab.systems.common.poses_bank import PoseBank
+from harmolab.systems.common.shards import Batching
+from harmolab.systems.common.splits import split_units
+from harmolab.systems.common.unit_corpus import load_units
+from harmolab.systems.common.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
+from harmolab.systems.harmogan.networks import Generator
+from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.harmogan.system import HarmoGAN
-from harmolab.training import loop as training_loop
-from harmolab.training.batches import Tensors
-from harmolab.training.checkpoints import load_state, open_folder
-from harmolab.training.loop import Phase, Player, fit, make_fabric
-from harmolab.training.shards import Batching
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 TOY = f"{__name__}:Toy"
@@ -347,7 +347,7 @@ def test_an_unknown_system_is_named(stranger: str, message: str):
 
 
 def test_shipped_weights_are_of_harmogan():
-    folder = Path(__file__).resolve().parents[1] / "harmolab" / "weights"
+    folder = Path(__file__).resolve().parents[1] / "harmolab" / "systems" / "harmogan" / "weights"
     assert isinstance(load(folder), HarmoGAN)
 
 

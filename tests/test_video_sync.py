@@ -9,9 +9,9 @@ import av
 import numpy as np
 import pytest
 
-from harmolab.data.dance_floor import render_dance
 from harmolab.harmony import score_harmony
 from harmolab.io.video import write_video
+from harmolab.lab.render.scene import render_dance
 from harmolab.types import Audio, BeatTrack, Motion
 
 RATE, FPS, SECONDS = 22050, 30.0, 60.0

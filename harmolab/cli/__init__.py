@@ -38,7 +38,7 @@ def report(
     profile: Annotated[str, typer.Option(help="quick (minutes) or full.")] = "quick",
 ) -> None:
     """Run the notebooks and build the offline HTML report."""
-    from harmolab.report import main as build
+    from harmolab.lab.report.run import main as build
 
     raise typer.Exit(build(["--notebooks", str(notebooks), "--out", str(out), "--profile", profile]))
 

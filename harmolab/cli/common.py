@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from harmolab.data.folders import Problem, Recording
+    from harmolab.corpora.folders import Problem, Recording
 
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
@@ -107,7 +107,7 @@ def left_out(problem: Problem) -> None:
 
 def sequences_of(corpus: Path) -> Iterator[Recording]:
     """Readable recordings, one at a time; what cannot be read is told on standard error."""
-    from harmolab.data.files import corpus_recordings
+    from harmolab.corpora.files import corpus_recordings
 
     return corpus_recordings(corpus, progress=progress, report=left_out)
 

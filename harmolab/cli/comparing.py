@@ -46,7 +46,7 @@ def compare(
 
     Example: `harmolab data synth demo --clips 70 && harmolab compare demo`
     """
-    from harmolab.corpus import compare as run
+    from harmolab.lab.compare.auc import compare as run
 
     with plain_errors():
         result = run(
@@ -85,8 +85,8 @@ def learn(
     out: Annotated[Path, typer.Option(help="Where to write the patterns (JSON).")],
 ) -> None:
     """Learn each dance's bar pattern, for `harmolab score --pattern`."""
-    from harmolab.parts import dance_patterns
-    from harmolab.pattern import save_patterns
+    from harmolab.bar_pattern import save_patterns
+    from harmolab.lab.compare.windows import dance_patterns
 
     with plain_errors():
         patterns = dance_patterns(corpus, progress=progress, report=left_out)

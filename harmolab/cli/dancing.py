@@ -47,7 +47,7 @@ def dance(
         dancer = _dancer(weights, system)
         options = accepted(dancer.generate, context, {"progress": progress})
         audio, track = _music(song, dance)
-        from harmolab.dance_scores import dance_scores
+        from harmolab.lab.evaluate.dance_scores import dance_scores
 
         table: dict[str, dict[str, float | int | None]] = {}
         for number, path in paths.items():
@@ -72,7 +72,7 @@ def _dancer(weights: Path | None, system: str | None) -> System:
     """The system in a folder; the shipped one when left out."""
     import harmolab
 
-    shipped = Path(harmolab.__file__).with_name("weights")
+    shipped = Path(harmolab.__file__).parent / "systems" / "harmogan" / "weights"
     if weights is None and not (shipped / "model.safetensors").is_file():
         raise ValueError(
             f"no weights are shipped with this installation ({shipped} has none); train some with "
@@ -112,10 +112,10 @@ def _write(
     if suffix in (".npz", ".bvh"):
         save_motion(path, motion)
         return
-    from harmolab.dance_video import write_dance
     from harmolab.io.video_sound import load_sound
+    from harmolab.lab.render.video import write_dance
+    from harmolab.lab.widgets.player import player_of
     from harmolab.types import Clip
-    from harmolab.widgets.player import player_of
 
     clip = Clip("generated", load_sound(song, sample_rate=None), motion, start, beats=track)
     if suffix in VIDEOS_OUT:

@@ -12,7 +12,7 @@ from harmolab import __version__
 from harmolab.cli.common import PAGES, check_out, plain_errors, progress
 
 if TYPE_CHECKING:
-    from harmolab.own_dance.recording import Performance
+    from harmolab.lab.timing.performance import Performance
 
 
 def explain(
@@ -63,10 +63,10 @@ def explain(
     """
     from rich.console import Console
 
+    from harmolab.bar_pattern import load_pattern
     from harmolab.io.beats import load_annotation
-    from harmolab.own_dance.recording import explain_performance
+    from harmolab.lab.timing.performance import explain_performance
     from harmolab.params import HarmonyParams
-    from harmolab.pattern import load_pattern
 
     with plain_errors():
         if out is not None:
@@ -86,7 +86,7 @@ def explain(
                 params=params,
             )
         if out is not None:
-            from harmolab.own_dance.page import save_page
+            from harmolab.lab.timing.page import save_page
 
             save_page(out, result)
     if as_json:
@@ -99,7 +99,7 @@ def explain(
 
 def _load(path: Path, fps: float | None, joints: str) -> Performance:
     """The performance in a file, with a count of pictures on standard error where it is a video."""
-    from harmolab.own_dance.recording import load_performance
+    from harmolab.lab.timing.performance import load_performance
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) or None
     return load_performance(path, fps=fps, joints=names, progress=progress)

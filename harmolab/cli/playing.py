@@ -28,9 +28,9 @@ def play(
 
     Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
     """
-    from harmolab.data.files import load_clip
-    from harmolab.data.folders import load_any_motion
-    from harmolab.widgets.player import player_of
+    from harmolab.corpora.files import load_clip
+    from harmolab.corpora.folders import load_any_motion
+    from harmolab.lab.widgets.player import player_of
 
     with common.plain_errors():
         common.check_out(out, "the player", common.PAGES)

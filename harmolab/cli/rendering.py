@@ -42,9 +42,9 @@ def render(
 
     `harmolab render take.mp4 keypoints/ --fps 25 --over take.mp4 --out checked.webm`
     """
-    from harmolab.dance_video import write_dance
-    from harmolab.data.files import load_clip
-    from harmolab.data.overlay import load_points
+    from harmolab.corpora.files import load_clip
+    from harmolab.lab.render.overlay import load_points
+    from harmolab.lab.render.video import write_dance
 
     names = common.names_in(joints) or None
     with common.plain_errors():

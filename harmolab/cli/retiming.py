@@ -12,7 +12,7 @@ from harmolab.cli import common
 from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Song, show
 
 if TYPE_CHECKING:
-    from harmolab.timewarp.retime import Retimed
+    from harmolab.retime.retime import Retimed
 
 MEANINGS = (
     "Above chance: speed valleys (in a video: of all that moves) within 0.1 s of the beats; 0 is a random moment, 1 "
@@ -49,8 +49,8 @@ def retime(
 
     Example: `harmolab retime song.mp3 dance.bvh --out mended.mp4 --dance waltz`
     """
-    from harmolab.dance_video import retime_files
     from harmolab.io.video import is_video
+    from harmolab.lab.render.video import retime_files
 
     with common.plain_errors():
         common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))

@@ -56,7 +56,7 @@ def score(
 
     Example: `harmolab score song.mp3 dance.bvh --offset 12.4 --dance waltz --plot score.png`
     """
-    from harmolab.data.files import load_clip
+    from harmolab.corpora.files import load_clip
     from harmolab.harmony import other_measures, score_clip
 
     with common.plain_errors():
@@ -66,8 +66,8 @@ def score(
         scores = {name: score_clip(clip, params) for name, params in modes.items()}
         measures = other_measures(clip, clock=clock) if others else {}
         if plot:
-            from harmolab.viz.scores import score_figure
-            from harmolab.viz.style import write_figure
+            from harmolab.lab.figures.scores import score_figure
+            from harmolab.lab.figures.style import write_figure
 
             write_figure(score_figure(scores, title=clip.name), plot)
     if as_json:
@@ -82,8 +82,8 @@ def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: fl
     """The parameters of each mode."""
     from dataclasses import replace
 
+    from harmolab.bar_pattern import load_pattern
     from harmolab.params import HarmonyParams
-    from harmolab.pattern import load_pattern
 
     learnt = load_pattern(pattern, dance) if pattern else None
     both = {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(learnt)}

@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from typing import Any, Protocol, Self
 
 from harmolab.io.files import PathLike
-from harmolab.models.weights import read_about
+from harmolab.systems.common.weights import read_about
 from harmolab.types import Audio, BeatTrack, Motion
 
 
@@ -62,7 +62,7 @@ class System(Protocol):
     ) -> Self:
         """The system trained on corpora (folders), and saved in `out`, which is new or empty unless `resume`.
 
-        Among the further keywords, ``report`` (`harmolab.training.history.Report`) is called after every epoch.
+        Among the further keywords, ``report`` (`harmolab.systems.common.history.Report`) is called after every epoch.
         """
 
 

@@ -8,15 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
-from harmolab.data.clips import load_units
-from harmolab.data.splits import split_units
-from harmolab.features.params import FeatureParams
 from harmolab.io.files import PathLike, Progress, silent
-from harmolab.models.harmogan import Generator, load_generator
-from harmolab.models.poses_bank import PoseBank, load_poses, poses_path, save_poses
-from harmolab.models.weights import DEFAULT_STEM, read_about, save_weights
-from harmolab.params.learning import ModelParams, TrainParams
-from harmolab.synthesis.dance import synthesize_dance
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.poses_bank import PoseBank, load_poses, poses_path, save_poses
+from harmolab.systems.common.splits import split_units
+from harmolab.systems.common.unit_corpus import load_units
+from harmolab.systems.common.weights import DEFAULT_STEM, read_about, save_weights
+from harmolab.systems.harmogan.generate import synthesize_dance
+from harmolab.systems.harmogan.networks import Generator, load_generator
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.types import Audio, BeatTrack, Motion
 
 PRESETS, LOSSES = ("small", "paper"), ("recommended", "paper")
@@ -92,7 +92,7 @@ class HarmoGAN:
         progress: Progress = silent,
         **changes: Any,
     ) -> Self:
-        """HarmoGAN trained on corpora, in a folder of its own (`harmolab.training.run` says what is in it).
+        """HarmoGAN trained on corpora, in a folder of its own (`harmolab.systems.harmogan.train` says what is in it).
 
         Parameters
         ----------
@@ -113,9 +113,9 @@ class HarmoGAN:
         ValueError
             For an unknown name or value, a folder that holds something else, or too few recordings.
         """
-        from harmolab.training.checkpoints import check_folder
-        from harmolab.training.loop import make_fabric
-        from harmolab.training.run import train_harmogan
+        from harmolab.systems.common.checkpoints import check_folder
+        from harmolab.systems.common.phases import make_fabric
+        from harmolab.systems.harmogan.train import train_harmogan
 
         for name, value, known in (("preset", preset, PRESETS), ("params", params, LOSSES)):
             if value not in known:

@@ -1,5 +1,0 @@
-"""The offset of a dance in its song when no file states it.
-
-The movement gives it modulo the beat (`find_offset`); the sound that a camera recorded gives it outright
-(`find_sound_offset`). `picture_motion` makes a video into something that the first can read.
-"""

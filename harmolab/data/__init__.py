@@ -1,1 +1,0 @@
-"""Corpora: folders of recordings, those of Tang et al. among them, and summaries of files and folders."""

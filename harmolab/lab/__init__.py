@@ -1,0 +1,1 @@
+"""The laboratory around the core: comparisons, timing, user studies, pictures, widgets, experiments, the report."""

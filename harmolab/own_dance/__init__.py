@@ -1,4 +1,0 @@
-"""One's own dance: a song and a motion file or a video, put together, scored, explained in words and on one page.
-
-The page, in `harmolab.own_dance.page`, needs jinja2 of the extra `lab`; the rest does not.
-"""

@@ -1,1 +1,0 @@
-"""Music in, a dance of any length out."""
