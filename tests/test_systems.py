@@ -5,7 +5,6 @@ A system joins the tests by a line in `SYSTEMS`: a function that makes a small o
 
 from __future__ import annotations
 
-import ast
 import json
 import os
 import shutil
@@ -21,7 +20,6 @@ import pytest
 import torch
 from typer.testing import CliRunner, Result
 
-import harmolab
 from harmolab import synthetic_clip
 from harmolab.beats.audio import audio_beats
 from harmolab.cli import app
@@ -476,21 +474,3 @@ def test_the_toy_is_compared_as_all_dancers_are(danced: Path):
     content = json.loads(command("compare", danced, "--window", 0, "--rotations", 20, "--json").stdout)
     assert content["n_sequences"] == 8
     assert all(0 <= scores["auc"] <= 1 for scores in content["scores"].values())
-
-
-# What all of them share
-
-SHARED = (
-    *(f"training/{name}" for name in ("loop", "shards", "checkpoints", "history", "batches")),
-    *(f"models/{name}" for name in ("layers", "weights", "poses", "poses_bank", "pose_features")),
-    *(f"synthesis/{name}" for name in ("borders", "grounding", "legs")),
-)
-HARMOGANS_OWN = ("models.harmogan", "models.losses", "models.soft_harmony", "systems")
-HARMOGANS_OWN += ("training.run", "training.steps", "synthesis.dance")
-
-
-@pytest.mark.parametrize("module", SHARED)
-def test_what_systems_share_knows_none_of_them(module: str):
-    tree = ast.parse((Path(harmolab.__file__).parent / f"{module}.py").read_text("utf-8"))
-    imports = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert not {f"harmolab.{name}" for name in HARMOGANS_OWN} & imports
