@@ -1,5 +1,8 @@
-"""Systems that dance; `harmolab.systems.contract` is the one door to all of them."""
+"""Systems that dance: the one door to all of them, and what it takes to train one.
 
-from harmolab.systems.contract import System, find, load, names
+The public names stand in ``__init__.pyi`` and are resolved on first use.
+"""
 
-__all__ = ["System", "find", "load", "names"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
