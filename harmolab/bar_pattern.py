@@ -37,22 +37,22 @@ class PatternFit:
 
     Parameters
     ----------
-    shares : (N,) array in [0, 1], one per attentional music beat
-    weights : (N,) array, beat strengths
+    music : BeatTrack, the N attentional music beats
+    shares : (N,) array in [0, 1], the percentile rank of each
     null : (R,) array, the weighted mean of the shares after each rotation in time
     chance : float, mean of the null
     """
 
+    music: BeatTrack
     shares: FloatArray
-    weights: FloatArray
     null: FloatArray
     chance: float
 
     @property
     def mean(self) -> float:
-        """Weighted mean share; 0 without beats."""
-        total = self.weights.sum()
-        return float(self.shares @ self.weights / total) if total > 0 else 0.0
+        """Mean share, weighted by the strengths of the beats; 0 without beats."""
+        total = self.music.strengths.sum()
+        return float(self.shares @ self.music.strengths / total) if total > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,19 +155,19 @@ def fit_of_speed(
     audio_track: BeatTrack, times: FloatArray, speed: FloatArray, params: HarmonyParams, *, n_rotations: int = 1000
 ) -> PatternFit:
     """As `fit_of_motion`, from `normalised_speed`: what to call when one motion meets many beat tracks."""
-    audio = salient_audio(audio_track, params)
-    neutral = PatternFit(np.full(len(audio), 0.5), audio.strengths, np.full(max(n_rotations, 1), 0.5), 0.5)
-    if len(audio) == 0 or len(audio_track) < 2 or not speed.any():
+    music = salient_audio(audio_track, params)
+    neutral = PatternFit(music, np.full(music.times.size, 0.5), np.full(max(n_rotations, 1), 0.5), 0.5)
+    if music.times.size == 0 or audio_track.times.size < 2 or not speed.any():
         return neutral
     # All beats make the time line, or each one that is too weak to count would move those after it in the bar.
     curve, first = beat_curve(times - params.lag, speed, audio_track)
     if curve.size == 0:
         return neutral
     ranks = moment_ranks(curve, params.pattern)
-    beats = np.round(beat_positions(audio.times, audio_track)).astype(np.int64)
+    beats = np.round(beat_positions(music.times, audio_track)).astype(np.int64)
     moments = beat_moments(beats, first, curve.size)
     known = audio_track.bar_places is not None or params.pattern.beats == 1
-    return _best_places(ranks, moments, beats, audio.strengths, n_rotations, known)
+    return _best_places(ranks, moments, beats, music, n_rotations, known)
 
 
 def beat_curve(times: FloatArray, speed: FloatArray, track: BeatTrack) -> tuple[FloatArray, int]:
@@ -240,9 +240,10 @@ def joint_fits(curves: Sequence[FloatArray], pattern: BarPattern) -> FloatArray:
 
 
 def _best_places(
-    ranks: FloatArray, moments: IntArray, places: IntArray, weights: FloatArray, n_rotations: int, known: bool
+    ranks: FloatArray, moments: IntArray, places: IntArray, music: BeatTrack, n_rotations: int, known: bool
 ) -> PatternFit:
     """Read the ranks at the music's beats, and at every rotation of them; over all places unless they are known."""
+    weights = music.strengths
     cycle, size = ranks.shape
     count = max(n_rotations, 1 if known else CHANCE_ROTATIONS)
     # The observation itself is no part of its null: shift 0 is left out.
@@ -254,7 +255,7 @@ def _best_places(
     nulls = [ranks[np.mod(places + option, cycle), rotated] @ mass for option in options]
     best = int(np.argmax([share @ mass for share in shares]))
     null = np.max(nulls, axis=0)
-    return PatternFit(shares[best], weights, null, 0.5 if len(options) == 1 else float(null.mean()))
+    return PatternFit(music, shares[best], null, 0.5 if len(options) == 1 else float(null.mean()))
 
 
 def save_patterns(path: PathLike, patterns: Mapping[str, BarPattern]) -> None:

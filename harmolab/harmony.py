@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from harmolab.bar_pattern import PatternFit, fit_of_motion
+from harmolab.bar_pattern import fit_of_motion
 from harmolab.beats.audio import music_beats
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import visual_beats
@@ -173,12 +173,10 @@ def score_harmony(
     share = hitting_score(pairs >= 0, music.strengths) / total if total > 0 else chance
     score = _score(params, music, visual, pairs, (pairs >= 0).astype(np.float64), share, chance)
     every = hit_mask(audio_track.times, times, delay=delay, matching=params.matching)
-    score = replace(score, hit_rate=float(every.mean()) if len(audio_track) else 0.0)
-    if n_rotations == 0 or total == 0 or len(visual) == 0:
+    score = replace(score, hit_rate=float(every.mean()) if every.size else 0.0)
+    if n_rotations == 0 or total == 0 or times.size == 0:
         return score
-    around = np.sort(np.mod(times, music.duration))
-    null = rotated_shares(music.times, around, music.strengths, delay=delay, duration=music.duration, count=n_rotations)
-    return _with_null(score, null / total, n_rotations, seed)
+    return _with_null(score, None, n_rotations, seed)
 
 
 def _score(
@@ -191,7 +189,7 @@ def _score(
     chance: float,
 ) -> HarmonyScore:
     """The numbers of Eq. 17 and 19-21 of attentional beats, without a null; the hit rate is that of these beats."""
-    hits, n_audio, n_visual = shares > 0.5, len(music), len(visual)
+    hits, n_audio, n_visual = shares > 0.5, music.times.size, visual.times.size
     hitting = hitting_score(hits, music.strengths)
     return HarmonyScore(
         params,
@@ -211,11 +209,18 @@ def _score(
     )
 
 
-def _with_null(score: HarmonyScore, null: FloatArray, count: int, seed: int) -> HarmonyScore:
-    """The score with its null distribution, p-value and bootstrap interval."""
-    low, high = bootstrap_interval(score.shares, score.music.strengths, count=count, seed=seed)
+def _with_null(score: HarmonyScore, null: FloatArray | None, count: int, seed: int) -> HarmonyScore:
+    """The score with its null distribution (None: that of its hits), p-value and bootstrap interval."""
+    music, params = score.music, score.params
+    if null is None:
+        around = np.sort(np.mod(score.visual.times - params.lag, music.duration))
+        delay, duration = params.reaction_delay, music.duration
+        null = rotated_shares(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
+        null = null / music.strengths.sum()
+    low, high = bootstrap_interval(score.shares, music.strengths, count=count, seed=seed)
+    p = p_value(score.share, null)
     interval = above_chance(low, score.chance), above_chance(high, score.chance)
-    return replace(score, null=null, p_value=p_value(score.share, null), interval=interval)
+    return replace(score, null=null, p_value=p, interval=interval)
 
 
 def score_motion(
@@ -237,18 +242,11 @@ def score_motion(
     if params.measure == "hits":
         return score_harmony(audio_track, visual, params=params, n_rotations=n_rotations, seed=seed)
     fit = fit_of_motion(audio_track, timed, params, n_rotations=n_rotations)
-    return _pattern_score(audio_track, visual, fit, params, n_rotations, seed)
-
-
-def _pattern_score(
-    audio_track: BeatTrack, visual: BeatTrack, fit: PatternFit, params: HarmonyParams, count: int, seed: int
-) -> HarmonyScore:
-    """A pattern fit in the terms of the paper: a music beat is hit where it fits better than the median moment."""
-    music = salient_audio(audio_track, params)
-    times = visual.times - params.lag
-    pairs = hit_pairs(music.times, times, delay=params.reaction_delay, matching=params.matching)
-    score = _score(params, music, visual, pairs, fit.shares, fit.mean if len(music) else fit.chance, fit.chance)
-    return score if count == 0 or len(music) == 0 else _with_null(score, fit.null, count, seed)
+    # In the paper's terms a music beat is hit where it fits better than the median moment.
+    share, times = fit.mean if fit.music.times.size else fit.chance, visual.times - params.lag
+    pairs = hit_pairs(fit.music.times, times, delay=params.reaction_delay, matching=params.matching)
+    score = _score(params, fit.music, visual, pairs, fit.shares, share, fit.chance)
+    return _with_null(score, fit.null, n_rotations, seed) if n_rotations and fit.music.times.size else score
 
 
 def score_clip(
@@ -313,5 +311,7 @@ def music_and_motion(clip: Clip, *, clock: float = 1.0) -> tuple[BeatTrack, Moti
     ValueError
         If the clip has no motion, or motion and music hardly overlap.
     """
-    shared = replace(clip, beats=music_beats(clip)).shared(clock=clock)
+    if clip.beats is None:
+        clip = replace(clip, beats=music_beats(clip))
+    shared = clip.shared(clock=clock)
     return cast(BeatTrack, shared.beats), cast(Motion, shared.motion)

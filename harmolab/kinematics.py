@@ -154,39 +154,55 @@ def refine_extrema(curve: FloatArray, frames: IntArray) -> FloatArray:
 
 
 def resample_motion(motion: Motion, fps: float) -> Motion:
-    """`motion` at another rate, by linear interpolation (READINGS: nearest-frame resampling invents beats).
-
-    A new frame is valid where both frames around it are.
-    """
+    """`motion` at another rate, by `resample_positions`. A new frame is valid where both frames around it are."""
     if fps == motion.fps:
         return motion
-    at, left = _old_frames(motion, fps)
-    share = (at - left)[:, None, None]
-    # In this form a joint that rests stays exactly where it is.
-    positions = motion.positions[left] + share * (motion.positions[left + 1] - motion.positions[left])
-    return replace(motion, positions=positions, fps=fps, valid=motion.valid[left] & motion.valid[left + 1])
+    return _at_rate(motion, resample_positions(motion.positions, motion.fps, fps), fps)
 
 
 def upsample_motion(motion: Motion, fps: float) -> Motion:
-    """`motion` at `fps` at least, by cubic splines; itself when it is fast enough already.
+    """`motion` at `fps` at least, by `upsample_positions`; itself when it is fast enough already."""
+    if motion.fps >= fps:
+        return motion
+    return _at_rate(motion, upsample_positions(motion.positions, motion.fps, fps), fps)
+
+
+def _at_rate(motion: Motion, positions: FloatArray, fps: float) -> Motion:
+    """`motion` with its positions at another rate."""
+    _, left = _old_frames(len(motion.positions), motion.fps, fps)
+    return replace(motion, positions=positions, fps=fps, valid=motion.valid[left] & motion.valid[left + 1])
+
+
+def resample_positions(positions: FloatArray, old_fps: float, fps: float) -> FloatArray:
+    """Positions (T, J, D) at another rate, by linear interpolation (READINGS: nearest-frame resampling invents beats).
+
+    ValueError if there are no two frames at that rate.
+    """
+    if fps == old_fps:
+        return positions
+    at, left = _old_frames(len(positions), old_fps, fps)
+    # In this form a joint that rests stays exactly where it is.
+    return positions[left] + (at - left)[:, None, None] * (positions[left + 1] - positions[left])
+
+
+def upsample_positions(positions: FloatArray, old_fps: float, fps: float) -> FloatArray:
+    """Positions (T, J, D) at `fps` at least, by cubic splines; the same when they are fast enough already.
 
     Dance holds little above 3 Hz, so a cubic through 15 frames per second finds what lies between them, and the speed
     no longer shows the frame rate. Straight lines between frames would make steps of it.
     """
-    if motion.fps >= fps:
-        return motion
-    at, left = _old_frames(motion, fps)
+    if old_fps >= fps:
+        return positions
+    at, _ = _old_frames(len(positions), old_fps, fps)
     # From the first pose on: a joint that rests stays at exactly 0.
-    moved = motion.positions - motion.positions[:1]
-    spline = make_interp_spline(np.arange(motion.n_frames), moved, k=3 if motion.n_frames > 3 else 1)
-    positions = motion.positions[:1] + spline(at)
-    return replace(motion, positions=positions, fps=fps, valid=motion.valid[left] & motion.valid[left + 1])
+    spline = make_interp_spline(np.arange(len(positions)), positions - positions[:1], k=3 if len(positions) > 3 else 1)
+    return positions[:1] + spline(at)
 
 
-def _old_frames(motion: Motion, fps: float) -> tuple[FloatArray, IntArray]:
-    """Fractional frames of `motion` that its frames at another rate are, and the frame at or before each."""
-    count = int(np.floor((motion.n_frames - 1) * fps / motion.fps + 1e-9)) + 1
+def _old_frames(n_frames: int, old_fps: float, fps: float) -> tuple[FloatArray, IntArray]:
+    """Fractional frames at the old rate that frames at another rate are, and the frame at or before each."""
+    count = int(np.floor((n_frames - 1) * fps / old_fps + 1e-9)) + 1
     if count < 2:
-        raise ValueError(f"a motion of {motion.duration:.3f} s has no two frames at {fps:g} fps")
-    at = np.minimum(np.arange(count) * (motion.fps / fps), motion.n_frames - 1)
-    return at, np.minimum(at.astype(np.int64), motion.n_frames - 2)
+        raise ValueError(f"a motion of {n_frames / old_fps:.3f} s has no two frames at {fps:g} fps")
+    at = np.minimum(np.arange(count) * (old_fps / fps), n_frames - 1)
+    return at, np.minimum(at.astype(np.int64), n_frames - 2)

@@ -153,12 +153,12 @@ def test_the_fit_of_a_dancer_who_stops_on_the_beat_is_high_and_half_a_beat_off_i
 
 
 def test_the_mean_is_weighted_by_strength():
-    fit = PatternFit(np.array([1.0, 0.0]), np.array([3.0, 1.0]), np.zeros(1), 0.5)
+    fit = PatternFit(track([1.0, 2.0], [3.0, 1.0]), np.array([1.0, 0.0]), np.zeros(1), 0.5)
     assert fit.mean == 0.75
 
 
 def test_a_fit_without_beats_has_mean_zero():
-    assert PatternFit(np.zeros(0), np.zeros(0), np.zeros(1), 0.5).mean == 0.0
+    assert PatternFit(track([]), np.zeros(0), np.zeros(1), 0.5).mean == 0.0
 
 
 @pytest.mark.parametrize("times", [[], [3.0]])

@@ -19,7 +19,7 @@ from filelock import FileLock
 from numpy.typing import NDArray
 
 from harmolab.beats.meter import accented_places, cycle_of_meter
-from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
+from harmolab.io.files import cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray
 
@@ -99,7 +99,7 @@ def beat_strengths(audio: Audio, times: FloatArray) -> FloatArray:
 
 def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
     """Envelope and beat frames, from the cache when they are there and sound."""
-    key = _key(audio, bounds) if cache_folder() else ""
+    key = _key(audio, bounds)
     stored = _sound(cached_arrays(key))
     if stored is None:
         stored = _analyse(audio, bounds)

@@ -11,11 +11,11 @@ from harmolab.kinematics import (
     joint_speed,
     peak_frames,
     refine_extrema,
-    resample_motion,
+    resample_positions,
     smooth,
     smooth_positions,
     turning_points,
-    upsample_motion,
+    upsample_positions,
     valley_frames,
 )
 from harmolab.params import HarmonyParams
@@ -46,18 +46,19 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
 
 def _motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, float]:
     """The curve of `motion_curve`, computed; read-only, since it is shared."""
+    positions, fps = motion.positions, motion.fps
     if params.fps is not None:
-        at_rate = resample_motion(motion, params.fps)
-    else:
-        at_rate = upsample_motion(motion, RATE) if params.subframe else motion
-    positions = smooth_positions(at_rate.positions, params.position_smoothing, at_rate.fps)
+        positions, fps = resample_positions(positions, fps, params.fps), params.fps
+    elif params.subframe:
+        positions, fps = upsample_positions(positions, fps, RATE), max(fps, RATE)
+    positions = smooth_positions(positions, params.position_smoothing, fps)
     if params.detector == "direction":
         curve = direction_spread(positions)
     else:
-        curve = joint_speed(positions, at_rate.fps, reading=params.speed)
-    curve = smooth(curve, params.smoothing, at_rate.fps)
+        curve = joint_speed(positions, fps, reading=params.speed)
+    curve = smooth(curve, params.smoothing, fps)
     curve.setflags(write=False)
-    return curve, at_rate.fps
+    return curve, fps
 
 
 def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTrack:

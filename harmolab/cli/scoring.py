@@ -57,13 +57,14 @@ def score(
     Example: `harmolab score song.mp3 dance.bvh --offset 12.4 --dance waltz --plot score.png`
     """
     from harmolab.corpora.files import load_clip
-    from harmolab.harmony import other_measures, score_clip
+    from harmolab.harmony import music_and_motion, other_measures, score_motion
 
     with common.plain_errors():
         modes = settings(mode, pattern, dance, lag, clock)
         with common.finding_beats():
             clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps)
-        scores = {name: score_clip(clip, params) for name, params in modes.items()}
+        music, movement = music_and_motion(clip, clock=clock)
+        scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
         measures = other_measures(clip, clock=clock) if others else {}
         if plot:
             from harmolab.lab.figures.scores import score_figure
@@ -97,8 +98,9 @@ def print_scores(scores: dict[str, HarmonyScore], measures: dict[str, float]) ->
     from rich.table import Table
 
     table = Table("", *scores, title="harmony of motion and music")
+    columns = [score.to_dict() for score in scores.values()]
     for name in ROWS:
-        table.add_row(name.replace("_", " "), *(show(getattr(score, name)) for score in scores.values()))
+        table.add_row(name.replace("_", " "), *(show(column[name]) for column in columns))
     table.add_section()
     for name, value in measures.items():
         table.add_row(name, show(value), *([""] * (len(scores) - 1)))

@@ -110,8 +110,9 @@ def load_clip(
         raise ValueError(f"{name}: {error}") from None
     if not track or annotated is not None:
         return clip
-    twice = is_video(song) and sample_rate != TRACKED_AT
-    tracked = load_sound(song) if twice else resampled(audio, TRACKED_AT)
+    if sample_rate == TRACKED_AT:
+        return replace(clip, beats=music_beats(clip))
+    tracked = load_sound(song) if is_video(song) else resampled(audio, TRACKED_AT)
     return replace(clip, beats=music_beats(replace(clip, audio=tracked)))
 
 

@@ -89,7 +89,8 @@ def load_audio(
             first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
             samples = _mono(sound, first, count)
             rate = sound.samplerate
-        return resampled(Audio(samples, rate), rate if sample_rate is None else sample_rate)
+        audio = Audio(samples, rate)
+        return audio if sample_rate in (None, rate) else resampled(audio, sample_rate)
 
 
 def _check_header(sound: soundfile.SoundFile, size: int) -> None:
