@@ -40,7 +40,7 @@ class Timing:
     Parameters
     ----------
     times, offsets : (M,) arrays, seconds
-        Of each visual beat: where it is, and how late after its place on the grid.
+        Of each visual beat: its time, and its lateness after its place on the grid.
     grid : int, places on one beat (2: beats and half beats)
     p_value : float
         Of the Rayleigh test that movements fall anywhere in the beat, times the number of clocks tried.
@@ -82,14 +82,10 @@ def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Tim
             # The middle of the clip lies within half a place of the grid; the clock's part is put back.
             best = length, grid, (rest + place) / grid + slopes[top] * (positions - centre)
     length, grid, lateness = best  # type: ignore[misc]  # GRIDS is not empty
-    p = min(1.0, n_clocks * len(GRIDS) * _rayleigh(length, times.size))
-    return Timing(visual.times, lateness * period, grid, p)
-
-
-def _rayleigh(length: float, count: int) -> float:
-    """p-value of the mean resultant length of `count` phases (Zar's approximation)."""
-    total = count * length
-    return float(np.exp(np.sqrt(1 + 4 * count + 4 * (count**2 - total**2)) - (1 + 2 * count)))
+    # Rayleigh's test, by Zar's approximation, for each clock and grid.
+    count, total = times.size, times.size * length
+    p = float(np.exp(np.sqrt(1 + 4 * count + 4 * (count**2 - total**2)) - (1 + 2 * count)))
+    return Timing(visual.times, lateness * period, grid, min(1.0, n_clocks * len(GRIDS) * p))
 
 
 def half_means(timing: Timing, duration: float) -> tuple[MeanOffset, ...]:

@@ -1,7 +1,7 @@
 """A given dance brought into harmony with music: small movements of the joints put its visual beats on the beat.
 
 The relaxed harmony of `harmolab.models.soft_harmony` is raised by gradient. Two things hold exactly, whatever the
-gradient wants: no joint moves further than it may, and every bone keeps the length it has in each frame.
+gradient asks for: no joint moves further than it may, and every bone keeps the length it has in each frame.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ RATE_OF_STEPS = 0.03  # of the reach: what Adam changes a knot by in one step, a
 DISTANCE_WEIGHT, JERK_WEIGHT, FOOT_WEIGHT = 1.0, 0.2, 0.5
 FOOT_HEIGHT = 0.05  # metres: a joint that comes as close as this to the lowest one of all is part of a foot
 SHARPNESS = 16  # exponent of the bound: the higher, the closer to the reach a joint may come
-LOOKS = 6  # times on the way that the hard score chooses the best movement so far
+LOOKS = 6  # times during the search that the hard score decides on the best motion so far
 
 
 def harmonise(
@@ -63,7 +63,7 @@ def harmonise(
 
     Returns
     -------
-    Motion; `motion` itself when there are no beats, when every beat is hit already, or when nothing better was found.
+    Motion; `motion` itself when there are no beats, when every beat is hit already, or when no better motion came up.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def harmonise(
         return motion
     body, splines = _Body.of(motion), _Splines.of(motion)
     best_motion, turns = motion, progress(range(steps), "harmonising")
-    for knots in _search(motion, music, reach=reach, params=params, turns=turns, steps=steps, seed=seed):
+    for knots in _search(motion, music, params, reach, turns, steps, seed):
         candidate = replace(motion, positions=body.moved(splines.at(knots), reach).numpy())
         score = _above_chance(candidate, music, params)
         if score > best:
@@ -155,17 +155,11 @@ class _Splines:
 
 
 def _search(
-    motion: Motion,
-    music: BeatTrack,
-    *,
-    reach: float,
-    params: HarmonyParams,
-    turns: Iterable[int],
-    steps: int,
-    seed: int,
+    motion: Motion, music: BeatTrack, params: HarmonyParams, reach: float, turns: Iterable[int], steps: int, seed: int
 ) -> Iterator[Tensor]:
     """Knots (K, J, D) after every sixth part of the steps."""
-    sparse = _every_nth(motion, max(1, int(motion.fps // RATE)))
+    stride = max(1, int(motion.fps // RATE))
+    sparse = Motion(motion.positions[::stride], motion.fps / stride, motion.skeleton, motion.valid[::stride])
     body, splines = _Body.of(sparse), _Splines.of(sparse)
     shape = (_Splines.of(motion).n_knots, *motion.positions.shape[1:])
     random = torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
@@ -200,17 +194,10 @@ def _feet(motion: Motion) -> list[int]:
     if motion.positions.shape[2] < 3:
         return []
     lowest = motion.positions[..., 1].min(axis=0)
-    return [int(joint) for joint in np.flatnonzero(lowest <= lowest.min() + FOOT_HEIGHT)]
+    return np.flatnonzero(lowest <= lowest.min() + FOOT_HEIGHT).tolist()
 
 
 def _above_chance(motion: Motion, music: BeatTrack, params: HarmonyParams) -> float:
-    """The hard score of a motion."""
+    """The hard score of a motion, above chance."""
     visual = visual_beats(motion, params=params)
     return score_harmony(music, visual, params=params, n_rotations=0).harmony_above_chance
-
-
-def _every_nth(motion: Motion, n: int) -> Motion:
-    """Every n-th frame of a motion."""
-    if n == 1:
-        return motion
-    return Motion(motion.positions[::n], motion.fps / n, motion.skeleton, motion.valid[::n])

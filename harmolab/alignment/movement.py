@@ -1,8 +1,8 @@
 """The offset of a motion in its music, from its movement: the audio time of its first frame.
 
-Dancers slow down on the beat. So the motion's speed curve is slid along the music, and how slow it is at the music's
+Dancers slow down on the beat. So the motion's speed curve is slid along the music, and its slowness at the music's
 beats, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
-this module says so instead of guessing.
+the result names these alternatives.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LEAST_OVERLAP = 0.5  # of the beats that the best placed motion covers
 ATTACK_FRAME = 0.001  # seconds
 ATTACK_SMOOTHING = 0.003  # seconds
 TRACKER_SPREAD = 0.006  # seconds, how far single tracked beats scatter about the attacks
-TRACKER_LAGS = (-0.08, 0.03)  # seconds, where the attacks are looked for around the tracked beats
+TRACKER_LAGS = (-0.08, 0.03)  # seconds, the range around the tracked beats that is searched for attacks
 OTHER_TEMPOS = np.concatenate([np.linspace(0.8, 0.93, 50), np.linspace(1.07, 1.25, 49)])
 NULL_STEP = 0.02  # seconds
 
@@ -77,7 +77,7 @@ def find_offset(
         tracker follows every second beat only, `period` is two beats.
     guess : float, seconds
     search : float, seconds
-        How far from the guess to look, to either side.
+        Largest distance from the guess, to either side.
     params : HarmonyParams, default ``HarmonyParams.recommended()``
         Its smoothing and its `lag` (how long after the beat dancers rest) are used.
 
@@ -108,7 +108,7 @@ def find_offset(
     period = float(np.polyfit(np.arange(beats.size), beats, 1)[0])
     seconds = _nearest_peak(lags, curve, period, guess)
     most = int(2 * search / period) + 1
-    others = seconds + period * np.array([beat for beat in range(-most, most + 1) if beat != 0])
+    others = seconds + period * np.delete(np.arange(-most, most + 1), most)
     inside = others[np.abs(others - guess) <= search + 1e-9]
     confidence = 1 - p_value(float(np.nanmax(curve)), _null(times, speed, beats, seconds, period))
     return Offset(seconds, period, tuple(inside.tolist()), confidence, lags, curve)
@@ -187,9 +187,9 @@ def attack_beats(audio: Audio, *, tempo: str | tuple[float, float] | None = None
     track = audio_beats(audio, tempo=tempo)
     if len(track) == 0:
         return track
-    moved = track.times + _lag_to_attacks(audio, track.times)
-    inside = track.select((moved >= 0) & (moved <= audio.duration))
-    return replace(inside, times=moved[(moved >= 0) & (moved <= audio.duration)])
+    attacks = track.times + _lag_to_attacks(audio, track.times)
+    inside = (attacks >= 0) & (attacks <= audio.duration)
+    return replace(track.select(inside), times=attacks[inside])
 
 
 def _lag_to_attacks(audio: Audio, beats: FloatArray) -> float:

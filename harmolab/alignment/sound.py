@@ -131,20 +131,14 @@ def _onsets(audio: Audio, name: str, highest: float) -> FloatArray:
     if loudest.max() <= 1e-12:
         raise ValueError(f"the {name} is silent")
     level = np.log(bands + FLOOR**2 * np.maximum(loudest, FLOOR**2 * loudest.max()))
-    rise = np.maximum(level[:, 2:] - level[:, :-2], 0.0)
-    rise = np.pad(rise, ((0, 0), (1, 1)))
-    return _even(rise)
+    rise = np.pad(np.maximum(level[:, 2:] - level[:, :-2], 0.0), ((0, 0), (1, 1)))
+    # Each band less its mean around each moment, in units of its spread.
+    width = round(LOCAL / HOP) | 1
+    rest = rise - fftconvolve(rise, np.full((1, width), 1 / width), mode="same", axes=1)
+    return np.asarray(rest / np.maximum(rest.std(axis=1, keepdims=True), 1e-9))
 
 
 def _inside(frequencies: FloatArray, low: float, high: float) -> NDArray[np.intp]:
     """Places of the frequencies in a band; the nearest one where none falls inside."""
     places = np.flatnonzero((frequencies >= low) & (frequencies < high))
     return places if places.size else np.array([np.abs(frequencies - np.sqrt(low * high)).argmin()])
-
-
-def _even(rise: FloatArray) -> FloatArray:
-    """Each band less its mean around each moment, in units of its spread."""
-    width = round(LOCAL / HOP) | 1
-    window = np.ones((1, width)) / width
-    rest = rise - fftconvolve(rise, window, mode="same", axes=1)
-    return np.asarray(rest / np.maximum(rest.std(axis=1, keepdims=True), 1e-9))

@@ -58,7 +58,7 @@ def beat_warp(
     slowest, fastest : float
         Bounds on the local speed, source seconds per target second.
     params : HarmonyParams, default ``HarmonyParams.valleys()``
-        ``reaction_delay`` is how far from its target a beat may end; ``lag`` is added to every target.
+        ``reaction_delay`` is the distance from its target at which a beat may end; ``lag`` is added to every target.
     method : "dp" or "lee2019"
         This warp, or for comparison `lee_warp`, to which the bounds mean nothing.
 
@@ -78,14 +78,13 @@ def beat_warp(
     if method == "lee2019":
         return lee_warp(visual, music, duration, phase=phase, params=params).scaled(strength)
     beats, targets, periods = _beats_and_targets(visual, music, duration, phase, params)
-    identity = TimeWarp.identity(duration)
     if beats.size == 0 or targets.size == 0:
-        return identity
+        return TimeWarp.identity(duration)
     candidates = candidate_matches(beats, targets, periods, duration, params.reaction_delay)
     path = best_path(candidates, min(1.0, slowest * (1 + SLACK)), max(1.0, fastest * (1 - SLACK)))
     warp = _bounded(_rounded(candidates.source[path], candidates.target[path]), slowest, fastest)
     if not _gains_enough(warp, beats, targets, params.reaction_delay):
-        return identity
+        return TimeWarp.identity(duration)
     return warp if strength == 1 else warp.scaled(strength)
 
 
@@ -127,7 +126,7 @@ def _check(phase: float, strength: float, slowest: float, fastest: float, tolera
 def _beats_and_targets(
     visual: BeatTrack, music: BeatTrack, duration: float, phase: float, params: HarmonyParams
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Visual beats (M,), where they should be (N,) and the beat periods there (N,), all strictly inside the clip."""
+    """Visual beats (M,), their targets (N,) and the beat periods there (N,), all strictly inside the clip."""
     beats, moves = salient_audio(music, params).times, salient_visual(visual, params).times
     periods = np.gradient(beats) if beats.size > 1 else np.full(beats.size, LONE_PERIOD)
     targets = beats + phase * periods + params.lag

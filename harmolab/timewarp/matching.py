@@ -27,7 +27,7 @@ class Candidates:
     Parameters
     ----------
     source, target : (K,) arrays, seconds
-    visual, music : (K,) int arrays, which beats; the ends have -1 and the number of beats
+    visual, music : (K,) int arrays, indices of the beats; the ends have -1 and the number of beats
     costs : (K,) array
     """
 
@@ -50,10 +50,9 @@ def candidate_matches(
     duration, tolerance : float, seconds
     """
     near = np.abs(visual[None] - targets[:, None]) <= REACH * periods[:, None]
-    music, beats = np.nonzero(near)
-    place = np.tile(RESIDUALS, music.size)
-    music, beats = np.repeat(music, RESIDUALS.size), np.repeat(beats, RESIDUALS.size)
-    target = targets[music] + place * tolerance
+    music, beats = np.repeat(np.nonzero(near), RESIDUALS.size, axis=1)
+    residuals = np.resize(RESIDUALS, music.size)
+    target = targets[music] + residuals * tolerance
     order = np.argsort(target, kind="stable")
     order = order[(target[order] > 0) & (target[order] < duration)]
     return Candidates(
@@ -61,7 +60,7 @@ def candidate_matches(
         np.concatenate([[0.0], target[order], [duration]]),
         np.concatenate([[-1], beats[order], [visual.size]]),
         np.concatenate([[-1], music[order], [targets.size]]),
-        np.concatenate([[0.0], place[order] ** 2, [0.0]]),
+        np.concatenate([[0.0], residuals[order] ** 2, [0.0]]),
     )
 
 
@@ -89,10 +88,8 @@ def _step_costs(candidates: Candidates, before: IntArray, here: int, slowest: fl
     """Cost of going from each earlier candidate straight to this one; infinite where a bound would break."""
     seconds = candidates.target[here] - candidates.target[before]
     source = candidates.source[here] - candidates.source[before]
-    visual, music = (
-        candidates.visual[here] - candidates.visual[before],
-        candidates.music[here] - candidates.music[before],
-    )
+    visual = candidates.visual[here] - candidates.visual[before]
+    music = candidates.music[here] - candidates.music[before]
     allowed = (visual > 0) & (music > 0) & (source >= slowest * seconds) & (source <= fastest * seconds) & (seconds > 0)
     speed = np.divide(source, seconds, out=np.ones_like(seconds), where=allowed)
     costs = MUSIC_SKIP * (music - 1) + VISUAL_SKIP * (visual - 1) + BEND * seconds * np.log(speed) ** 2

@@ -54,8 +54,8 @@ def retime(
     """The motion, slower here and faster there, so that its visual beats meet the music's.
 
     The first and the last frame stay. Bones that keep their lengths keep them to rounding (`motion_at`). At strength 1
-    a second run changes nothing: see `beat_warp` for what counts as in time. It can still find something where the
-    bounds stopped the first run in the middle of a bad stretch, since it has the whole bounds again.
+    a second run changes nothing: see `beat_warp` for the definition of in time. It can still bend a stretch where the
+    bounds stopped the first run half way, since it has the whole bounds again.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def retime(
         Music beats on the motion's own time line.
     strength, phase, slowest, fastest : float, see `beat_warp`
     params : HarmonyParams, default ``HarmonyParams.valleys()``
-        What a visual beat is, and the score before and after.
+        The definition of visual beats, and of the score before and after.
     method : "dp" or "lee2019", see `beat_warp`
 
     Returns
