@@ -33,7 +33,7 @@ class Answer:
     study, rater, trial : str
     choice : str, one of `trials.CHOICES`
     seconds : float or None, time that the rater took
-    time : str, when, as ISO 8601
+    time : str, moment of the answer, as ISO 8601
     simulated : bool
         True if no person gave the answer; then, and only then, the rater's name starts with "simulated-".
     """
@@ -65,7 +65,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Answers:
-    """Answers, and what was left out on the way, in words.
+    """Answers, and notes on the lines that were left out on the way.
 
     Parameters
     ----------
@@ -94,12 +94,12 @@ class Answers:
         ValueError
             If none are left, or "all" are of both kinds.
         """
-        left = [one for one in self.answers if raters == "all" or one.simulated == (raters == "simulated")]
-        if not left:
+        answers = [one for one in self.answers if raters == "all" or one.simulated == (raters == "simulated")]
+        if not answers:
             raise ValueError(f"there are no answers of {raters} raters")
-        if len({one.simulated for one in left}) > 1:
+        if len({one.simulated for one in answers}) > 1:
             raise ValueError("there are answers of people and of simulated raters; say --raters people or simulated")
-        return Answers(tuple(left), self.notes)
+        return Answers(tuple(answers), self.notes)
 
 
 class AnswerLog:
@@ -155,7 +155,7 @@ class AnswerLog:
 
     def read(self) -> Answers:
         """The answers so far; nothing if the file is not there yet."""
-        return read_answers(self.path) if self.path.exists() else Answers(())
+        return merge([self.path]) if self.path.exists() else Answers(())
 
     def resume(self, trials: TrialSet) -> tuple[Trial, ...]:
         """The trials that their rater has not answered yet, in order.
@@ -174,28 +174,20 @@ class AnswerLog:
         return tuple(trial for trial in trials.trials if trial.id not in done)
 
 
-def read_answers(path: PathLike) -> Answers:
-    """The answers in one file; half lines and second answers are left out and noted.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        Naming the file and the line, if it is missing or is not an answer file, or mixes studies.
-    """
-    return merge([path])
-
-
 def merge(paths: Sequence[PathLike]) -> Answers:
-    """The answers of several files as one; of two answers of a rater to a trial the first counts, and a note says so.
+    """The answers of all files; half lines are left out and noted.
+
+    Of two answers of a rater to a trial the first counts, and a note names the second.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        As `read_answers`; also if the files belong to different studies, or there are none.
+        Naming the file and the line, if a file is missing or is not an answer file, or the answers are of different
+        studies; also if there are no files.
     """
     if not paths:
         raise ValueError("no answer files given")
-    kept: dict[tuple[str, str], Answer] = {}
+    answers: dict[tuple[str, str], Answer] = {}
     notes: list[str] = []
     study: tuple[str, PathLike] | None = None
     for path in paths:
@@ -206,13 +198,11 @@ def merge(paths: Sequence[PathLike]) -> Answers:
                     f"{path}: line {number} is of study {answer.study}, but {study[1]} is of study {study[0]}; "
                     "analyse each study alone"
                 )
-            if (answer.rater, answer.trial) in kept:
-                notes.append(
-                    f"{path}: line {number}: {answer.rater} had answered trial {answer.trial} before; left out"
-                )
-            else:
-                kept[answer.rater, answer.trial] = answer
-    return Answers(tuple(kept.values()), tuple(notes))
+            first = answers.setdefault((answer.rater, answer.trial), answer)
+            if first is not answer:
+                repeated = f"{answer.rater} had answered trial {answer.trial} before"
+                notes.append(f"{path}: line {number}: {repeated}; left out")
+    return Answers(tuple(answers.values()), tuple(notes))
 
 
 def _lines(path: PathLike, notes: list[str]) -> Iterator[tuple[int, Answer]]:
@@ -220,15 +210,12 @@ def _lines(path: PathLike, notes: list[str]) -> Iterator[tuple[int, Answer]]:
     if Path(path).is_file() and Path(path).stat().st_size == 0:
         return  # killed before the first line
     with reading(path, "an answer file", max_bytes=MAX_TEXT_BYTES) as file:
-        rows = file.read_bytes().split(b"\n")
-        whole = []
-        for number, row in enumerate(rows, 1):
+        for number, row in enumerate(file.read_bytes().split(b"\n"), 1):
             answer = _parsed(row, number) if row else None
             if answer is not None:
-                whole.append((number, answer))
+                yield number, answer
             elif row:
                 notes.append(f"{path}: line {number} was cut off while it was written; left out")
-    yield from whole
 
 
 def _parsed(row: bytes, number: int) -> Answer | None:
