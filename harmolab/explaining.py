@@ -51,6 +51,38 @@ class Timing:
     grid: int
     p_value: float
 
+    def half_means(self, duration: float) -> tuple[MeanOffset, ...]:
+        """Mean offsets of the first and of the second half; those with fewer than three movements are left out."""
+        halves = []
+        for start, end in ((0.0, duration / 2), (duration / 2, duration)):
+            inside = (self.times >= start) & (self.times < end)
+            if inside.sum() >= 3:
+                mean, low, high = mean_interval(self.offsets[inside])
+                halves.append(MeanOffset(start, end, mean, (low, high)))
+        return tuple(halves)
+
+    def half_difference(self, duration: float) -> tuple[float, Interval]:
+        """Seconds by which the second half is later than the first, and the 95 % interval (Welch)."""
+        second = self.times >= duration / 2
+        early, late = self.offsets[~second], self.offsets[second]
+        spread = float(np.hypot(early.std(ddof=1) / np.sqrt(early.size), late.std(ddof=1) / np.sqrt(late.size)))
+        reach = float(stats.t.ppf(0.975, min(early.size, late.size) - 1)) * spread
+        change = float(late.mean() - early.mean())
+        return change, (change - reach, change + reach)
+
+    def drift(self) -> tuple[float, Interval]:
+        """Seconds later in each second, by least squares, with Student's interval."""
+        line = stats.linregress(self.times, self.offsets)
+        reach = float(stats.t.ppf(0.975, self.times.size - 2) * line.stderr)
+        return float(line.slope), (float(line.slope) - reach, float(line.slope) + reach)
+
+    def is_line(self, duration: float) -> bool:
+        """True where a straight line leaves a tenth less of the offsets unexplained than a step in the middle."""
+        second = self.times >= duration / 2
+        step = np.where(second, self.offsets[second].mean(), self.offsets[~second].mean())
+        line = np.polyval(np.polyfit(self.times, self.offsets, 1), self.times)
+        return bool(np.square(self.offsets - line).sum() < LINE_SHARE * np.square(self.offsets - step).sum())
+
 
 def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Timing:
     """Offset of each visual beat from the grid of beats, or of half beats, that the dancer keeps.
@@ -88,42 +120,6 @@ def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Tim
     return Timing(visual.times, lateness * period, grid, min(1.0, n_clocks * len(GRIDS) * p))
 
 
-def half_means(timing: Timing, duration: float) -> tuple[MeanOffset, ...]:
-    """Mean offsets of the first and of the second half; those with fewer than three movements are left out."""
-    halves = []
-    for start, end in ((0.0, duration / 2), (duration / 2, duration)):
-        inside = (timing.times >= start) & (timing.times < end)
-        if inside.sum() >= 3:
-            mean, low, high = mean_interval(timing.offsets[inside])
-            halves.append(MeanOffset(start, end, mean, (low, high)))
-    return tuple(halves)
-
-
 def is_clear(value: float, interval: Interval) -> bool:
     """True where an interval excludes zero, and the value is large enough to notice."""
     return (interval[0] > 0 or interval[1] < 0) and abs(value) >= SMALLEST
-
-
-def half_difference(timing: Timing, duration: float) -> tuple[float, Interval]:
-    """Seconds by which the second half is later than the first, and the 95 % interval (Welch)."""
-    second = timing.times >= duration / 2
-    early, late = timing.offsets[~second], timing.offsets[second]
-    spread = float(np.hypot(early.std(ddof=1) / np.sqrt(early.size), late.std(ddof=1) / np.sqrt(late.size)))
-    reach = float(stats.t.ppf(0.975, min(early.size, late.size) - 1)) * spread
-    change = float(late.mean() - early.mean())
-    return change, (change - reach, change + reach)
-
-
-def drift(timing: Timing) -> tuple[float, Interval]:
-    """Seconds later in each second, by least squares, with Student's interval."""
-    line = stats.linregress(timing.times, timing.offsets)
-    reach = float(stats.t.ppf(0.975, timing.times.size - 2) * line.stderr)
-    return float(line.slope), (float(line.slope) - reach, float(line.slope) + reach)
-
-
-def line_fits_better(timing: Timing, duration: float) -> bool:
-    """True where a straight line leaves a tenth less of the offsets unexplained than a step in the middle."""
-    second = timing.times >= duration / 2
-    step = np.where(second, timing.offsets[second].mean(), timing.offsets[~second].mean())
-    line = np.polyval(np.polyfit(timing.times, timing.offsets, 1), timing.times)
-    return bool(np.square(timing.offsets - line).sum() < LINE_SHARE * np.square(timing.offsets - step).sum())

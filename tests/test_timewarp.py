@@ -12,7 +12,7 @@ from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.timewarp import TimeWarp, beat_warp, lee_warp, retime, warp_video
-from harmolab.timewarp.beats import METHODS
+from harmolab.timewarp.matching import METHODS
 from harmolab.timewarp.retime import motion_at, warped_frames
 from harmolab.types import BeatTrack, Motion, Skeleton
 from tests.builders import bone_lengths, track

@@ -4,8 +4,7 @@ The movement gives it modulo the beat (`find_offset`); the sound that a camera r
 (`find_sound_offset`). `picture_motion` makes a video into something that the first can read.
 """
 
-from harmolab.alignment.movement import Offset, attack_beats, find_offset, rest_at_beats
-from harmolab.alignment.pictures import picture_motion
+from harmolab.alignment.movement import Offset, attack_beats, find_offset, picture_motion, rest_at_beats
 from harmolab.alignment.sound import SoundOffset, find_sound_offset
 
 __all__ = [

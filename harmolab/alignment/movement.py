@@ -3,20 +3,29 @@
 Dancers slow down on the beat. So the motion's speed curve is slid along the music, and its slowness at the music's
 beats, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
 the result names these alternatives.
+
+A video becomes a motion first: one point that travels as fast as the picture moves, all pixels together. What reads
+joint speed (visual beats, the score by a bar pattern, the offset) reads a video in the same way: its beats are the
+moments of rest, as those of a skeleton are, and not the impacts that `harmolab.beats.flow.flow_beats` marks a tenth of
+a second before them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harmolab.beats.audio import audio_beats
+from harmolab.beats.flow import LAG, flow_directograms
+from harmolab.io.files import Progress, silent
 from harmolab.kinematics import refine_extrema, smooth
 from harmolab.params import HarmonyParams
 from harmolab.pattern import normalised_speed
 from harmolab.significance import p_value
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion, Skeleton
 
 STEP = 0.005  # seconds, between the lags that are tried
 FEWEST_BEATS = 4  # of the music inside the motion
@@ -27,6 +36,7 @@ TRACKER_SPREAD = 0.006  # seconds, how far single tracked beats scatter about th
 TRACKER_LAGS = (-0.08, 0.03)  # seconds, the range around the tracked beats that is searched for attacks
 OTHER_TEMPOS = np.concatenate([np.linspace(0.8, 0.93, 50), np.linspace(1.07, 1.25, 49)])
 NULL_STEP = 0.02  # seconds
+PICTURE = Skeleton(("picture",), (-1,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,3 +217,34 @@ def _lag_to_attacks(audio: Audio, beats: FloatArray) -> float:
     lags = np.arange(TRACKER_LAGS[0], TRACKER_LAGS[1], ATTACK_FRAME)
     mean = np.interp(beats[None, :] + lags[:, None], np.arange(1, count) / rate, rise).mean(axis=1)
     return float(lags[smooth(mean, TRACKER_SPREAD, 1 / ATTACK_FRAME).argmax()]) if mean.any() else 0.0
+
+
+def picture_motion(
+    frames: Iterable[NDArray[np.uint8]], fps: float, *, lag: float = LAG, progress: Progress = silent
+) -> Motion:
+    """The movement of a whole picture, as a point on a line.
+
+    Everything in the picture counts, so the camera has to stand still.
+
+    Parameters
+    ----------
+    frames, fps, lag, progress : see `harmolab.beats.flow.flow_directograms`
+
+    Returns
+    -------
+    Motion of one joint, 2-D, frame i at i / fps seconds. Its unit is mean picture heights; its direction says nothing.
+
+    Raises
+    ------
+    ValueError
+        For frames that are none, an fps or a lag that cannot be, or fewer than three lags of video.
+    """
+    speed = flow_directograms(frames, fps, lag=lag, progress=progress).sum(axis=1)
+    lag_frames = max(1, round(lag * fps))
+    if speed.size <= 3 * lag_frames:
+        raise ValueError(f"a video of {speed.size} frames is too short to find movement in")
+    # Row t was measured from t - lag to t and belongs half way between; step t of the way goes from frame t - 1 to t.
+    steps = np.arange(1, speed.size)
+    middles = np.arange(lag_frames, speed.size) - lag_frames / 2
+    way = np.concatenate([[0.0], np.cumsum(np.interp(steps - 0.5, middles, speed[lag_frames:]))]) / fps
+    return Motion(np.stack([way, np.zeros_like(way)], axis=1)[:, None, :], fps, PICTURE)

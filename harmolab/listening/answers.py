@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from filelock import FileLock
 
@@ -54,7 +53,8 @@ class Answer:
             raise ValueError("an answer needs a study, a rater and a trial")
         if self.choice not in {choice for pair in CHOICES.values() for choice in pair}:
             raise ValueError(f"choice must be one of {[*CHOICES['pick'], *CHOICES['choice']]}, got {self.choice!r:.60}")
-        if self.seconds is not None and not _is_duration(self.seconds):
+        is_number = isinstance(self.seconds, int | float) and not isinstance(self.seconds, bool)
+        if self.seconds is not None and not (is_number and 0 <= self.seconds < float("inf")):
             raise ValueError(f"seconds must be zero or more, got {self.seconds!r:.60}")
         if not isinstance(self.simulated, bool) or self.simulated != self.rater.startswith(SIMULATED):
             raise ValueError(
@@ -127,12 +127,13 @@ class AnswerLog:
         # ASCII alone, so that a line that was cut off anywhere is still text.
         line = json.dumps(asdict(answer), ensure_ascii=True).encode() + b"\n"
         with FileLock(f"{self.path}.lock", timeout=LOCK_SECONDS):
-            new = not self.path.exists()
-            with self.path.open("ab+") as file:
-                file.write((b"\n" if _ends_in_a_half_line(file) else b"") + line)
+            content = self.path.read_bytes() if self.path.exists() else b""
+            half_line = content != b"" and not content.endswith(b"\n")
+            with self.path.open("ab") as file:
+                file.write(b"\n" + line if half_line else line)
                 file.flush()
                 os.fsync(file.fileno())
-            if new:
+            if not content:
                 _sync_folder(self.path.parent)
 
     def record(self, trials: TrialSet, trial: str, choice: str, *, seconds: float | None = None) -> Answer:
@@ -233,17 +234,6 @@ def _parsed(row: bytes, number: int) -> Answer | None:
         return Answer(**content)
     except ValueError as error:
         raise ValueError(f"line {number}: {error}") from None
-
-
-def _is_duration(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf")
-
-
-def _ends_in_a_half_line(file: Any) -> bool:
-    if file.seek(0, os.SEEK_END) == 0:
-        return False
-    file.seek(-1, os.SEEK_END)
-    return bool(file.read(1) != b"\n")
 
 
 def _sync_folder(folder: Path) -> None:

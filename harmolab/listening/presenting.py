@@ -111,10 +111,6 @@ class StudyServer:
         finally:
             self.stop()
 
-    def page(self) -> str:
-        """The page that the rater sees now."""
-        return self.turn()[1]
-
     def turn(self) -> tuple[tuple[Trial, ...], str]:
         """The trials without an answer, and the page that asks the first of them."""
         self._since = time.monotonic()
@@ -122,7 +118,7 @@ class StudyServer:
         return waiting, trial_page(self._trials, waiting, self._show, action=self.address)
 
     def _repr_html_(self) -> str:
-        return framed(self.page(), title=TITLE, height=FRAME_HEIGHT)
+        return framed(self.turn()[1], title=TITLE, height=FRAME_HEIGHT)
 
     def answer(self, trial: str, choice: str) -> None:
         """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""

@@ -1,4 +1,4 @@
-"""Balanced, seeded, blind trials: what a rater is asked, and apart from it the key that says what was asked.
+"""Balanced, seeded, blind trials: the questions of a rater, and apart from them the key that holds the truth.
 
 Two kinds, after the paper's two studies. "pick" (Fig. 8): one clip at a time, with its own or with wrong music; is it
 harmonious? "choice" (Fig. 13): two dances to the same music side by side; which one fits better?
@@ -36,7 +36,7 @@ class Item:
     name : str
     versions : mapping from condition or model to source
         For "pick" the condition "true" and one or more wrong ones, such as ``{"true": ..., "lagged": ...}``; for
-        "choice" the models. A source is whatever text leads the caller to what is shown: a file, a clip's name.
+        "choice" the models. A source is a text that leads the caller to the stimulus: a file, a clip's name.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Trial:
-    """One question as the rater's side sees it: ids that say nothing.
+    """One question for the rater's side: ids without meaning.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class KeyEntry:
     ----------
     item : str, name of the clip or the music
     versions : tuple of str; the condition, or the models on the left and on the right
-    sources : tuple of str, what to show, in the same order
+    sources : tuple of str, of the stimuli, in the same order
     right : str or None, the right answer; None if there is none, as between two models
     """
 
@@ -164,8 +164,8 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
         "pick": half of the trials are true, the other half is shared equally by the wrong conditions, and no clip comes
         twice. "choice": every pair of versions comes equally often, each of the two equally often on the left.
     n : int, number of trials; the balance has to come out even
-    seed : int, decides what is asked; who knows it and the items can work out the answers
-    rater : str, decides in which order
+    seed : int, of the choice of trials; with it and the items the answers can be worked out
+    rater : str, decides the order
     truth : str, the version that is right; models have none, and then no answer is wrong
 
     Raises
@@ -180,9 +180,8 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
     4
     """
     key = make_key(items, kind=kind, n=n, seed=seed, truth=truth)
-    ids = _random_ids(len(key.trials) * (1 + _n_shown(kind)), seed, 1)[len(key.trials) :]
-    shown = [tuple(ids[start :: len(key.trials)]) for start in range(len(key.trials))]
-    trials = [Trial(name, stimuli) for name, stimuli in zip(key.trials, shown, strict=True)]
+    ids = _random_ids(n * (1 + _n_shown(kind)), seed)[n:]
+    trials = [Trial(name, tuple(ids[place::n])) for place, name in enumerate(key.trials)]
     return TrialSet(key.study, kind, rater, tuple(trials)).ordered_for(rater)
 
 
@@ -191,12 +190,10 @@ def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str
     _check_kind(kind)
     versions = _common_versions(items)
     rng = _rng(seed, 0)
-    plan = (
-        _plan_pick(items, versions, n, truth, rng) if kind == "pick" else _plan_choice(items, versions, n, truth, rng)
-    )
+    plan = (_plan_pick if kind == "pick" else _plan_choice)(items, versions, n, truth, rng)
     entries = [plan[place] for place in rng.permutation(n)]
     study = hashlib.sha256(json.dumps([kind, seed, [asdict(one) for one in entries]]).encode()).hexdigest()[:12]
-    return Key(study, kind, dict(zip(_random_ids(n, seed, 1), entries, strict=True)))
+    return Key(study, kind, dict(zip(_random_ids(n, seed), entries, strict=True)))
 
 
 def _plan_pick(
@@ -263,9 +260,9 @@ def _rng(seed: int, *stream: int) -> np.random.Generator:
     return np.random.default_rng([int(seed), *stream])
 
 
-def _random_ids(count: int, seed: int, stream: int) -> list[str]:
+def _random_ids(count: int, seed: int) -> list[str]:
     """Ids that follow from the seed alone: a longer list starts like a shorter one."""
-    rng = _rng(seed, stream)
+    rng = _rng(seed, 1)
     return [rng.bytes(6).hex() for _ in range(count)]
 
 

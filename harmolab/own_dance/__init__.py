@@ -12,11 +12,4 @@ from harmolab.own_dance.recording import (
     place_performance,
 )
 
-__all__ = [
-    "OwnDance",
-    "Performance",
-    "Placement",
-    "explain_performance",
-    "load_performance",
-    "place_performance",
-]
+__all__ = ["OwnDance", "Performance", "Placement", "explain_performance", "load_performance", "place_performance"]

@@ -10,18 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harmolab.explaining import (
-    SMALLEST,
-    Interval,
-    MeanOffset,
-    Timing,
-    beat_timing,
-    drift,
-    half_difference,
-    half_means,
-    is_clear,
-    line_fits_better,
-)
+from harmolab.explaining import SMALLEST, Interval, MeanOffset, Timing, beat_timing, is_clear
 from harmolab.harmony import chance_level
 from harmolab.pattern import beat_positions
 from harmolab.significance import mean_interval, wilson_interval
@@ -131,7 +120,7 @@ def explain_timing(score: HarmonyScore) -> Explanation:
     timing = beat_timing(music, visual, lag=score.params.lag)
     if timing.p_value > LOCKED:
         return Explanation((*findings, Finding("locked", timing.p_value)))
-    halves = half_means(timing, duration)
+    halves = timing.half_means(duration)
     return Explanation((*findings, _early_or_late(timing, halves, duration)), halves)
 
 
@@ -151,13 +140,13 @@ def _rate(music: BeatTrack, visual: BeatTrack) -> Finding:
 
 def _early_or_late(timing: Timing, halves: tuple[MeanOffset, ...], duration: float) -> Finding:
     """The drift, else the change between the halves, else one mean for all."""
-    change, interval = half_difference(timing, duration) if len(halves) == 2 else (0.0, NOTHING)
+    change, interval = timing.half_difference(duration) if len(halves) == 2 else (0.0, NOTHING)
     if not is_clear(change, interval):
         mean, low, high = mean_interval(timing.offsets)
         return Finding("mean", mean, (low, high))
-    slope, (low, high) = drift(timing)
+    slope, (low, high) = timing.drift()
     length = float(np.ptp(timing.times))
-    if is_clear(slope * length, (low * length, high * length)) and line_fits_better(timing, duration):
+    if is_clear(slope * length, (low * length, high * length)) and timing.is_line(duration):
         return Finding("drift", slope, (low, high), halves=halves)
     return Finding("change", change, interval, halves=halves)
 
@@ -269,8 +258,8 @@ def _drift_sentence(finding: Finding) -> str:
 
 
 def _drift_summary(finding: Finding) -> str:
-    drift = f"{abs(finding.value) * 10_000:.0f} ms every ten seconds"
-    return f"You fall behind by {drift}" if finding.value > 0 else f"You run ahead by {drift}"
+    course = "fall behind" if finding.value > 0 else "run ahead"
+    return f"You {course} by {abs(finding.value) * 10_000:.0f} ms every ten seconds"
 
 
 _SENTENCES = {

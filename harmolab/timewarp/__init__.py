@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from harmolab.timewarp.beats import beat_warp, lee_warp
+from harmolab.timewarp.matching import beat_warp, lee_warp
 from harmolab.timewarp.retime import Retimed, retime, warp_video
 from harmolab.timewarp.warps import TimeWarp
 

@@ -15,7 +15,7 @@ from harmolab.io.files import PathLike
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.skeletons import tree_order
-from harmolab.timewarp.beats import Method, beat_warp
+from harmolab.timewarp.matching import Method, beat_warp
 from harmolab.timewarp.warps import TimeWarp
 from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
 
