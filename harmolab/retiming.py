@@ -143,11 +143,6 @@ class _Splines:
         weights = [(1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, -3 * x**3 + 3 * x**2 + 3 * x + 1, x**3]
         return cls(first.long(), torch.stack(weights, dim=1) / 6)
 
-    @property
-    def n_knots(self) -> int:
-        """Number of knots that the frames need."""
-        return int(self.first[-1]) + 4
-
     def at(self, knots: Tensor) -> Tensor:
         """(T, J, D) values at the frames, of knots (K, J, D)."""
         parts = [knots[self.first + place] * self.weights[:, place, None, None] for place in range(4)]
@@ -161,7 +156,7 @@ def _search(
     stride = max(1, int(motion.fps // RATE))
     sparse = Motion(motion.positions[::stride], motion.fps / stride, motion.skeleton, motion.valid[::stride])
     body, splines = _Body.of(sparse), _Splines.of(sparse)
-    shape = (_Splines.of(motion).n_knots, *motion.positions.shape[1:])
+    shape = (int(_Splines.of(motion).first[-1]) + 4, *motion.positions.shape[1:])
     random = torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     knots = (FIRST_MOVE * reach * random).requires_grad_()
     adam = torch.optim.Adam([knots], lr=RATE_OF_STEPS * reach)

@@ -219,16 +219,14 @@ def _lag_to_attacks(audio: Audio, beats: FloatArray) -> float:
     return float(lags[smooth(mean, TRACKER_SPREAD, 1 / ATTACK_FRAME).argmax()]) if mean.any() else 0.0
 
 
-def picture_motion(
-    frames: Iterable[NDArray[np.uint8]], fps: float, *, lag: float = LAG, progress: Progress = silent
-) -> Motion:
+def picture_motion(frames: Iterable[NDArray[np.uint8]], fps: float, *, progress: Progress = silent) -> Motion:
     """The movement of a whole picture, as a point on a line.
 
     Everything in the picture counts, so the camera has to stand still.
 
     Parameters
     ----------
-    frames, fps, lag, progress : see `harmolab.beats.flow.flow_directograms`
+    frames, fps, progress : see `harmolab.beats.flow.flow_directograms`
 
     Returns
     -------
@@ -237,10 +235,10 @@ def picture_motion(
     Raises
     ------
     ValueError
-        For frames that are none, an fps or a lag that cannot be, or fewer than three lags of video.
+        For frames that are none, an fps that cannot be, or less video than three times the flow's lag.
     """
-    speed = flow_directograms(frames, fps, lag=lag, progress=progress).sum(axis=1)
-    lag_frames = max(1, round(lag * fps))
+    speed = flow_directograms(frames, fps, progress=progress).sum(axis=1)
+    lag_frames = max(1, round(LAG * fps))
     if speed.size <= 3 * lag_frames:
         raise ValueError(f"a video of {speed.size} frames is too short to find movement in")
     # Row t was measured from t - lag to t and belongs half way between; step t of the way goes from frame t - 1 to t.

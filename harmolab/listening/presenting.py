@@ -137,9 +137,14 @@ class _Handler(BaseHTTPRequestHandler):
         self.study = study
         super().__init__(*args)  # answers the request
 
+    def parse_request(self) -> bool:
+        """True for a request to the study's own address; any other is answered here."""
+        is_request = super().parse_request()
+        if is_request and self.path != self.study.path:
+            self._reply(HTTPStatus.NOT_FOUND, _page(text="There is nothing here."))
+        return is_request and self.path == self.study.path
+
     def do_GET(self) -> None:
-        if not self._is_ours():
-            return
         try:
             waiting, page = self.study.turn()
         except ValueError as error:  # a damaged file of answers or pages
@@ -150,8 +155,6 @@ class _Handler(BaseHTTPRequestHandler):
             self.study.finished.set()
 
     def do_POST(self) -> None:
-        if not self._is_ours():
-            return
         try:
             form = self._form()
             self.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
@@ -165,12 +168,6 @@ class _Handler(BaseHTTPRequestHandler):
         if not re.fullmatch("[0-9]{1,9}", length) or int(length) > MOST_BYTES:
             raise ValueError(f"an answer has at most {MOST_BYTES} bytes")
         return parse_qs(self.rfile.read(int(length)).decode("utf-8", "replace"))
-
-    def _is_ours(self) -> bool:
-        if self.path == self.study.path:
-            return True
-        self._reply(HTTPStatus.NOT_FOUND, _page(text="There is nothing here."))
-        return False
 
     def _reply(self, status: HTTPStatus, text: str, **headers: str) -> None:
         """Sends the page; a rater who has closed it before it has come is no fault."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
@@ -81,14 +82,14 @@ class TrialSet:
     trials: tuple[Trial, ...]
 
     def __post_init__(self) -> None:
-        _check_kind(self.kind)
+        n_stimuli = _n_stimuli(self.kind)
         _check_ids(self.study, *(name for trial in self.trials for name in (trial.id, *trial.stimuli)))
         if not self.rater or not self.rater.isprintable() or len(self.rater) > 100:
             raise ValueError(f"a rater needs a name of 1 to 100 printable characters, got {self.rater!r:.120}")
         if not self.trials or len({trial.id for trial in self.trials}) != len(self.trials):
             raise ValueError("a study needs one or more trials, each with an id of its own")
-        if any(len(trial.stimuli) != _n_shown(self.kind) for trial in self.trials):
-            raise ValueError(f"every trial of a {self.kind!r} study must have {_n_shown(self.kind)} stimuli")
+        if any(len(trial.stimuli) != n_stimuli for trial in self.trials):
+            raise ValueError(f"every trial of a {self.kind!r} study must have {n_stimuli} stimuli")
 
     def __len__(self) -> int:
         return len(self.trials)
@@ -144,11 +145,11 @@ class Key:
     trials: Mapping[str, KeyEntry]
 
     def __post_init__(self) -> None:
-        _check_kind(self.kind)
+        n_stimuli = _n_stimuli(self.kind)
         _check_ids(self.study, *self.trials)
         for name, entry in self.trials.items():
-            if not len(entry.versions) == len(entry.sources) == _n_shown(self.kind):
-                raise ValueError(f"trial {name} must have {_n_shown(self.kind)} versions and sources")
+            if not len(entry.versions) == len(entry.sources) == n_stimuli:
+                raise ValueError(f"trial {name} must have {n_stimuli} versions and sources")
             if entry.right not in (None, *CHOICES[self.kind]):
                 raise ValueError(f"trial {name}: right answer must be in {CHOICES[self.kind]}, got {entry.right!r}")
         object.__setattr__(self, "trials", MappingProxyType(dict(self.trials)))
@@ -180,14 +181,14 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
     4
     """
     key = make_key(items, kind=kind, n=n, seed=seed, truth=truth)
-    ids = _random_ids(n * (1 + _n_shown(kind)), seed)[n:]
+    ids = _random_ids(n * (1 + _n_stimuli(kind)), seed)[n:]
     trials = [Trial(name, tuple(ids[place::n])) for place, name in enumerate(key.trials)]
     return TrialSet(key.study, kind, rater, tuple(trials)).ordered_for(rater)
 
 
 def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str = "true") -> Key:
     """The key to the trials of `make_trials` with the same arguments."""
-    _check_kind(kind)
+    _n_stimuli(kind)  # checks the kind
     versions = _common_versions(items)
     rng = _rng(seed, 0)
     plan = (_plan_pick if kind == "pick" else _plan_choice)(items, versions, n, truth, rng)
@@ -248,9 +249,9 @@ def _common_versions(items: Sequence[Item]) -> tuple[str, ...]:
     names = [item.name for item in items]
     sources = [source for item in items for source in item.versions.values()]
     for texts, what in ((names, "name"), (sources, "source")):
-        if len(set(texts)) != len(texts):
-            twice = next(text for text in texts if texts.count(text) > 1)
-            raise ValueError(f"the {what} {twice!r} comes twice; each must be of its own")
+        text, count = Counter(texts).most_common(1)[0]
+        if count > 1:
+            raise ValueError(f"the {what} {text!r} comes twice; each must be of its own")
     return versions
 
 
@@ -266,13 +267,11 @@ def _random_ids(count: int, seed: int) -> list[str]:
     return [rng.bytes(6).hex() for _ in range(count)]
 
 
-def _n_shown(kind: str) -> int:
-    return 1 if kind == "pick" else 2
-
-
-def _check_kind(kind: object) -> None:
+def _n_stimuli(kind: object) -> int:
+    """Number of stimuli in a trial; ValueError for a kind that is neither."""
     if kind not in ("pick", "choice"):
         raise ValueError(f"kind must be 'pick' or 'choice', got {kind!r:.60}")
+    return 1 if kind == "pick" else 2
 
 
 def _check_ids(*ids: object) -> None:

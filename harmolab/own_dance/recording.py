@@ -101,12 +101,7 @@ class Placement:
 
 
 def load_performance(
-    path: PathLike,
-    *,
-    fps: float | None = None,
-    joints: Sequence[str] | None = None,
-    height: int = HEIGHT,
-    progress: Progress = silent,
+    path: PathLike, *, fps: float | None = None, joints: Sequence[str] | None = None, progress: Progress = silent
 ) -> Performance:
     """A motion file, a folder, or a video (by its suffix) with its sound.
 
@@ -114,7 +109,6 @@ def load_performance(
     ----------
     path : str or path
     fps, joints : see `harmolab.io.motion.load_motion`; not for a video
-    height : int, pixels that a video is made smaller to
     progress : function(iterable, label) -> iterable
 
     Raises
@@ -124,7 +118,7 @@ def load_performance(
     """
     path = Path(path)
     if is_video(path):
-        frames = video_frames(path, height=height)
+        frames = video_frames(path, height=HEIGHT)
         try:
             motion = picture_motion(frames, frames.fps, progress=progress)
         except ValueError as error:
