@@ -93,7 +93,7 @@ def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Tim
     Parameters
     ----------
     music, visual : BeatTrack on one time line, two and one beats at least
-    lag : float, seconds, how late a movement is expected
+    lag : float, seconds, expected delay of a movement
     """
     times = visual.times - lag
     positions = beat_positions(times, music) - (0 if music.bar_places is None else music.bar_places[0])

@@ -47,7 +47,7 @@ PAPER = {
 
 @dataclass(frozen=True)
 class NotebookRun:
-    """One executed notebook. `error` is empty if it ran to its end, else says which cell failed and how."""
+    """One executed notebook. `error` is empty if it ran to its end, else the cell that failed and its fault."""
 
     path: Path
     node: nbformat.NotebookNode
@@ -104,7 +104,7 @@ def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[st
 
 
 def _table(path: Path) -> tuple[list[str], list[list[str]], int]:
-    """(column names, the first rows, how many more there are) of a CSV file."""
+    """(column names, the first rows, number of the other rows) of a CSV file."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = list(csv.reader(file)) or [[]]
     return header, rows[:TABLE_ROWS], max(0, len(rows) - TABLE_ROWS)
@@ -157,7 +157,7 @@ def _mathml(tex: str, display: str) -> str:
     # The converter reads the outer environments only, and draws the inner ones' alignment marks as letters.
     outer = re.sub(r"(begin|end)\{(?:aligned|alignedat|gathered|split)\}", r"\1{align*}", tex.strip())
     try:
-        drawn: str = latex_to_mathml(outer, display=display)
+        mathml: str = latex_to_mathml(outer, display=display)
     except Exception:  # noqa: BLE001  # after any fault of the converter the reader still gets the equation
         return f"<code>{html.escape(tex)}</code>"
-    return drawn.replace("<math ", f'<math alttext="{html.escape(tex.strip())}" ', 1)
+    return mathml.replace("<math ", f'<math alttext="{html.escape(tex.strip())}" ', 1)

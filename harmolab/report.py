@@ -78,13 +78,13 @@ def build(
         raise ValueError(f"{out} holds files that are no report of ours; name an empty or new folder")
     out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_folder(out) as part:
-        drawn = part / "figures"
-        drawn.mkdir()
-        variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(drawn)}
+        pictures = part / "figures"
+        pictures.mkdir()
+        variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(pictures)}
         runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress))
         write_pages(part, runs, profile)
         if figures is not None and not any(run.error for run in runs):
-            _publish(drawn, Path(figures))
+            _publish(pictures, Path(figures))
     return Report(index, tuple(runs))
 
 
@@ -145,14 +145,14 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
     return NotebookRun(path, node, time.perf_counter() - before, fault and f"code cell {number}: {fault}")
 
 
-def _publish(drawn: Path, figures: Path) -> None:
+def _publish(pictures: Path, figures: Path) -> None:
     """Copies figures, tables and, last, the manifest that lists them; files of an older manifest go first."""
     figures.mkdir(parents=True, exist_ok=True)
     manifest = figures / MANIFEST
     for name in json.loads(manifest.read_text("utf-8")) if manifest.is_file() else ():
-        if not (drawn / name).is_file():
+        if not (pictures / name).is_file():
             (figures / Path(name).name).unlink(missing_ok=True)
-    for file in sorted(drawn.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
+    for file in sorted(pictures.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
         with atomic_write(figures / file.name) as part:
             shutil.copyfile(file, part)
 

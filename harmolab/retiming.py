@@ -26,7 +26,7 @@ KNOT = 0.15  # seconds between the knots of the splines that offsets follow: lit
 RATE = 30.0  # hertz: the search looks at this many frames a second, or a few more
 SOFTNESS = (0.5, 0.05)  # tau at the first and at the last step
 FIRST_MOVE = 0.01  # of the reach: size of the random movement that the search starts from
-RATE_OF_STEPS = 0.03  # of the reach: what Adam changes a knot by in one step, about
+RATE_OF_STEPS = 0.03  # of the reach: Adam's change of a knot in one step, about
 DISTANCE_WEIGHT, JERK_WEIGHT, FOOT_WEIGHT = 1.0, 0.2, 0.5
 FOOT_HEIGHT = 0.05  # metres: a joint that comes as close as this to the lowest one of all is part of a foot
 SHARPNESS = 16  # exponent of the bound: the higher, the closer to the reach a joint may come
@@ -123,8 +123,8 @@ class _Body:
         excess = ((size @ self.above.T) / reach).pow(SHARPNESS).sum(dim=1)
         turned = self.bones + sideways * (1 + excess).pow(-1 / SHARPNESS)[:, None, None]
         reached = torch.linalg.vector_norm(turned, dim=-1, keepdim=True)
-        kept = turned * (self.lengths / torch.where(reached > 0, reached, torch.ones_like(reached)))
-        return torch.einsum("ij,tjd->tid", self.above, torch.where(free, turned, kept))
+        rigid = turned * (self.lengths / torch.where(reached > 0, reached, torch.ones_like(reached)))
+        return torch.einsum("ij,tjd->tid", self.above, torch.where(free, turned, rigid))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,15 +4,7 @@ The movement gives it modulo the beat (`find_offset`); the sound that a camera r
 (`find_sound_offset`). `picture_motion` makes a video into something that the first can read.
 """
 
-from harmolab.alignment.movement import Offset, attack_beats, find_offset, picture_motion, rest_at_beats
-from harmolab.alignment.sound import SoundOffset, find_sound_offset
+from harmolab.alignment.movement import attack_beats, find_offset, picture_motion, rest_at_beats
+from harmolab.alignment.sound import find_sound_offset
 
-__all__ = [
-    "Offset",
-    "SoundOffset",
-    "attack_beats",
-    "find_offset",
-    "find_sound_offset",
-    "picture_motion",
-    "rest_at_beats",
-]
+__all__ = ["attack_beats", "find_offset", "find_sound_offset", "picture_motion", "rest_at_beats"]

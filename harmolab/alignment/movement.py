@@ -4,8 +4,8 @@ Dancers slow down on the beat. So the motion's speed curve is slid along the mus
 beats, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
 the result names these alternatives.
 
-A video becomes a motion first: one point that travels as fast as the picture moves, all pixels together. What reads
-joint speed (visual beats, the score by a bar pattern, the offset) reads a video in the same way: its beats are the
+A video becomes a motion first: one point that travels as fast as the picture moves, all pixels together. Visual beats,
+the score by a bar pattern and the offset read that speed as they read joint speed: the beats of a video are the
 moments of rest, as those of a skeleton are, and not the impacts that `harmolab.beats.flow.flow_beats` marks a tenth of
 a second before them.
 """
@@ -32,7 +32,7 @@ FEWEST_BEATS = 4  # of the music inside the motion
 LEAST_OVERLAP = 0.5  # of the beats that the best placed motion covers
 ATTACK_FRAME = 0.001  # seconds
 ATTACK_SMOOTHING = 0.003  # seconds
-TRACKER_SPREAD = 0.006  # seconds, how far single tracked beats scatter about the attacks
+TRACKER_SPREAD = 0.006  # seconds, scatter of single tracked beats about the attacks
 TRACKER_LAGS = (-0.08, 0.03)  # seconds, the range around the tracked beats that is searched for attacks
 OTHER_TEMPOS = np.concatenate([np.linspace(0.8, 0.93, 50), np.linspace(1.07, 1.25, 49)])
 NULL_STEP = 0.02  # seconds
@@ -55,8 +55,8 @@ class Offset:
         Share of 99 other tempos whose beats meet the motion's rests less well, wherever they are laid. Below 0.95
         there is no evidence that the motion keeps to these beats, and `seconds` means little.
     lags, curve : (L,) arrays
-        The audio times tried (seconds), and the evidence: how far below its mean the joint speed is at the music's
-        beats, in standard deviations. NaN where too few beats fall into the motion.
+        The audio times tried (seconds), and the evidence: the distance of the joint speed below its mean at the
+        music's beats, in standard deviations. NaN where too few beats fall into the motion.
     """
 
     seconds: float
@@ -89,7 +89,7 @@ def find_offset(
     search : float, seconds
         Largest distance from the guess, to either side.
     params : HarmonyParams, default ``HarmonyParams.recommended()``
-        Its smoothing and its `lag` (how long after the beat dancers rest) are used.
+        Its smoothing and its `lag` (the delay of a dancer's rest after the beat) are used.
 
     Raises
     ------
@@ -110,8 +110,7 @@ def find_offset(
     times, speed = _moving(motion, params)
     track = attack_beats(audio) if music is None else music
     beats = track.times + params.lag
-    steps = np.arange(-round(search / STEP), round(search / STEP) + 1)
-    lags = np.asarray(guess + steps * STEP, dtype=np.float64)
+    lags = float(guess) + STEP * np.arange(-round(search / STEP), round(search / STEP) + 1, dtype=np.float64)
     curve = rest_at_beats(times, speed, beats, lags)
     if beats.size < FEWEST_BEATS or np.isnan(curve).all():
         raise ValueError(f"fewer than {FEWEST_BEATS} music beats fall into the motion; nothing tells its offset")

@@ -42,7 +42,7 @@ class SoundOffset:
     seconds : float
         Song time of the recording's first moment; negative where it begins before the song.
     height : float
-        Evidence: how far the best lag stands above the median of all lags, in standard deviations of a Gaussian with
+        Evidence: height of the best lag above the median of all lags, in standard deviations of a Gaussian with
         their median absolute deviation (beats of one tempo make peaks of their own, which must not count as noise).
     elsewhere : float
         The same at the best lag more than 0.1 s away. A song that repeats itself to the note has a high one.
@@ -102,7 +102,7 @@ def find_sound_offset(recording: Audio, song: Audio) -> SoundOffset:
 def _evidence(part: FloatArray, whole: FloatArray) -> FloatArray:
     """Correlation at every lag, from one frame shared at the start to one at the end, in robust standard deviations.
 
-    Lags that share too little are 0. The others are divided by the root of what is shared, as chance grows with it.
+    Lags that share too little are 0. The others are divided by the root of the shared length, as chance grows with it.
     """
     length = part.shape[1]
     total = np.asarray(sum(fftconvolve(song, band[::-1]) for band, song in zip(part, whole, strict=True)))

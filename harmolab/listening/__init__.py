@@ -1,1 +1,1 @@
-"""Listening studies with real people: trials that hide what they test, answers that survive a crash, and analysis."""
+"""Listening studies with real people: blind trials, answers that survive a crash, and analysis."""

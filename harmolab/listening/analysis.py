@@ -269,8 +269,8 @@ def _trial_scores(grid: Grid, name: str, values: Mapping[str, float]) -> FloatAr
 def _correlations(score: FloatArray, liked: FloatArray, seed: int) -> Row:
     """Both correlations of (T,) scores with (R, T) answers, and the AUC of single answers."""
     share = np.nanmean(liked, axis=0) if score.size else np.empty(0)
-    ranks = bootstrap_interval_of(lambda drawn: _rank(score[drawn], share[drawn]), score.size, seed=seed)
-    singles = bootstrap_interval_of(lambda drawn: _point_biserial(score[drawn], liked[:, drawn]), score.size, seed=seed)
+    ranks = bootstrap_interval_of(lambda places: _rank(score[places], share[places]), score.size, seed=seed)
+    singles = bootstrap_interval_of(lambda at: _point_biserial(score[at], liked[:, at]), score.size, seed=seed)
     scores = np.broadcast_to(score, liked.shape)
     return {
         "rank": _rank(score, share),

@@ -171,8 +171,8 @@ class AnswerLog:
             raise ValueError(
                 f"{self.path}: holds answers of study {answers[0].study}, not {trials.study}; take another file"
             )
-        done = {answer.trial for answer in answers if answer.rater == trials.rater}
-        return tuple(trial for trial in trials.trials if trial.id not in done)
+        answered = {answer.trial for answer in answers if answer.rater == trials.rater}
+        return tuple(trial for trial in trials.trials if trial.id not in answered)
 
 
 def merge(paths: Sequence[PathLike]) -> Answers:

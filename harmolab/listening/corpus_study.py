@@ -166,7 +166,7 @@ def paired_pieces(
 
 
 def clip_scores(clip: Clip) -> dict[str, float]:
-    """Every score of one clip: ours above chance in three settings, the paper's h (Eq. 20), and those of others."""
+    """The scores of one clip: ours above chance in three settings, the paper's h (Eq. 20), and those of others."""
     names = ("paper", "valleys", "recommended")
     scores = {name: score_clip(clip, getattr(HarmonyParams, name)(), n_rotations=0) for name in names}
     above = {f"{name}_above_chance": score.harmony_above_chance for name, score in scores.items()}
@@ -243,7 +243,7 @@ def _sounds(audio: Audio) -> bool:
 
 
 def _equally_loud(pieces: list[StudyPiece]) -> tuple[StudyPiece, ...]:
-    """All sounds at one root mean square: `LOUDNESS`, or what the sharpest of them reaches without clipping."""
+    """All sounds at one root mean square: `LOUDNESS`, or the most that the sharpest reaches without clipping."""
     loudness = [_loudness(piece.audio.samples) for piece in pieces]
     peaks = [float(np.abs(piece.audio.samples).max()) for piece in pieces]
     level = min([LOUDNESS, *(0.99 * loud / peak for loud, peak in zip(loudness, peaks, strict=True))])

@@ -47,7 +47,7 @@ def read_trials(path: PathLike) -> TrialSet:
     Raises
     ------
     FileNotFoundError, ValueError
-        Naming the file, if it is missing or is not what `write_study` writes.
+        Naming the file, if it is missing or was not written by `write_study`.
     """
     with reading(path, "the trials of a study", max_bytes=MAX_TEXT_BYTES) as file:
         content = _fields(read_json(file), "study", "kind", "rater", "trials")

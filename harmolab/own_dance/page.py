@@ -54,7 +54,7 @@ def save_page(path: PathLike, dance: OwnDance) -> None:
 
 
 def dance_page(dance: OwnDance) -> str:
-    """One HTML page that says and shows how a dance goes with its song, and asks the network for nothing.
+    """One HTML page about the agreement of a dance with its song; it needs no network.
 
     A video has no skeleton to play: of it, pictures at eight music beats are shown, and they are part of the page.
 

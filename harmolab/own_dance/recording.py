@@ -62,7 +62,7 @@ class Placement:
     period : float or None, seconds
         By movement the offset is known modulo this.
     confidence : float or None
-        Of an offset by movement, as in `harmolab.alignment.Offset`.
+        Of an offset by movement, as in `harmolab.alignment.movement.Offset`.
     repeats : bool
         By sound: another place fits nearly as well, since the song repeats itself, or since it is another song.
     """

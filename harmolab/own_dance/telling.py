@@ -1,7 +1,7 @@
 """The verdict on a dance: records of beats met, of movements a beat, of early and late, and each of them in words.
 
 Every finding rests on one statistic with a 95 % interval; its sentence is made from the record here and nowhere else,
-and claims something only where that interval excludes zero (or what chance would reach).
+and claims something only where that interval excludes zero (or the share that chance would reach).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NOTHING = (float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class Finding:
-    """One statistic of a dance and what it was compared with; `sentence` and `summary` are made from these fields.
+    """One statistic of a dance and its reference; `sentence` and `summary` are made from these fields.
 
     Parameters
     ----------

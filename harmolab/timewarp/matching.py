@@ -48,12 +48,12 @@ def beat_warp(
 ) -> TimeWarp:
     """The smooth warp that brings visual beats to music beats, and keeps its local speed within bounds everywhere.
 
-    Dynamic programming chooses which visual beat meets which music beat, and how far from it where the bounds leave no
-    better way; beats may be left out at a cost. The path's changes of speed are then spread over a tenth of a second.
+    Dynamic programming chooses the pairs of visual and music beats, and their distance where the bounds leave no better
+    way; beats may be left out at a cost. The path's changes of speed are then spread over a tenth of a second.
 
     A dance that is in time already is left alone: the identity comes back unless, in some stretch of 12 music beats,
     the warp gains 0.4 a beat on average, where a missed beat counts 1 and one met at a distance d counts
-    (d / reaction_delay)^2. That is what makes a second run change nothing.
+    (d / reaction_delay)^2. So a second run changes nothing.
 
     Parameters
     ----------

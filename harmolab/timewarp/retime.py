@@ -120,8 +120,7 @@ def motion_at(motion: Motion, times: FloatArray) -> Motion:
     parents = np.array(motion.skeleton.parents)
     is_root = parents < 0
     parts = np.where(is_root[:, None], motion.positions, motion.positions - motion.positions[:, parents])
-    old = np.arange(motion.n_frames)
-    positions = CubicSpline(old, parts)(frames)
+    positions = CubicSpline(np.arange(motion.n_frames), parts)(frames)
     positions[:, ~is_root] = _turned(parts[:, ~is_root], positions[:, ~is_root], frames)
     for joint in tree_order(motion.skeleton.parents):
         if not is_root[joint]:

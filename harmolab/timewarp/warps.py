@@ -44,13 +44,13 @@ class TimeWarp:
     target: FloatArray
 
     def __post_init__(self) -> None:
-        source, target = _knots(self.source, "source"), _knots(self.target, "target")
+        for name in ("source", "target"):
+            object.__setattr__(self, name, _knots(getattr(self, name), name))
+        source, target = self.source, self.target
         if source.shape != target.shape:
             raise ValueError(f"a warp needs as many source as target knots, got {source.size} and {target.size}")
         if source[0] != target[0] or source[-1] != target[-1]:
             raise ValueError("a warp keeps its ends; the first and the last knot must be equal in source and target")
-        object.__setattr__(self, "source", source)
-        object.__setattr__(self, "target", target)
 
     @classmethod
     def identity(cls, duration: float) -> TimeWarp:
