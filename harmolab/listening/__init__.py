@@ -1,1 +1,0 @@
-"""Listening studies with real people: blind trials, answers that survive a crash, and analysis."""

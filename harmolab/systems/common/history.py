@@ -1,0 +1,72 @@
+"""The history of a run, one row an epoch: a table for people and notebooks, events for TensorBoard."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from lightning_fabric.loggers.tensorboard import TensorBoardLogger
+
+from harmolab.systems.common.checkpoints import write_aside
+
+HISTORY = "history.csv"
+EVENTS = "events.out.tfevents.*"
+Row = dict[str, Any]
+Report = Callable[[Row, int], None]  # a row, and the epoch that its phase ends at
+
+
+def history_text(rows: list[Row]) -> str:
+    """The history as CSV; a value that an epoch does not have is empty."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def write_history(folder: Path, rows: list[Row]) -> None:
+    """Put ``history.csv`` into a run's folder, in one step."""
+    write_aside(folder / HISTORY, history_text(rows))
+
+
+class EventLog:
+    """The same history for TensorBoard, in an events file inside the run's folder.
+
+    A run that resumes writes the file anew from the epochs it goes on from, so that no epoch is there twice.
+
+    Parameters
+    ----------
+    folder : of the run
+    rows : the history so far
+    """
+
+    def __init__(self, folder: Path, rows: list[Row]) -> None:
+        for stale in folder.glob(EVENTS):
+            stale.unlink()
+        self._logger = TensorBoardLogger(folder.resolve(), name="", version="")
+        for row in rows:
+            self._log(row)
+
+    def add(self, row: Row) -> None:
+        """One more epoch, on disk when this returns."""
+        self._log(row)
+        self._logger.save()
+
+    def close(self) -> None:
+        """No more epochs."""
+        self._logger.finalize("success")
+
+    def _log(self, row: Row) -> None:
+        values = {_tag(name): value for name, value in row.items() if isinstance(value, float)}
+        self._logger.log_metrics(values, step=row["epoch"])
+
+
+def _tag(name: str) -> str:
+    """TensorBoard groups curves by what stands before the stroke."""
+    if name in ("rate", "tau"):
+        return f"schedule/{name}"
+    return f"validation/{name.removeprefix('val_')}" if name.startswith("val_") else f"loss/{name}"
