@@ -18,7 +18,7 @@ from harmolab.harmony import score_harmony
 from harmolab.io.motion import load_motion
 from harmolab.io.video import video_frames, write_video
 from harmolab.lab.render.stick import render_skeleton
-from harmolab.lab.timing.pictures import picture_motion
+from harmolab.lab.timing.movement import picture_motion
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip
 from tests.builders import write_dance, write_song

@@ -148,7 +148,14 @@ def test_study_with_answers_is_not_overwritten(corpus: Path, study: Path):
 def start(study: Path, rater: str) -> tuple[subprocess.Popen[str], str]:
     """A running `harmolab study ask` and its address."""
     command = [sys.executable, "-m", "harmolab.cli", "study", "ask", str(study), "--rater", rater, "--no-open"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell's background job ignores Ctrl-C, and hands that on to all that it starts.
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
+    )
     assert process.stdout is not None
     return process, process.stdout.readline().split()[1]
 

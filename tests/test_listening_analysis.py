@@ -78,21 +78,21 @@ def test_interval_of_all_holds_for_raters_of_unequal_skill_where_counting_answer
         right = study(list(rng.uniform(0.5, 1.0, 8)), seed=seed).right()
         pooled.append(pooled_rate(right))
         counted.append(wilson_rate(right.ravel()))
-    assert 0.90 <= np.mean([rate.low <= 0.75 <= rate.high for rate in pooled]) <= 0.99
-    assert np.mean([rate.low <= 0.75 <= rate.high for rate in counted]) < 0.8
+    assert 0.90 <= np.mean([rate["low"] <= 0.75 <= rate["high"] for rate in pooled]) <= 0.99
+    assert np.mean([rate["low"] <= 0.75 <= rate["high"] for rate in counted]) < 0.8
 
 
 def test_wilson_interval_is_that_of_the_textbook():
     rate = wilson_rate(np.array([1.0] * 8 + [0.0] * 2 + [NAN]))
-    assert (rate.hits, rate.n, rate.share) == (8, 10, 0.8)
+    assert (rate["n"], rate["rate"]) == (10, 0.8)
     # Centre (0.8 + z²/20) / (1 + z²/10), half width z sqrt(0.016 + z²/400) / (1 + z²/10), with z = 1.959964.
-    assert (rate.low, rate.high) == pytest.approx((0.490162, 0.943318), abs=1e-6)
+    assert (rate["low"], rate["high"]) == pytest.approx((0.490162, 0.943318), abs=1e-6)
 
 
 def test_pooled_rate_of_one_rater_without_repeats_is_wilsons():
     values = np.array([[1.0, 1, 0, 1, 1, 1, 0, 1, 1, 1]])
-    assert (pooled_rate(values).low, pooled_rate(values).high) == pytest.approx(
-        (wilson_rate(values).low, wilson_rate(values).high), abs=0.03
+    assert (pooled_rate(values)["low"], pooled_rate(values)["high"]) == pytest.approx(
+        (wilson_rate(values)["low"], wilson_rate(values)["high"]), abs=0.03
     )
 
 
@@ -100,22 +100,22 @@ def test_pooled_rate_of_answers_that_are_alike_counts_raters_or_trials_not_answe
     values = np.repeat([[1.0], [1.0], [0.0], [0.0]], 50, axis=1)
     for alike in (values, values.T):  # four raters who never waver; four trials that all answer in the same way
         # A variance of 1/12, as of 3 answers: Wilson's low is 0.125, with Student's quantile (3 degrees) 0.063.
-        assert 0.02 < pooled_rate(alike).low < 0.1
-        assert 0.9 < pooled_rate(alike).high < 0.98
+        assert 0.02 < pooled_rate(alike)["low"] < 0.1
+        assert 0.9 < pooled_rate(alike)["high"] < 0.98
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_unanimous_answers_still_have_an_interval(share: float):
     rate = pooled_rate(np.full((3, 10), share))
-    assert rate.share == share
-    assert 0.1 < rate.high - rate.low < 0.2  # Wilson for 30 of 30: 0.886 to 1
+    assert rate["rate"] == share
+    assert 0.1 < rate["high"] - rate["low"] < 0.2  # Wilson for 30 of 30: 0.886 to 1
 
 
 def test_nothing_answered_has_no_rate():
     for measure in (pooled_rate, wilson_rate):
         rate = measure(np.full((2, 3), NAN))
-        assert rate.n == 0
-        assert np.isnan([rate.share, rate.low, rate.high]).all()
+        assert rate["n"] == 0
+        assert np.isnan([rate["rate"], rate["low"], rate["high"]]).all()
 
 
 def test_right_answers_are_counted_against_the_key():

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.lab.listening.answers import Answer, AnswerLog, Answers, merge, read_answers
+from harmolab.lab.listening.answers import Answer, AnswerLog, Answers, merge
 from harmolab.lab.listening.trials import Item, TrialSet, make_trials
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
@@ -176,7 +176,7 @@ def test_log_that_is_not_there_yet_is_empty_but_its_folder_must_be(tmp_path: Pat
     with pytest.raises(FileNotFoundError, match="create it first"):
         AnswerLog(tmp_path / "none" / "a.jsonl")
     with pytest.raises(FileNotFoundError, match="no such file"):
-        read_answers(tmp_path / "a.jsonl")
+        merge([tmp_path / "a.jsonl"])
 
 
 LINE = json.dumps({"study": "0" * 12, "rater": "Ada", "trial": "1" * 12, "choice": "left", "seconds": None, "time": ""})
@@ -204,6 +204,6 @@ def test_file_that_is_no_answer_file_is_refused_by_name_and_line(tmp_path: Path,
     path = tmp_path / "a.jsonl"
     path.write_bytes(content)
     with pytest.raises(ValueError, match=message) as caught:
-        read_answers(path)
+        merge([path])
     assert str(caught.value).startswith(f"{path}: ")
     assert len(str(caught.value)) < 600

@@ -7,6 +7,7 @@ import http.client
 import re
 import threading
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
@@ -108,7 +109,8 @@ def test_damaged_answer_file_is_said_on_the_page(address: str, log: AnswerLog):
     log.path.write_text("<no answers>\n")
     status, page = ask(address, "GET")
     assert status == 500
-    assert "line 1 is not an answer: b&#x27;&lt;no answers&gt;&#x27;" in page
+    assert "<no answers>" not in page
+    assert "line 1 is not an answer: b'<no answers>'" in html.unescape(page)
 
 
 def test_answer_that_cannot_be_written_is_said_and_asked_again(address: str, trials: TrialSet, log: AnswerLog):
@@ -134,6 +136,23 @@ def test_server_is_finished_when_thanks_were_sent_and_not_before(trials: TrialSe
         assert not server.finished.is_set()
         assert "Thank you" in ask(address, "GET")[1]
         assert server.finished.wait(10)
+
+
+def test_rater_who_closes_the_page_of_thanks_before_it_has_come_is_finished(
+    trials: TrialSet, log: AnswerLog, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    def closed(handler: BaseHTTPRequestHandler) -> None:
+        raise ConnectionResetError
+
+    for trial in trials.trials:
+        log.record(trials, trial.id, "harmonious")
+    monkeypatch.setattr(BaseHTTPRequestHandler, "end_headers", closed)
+    server = StudyServer(trials, log, shown)
+    with server.running() as address:
+        with pytest.raises(http.client.RemoteDisconnected):
+            ask(address, "GET")
+        assert server.finished.wait(10)
+    assert capfd.readouterr().err == ""
 
 
 PRESENT = """

@@ -13,8 +13,7 @@ from harmolab.beats.audio import audio_beats
 from harmolab.beats.visual import visual_beats
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.lab.render.stick import render_skeleton
-from harmolab.lab.timing.movement import attack_beats, find_offset, rest_at_beats
-from harmolab.lab.timing.pictures import picture_motion
+from harmolab.lab.timing.movement import attack_beats, find_offset, picture_motion, rest_at_beats
 from harmolab.lab.timing.sound import find_sound_offset
 from harmolab.params import DANCES, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton

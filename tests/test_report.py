@@ -72,7 +72,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, Path,
     """(exit code, report, published figures) of a good notebook and one that fails."""
     root = tmp_path_factory.mktemp("report")
     (root / "notebooks").mkdir()
-    parameters = "from harmolab import RunProfile\nprofile = RunProfile.from_env()"
+    parameters = "from harmolab.lab import RunProfile\nprofile = RunProfile.from_env()"
     write_notebook(
         root / "notebooks" / "00_good.ipynb",
         GOOD,
@@ -157,7 +157,7 @@ def test_figures_are_not_published_when_a_notebook_failed(built):
 @pytest.mark.slow
 def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(tmp_path: Path):
     (tmp_path / "notebooks").mkdir()
-    parameters = "from harmolab import RunProfile\nprofile = RunProfile.from_env()"
+    parameters = "from harmolab.lab import RunProfile\nprofile = RunProfile.from_env()"
     write_notebook(tmp_path / "notebooks" / "00_good.ipynb", "# Good", parameters, FIGURE)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "index.html").write_text(report.MARK)

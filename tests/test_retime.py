@@ -11,7 +11,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
-from harmolab.retime.beats import METHODS, beat_warp, lee_warp
+from harmolab.retime.matching import METHODS, beat_warp, lee_warp
 from harmolab.retime.retime import motion_at, retime, warp_video, warped_frames
 from harmolab.retime.warps import TimeWarp
 from harmolab.types import BeatTrack, Motion, Skeleton

@@ -14,7 +14,7 @@ from harmolab.harmony import score_motion
 from harmolab.io.files import PathLike
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
-from harmolab.retime.beats import Method, beat_warp
+from harmolab.retime.matching import Method, beat_warp
 from harmolab.retime.warps import TimeWarp
 from harmolab.skeletons import tree_order
 from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
@@ -54,8 +54,8 @@ def retime(
     """The motion, slower here and faster there, so that its visual beats meet the music's.
 
     The first and the last frame stay. Bones that keep their lengths keep them to rounding (`motion_at`). At strength 1
-    a second run changes nothing: see `beat_warp` for what counts as in time. It can still find something where the
-    bounds stopped the first run in the middle of a bad stretch, since it has the whole bounds again.
+    a second run changes nothing: see `beat_warp` for the definition of in time. It can still bend a stretch where the
+    bounds stopped the first run half way, since it has the whole bounds again.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def retime(
         Music beats on the motion's own time line.
     strength, phase, slowest, fastest : float, see `beat_warp`
     params : HarmonyParams, default ``HarmonyParams.valleys()``
-        What a visual beat is, and the score before and after.
+        The definition of visual beats, and of the score before and after.
     method : "dp" or "lee2019", see `beat_warp`
 
     Returns
@@ -120,8 +120,7 @@ def motion_at(motion: Motion, times: FloatArray) -> Motion:
     parents = np.array(motion.skeleton.parents)
     is_root = parents < 0
     parts = np.where(is_root[:, None], motion.positions, motion.positions - motion.positions[:, parents])
-    old = np.arange(motion.n_frames)
-    positions = CubicSpline(old, parts)(frames)
+    positions = CubicSpline(np.arange(motion.n_frames), parts)(frames)
     positions[:, ~is_root] = _turned(parts[:, ~is_root], positions[:, ~is_root], frames)
     for joint in tree_order(motion.skeleton.parents):
         if not is_root[joint]:

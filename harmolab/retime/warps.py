@@ -44,13 +44,13 @@ class TimeWarp:
     target: FloatArray
 
     def __post_init__(self) -> None:
-        source, target = _knots(self.source, "source"), _knots(self.target, "target")
+        for name in ("source", "target"):
+            object.__setattr__(self, name, _knots(getattr(self, name), name))
+        source, target = self.source, self.target
         if source.shape != target.shape:
             raise ValueError(f"a warp needs as many source as target knots, got {source.size} and {target.size}")
         if source[0] != target[0] or source[-1] != target[-1]:
             raise ValueError("a warp keeps its ends; the first and the last knot must be equal in source and target")
-        object.__setattr__(self, "source", source)
-        object.__setattr__(self, "target", target)
 
     @classmethod
     def identity(cls, duration: float) -> TimeWarp:
@@ -67,7 +67,7 @@ class TimeWarp:
         return PchipInterpolator(self.target, self.source)
 
     def inverse(self, times: ArrayLike) -> FloatArray:
-        """Source times of target times (any shape), seconds: which moment of the old motion is seen then."""
+        """Source times of target times (any shape), seconds: the moment of the old motion that is seen then."""
         moments = np.asarray(times, dtype=np.float64)
         if self.is_identity:
             return moments.copy()
@@ -76,7 +76,7 @@ class TimeWarp:
         return np.where(inside, curve, moments)
 
     def __call__(self, times: ArrayLike) -> FloatArray:
-        """Target times of source times (any shape), seconds: when a moment of the old motion is seen now."""
+        """Target times of source times (any shape), seconds: the moment at which the old motion's is seen now."""
         moments = np.asarray(times, dtype=np.float64)
         place = np.clip(np.searchsorted(self.source, moments, side="right") - 1, 0, self.source.size - 2)
         low, high = self.target[place], self.target[place + 1]

@@ -22,25 +22,6 @@ from harmolab.types import BoolArray, FloatArray
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Rate:
-    """A share with its 95 % interval: `hits` of `n` answers."""
-
-    hits: int
-    n: int
-    low: float
-    high: float
-
-    @property
-    def share(self) -> float:
-        """hits / n; NaN without answers."""
-        return self.hits / self.n if self.n else math.nan
-
-    def row(self) -> Row:
-        """As fields of a table row."""
-        return {"n": self.n, "rate": self.share, "low": self.low, "high": self.high}
-
-
 @dataclass(frozen=True, eq=False)
 class Grid:
     """The answers of a study as a table of raters and trials.
@@ -83,7 +64,6 @@ def answer_grid(answers: Answers, key: Key) -> Grid:
     if len({answer.simulated for answer in answers.answers}) > 1:
         raise ValueError("people and simulated raters in one analysis; analyse them apart")
     raters, trials = answers.raters, tuple(key.trials)
-    rows = {name: row for row, name in enumerate(raters)}
     columns = {name: column for column, name in enumerate(trials)}
     second = np.full((len(raters), len(trials)), math.nan)
     for answer in answers.answers:
@@ -91,14 +71,14 @@ def answer_grid(answers: Answers, key: Key) -> Grid:
             raise ValueError(f"answers of study {answer.study} do not go with the key of study {key.study}")
         if answer.trial not in columns or answer.choice not in CHOICES[key.kind]:
             raise ValueError(f"{answer.rater}: the key knows no answer {answer.choice!r} to trial {answer.trial!r:.60}")
-        second[rows[answer.rater], columns[answer.trial]] = CHOICES[key.kind].index(answer.choice)
+        second[raters.index(answer.rater), columns[answer.trial]] = CHOICES[key.kind].index(answer.choice)
     return Grid(second, raters, trials, answers.simulated, key)
 
 
 def study_tables(
     answers: Answers, key: Key, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0
 ) -> dict[str, list[Row]]:
-    """The rows of every table of a study by name; "raters" and "agreement" only where there are any."""
+    """The rows of all tables of a study by name; "raters" and "agreement" only where there are any."""
     grid = answer_grid(answers, key)
     tables = {
         "raters": rater_rows(grid) if any(entry.right for entry in key.trials.values()) else [],
@@ -109,15 +89,24 @@ def study_tables(
     return {name: rows for name, rows in tables.items() if rows}
 
 
-def wilson_rate(values: FloatArray) -> Rate:
-    """Share of ones among independent answers, with Wilson's interval; NaN entries do not count."""
+def _rate_row(hits: int, n: int, interval: tuple[float, float]) -> Row:
+    return {"n": n, "rate": hits / n if n else math.nan, "low": interval[0], "high": interval[1]}
+
+
+def wilson_rate(values: FloatArray) -> Row:
+    """Share of ones among independent answers ("rate" of "n"), with Wilson's interval ("low", "high").
+
+    NaN entries do not count; without answers the share and the interval are NaN.
+    """
     answered = values[~np.isnan(values)]
     hits, n = int(answered.sum()), answered.size
-    return Rate(hits, n, *wilson_interval(hits, n))
+    return _rate_row(hits, n, wilson_interval(hits, n))
 
 
-def pooled_rate(values: FloatArray) -> Rate:
+def pooled_rate(values: FloatArray) -> Row:
     """Share of ones over raters and trials, with an interval for other raters and other trials of their kind.
+
+    The fields are those of `wilson_rate`.
 
     Answers of one rater are alike, and so are answers to one trial. The variance of the mean is that of clusters by
     rater plus that of clusters by trial minus that of single answers (Cameron, Gelbach and Miller 2011), and never
@@ -132,25 +121,22 @@ def pooled_rate(values: FloatArray) -> Rate:
     answered = ~np.isnan(values)
     hits, n = int(np.nansum(values)), int(answered.sum())
     if n == 0:
-        return Rate(0, 0, math.nan, math.nan)
+        return _rate_row(0, 0, (math.nan, math.nan))
     share = hits / n
     noise = share * (1 - share) / n
     residual = np.where(answered, values - share, 0.0)
-    by_rater, by_trial = (_cluster_variance(residual, answered, axis) for axis in (1, 0))
-    alike = max(by_rater - noise, 0.0) + max(by_trial - noise, 0.0)
-    variance = noise + alike
+    # By rater (axis 1) and by trial (axis 0).
+    excess = {axis: max(_cluster_variance(residual, answered, axis) - noise, 0.0) for axis in (1, 0)}
+    variance = noise + sum(excess.values())
     worth = share * (1 - share) / variance if variance > 0 else float(n)
-    # Few raters tell little about how much raters differ: Student's quantile, by Satterthwaite's degrees of freedom.
-    doubt = sum(
-        max(part - noise, 0.0) ** 2 / max(int(answered.any(axis).sum()) - 1, 1)
-        for part, axis in ((by_rater, 1), (by_trial, 0))
-    )
+    # Few raters tell little about the differences of raters: Student's quantile, by Satterthwaite's degrees of freedom.
+    doubt = sum(part**2 / max(int(answered.any(axis).sum()) - 1, 1) for axis, part in excess.items())
     freedom = variance**2 / doubt if doubt > 0 else math.inf
-    return Rate(hits, n, *wilson_interval(share * worth, worth, freedom=freedom))
+    return _rate_row(hits, n, wilson_interval(share * worth, worth, freedom=freedom))
 
 
 def _cluster_variance(residual: FloatArray, answered: BoolArray, axis: int) -> float:
-    """Variance of the mean if the clusters along the other axis are what was drawn; 0 with fewer than two."""
+    """Variance of the mean if the clusters along the other axis were drawn at random; 0 with fewer than two."""
     clusters = int(answered.any(axis).sum())
     if clusters < 2:
         return 0.0
@@ -169,23 +155,23 @@ def rater_rows(grid: Grid) -> list[Row]:
     right = grid.right()
     if np.isnan(right).all():
         raise ValueError("no trial of this study has a right answer; use version_rows")
-    rows = [{"rater": name, **wilson_rate(values).row()} for name, values in zip(grid.raters, right, strict=True)]
-    rows.append({"rater": "all", **pooled_rate(right).row()})
+    rows = [{"rater": name, **wilson_rate(values)} for name, values in zip(grid.raters, right, strict=True)]
+    rows.append({"rater": "all", **pooled_rate(right)})
     return _labelled(rows, grid)
 
 
 def version_rows(grid: Grid) -> list[Row]:
-    """Shares of what was picked: how often each condition was called inharmonious ("pick"), how often the first of each
-    pair of models was preferred ("choice").
+    """Rate at which each condition was called inharmonious ("pick"), or the first of each pair of models was preferred
+    ("choice").
     """
-    shown = [grid.key.trials[one].versions for one in grid.trials]
+    pairs = [grid.key.trials[trial].versions for trial in grid.trials]
     rows = []
-    for versions in sorted({tuple(sorted(one)) for one in shown}):
-        these = np.array([tuple(sorted(one)) == versions for one in shown])
+    for versions in sorted({tuple(sorted(pair)) for pair in pairs}):
+        columns = np.array([tuple(sorted(pair)) == versions for pair in pairs])
         # The second answer says "inharmonious", or that the dance on the right is better.
-        flipped = np.array([len(one) == 2 and one[1] != versions[0] for one in shown])
-        picked = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, these]
-        rows.append({"version": " over ".join(versions), **pooled_rate(picked).row()})
+        flipped = np.array([len(pair) == 2 and pair[1] != versions[0] for pair in pairs])
+        choices = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, columns]
+        rows.append({"version": " over ".join(versions), **pooled_rate(choices)})
     return _labelled(rows, grid)
 
 
@@ -234,15 +220,12 @@ def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
     n_raters = len(grid.raters)
     if n_raters < 2:
         raise ValueError("agreement needs two raters or more; merge their files first")
-    measure, name = (_kappa, "Cohen's kappa") if n_raters == 2 else (krippendorff_alpha, "Krippendorff's alpha")
+    name = "Cohen's kappa" if n_raters == 2 else "Krippendorff's alpha"
+    measure = krippendorff_alpha if n_raters > 2 else lambda values: cohen_kappa(*values)
     shared = grid.second[:, (~np.isnan(grid.second)).sum(0) >= 2]
-    low, high = bootstrap_interval_of(lambda drawn: measure(shared[:, drawn]), shared.shape[1], seed=seed)
+    low, high = bootstrap_interval_of(lambda places: measure(shared[:, places]), shared.shape[1], seed=seed)
     row = {"measure": name, "raters": n_raters, "n": shared.shape[1], "rate": measure(shared), "low": low, "high": high}
     return _labelled([row], grid)[0]
-
-
-def _kappa(values: FloatArray) -> float:
-    return cohen_kappa(values[0], values[1])
 
 
 def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0) -> list[Row]:
@@ -286,9 +269,9 @@ def _trial_scores(grid: Grid, name: str, values: Mapping[str, float]) -> FloatAr
 def _correlations(score: FloatArray, liked: FloatArray, seed: int) -> Row:
     """Both correlations of (T,) scores with (R, T) answers, and the AUC of single answers."""
     share = np.nanmean(liked, axis=0) if score.size else np.empty(0)
-    ranks = bootstrap_interval_of(lambda drawn: _rank(score[drawn], share[drawn]), score.size, seed=seed)
-    singles = bootstrap_interval_of(lambda drawn: _point_biserial(score[drawn], liked[:, drawn]), score.size, seed=seed)
-    every = np.broadcast_to(score, liked.shape)
+    ranks = bootstrap_interval_of(lambda places: _rank(score[places], share[places]), score.size, seed=seed)
+    singles = bootstrap_interval_of(lambda at: _point_biserial(score[at], liked[:, at]), score.size, seed=seed)
+    scores = np.broadcast_to(score, liked.shape)
     return {
         "rank": _rank(score, share),
         "low": ranks[0],
@@ -296,7 +279,7 @@ def _correlations(score: FloatArray, liked: FloatArray, seed: int) -> Row:
         "point_biserial": _point_biserial(score, liked),
         "pb_low": singles[0],
         "pb_high": singles[1],
-        "auc": auc(every[liked == 1], every[liked == 0]),
+        "auc": auc(scores[liked == 1], scores[liked == 0]),
     }
 
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from filelock import FileLock
 
@@ -33,7 +32,7 @@ class Answer:
     study, rater, trial : str
     choice : str, one of `trials.CHOICES`
     seconds : float or None, time that the rater took
-    time : str, when, as ISO 8601
+    time : str, moment of the answer, as ISO 8601
     simulated : bool
         True if no person gave the answer; then, and only then, the rater's name starts with "simulated-".
     """
@@ -54,7 +53,8 @@ class Answer:
             raise ValueError("an answer needs a study, a rater and a trial")
         if self.choice not in {choice for pair in CHOICES.values() for choice in pair}:
             raise ValueError(f"choice must be one of {[*CHOICES['pick'], *CHOICES['choice']]}, got {self.choice!r:.60}")
-        if self.seconds is not None and not _is_duration(self.seconds):
+        is_number = isinstance(self.seconds, int | float) and not isinstance(self.seconds, bool)
+        if self.seconds is not None and not (is_number and 0 <= self.seconds < float("inf")):
             raise ValueError(f"seconds must be zero or more, got {self.seconds!r:.60}")
         if not isinstance(self.simulated, bool) or self.simulated != self.rater.startswith(SIMULATED):
             raise ValueError(
@@ -65,7 +65,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Answers:
-    """Answers, and what was left out on the way, in words.
+    """Answers, and notes on the lines that were left out on the way.
 
     Parameters
     ----------
@@ -94,12 +94,12 @@ class Answers:
         ValueError
             If none are left, or "all" are of both kinds.
         """
-        left = [one for one in self.answers if raters == "all" or one.simulated == (raters == "simulated")]
-        if not left:
+        answers = [one for one in self.answers if raters == "all" or one.simulated == (raters == "simulated")]
+        if not answers:
             raise ValueError(f"there are no answers of {raters} raters")
-        if len({one.simulated for one in left}) > 1:
+        if len({one.simulated for one in answers}) > 1:
             raise ValueError("there are answers of people and of simulated raters; say --raters people or simulated")
-        return Answers(tuple(left), self.notes)
+        return Answers(tuple(answers), self.notes)
 
 
 class AnswerLog:
@@ -127,12 +127,13 @@ class AnswerLog:
         # ASCII alone, so that a line that was cut off anywhere is still text.
         line = json.dumps(asdict(answer), ensure_ascii=True).encode() + b"\n"
         with FileLock(f"{self.path}.lock", timeout=LOCK_SECONDS):
-            new = not self.path.exists()
-            with self.path.open("ab+") as file:
-                file.write((b"\n" if _ends_in_a_half_line(file) else b"") + line)
+            content = self.path.read_bytes() if self.path.exists() else b""
+            half_line = content != b"" and not content.endswith(b"\n")
+            with self.path.open("ab") as file:
+                file.write(b"\n" + line if half_line else line)
                 file.flush()
                 os.fsync(file.fileno())
-            if new:
+            if not content:
                 _sync_folder(self.path.parent)
 
     def record(self, trials: TrialSet, trial: str, choice: str, *, seconds: float | None = None) -> Answer:
@@ -155,7 +156,7 @@ class AnswerLog:
 
     def read(self) -> Answers:
         """The answers so far; nothing if the file is not there yet."""
-        return read_answers(self.path) if self.path.exists() else Answers(())
+        return merge([self.path]) if self.path.exists() else Answers(())
 
     def resume(self, trials: TrialSet) -> tuple[Trial, ...]:
         """The trials that their rater has not answered yet, in order.
@@ -170,32 +171,24 @@ class AnswerLog:
             raise ValueError(
                 f"{self.path}: holds answers of study {answers[0].study}, not {trials.study}; take another file"
             )
-        done = {answer.trial for answer in answers if answer.rater == trials.rater}
-        return tuple(trial for trial in trials.trials if trial.id not in done)
-
-
-def read_answers(path: PathLike) -> Answers:
-    """The answers in one file; half lines and second answers are left out and noted.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        Naming the file and the line, if it is missing or is not an answer file, or mixes studies.
-    """
-    return merge([path])
+        answered = {answer.trial for answer in answers if answer.rater == trials.rater}
+        return tuple(trial for trial in trials.trials if trial.id not in answered)
 
 
 def merge(paths: Sequence[PathLike]) -> Answers:
-    """The answers of several files as one; of two answers of a rater to a trial the first counts, and a note says so.
+    """The answers of all files; half lines are left out and noted.
+
+    Of two answers of a rater to a trial the first counts, and a note names the second.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        As `read_answers`; also if the files belong to different studies, or there are none.
+        Naming the file and the line, if a file is missing or is not an answer file, or the answers are of different
+        studies; also if there are no files.
     """
     if not paths:
         raise ValueError("no answer files given")
-    kept: dict[tuple[str, str], Answer] = {}
+    answers: dict[tuple[str, str], Answer] = {}
     notes: list[str] = []
     study: tuple[str, PathLike] | None = None
     for path in paths:
@@ -206,13 +199,11 @@ def merge(paths: Sequence[PathLike]) -> Answers:
                     f"{path}: line {number} is of study {answer.study}, but {study[1]} is of study {study[0]}; "
                     "analyse each study alone"
                 )
-            if (answer.rater, answer.trial) in kept:
-                notes.append(
-                    f"{path}: line {number}: {answer.rater} had answered trial {answer.trial} before; left out"
-                )
-            else:
-                kept[answer.rater, answer.trial] = answer
-    return Answers(tuple(kept.values()), tuple(notes))
+            first = answers.setdefault((answer.rater, answer.trial), answer)
+            if first is not answer:
+                repeated = f"{answer.rater} had answered trial {answer.trial} before"
+                notes.append(f"{path}: line {number}: {repeated}; left out")
+    return Answers(tuple(answers.values()), tuple(notes))
 
 
 def _lines(path: PathLike, notes: list[str]) -> Iterator[tuple[int, Answer]]:
@@ -220,15 +211,12 @@ def _lines(path: PathLike, notes: list[str]) -> Iterator[tuple[int, Answer]]:
     if Path(path).is_file() and Path(path).stat().st_size == 0:
         return  # killed before the first line
     with reading(path, "an answer file", max_bytes=MAX_TEXT_BYTES) as file:
-        rows = file.read_bytes().split(b"\n")
-        whole = []
-        for number, row in enumerate(rows, 1):
+        for number, row in enumerate(file.read_bytes().split(b"\n"), 1):
             answer = _parsed(row, number) if row else None
             if answer is not None:
-                whole.append((number, answer))
+                yield number, answer
             elif row:
                 notes.append(f"{path}: line {number} was cut off while it was written; left out")
-    yield from whole
 
 
 def _parsed(row: bytes, number: int) -> Answer | None:
@@ -246,17 +234,6 @@ def _parsed(row: bytes, number: int) -> Answer | None:
         return Answer(**content)
     except ValueError as error:
         raise ValueError(f"line {number}: {error}") from None
-
-
-def _is_duration(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf")
-
-
-def _ends_in_a_half_line(file: Any) -> bool:
-    if file.seek(0, os.SEEK_END) == 0:
-        return False
-    file.seek(-1, os.SEEK_END)
-    return bool(file.read(1) != b"\n")
 
 
 def _sync_folder(folder: Path) -> None:

@@ -32,6 +32,7 @@ QUIET = 0.2  # of the sound's root mean square: below, it counts as silent
 STEP = 6  # frames between the moments where a piece may begin
 RECORDED = 0.9  # of the frames shown must be recorded movement
 SHORTEST, LONGEST = 2.0, 60.0  # seconds of a piece
+Dances = Mapping[str, tuple[Motion, int]]  # by version: a motion, and the frames by which it comes late
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,24 +56,24 @@ class StudyPiece:
 
     @property
     def item(self) -> Item:
-        """The piece as `make_trials` wants it; the source of a version is "name / version"."""
+        """The piece for `make_trials`; the source of a version is "name / version"."""
         return Item(self.name, {version: f"{self.name} / {version}" for version in self.motions})
 
     def clip(self, version: str) -> Clip:
-        """The music with one of its dances, such as a score takes it."""
+        """The music with one of its dances, for a score."""
         return Clip(f"{self.name} / {version}", self.audio, self.motions[version], beats=self.beats, dance=self.dance)
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """The pieces of a study, and which clips gave none, in words."""
+    """The pieces of a study, and for each clip that gave none its name and the reason."""
 
     pieces: tuple[StudyPiece, ...]
     left_out: tuple[str, ...] = ()
 
     @property
     def items(self) -> tuple[Item, ...]:
-        """The pieces as `make_trials` wants them."""
+        """The pieces for `make_trials`."""
         return tuple(piece.item for piece in self.pieces)
 
     def named(self, name: str) -> StudyPiece:
@@ -80,16 +81,16 @@ class Pieces:
         return next(piece for piece in self.pieces if piece.name == name)
 
     def shown(self, entry: KeyEntry) -> tuple[Audio, list[Motion]]:
-        """The music of a trial and its dance, or its two dances (left, right): what `blind_page` takes."""
+        """The music of a trial and its dance, or its two dances (left, right): the arguments of `blind_page`."""
         piece = self.named(entry.item)
         return piece.audio, [piece.motions[version] for version in entry.versions]
 
     def scores(self, entries: Iterable[KeyEntry]) -> dict[str, dict[str, float]]:
         """`clip_scores` of every dance that is shown: {score: {source: value}}."""
         rows = {
-            source: clip_scores(self.named(one.item).clip(version))
-            for one in entries
-            for version, source in zip(one.versions, one.sources, strict=True)
+            source: clip_scores(self.named(entry.item).clip(version))
+            for entry in entries
+            for version, source in zip(entry.versions, entry.sources, strict=True)
         }
         names = next(iter(rows.values()), {})
         return {name: {source: row[name] for source, row in rows.items()} for name in names}
@@ -103,7 +104,7 @@ def lagged_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces
     clips : iterable of Clip with a motion, each with a name of its own; taken one at a time
     seconds : float, length of every piece
     seed : int
-        Decides where each piece begins: at any moment from which both dances last and the music sounds.
+        Decides the beginning of each piece: any moment from which both dances last and the music sounds.
 
     Raises
     ------
@@ -117,7 +118,7 @@ def lagged_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces
     >>> study.pieces[0].audio.duration, sorted(study.pieces[0].motions)
     (5.0, ['lagged', 'true'])
     """
-    return _pieces(((clip.name, partial(_lagged, clip, seconds, seed)) for clip in clips), seconds, seed)
+    return _pieces(((clip, _true_and_lagged) for clip in clips), seconds, seed)
 
 
 def swapped_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces:
@@ -128,14 +129,15 @@ def swapped_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Piece
 
     Parameters and errors are those of `lagged_pieces`; the seed also decides which clip lends to which.
     """
-    cut = _pieces(((clip.name, partial(_true, clip, seconds, seed)) for clip in clips), seconds, seed)
+    true = _pieces(((clip, lambda motion, _: {"true": (motion, 0)}) for clip in clips), seconds, seed)
     kinds = defaultdict(list)
-    for piece in cut.pieces:
+    for piece in true.pieces:
         kinds[piece.dance].append(piece)
-    swapped, left_out = [], list(cut.left_out)
+    swapped, left_out = [], list(true.left_out)
     for dance, pieces in kinds.items():
         order = [pieces[place] for place in _rng(seed, dance).permutation(len(pieces))]
-        swapped += [_swapped(own, lent) for own, lent in zip(order[::2], order[1::2], strict=False)]
+        for own, lent in zip(order[::2], order[1::2], strict=False):
+            swapped.append(replace(own, motions={**own.motions, "swapped": lent.motions["true"]}))
         if len(order) % 2:
             left_out.append(f"{order[-1].name}: no other clip is left to swap its dance ({dance or 'unknown'}) with")
     return Pieces(tuple(swapped), tuple(left_out))
@@ -160,107 +162,71 @@ def paired_pieces(
     """
     if versions[0] == versions[1]:
         raise ValueError(f"two versions need two names, got {versions[0]!r} twice")
-    cuts = ((clip.name, partial(_paired, clip, other, versions, seconds, seed)) for clip, other in pairs)
-    return _pieces(cuts, seconds, seed)
+    return _pieces(((clip, partial(_pair, other, versions)) for clip, other in pairs), seconds, seed)
 
 
 def clip_scores(clip: Clip) -> dict[str, float]:
-    """Every score of one clip: ours above chance in three settings, the paper's h (Eq. 20), and those of others."""
-    scores = {
-        name: score_clip(clip, params, n_rotations=0)
-        for name, params in (
-            ("paper", HarmonyParams.paper()),
-            ("valleys", HarmonyParams.valleys()),
-            ("recommended", HarmonyParams.recommended()),
-        )
-    }
+    """The scores of one clip: ours above chance in three settings, the paper's h (Eq. 20), and those of others."""
+    names = ("paper", "valleys", "recommended")
+    scores = {name: score_clip(clip, getattr(HarmonyParams, name)(), n_rotations=0) for name in names}
     above = {f"{name}_above_chance": score.harmony_above_chance for name, score in scores.items()}
     beats, motion = music_and_motion(clip)
     kinematic = visual_beats(motion, params=kinematic_params())
     return {**above, "paper_h": scores["paper"].harmony, **other_scores(beats, kinematic)}
 
 
-def _pieces(cuts: Iterable[tuple[str, Callable[[], StudyPiece]]], seconds: float, seed: int) -> Pieces:
-    """The pieces of all clips, equally loud, and why some clips gave none."""
+def _true_and_lagged(motion: Motion, beats: BeatTrack) -> Dances:
+    late = round(0.5 * float(np.median(np.diff(beats.times))) * FPS)
+    return {"true": (motion, 0), "lagged": (motion, late)}
+
+
+def _pair(other: Motion, versions: tuple[str, str], motion: Motion, _: BeatTrack) -> Dances:
+    return {versions[0]: (motion, 0), versions[1]: (_at_rate(other), 0)}
+
+
+def _pieces(clips: Iterable[tuple[Clip, Callable[[Motion, BeatTrack], Dances]]], seconds: float, seed: int) -> Pieces:
+    """The pieces of all clips, equally loud, and the reasons why some clips gave none.
+
+    Beside each clip stands the function from its motion and beats to its dances.
+    """
     if not SHORTEST <= seconds <= LONGEST:
         raise ValueError(f"seconds must be between {SHORTEST:g} and {LONGEST:g}, got {seconds:g}")
     if seed < 0:
         raise ValueError(f"seed must not be negative, got {seed}")
     pieces, left_out = [], []
-    for name, cut in cuts:
+    for clip, dances in clips:
         try:
-            pieces.append(cut())
+            beats = music_beats(clip)
+            if len(beats) < 2:
+                raise ValueError(f"its music has {len(beats)} beats; two are needed")
+            if clip.motion is None:
+                raise ValueError("has no motion to show")
+            pieces.append(_piece(clip, beats, dances(_at_rate(clip.motion), beats), seconds, seed))
         except ValueError as error:
-            left_out.append(f"{name}: {error}")
+            left_out.append(f"{clip.name}: {error}")
     return Pieces(_equally_loud(pieces), tuple(left_out))
-
-
-def _true(clip: Clip, seconds: float, seed: int) -> StudyPiece:
-    return _cut(clip, _beats(clip), {"true": _own(clip)}, {"true": 0}, seconds, seed)
-
-
-def _lagged(clip: Clip, seconds: float, seed: int) -> StudyPiece:
-    beats, motion = _beats(clip), _own(clip)
-    late = round(0.5 * float(np.median(np.diff(beats.times))) * FPS)
-    return _cut(clip, beats, {"true": motion, "lagged": motion}, {"true": 0, "lagged": late}, seconds, seed)
-
-
-def _paired(clip: Clip, other: Motion, versions: tuple[str, str], seconds: float, seed: int) -> StudyPiece:
-    motions = dict(zip(versions, (_own(clip), _at_rate(other)), strict=True))
-    return _cut(clip, _beats(clip), motions, dict.fromkeys(versions, 0), seconds, seed)
-
-
-def _swapped(own: StudyPiece, lent: StudyPiece) -> StudyPiece:
-    return replace(own, motions={"true": own.motions["true"], "swapped": lent.motions["true"]})
-
-
-def _own(clip: Clip) -> Motion:
-    if clip.motion is None:
-        raise ValueError("has no motion to show")
-    return _at_rate(clip.motion)
 
 
 def _at_rate(motion: Motion) -> Motion:
     return resample_motion(upsample_motion(motion, FPS), FPS)
 
 
-def _beats(clip: Clip) -> BeatTrack:
-    """The music's beats as annotated, else as tracked; ValueError if there are fewer than two."""
-    beats = music_beats(clip)
-    if len(beats) < 2:
-        raise ValueError(f"its music has {len(beats)} beats; two are needed")
-    return beats
-
-
-def _cut(
-    clip: Clip,
-    beats: BeatTrack,
-    motions: Mapping[str, Motion],
-    late_frames: Mapping[str, int],
-    seconds: float,
-    seed: int,
-) -> StudyPiece:
+def _piece(clip: Clip, beats: BeatTrack, dances: Dances, seconds: float, seed: int) -> StudyPiece:
     """The piece that begins at a random moment among those where all dances are recorded and the music sounds."""
     count = round(seconds * FPS)
-    first = max(math.ceil(-clip.offset * FPS), max(late_frames.values()), 0)
-    ends = [motion.n_frames + late_frames[version] for version, motion in motions.items()]
+    first = max(math.ceil(-clip.offset * FPS), *(late for _, late in dances.values()), 0)
+    ends = [motion.n_frames + late for motion, late in dances.values()]
     last = min(*ends, math.floor((clip.audio.duration - clip.offset) * FPS)) - count
     if last < first:
         raise ValueError(f"has no {seconds:g} s of dance and music together")
     for start in _rng(seed, clip.name).permutation(np.arange(first, last + 1, STEP)):
         audio = _faded(clip.audio.span(max(clip.offset + start / FPS, 0.0), count / FPS))
-        shown = {name: _frames(motion, int(start) - late_frames[name], count) for name, motion in motions.items()}
+        motions = {name: motion.span((start - late) / FPS, count / FPS) for name, (motion, late) in dances.items()}
         music = beats.span(max(clip.offset + start / FPS, 0.0), audio.duration)
-        recorded = min(motion.valid.mean() for motion in shown.values())
+        recorded = min(motion.valid.mean() for motion in motions.values())
         if _sounds(audio) and recorded >= RECORDED and len(music) > 1:
-            return StudyPiece(clip.name, audio, music, shown, clip.dance)
+            return StudyPiece(clip.name, audio, music, motions, clip.dance)
     raise ValueError(f"has no {seconds:g} s that begin with sound, hold beats and are recorded throughout")
-
-
-def _frames(motion: Motion, first: int, count: int) -> Motion:
-    return Motion(
-        motion.positions[first : first + count], motion.fps, motion.skeleton, motion.valid[first : first + count]
-    )
 
 
 def _faded(audio: Audio) -> Audio:
@@ -277,7 +243,7 @@ def _sounds(audio: Audio) -> bool:
 
 
 def _equally_loud(pieces: list[StudyPiece]) -> tuple[StudyPiece, ...]:
-    """All sounds at one root mean square: `LOUDNESS`, or what the sharpest of them reaches without clipping."""
+    """All sounds at one root mean square: `LOUDNESS`, or the most that the sharpest reaches without clipping."""
     loudness = [_loudness(piece.audio.samples) for piece in pieces]
     peaks = [float(np.abs(piece.audio.samples).max()) for piece in pieces]
     level = min([LOUDNESS, *(0.99 * loud / peak for loud, peak in zip(loudness, peaks, strict=True))])

@@ -2,9 +2,9 @@
 
 =====================  ============================================================
 trials.json            the blind trials
-pages/TRIAL.html       what each of them shows: a blind player
+pages/TRIAL.html       the page of each of them: a blind player
 answers/RATER.jsonl    the answers, a file for each rater
-key.json, scores.json  what was asked, and how it scores; no rater should open them
+key.json, scores.json  the truth about the trials, and their scores; not for raters
 =====================  ============================================================
 """
 
@@ -47,11 +47,13 @@ def read_trials(path: PathLike) -> TrialSet:
     Raises
     ------
     FileNotFoundError, ValueError
-        Naming the file, if it is missing or is not what `write_study` writes.
+        Naming the file, if it is missing or was not written by `write_study`.
     """
     with reading(path, "the trials of a study", max_bytes=MAX_TEXT_BYTES) as file:
         content = _fields(read_json(file), "study", "kind", "rater", "trials")
-        rows = [_fields(row, "id", "stimuli") for row in _listed(content["trials"])]
+        if not isinstance(content["trials"], list) or len(content["trials"]) > MOST_TRIALS:
+            raise ValueError(f"trials must be a list of at most {MOST_TRIALS}")
+        rows = [_fields(row, "id", "stimuli") for row in content["trials"]]
         trials = tuple(Trial(row["id"], _texts(row["stimuli"])) for row in rows)
         return TrialSet(content["study"], content["kind"], _texts([content["rater"]])[0], trials)
 
@@ -102,7 +104,7 @@ def answer_files(folder: PathLike) -> list[Path]:
     Raises
     ------
     FileNotFoundError
-        If nobody has answered yet.
+        If there are no answers yet.
     """
     files = sorted((Path(folder) / ANSWERS).glob("*.jsonl"))
     if not files:
@@ -142,12 +144,6 @@ def _fields(content: Any, *names: str) -> dict[str, Any]:
     if not isinstance(content, dict) or set(content) != set(names):
         content_names = sorted(content) if isinstance(content, dict) else type(content).__name__
         raise ValueError(f"must have the fields {', '.join(names)} and no other, got {content_names!s:.200}")
-    return content
-
-
-def _listed(content: Any) -> list[Any]:
-    if not isinstance(content, list) or len(content) > MOST_TRIALS:
-        raise ValueError(f"trials must be a list of at most {MOST_TRIALS}")
     return content
 
 

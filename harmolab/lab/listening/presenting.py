@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import html
 import re
 import secrets
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -17,7 +16,7 @@ from urllib.parse import parse_qs
 
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.trials import Trial, TrialSet
-from harmolab.lab.report.templates import framed
+from harmolab.lab.report.templates import framed, rendered
 
 HOST = "127.0.0.1"
 TITLE = "Listening study"
@@ -37,36 +36,13 @@ def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Tri
     action : str, address that the answer is sent to
     """
     if not waiting:
-        return _page(f"<p>Thank you. All {len(trials)} answers are saved; you can close this page.</p>")
-    trial, number = waiting[0], len(trials) - len(waiting) + 1
-    buttons = "".join(f'<button name="choice" value="{choice}">{choice}</button>' for choice in trials.choices)
-    return _page(
-        f'<p class="count">Trial {number} of {len(trials)}</p>'
-        f'<progress max="{len(trials)}" value="{number - 1}"></progress>'
-        f"<h1>{html.escape(trials.question)}</h1>{framed(show(trial))}"
-        f'<form method="post" action="{html.escape(action, quote=True)}">'
-        f'<input type="hidden" name="trial" value="{trial.id}">{buttons}</form>'
-    )
+        return _page(text=f"Thank you. All {len(trials)} answers are saved; you can close this page.")
+    number = len(trials) - len(waiting) + 1
+    return _page(trials=trials, trial=waiting[0], number=number, frame=framed(show(waiting[0])), action=action)
 
 
-STYLE = """
-  body { font: 1.1rem/1.4 system-ui, sans-serif; max-width: 48rem; margin: 0.5rem auto; padding: 0 0.7rem;
-    color: #222; }
-  h1 { font-size: 1.5rem; text-align: center; margin: 0.6rem 0; } .count { margin: 0; color: #555; font-size: 0.95rem; }
-  progress { display: block; width: 100%; height: 0.5rem; accent-color: #0072b2; }
-  form { display: grid; grid-template-columns: 1fr 1fr; gap: 0.7rem; max-width: 40rem; margin: 0.6rem auto; }
-  button { font: inherit; font-size: 1.25rem; min-height: 3.6rem; border: 2px solid #222; border-radius: 8px;
-    background: #fff; color: inherit; cursor: pointer; }
-  button:hover { background: #e8f1f7; } button:focus-visible { outline: 3px solid #0072b2; outline-offset: 2px; }
-"""
-
-
-def _page(body: str) -> str:
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
-        f"<style>{STYLE}</style></head><body>{body}</body></html>"
-    )
+def _page(**values: Any) -> str:
+    return rendered("study.html.j2", title=TITLE, **values)
 
 
 class StudyServer:
@@ -98,7 +74,7 @@ class StudyServer:
 
     Attributes
     ----------
-    finished : threading.Event, set when the rater has seen the page of thanks
+    finished : threading.Event, set when the page of thanks was sent
     """
 
     def __init__(self, trials: TrialSet, log: AnswerLog, show: Callable[[Trial], str], *, port: int = 0) -> None:
@@ -135,10 +111,6 @@ class StudyServer:
         finally:
             self.stop()
 
-    def page(self) -> str:
-        """The page that the rater sees now."""
-        return self.turn()[1]
-
     def turn(self) -> tuple[tuple[Trial, ...], str]:
         """The trials without an answer, and the page that asks the first of them."""
         self._since = time.monotonic()
@@ -146,7 +118,7 @@ class StudyServer:
         return waiting, trial_page(self._trials, waiting, self._show, action=self.address)
 
     def _repr_html_(self) -> str:
-        return framed(self.page(), title=TITLE, height=FRAME_HEIGHT)
+        return framed(self.turn()[1], title=TITLE, height=FRAME_HEIGHT)
 
     def answer(self, trial: str, choice: str) -> None:
         """Writes an answer; one that is no longer asked for, from a page sent twice, changes nothing."""
@@ -165,25 +137,29 @@ class _Handler(BaseHTTPRequestHandler):
         self.study = study
         super().__init__(*args)  # answers the request
 
+    def parse_request(self) -> bool:
+        """True for a request to the study's own address; any other is answered here."""
+        is_request = super().parse_request()
+        if is_request and self.path != self.study.path:
+            self._reply(HTTPStatus.NOT_FOUND, _page(text="There is nothing here."))
+        return is_request and self.path == self.study.path
+
     def do_GET(self) -> None:
-        if not self._is_ours():
-            return
         try:
             waiting, page = self.study.turn()
-            self._reply(HTTPStatus.OK, page)
-            if not waiting:
-                self.study.finished.set()
         except ValueError as error:  # a damaged file of answers or pages
-            self._reply(HTTPStatus.INTERNAL_SERVER_ERROR, _page(f"<p>{html.escape(str(error))}</p>"))
+            self._reply(HTTPStatus.INTERNAL_SERVER_ERROR, _page(text=str(error)))
+            return
+        self._reply(HTTPStatus.OK, page)
+        if not waiting:
+            self.study.finished.set()
 
     def do_POST(self) -> None:
-        if not self._is_ours():
-            return
         try:
             form = self._form()
             self.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
         except (ValueError, OSError) as error:
-            self._reply(HTTPStatus.BAD_REQUEST, _page(f"<p>The answer was not saved: {html.escape(str(error))}</p>"))
+            self._reply(HTTPStatus.BAD_REQUEST, _page(text=f"The answer was not saved: {error}"))
         else:
             self._reply(HTTPStatus.SEE_OTHER, "", Location=self.path)
 
@@ -193,20 +169,16 @@ class _Handler(BaseHTTPRequestHandler):
             raise ValueError(f"an answer has at most {MOST_BYTES} bytes")
         return parse_qs(self.rfile.read(int(length)).decode("utf-8", "replace"))
 
-    def _is_ours(self) -> bool:
-        if self.path == self.study.path:
-            return True
-        self._reply(HTTPStatus.NOT_FOUND, _page("<p>There is nothing here.</p>"))
-        return False
-
     def _reply(self, status: HTTPStatus, text: str, **headers: str) -> None:
+        """Sends the page; a rater who has closed it before it has come is no fault."""
         content = text.encode()
-        self.send_response(status)
         fixed = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(content))}
-        for name, value in {**fixed, "Cache-Control": "no-store", **headers}.items():
-            self.send_header(name, value)
-        self.end_headers()
-        self.wfile.write(content)
+        with suppress(ConnectionError):
+            self.send_response(status)
+            for name, value in {**fixed, "Cache-Control": "no-store", **headers}.items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(content)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Says nothing: the rater's terminal is no place for requests."""

@@ -53,12 +53,11 @@ class SimulatedRater:
         """
         if trials.study != key.study or trials.rater != self.name:
             raise ValueError(f"{self.name} was given trials of {trials.rater}, study {trials.study}")
-        drawn = np.random.default_rng([self.seed, int(trials.study, 16)]).random(len(trials)) < self.skill
+        successes = np.random.default_rng([self.seed, int(trials.study, 16)]).random(len(trials)) < self.skill
         rows = []
-        for trial, is_right in zip(trials.trials, drawn, strict=True):
+        for trial, is_right in zip(trials.trials, successes, strict=True):
             right = self._right(key, trial.id)
-            other = trials.choices[1 - trials.choices.index(right)]
-            choice = right if is_right else other
+            choice = right if is_right else trials.choices[1 - trials.choices.index(right)]
             rows.append(Answer(trials.study, self.name, trial.id, choice, simulated=True))
         return tuple(rows)
 

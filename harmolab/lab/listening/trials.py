@@ -1,4 +1,4 @@
-"""Balanced, seeded, blind trials: what a rater is asked, and apart from it the key that says what was asked.
+"""Balanced, seeded, blind trials: the questions of a rater, and apart from them the key that holds the truth.
 
 Two kinds, after the paper's two studies. "pick" (Fig. 8): one clip at a time, with its own or with wrong music; is it
 harmonious? "choice" (Fig. 13): two dances to the same music side by side; which one fits better?
@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
@@ -36,7 +37,7 @@ class Item:
     name : str
     versions : mapping from condition or model to source
         For "pick" the condition "true" and one or more wrong ones, such as ``{"true": ..., "lagged": ...}``; for
-        "choice" the models. A source is whatever text leads the caller to what is shown: a file, a clip's name.
+        "choice" the models. A source is a text that leads the caller to the stimulus: a file, a clip's name.
     """
 
     name: str
@@ -51,7 +52,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Trial:
-    """One question as the rater's side sees it: ids that say nothing.
+    """One question for the rater's side: ids without meaning.
 
     Parameters
     ----------
@@ -81,14 +82,14 @@ class TrialSet:
     trials: tuple[Trial, ...]
 
     def __post_init__(self) -> None:
-        _check_kind(self.kind)
+        n_stimuli = _n_stimuli(self.kind)
         _check_ids(self.study, *(name for trial in self.trials for name in (trial.id, *trial.stimuli)))
         if not self.rater or not self.rater.isprintable() or len(self.rater) > 100:
             raise ValueError(f"a rater needs a name of 1 to 100 printable characters, got {self.rater!r:.120}")
         if not self.trials or len({trial.id for trial in self.trials}) != len(self.trials):
             raise ValueError("a study needs one or more trials, each with an id of its own")
-        if any(len(trial.stimuli) != _n_shown(self.kind) for trial in self.trials):
-            raise ValueError(f"every trial of a {self.kind!r} study must have {_n_shown(self.kind)} stimuli")
+        if any(len(trial.stimuli) != n_stimuli for trial in self.trials):
+            raise ValueError(f"every trial of a {self.kind!r} study must have {n_stimuli} stimuli")
 
     def __len__(self) -> int:
         return len(self.trials)
@@ -118,7 +119,7 @@ class KeyEntry:
     ----------
     item : str, name of the clip or the music
     versions : tuple of str; the condition, or the models on the left and on the right
-    sources : tuple of str, what to show, in the same order
+    sources : tuple of str, of the stimuli, in the same order
     right : str or None, the right answer; None if there is none, as between two models
     """
 
@@ -144,11 +145,11 @@ class Key:
     trials: Mapping[str, KeyEntry]
 
     def __post_init__(self) -> None:
-        _check_kind(self.kind)
+        n_stimuli = _n_stimuli(self.kind)
         _check_ids(self.study, *self.trials)
         for name, entry in self.trials.items():
-            if not len(entry.versions) == len(entry.sources) == _n_shown(self.kind):
-                raise ValueError(f"trial {name} must have {_n_shown(self.kind)} versions and sources")
+            if not len(entry.versions) == len(entry.sources) == n_stimuli:
+                raise ValueError(f"trial {name} must have {n_stimuli} versions and sources")
             if entry.right not in (None, *CHOICES[self.kind]):
                 raise ValueError(f"trial {name}: right answer must be in {CHOICES[self.kind]}, got {entry.right!r}")
         object.__setattr__(self, "trials", MappingProxyType(dict(self.trials)))
@@ -164,8 +165,8 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
         "pick": half of the trials are true, the other half is shared equally by the wrong conditions, and no clip comes
         twice. "choice": every pair of versions comes equally often, each of the two equally often on the left.
     n : int, number of trials; the balance has to come out even
-    seed : int, decides what is asked; who knows it and the items can work out the answers
-    rater : str, decides in which order
+    seed : int, of the choice of trials; with it and the items the answers can be worked out
+    rater : str, decides the order
     truth : str, the version that is right; models have none, and then no answer is wrong
 
     Raises
@@ -180,23 +181,20 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
     4
     """
     key = make_key(items, kind=kind, n=n, seed=seed, truth=truth)
-    ids = _random_ids(len(key.trials) * (1 + _n_shown(kind)), seed, 1)[len(key.trials) :]
-    shown = [tuple(ids[start :: len(key.trials)]) for start in range(len(key.trials))]
-    trials = [Trial(name, stimuli) for name, stimuli in zip(key.trials, shown, strict=True)]
+    ids = _random_ids(n * (1 + _n_stimuli(kind)), seed)[n:]
+    trials = [Trial(name, tuple(ids[place::n])) for place, name in enumerate(key.trials)]
     return TrialSet(key.study, kind, rater, tuple(trials)).ordered_for(rater)
 
 
 def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str = "true") -> Key:
     """The key to the trials of `make_trials` with the same arguments."""
-    _check_kind(kind)
+    _n_stimuli(kind)  # checks the kind
     versions = _common_versions(items)
     rng = _rng(seed, 0)
-    plan = (
-        _plan_pick(items, versions, n, truth, rng) if kind == "pick" else _plan_choice(items, versions, n, truth, rng)
-    )
+    plan = (_plan_pick if kind == "pick" else _plan_choice)(items, versions, n, truth, rng)
     entries = [plan[place] for place in rng.permutation(n)]
     study = hashlib.sha256(json.dumps([kind, seed, [asdict(one) for one in entries]]).encode()).hexdigest()[:12]
-    return Key(study, kind, dict(zip(_random_ids(n, seed, 1), entries, strict=True)))
+    return Key(study, kind, dict(zip(_random_ids(n, seed), entries, strict=True)))
 
 
 def _plan_pick(
@@ -251,9 +249,9 @@ def _common_versions(items: Sequence[Item]) -> tuple[str, ...]:
     names = [item.name for item in items]
     sources = [source for item in items for source in item.versions.values()]
     for texts, what in ((names, "name"), (sources, "source")):
-        if len(set(texts)) != len(texts):
-            twice = next(text for text in texts if texts.count(text) > 1)
-            raise ValueError(f"the {what} {twice!r} comes twice; each must be of its own")
+        text, count = Counter(texts).most_common(1)[0]
+        if count > 1:
+            raise ValueError(f"the {what} {text!r} comes twice; each must be of its own")
     return versions
 
 
@@ -263,19 +261,17 @@ def _rng(seed: int, *stream: int) -> np.random.Generator:
     return np.random.default_rng([int(seed), *stream])
 
 
-def _random_ids(count: int, seed: int, stream: int) -> list[str]:
+def _random_ids(count: int, seed: int) -> list[str]:
     """Ids that follow from the seed alone: a longer list starts like a shorter one."""
-    rng = _rng(seed, stream)
+    rng = _rng(seed, 1)
     return [rng.bytes(6).hex() for _ in range(count)]
 
 
-def _n_shown(kind: str) -> int:
-    return 1 if kind == "pick" else 2
-
-
-def _check_kind(kind: object) -> None:
+def _n_stimuli(kind: object) -> int:
+    """Number of stimuli in a trial; ValueError for a kind that is neither."""
     if kind not in ("pick", "choice"):
         raise ValueError(f"kind must be 'pick' or 'choice', got {kind!r:.60}")
+    return 1 if kind == "pick" else 2
 
 
 def _check_ids(*ids: object) -> None:

@@ -15,9 +15,9 @@ from harmolab.io.motion import save_motion
 from harmolab.io.video import CODINGS, is_video, video_frames, write_video
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import render_dance
-from harmolab.lab.timing.pictures import picture_motion
+from harmolab.lab.timing.movement import picture_motion
 from harmolab.params import HarmonyParams
-from harmolab.retime.beats import Method
+from harmolab.retime.matching import Method
 from harmolab.retime.retime import Retimed, retime, warp_video
 from harmolab.types import Audio, Clip, HarmonyScore, Motion
 

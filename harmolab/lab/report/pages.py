@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import jinja2
@@ -26,31 +25,29 @@ from harmolab.lab.report.templates import TEMPLATES, rendered
 MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 
-PAPER = MappingProxyType(
-    {
-        "Fig. 1": "which beats are felt to fall together, and which apart",
-        "Fig. 2": "visual beats from optical flow and from the skeleton",
-        "Fig. 3": "harmony distorted: onsets against beats from direction changes",
-        "Fig. 4": "joint speed and the movements that it follows",
-        "Fig. 5": "better agreement with beats from the joint speed",
-        "Fig. 6": "meter units found in the music's beats",
-        "Fig. 7": "the generator, its discriminators and their training",
-        "Fig. 8": "how often inharmonious videos are told from true ones",
-        "Fig. 9": "quality of the generated motion (FID)",
-        "Fig. 10": "a generated dance beside the recorded one",
-        "Fig. 11": "what the harmony loss adds",
-        "Fig. 12": "harmony and hit rate against other systems",
-        "Fig. 13": "which system viewers prefer",
-        "Fig. 14": "frames of a dance at the beats of its music",
-        "Table 1": "harmony for seven dances",
-        "Table 2": "hit rate for seven dances",
-    }
-)
+PAPER = {
+    "Fig. 1": "which beats are felt to fall together, and which apart",
+    "Fig. 2": "visual beats from optical flow and from the skeleton",
+    "Fig. 3": "harmony distorted: onsets against beats from direction changes",
+    "Fig. 4": "joint speed and the movements that it follows",
+    "Fig. 5": "better agreement with beats from the joint speed",
+    "Fig. 6": "meter units found in the music's beats",
+    "Fig. 7": "the generator, its discriminators and their training",
+    "Fig. 8": "how often inharmonious videos are told from true ones",
+    "Fig. 9": "quality of the generated motion (FID)",
+    "Fig. 10": "a generated dance beside the recorded one",
+    "Fig. 11": "what the harmony loss adds",
+    "Fig. 12": "harmony and hit rate against other systems",
+    "Fig. 13": "which system viewers prefer",
+    "Fig. 14": "frames of a dance at the beats of its music",
+    "Table 1": "harmony for seven dances",
+    "Table 2": "hit rate for seven dances",
+}
 
 
 @dataclass(frozen=True)
 class NotebookRun:
-    """One executed notebook. `error` is empty if it ran to its end, else says which cell failed and how."""
+    """One executed notebook. `error` is empty if it ran to its end, else the cell that failed and its fault."""
 
     path: Path
     node: nbformat.NotebookNode
@@ -81,14 +78,14 @@ def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str) -> None
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     for run in runs:
         (folder / run.page).write_text(_page(run, f"{profile} profile, {date}"), "utf-8")
-    listed = folder / "figures" / MANIFEST
-    manifest = json.loads(listed.read_text("utf-8")) if listed.is_file() else {}
+    figures = folder / "figures"
+    manifest = json.loads((figures / MANIFEST).read_text("utf-8")) if (figures / MANIFEST).is_file() else {}
     index = rendered(
         "index.html.j2",
         runs=runs,
         failures=[run for run in runs if run.error],
         figures={name: entry for name, entry in manifest.items() if name.endswith(".png")},
-        tables=[(name, entry, *_table(listed.with_name(name))) for name, entry in manifest.items() if ".csv" in name],
+        tables=[(name, entry, *_table(figures / name)) for name, entry in manifest.items() if ".csv" in name],
         paper=[_paper_row(item, subject, runs) for item, subject in PAPER.items()],
         sources=sorted({entry["source"] for entry in manifest.values()}),
         profile=profile,
@@ -99,7 +96,7 @@ def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str) -> None
 
 
 def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[str, str, str, list[NotebookRun]]:
-    """(item, what it shows, "built" or "failed" or "missing", the notebooks that build it)."""
+    """(item, its subject, "built" or "failed" or "missing", the notebooks that build it)."""
     claims = [run for run in runs if item in run.paper]
     if not claims:
         return item, subject, "missing", []
@@ -107,7 +104,7 @@ def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[st
 
 
 def _table(path: Path) -> tuple[list[str], list[list[str]], int]:
-    """(column names, the first rows, how many more there are) of a CSV file."""
+    """(column names, the first rows, number of the other rows) of a CSV file."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = list(csv.reader(file)) or [[]]
     return header, rows[:TABLE_ROWS], max(0, len(rows) - TABLE_ROWS)
@@ -157,10 +154,10 @@ class _OfflineExporter(HTMLExporter):
 
 def _mathml(tex: str, display: str) -> str:
     """An equation as MathML; as its TeX source, where the converter does not understand it."""
-    # The converter knows the outer environments only, and draws the inner ones' alignment marks as letters.
-    known = re.sub(r"(begin|end)\{(?:aligned|alignedat|gathered|split)\}", r"\1{align*}", tex.strip())
+    # The converter reads the outer environments only, and draws the inner ones' alignment marks as letters.
+    outer = re.sub(r"(begin|end)\{(?:aligned|alignedat|gathered|split)\}", r"\1{align*}", tex.strip())
     try:
-        drawn: str = latex_to_mathml(known, display=display)
-    except Exception:  # noqa: BLE001  # whatever it stumbles over, the reader still gets the equation
+        mathml: str = latex_to_mathml(outer, display=display)
+    except Exception:  # noqa: BLE001  # after any fault of the converter the reader still gets the equation
         return f"<code>{html.escape(tex)}</code>"
-    return drawn.replace("<math ", f'<math alttext="{html.escape(tex.strip())}" ', 1)
+    return mathml.replace("<math ", f'<math alttext="{html.escape(tex.strip())}" ', 1)

@@ -26,7 +26,7 @@ from harmolab.lab.report.pages import MARK, NotebookRun, write_pages
 
 @dataclass(frozen=True)
 class Report:
-    """A finished report: its index page, and what became of each notebook."""
+    """A finished report: its index page, and the run of each notebook."""
 
     index: Path
     runs: tuple[NotebookRun, ...]
@@ -72,18 +72,20 @@ def build(
     paths = sorted(notebooks.glob("*.ipynb"))
     if not paths:
         raise FileNotFoundError(f"no notebooks (*.ipynb) in {notebooks}")
-    if out.is_dir() and any(out.iterdir()) and not _is_report(out):
+    index = out / "index.html"
+    is_report = index.is_file() and MARK in index.read_text("utf-8", errors="replace")
+    if out.is_dir() and any(out.iterdir()) and not is_report:
         raise ValueError(f"{out} holds files that are no report of ours; name an empty or new folder")
     out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_folder(out) as part:
-        drawn = part / "figures"
-        drawn.mkdir()
-        variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(drawn)}
+        pictures = part / "figures"
+        pictures.mkdir()
+        variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(pictures)}
         runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress))
         write_pages(part, runs, profile)
         if figures is not None and not any(run.error for run in runs):
-            _publish(drawn, Path(figures))
-    return Report(out / "index.html", tuple(runs))
+            _publish(pictures, Path(figures))
+    return Report(index, tuple(runs))
 
 
 def run_notebook(path: Path, *, variables: Mapping[str, str] | None = None, timeout: float = 900.0) -> NotebookRun:
@@ -129,41 +131,28 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
     )
     # Set outright: a plain "Agg" from outside would leave every figure out of the page.
     inline = {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
-    before, error = time.perf_counter(), ""
+    before, fault = time.perf_counter(), ""
     try:
         await client.async_execute(env={**os.environ, **inline, **variables})
-    except (CellExecutionError, CellTimeoutError, DeadKernelError) as fault:
-        error = f"{_cell(node, started)}: {_fault(fault, timeout)}"
-    return NotebookRun(path, node, time.perf_counter() - before, error)
+    except CellExecutionError as error:
+        fault = f"{error.ename}: {strip_ansi(error.evalue)}"
+    except CellTimeoutError:
+        fault = f"still running after {timeout:g} s"
+    except DeadKernelError:
+        fault = "the kernel died"
+    # The code cell that ran last, counted as the reader counts them.
+    number = sum(cell.cell_type == "code" for cell in node.cells[: max(started, default=0) + 1])
+    return NotebookRun(path, node, time.perf_counter() - before, fault and f"code cell {number}: {fault}")
 
 
-def _cell(node: nbformat.NotebookNode, started: Sequence[int]) -> str:
-    """The code cell that ran last, counted as the reader counts them."""
-    last = started[-1] if started else 0
-    return f"code cell {sum(cell.cell_type == 'code' for cell in node.cells[: last + 1])}"
-
-
-def _fault(fault: Exception, timeout: float) -> str:
-    if isinstance(fault, CellExecutionError):
-        return f"{fault.ename}: {strip_ansi(fault.evalue)}"
-    if isinstance(fault, CellTimeoutError):
-        return f"still running after {timeout:g} s"
-    return "the kernel died"
-
-
-def _is_report(folder: Path) -> bool:
-    index = folder / "index.html"
-    return index.is_file() and MARK in index.read_text("utf-8", errors="replace")
-
-
-def _publish(drawn: Path, figures: Path) -> None:
-    """Copies figures, tables and, last, the manifest that lists them; what an older manifest listed goes first."""
+def _publish(pictures: Path, figures: Path) -> None:
+    """Copies figures, tables and, last, the manifest that lists them; files of an older manifest go first."""
     figures.mkdir(parents=True, exist_ok=True)
     manifest = figures / MANIFEST
     for name in json.loads(manifest.read_text("utf-8")) if manifest.is_file() else ():
-        if not (drawn / name).is_file():
+        if not (pictures / name).is_file():
             (figures / Path(name).name).unlink(missing_ok=True)
-    for file in sorted(drawn.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
+    for file in sorted(pictures.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
         with atomic_write(figures / file.name) as part:
             shutil.copyfile(file, part)
 

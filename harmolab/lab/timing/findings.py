@@ -40,7 +40,7 @@ class Timing:
     Parameters
     ----------
     times, offsets : (M,) arrays, seconds
-        Of each visual beat: where it is, and how late after its place on the grid.
+        Of each visual beat: its time, and its lateness after its place on the grid.
     grid : int, places on one beat (2: beats and half beats)
     p_value : float
         Of the Rayleigh test that movements fall anywhere in the beat, times the number of clocks tried.
@@ -50,6 +50,38 @@ class Timing:
     offsets: FloatArray
     grid: int
     p_value: float
+
+    def half_means(self, duration: float) -> tuple[MeanOffset, ...]:
+        """Mean offsets of the first and of the second half; those with fewer than three movements are left out."""
+        halves = []
+        for start, end in ((0.0, duration / 2), (duration / 2, duration)):
+            inside = (self.times >= start) & (self.times < end)
+            if inside.sum() >= 3:
+                mean, low, high = mean_interval(self.offsets[inside])
+                halves.append(MeanOffset(start, end, mean, (low, high)))
+        return tuple(halves)
+
+    def half_difference(self, duration: float) -> tuple[float, Interval]:
+        """Seconds by which the second half is later than the first, and the 95 % interval (Welch)."""
+        second = self.times >= duration / 2
+        early, late = self.offsets[~second], self.offsets[second]
+        spread = float(np.hypot(early.std(ddof=1) / np.sqrt(early.size), late.std(ddof=1) / np.sqrt(late.size)))
+        reach = float(stats.t.ppf(0.975, min(early.size, late.size) - 1)) * spread
+        change = float(late.mean() - early.mean())
+        return change, (change - reach, change + reach)
+
+    def drift(self) -> tuple[float, Interval]:
+        """Seconds later in each second, by least squares, with Student's interval."""
+        line = stats.linregress(self.times, self.offsets)
+        reach = float(stats.t.ppf(0.975, self.times.size - 2) * line.stderr)
+        return float(line.slope), (float(line.slope) - reach, float(line.slope) + reach)
+
+    def is_line(self, duration: float) -> bool:
+        """True where a straight line leaves a tenth less of the offsets unexplained than a step in the middle."""
+        second = self.times >= duration / 2
+        step = np.where(second, self.offsets[second].mean(), self.offsets[~second].mean())
+        line = np.polyval(np.polyfit(self.times, self.offsets, 1), self.times)
+        return bool(np.square(self.offsets - line).sum() < LINE_SHARE * np.square(self.offsets - step).sum())
 
 
 def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Timing:
@@ -61,7 +93,7 @@ def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Tim
     Parameters
     ----------
     music, visual : BeatTrack on one time line, two and one beats at least
-    lag : float, seconds, how late a movement is expected
+    lag : float, seconds, expected delay of a movement
     """
     times = visual.times - lag
     positions = beat_positions(times, music) - (0 if music.bar_places is None else music.bar_places[0])
@@ -82,52 +114,12 @@ def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Tim
             # The middle of the clip lies within half a place of the grid; the clock's part is put back.
             best = length, grid, (rest + place) / grid + slopes[top] * (positions - centre)
     length, grid, lateness = best  # type: ignore[misc]  # GRIDS is not empty
-    p = min(1.0, n_clocks * len(GRIDS) * _rayleigh(length, times.size))
-    return Timing(visual.times, lateness * period, grid, p)
-
-
-def _rayleigh(length: float, count: int) -> float:
-    """p-value of the mean resultant length of `count` phases (Zar's approximation)."""
-    total = count * length
-    return float(np.exp(np.sqrt(1 + 4 * count + 4 * (count**2 - total**2)) - (1 + 2 * count)))
-
-
-def half_means(timing: Timing, duration: float) -> tuple[MeanOffset, ...]:
-    """Mean offsets of the first and of the second half; those with fewer than three movements are left out."""
-    halves = []
-    for start, end in ((0.0, duration / 2), (duration / 2, duration)):
-        inside = (timing.times >= start) & (timing.times < end)
-        if inside.sum() >= 3:
-            mean, low, high = mean_interval(timing.offsets[inside])
-            halves.append(MeanOffset(start, end, mean, (low, high)))
-    return tuple(halves)
+    # Rayleigh's test, by Zar's approximation, for each clock and grid.
+    count, total = times.size, times.size * length
+    p = float(np.exp(np.sqrt(1 + 4 * count + 4 * (count**2 - total**2)) - (1 + 2 * count)))
+    return Timing(visual.times, lateness * period, grid, min(1.0, n_clocks * len(GRIDS) * p))
 
 
 def is_clear(value: float, interval: Interval) -> bool:
     """True where an interval excludes zero, and the value is large enough to notice."""
     return (interval[0] > 0 or interval[1] < 0) and abs(value) >= SMALLEST
-
-
-def half_difference(timing: Timing, duration: float) -> tuple[float, Interval]:
-    """Seconds by which the second half is later than the first, and the 95 % interval (Welch)."""
-    second = timing.times >= duration / 2
-    early, late = timing.offsets[~second], timing.offsets[second]
-    spread = float(np.hypot(early.std(ddof=1) / np.sqrt(early.size), late.std(ddof=1) / np.sqrt(late.size)))
-    reach = float(stats.t.ppf(0.975, min(early.size, late.size) - 1)) * spread
-    change = float(late.mean() - early.mean())
-    return change, (change - reach, change + reach)
-
-
-def drift(timing: Timing) -> tuple[float, Interval]:
-    """Seconds later in each second, by least squares, with Student's interval."""
-    line = stats.linregress(timing.times, timing.offsets)
-    reach = float(stats.t.ppf(0.975, timing.times.size - 2) * line.stderr)
-    return float(line.slope), (float(line.slope) - reach, float(line.slope) + reach)
-
-
-def line_fits_better(timing: Timing, duration: float) -> bool:
-    """True where a straight line leaves a tenth less of the offsets unexplained than a step in the middle."""
-    second = timing.times >= duration / 2
-    step = np.where(second, timing.offsets[second].mean(), timing.offsets[~second].mean())
-    line = np.polyval(np.polyfit(timing.times, timing.offsets, 1), timing.times)
-    return bool(np.square(timing.offsets - line).sum() < LINE_SHARE * np.square(timing.offsets - step).sum())

@@ -1,7 +1,7 @@
 """A given dance brought into harmony with music: small movements of the joints put its visual beats on the beat.
 
 The relaxed harmony of `soft_harmony` is raised by gradient. Two things hold exactly, whatever the
-gradient wants: no joint moves further than it may, and every bone keeps the length it has in each frame.
+gradient asks for: no joint moves further than it may, and every bone keeps the length it has in each frame.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ KNOT = 0.15  # seconds between the knots of the splines that offsets follow: lit
 RATE = 30.0  # hertz: the search looks at this many frames a second, or a few more
 SOFTNESS = (0.5, 0.05)  # tau at the first and at the last step
 FIRST_MOVE = 0.01  # of the reach: size of the random movement that the search starts from
-RATE_OF_STEPS = 0.03  # of the reach: what Adam changes a knot by in one step, about
+RATE_OF_STEPS = 0.03  # of the reach: Adam's change of a knot in one step, about
 DISTANCE_WEIGHT, JERK_WEIGHT, FOOT_WEIGHT = 1.0, 0.2, 0.5
 FOOT_HEIGHT = 0.05  # metres: a joint that comes as close as this to the lowest one of all is part of a foot
 SHARPNESS = 16  # exponent of the bound: the higher, the closer to the reach a joint may come
-LOOKS = 6  # times on the way that the hard score chooses the best movement so far
+LOOKS = 6  # times during the search that the hard score decides on the best motion so far
 
 
 def harmonise(
@@ -63,7 +63,7 @@ def harmonise(
 
     Returns
     -------
-    Motion; `motion` itself when there are no beats, when every beat is hit already, or when nothing better was found.
+    Motion; `motion` itself when there are no beats, when every beat is hit already, or when no better motion came up.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def harmonise(
         return motion
     body, splines = _Body.of(motion), _Splines.of(motion)
     best_motion, turns = motion, progress(range(steps), "harmonising")
-    for knots in _search(motion, music, reach=reach, params=params, turns=turns, steps=steps, seed=seed):
+    for knots in _search(motion, music, params, reach, turns, steps, seed):
         candidate = replace(motion, positions=body.moved(splines.at(knots), reach).numpy())
         score = _above_chance(candidate, music, params)
         if score > best:
@@ -123,8 +123,8 @@ class _Body:
         excess = ((size @ self.above.T) / reach).pow(SHARPNESS).sum(dim=1)
         turned = self.bones + sideways * (1 + excess).pow(-1 / SHARPNESS)[:, None, None]
         reached = torch.linalg.vector_norm(turned, dim=-1, keepdim=True)
-        kept = turned * (self.lengths / torch.where(reached > 0, reached, torch.ones_like(reached)))
-        return torch.einsum("ij,tjd->tid", self.above, torch.where(free, turned, kept))
+        rigid = turned * (self.lengths / torch.where(reached > 0, reached, torch.ones_like(reached)))
+        return torch.einsum("ij,tjd->tid", self.above, torch.where(free, turned, rigid))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,11 +143,6 @@ class _Splines:
         weights = [(1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, -3 * x**3 + 3 * x**2 + 3 * x + 1, x**3]
         return cls(first.long(), torch.stack(weights, dim=1) / 6)
 
-    @property
-    def n_knots(self) -> int:
-        """Number of knots that the frames need."""
-        return int(self.first[-1]) + 4
-
     def at(self, knots: Tensor) -> Tensor:
         """(T, J, D) values at the frames, of knots (K, J, D)."""
         parts = [knots[self.first + place] * self.weights[:, place, None, None] for place in range(4)]
@@ -155,19 +150,13 @@ class _Splines:
 
 
 def _search(
-    motion: Motion,
-    music: BeatTrack,
-    *,
-    reach: float,
-    params: HarmonyParams,
-    turns: Iterable[int],
-    steps: int,
-    seed: int,
+    motion: Motion, music: BeatTrack, params: HarmonyParams, reach: float, turns: Iterable[int], steps: int, seed: int
 ) -> Iterator[Tensor]:
     """Knots (K, J, D) after every sixth part of the steps."""
-    sparse = _every_nth(motion, max(1, int(motion.fps // RATE)))
+    stride = max(1, int(motion.fps // RATE))
+    sparse = Motion(motion.positions[::stride], motion.fps / stride, motion.skeleton, motion.valid[::stride])
     body, splines = _Body.of(sparse), _Splines.of(sparse)
-    shape = (_Splines.of(motion).n_knots, *motion.positions.shape[1:])
+    shape = (int(_Splines.of(motion).first[-1]) + 4, *motion.positions.shape[1:])
     random = torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
     knots = (FIRST_MOVE * reach * random).requires_grad_()
     adam = torch.optim.Adam([knots], lr=RATE_OF_STEPS * reach)
@@ -200,17 +189,10 @@ def _feet(motion: Motion) -> list[int]:
     if motion.positions.shape[2] < 3:
         return []
     lowest = motion.positions[..., 1].min(axis=0)
-    return [int(joint) for joint in np.flatnonzero(lowest <= lowest.min() + FOOT_HEIGHT)]
+    return np.flatnonzero(lowest <= lowest.min() + FOOT_HEIGHT).tolist()
 
 
 def _above_chance(motion: Motion, music: BeatTrack, params: HarmonyParams) -> float:
-    """The hard score of a motion."""
+    """The hard score of a motion, above chance."""
     visual = visual_beats(motion, params=params)
     return score_harmony(music, visual, params=params, n_rotations=0).harmony_above_chance
-
-
-def _every_nth(motion: Motion, n: int) -> Motion:
-    """Every n-th frame of a motion."""
-    if n == 1:
-        return motion
-    return Motion(motion.positions[::n], motion.fps / n, motion.skeleton, motion.valid[::n])

@@ -1,32 +1,42 @@
 """The offset of a motion in its music, from its movement: the audio time of its first frame.
 
-Dancers slow down on the beat. So the motion's speed curve is slid along the music, and how slow it is at the music's
+Dancers slow down on the beat. So the motion's speed curve is slid along the music, and its slowness at the music's
 beats, lag by lag, is the evidence. Beats repeat: an offset that is wrong by a whole beat fits as well, and
-this module says so instead of guessing.
+the result names these alternatives.
+
+A video becomes a motion first: one point that travels as fast as the picture moves, all pixels together. Visual beats,
+the score by a bar pattern and the offset read that speed as they read joint speed: the beats of a video are the
+moments of rest, as those of a skeleton are, and not the impacts that `harmolab.beats.flow.flow_beats` marks a tenth of
+a second before them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harmolab.bar_pattern import normalised_speed
 from harmolab.beats.audio import audio_beats
+from harmolab.beats.flow import LAG, flow_directograms
+from harmolab.io.files import Progress, silent
 from harmolab.kinematics import refine_extrema, smooth
 from harmolab.params import HarmonyParams
 from harmolab.significance import p_value
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion, Skeleton
 
 STEP = 0.005  # seconds, between the lags that are tried
 FEWEST_BEATS = 4  # of the music inside the motion
 LEAST_OVERLAP = 0.5  # of the beats that the best placed motion covers
 ATTACK_FRAME = 0.001  # seconds
 ATTACK_SMOOTHING = 0.003  # seconds
-TRACKER_SPREAD = 0.006  # seconds, how far single tracked beats scatter about the attacks
-TRACKER_LAGS = (-0.08, 0.03)  # seconds, where the attacks are looked for around the tracked beats
+TRACKER_SPREAD = 0.006  # seconds, scatter of single tracked beats about the attacks
+TRACKER_LAGS = (-0.08, 0.03)  # seconds, the range around the tracked beats that is searched for attacks
 OTHER_TEMPOS = np.concatenate([np.linspace(0.8, 0.93, 50), np.linspace(1.07, 1.25, 49)])
 NULL_STEP = 0.02  # seconds
+PICTURE = Skeleton(("picture",), (-1,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +55,8 @@ class Offset:
         Share of 99 other tempos whose beats meet the motion's rests less well, wherever they are laid. Below 0.95
         there is no evidence that the motion keeps to these beats, and `seconds` means little.
     lags, curve : (L,) arrays
-        The audio times tried (seconds), and the evidence: how far below its mean the joint speed is at the music's
-        beats, in standard deviations. NaN where too few beats fall into the motion.
+        The audio times tried (seconds), and the evidence: the distance of the joint speed below its mean at the
+        music's beats, in standard deviations. NaN where too few beats fall into the motion.
     """
 
     seconds: float
@@ -77,9 +87,9 @@ def find_offset(
         tracker follows every second beat only, `period` is two beats.
     guess : float, seconds
     search : float, seconds
-        How far from the guess to look, to either side.
+        Largest distance from the guess, to either side.
     params : HarmonyParams, default ``HarmonyParams.recommended()``
-        Its smoothing and its `lag` (how long after the beat dancers rest) are used.
+        Its smoothing and its `lag` (the delay of a dancer's rest after the beat) are used.
 
     Raises
     ------
@@ -100,15 +110,14 @@ def find_offset(
     times, speed = _moving(motion, params)
     track = attack_beats(audio) if music is None else music
     beats = track.times + params.lag
-    steps = np.arange(-round(search / STEP), round(search / STEP) + 1)
-    lags = np.asarray(guess + steps * STEP, dtype=np.float64)
+    lags = float(guess) + STEP * np.arange(-round(search / STEP), round(search / STEP) + 1, dtype=np.float64)
     curve = rest_at_beats(times, speed, beats, lags)
     if beats.size < FEWEST_BEATS or np.isnan(curve).all():
         raise ValueError(f"fewer than {FEWEST_BEATS} music beats fall into the motion; nothing tells its offset")
     period = float(np.polyfit(np.arange(beats.size), beats, 1)[0])
     seconds = _nearest_peak(lags, curve, period, guess)
     most = int(2 * search / period) + 1
-    others = seconds + period * np.array([beat for beat in range(-most, most + 1) if beat != 0])
+    others = seconds + period * np.delete(np.arange(-most, most + 1), most)
     inside = others[np.abs(others - guess) <= search + 1e-9]
     confidence = 1 - p_value(float(np.nanmax(curve)), _null(times, speed, beats, seconds, period))
     return Offset(seconds, period, tuple(inside.tolist()), confidence, lags, curve)
@@ -187,9 +196,9 @@ def attack_beats(audio: Audio, *, tempo: str | tuple[float, float] | None = None
     track = audio_beats(audio, tempo=tempo)
     if len(track) == 0:
         return track
-    moved = track.times + _lag_to_attacks(audio, track.times)
-    inside = track.select((moved >= 0) & (moved <= audio.duration))
-    return replace(inside, times=moved[(moved >= 0) & (moved <= audio.duration)])
+    attacks = track.times + _lag_to_attacks(audio, track.times)
+    inside = (attacks >= 0) & (attacks <= audio.duration)
+    return replace(track.select(inside), times=attacks[inside])
 
 
 def _lag_to_attacks(audio: Audio, beats: FloatArray) -> float:
@@ -207,3 +216,32 @@ def _lag_to_attacks(audio: Audio, beats: FloatArray) -> float:
     lags = np.arange(TRACKER_LAGS[0], TRACKER_LAGS[1], ATTACK_FRAME)
     mean = np.interp(beats[None, :] + lags[:, None], np.arange(1, count) / rate, rise).mean(axis=1)
     return float(lags[smooth(mean, TRACKER_SPREAD, 1 / ATTACK_FRAME).argmax()]) if mean.any() else 0.0
+
+
+def picture_motion(frames: Iterable[NDArray[np.uint8]], fps: float, *, progress: Progress = silent) -> Motion:
+    """The movement of a whole picture, as a point on a line.
+
+    Everything in the picture counts, so the camera has to stand still.
+
+    Parameters
+    ----------
+    frames, fps, progress : see `harmolab.beats.flow.flow_directograms`
+
+    Returns
+    -------
+    Motion of one joint, 2-D, frame i at i / fps seconds. Its unit is mean picture heights; its direction says nothing.
+
+    Raises
+    ------
+    ValueError
+        For frames that are none, an fps that cannot be, or less video than three times the flow's lag.
+    """
+    speed = flow_directograms(frames, fps, progress=progress).sum(axis=1)
+    lag_frames = max(1, round(LAG * fps))
+    if speed.size <= 3 * lag_frames:
+        raise ValueError(f"a video of {speed.size} frames is too short to find movement in")
+    # Row t was measured from t - lag to t and belongs half way between; step t of the way goes from frame t - 1 to t.
+    steps = np.arange(1, speed.size)
+    middles = np.arange(lag_frames, speed.size) - lag_frames / 2
+    way = np.concatenate([[0.0], np.cumsum(np.interp(steps - 0.5, middles, speed[lag_frames:]))]) / fps
+    return Motion(np.stack([way, np.zeros_like(way)], axis=1)[:, None, :], fps, PICTURE)

@@ -49,19 +49,19 @@ def dance_player(dance: OwnDance) -> Player:
 
 
 def save_page(path: PathLike, dance: OwnDance) -> None:
-    """Write `dance_page` to a file, aside first."""
+    """Write `dance_page` to a file, whole or not at all."""
     write_text(path, dance_page(dance))
 
 
 def dance_page(dance: OwnDance) -> str:
-    """One HTML page that says and shows how a dance goes with its song, and asks the network for nothing.
+    """One HTML page about the agreement of a dance with its song; it needs no network.
 
     A video has no skeleton to play: of it, pictures at eight music beats are shown, and they are part of the page.
 
     Raises
     ------
     ValueError
-        The video has gone or changed since it was read.
+        The video is missing or has changed since it was read.
     """
     is_short = dance.motion.duration <= LONGEST
     return rendered(
@@ -104,7 +104,7 @@ def _numbers(dance: OwnDance) -> dict[str, str]:
         numbers[f"Beats met within {1000 * hits.delay:.0f} ms"] = f"{100 * hits.value:.0f} %"
     tempo = f", {60 / np.median(np.diff(beats)):.0f} a minute" if beats.size > 1 else ""
     numbers["Music beats"] = f"{beats.size}{tempo}"
-    numbers["Movements found"] = str(len(dance.score.visual))
+    numbers["Movements found"] = str(len(score.visual))
     numbers["Length danced to the song"] = f"{dance.motion.duration:.1f} s"
     return numbers
 

@@ -1,29 +1,27 @@
 """One person's dance beside its song: read, placed by its offset, scored and explained.
 
 The offset comes from the surest of four sources: the user, the folder of the recording, the sound of the video
-(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). By the movement alone nothing can be said about
-being early or late throughout, and nothing is.
+(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). The movement alone is no evidence of being
+early or late throughout, and then no sentence claims it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from harmolab.corpora.folders import load_any_motion, recorded_offset
 from harmolab.harmony import music_and_motion, score_motion
 from harmolab.io.beats import BeatAnnotation
-from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, plain, silent
 from harmolab.io.video import is_video, video_frames
 from harmolab.io.video_sound import load_sound, video_sound
-from harmolab.lab.timing.movement import attack_beats, find_offset
-from harmolab.lab.timing.pictures import picture_motion
-from harmolab.lab.timing.sound import SoundOffset, find_sound_offset
-from harmolab.lab.timing.verdict import Explanation, Finding, explain
+from harmolab.lab.timing.movement import attack_beats, find_offset, picture_motion
+from harmolab.lab.timing.sound import find_sound_offset
+from harmolab.lab.timing.verdict import Explanation, explain
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
 
@@ -87,31 +85,24 @@ class Placement:
         return self.confidence is None or self.confidence >= SURE
 
     def __str__(self) -> str:
-        start = f"Your dance begins at {self.seconds:.2f} s of the song"
-        if self.source == "given":
-            return f"{start}, as you said."
-        if self.source == "folder":
-            return f"{start}, as the recording's folder says."
         if self.source == "same":
             return "Song and dance are one video, so they begin together."
-        if self.source == "sound":
-            again = " Another place fits nearly as well: the song repeats itself, or another song plays in the video."
-            return f"{start}: found by comparing the video's sound with the song.{again if self.repeats else ''}"
         period = f"{self.period:.2f} s" if self.period else "a beat"
+        reason = {
+            "given": ", as you said.",
+            "folder": ", as the recording's folder says.",
+            "sound": ": found by comparing the video's sound with the song.",
+            "movement": f", or whole beats of {period} from there: found from your movement alone, which says which "
+            "place in the beat, not which beat.",
+        }[self.source]
         doubt = "" if self.is_sure else " The evidence is weak: beats of another tempo fit your movement as well."
-        return (
-            f"{start}, or whole beats of {period} from there: found from your movement alone, which says which place "
-            f"in the beat, not which beat.{doubt}"
-        )
+        if self.repeats:
+            doubt = " Another place fits nearly as well: the song repeats itself, or another song plays in the video."
+        return f"Your dance begins at {self.seconds:.2f} s of the song{reason}{doubt}"
 
 
 def load_performance(
-    path: PathLike,
-    *,
-    fps: float | None = None,
-    joints: Sequence[str] | None = None,
-    height: int = HEIGHT,
-    progress: Progress = silent,
+    path: PathLike, *, fps: float | None = None, joints: Sequence[str] | None = None, progress: Progress = silent
 ) -> Performance:
     """A motion file, a folder, or a video (by its suffix) with its sound.
 
@@ -119,7 +110,6 @@ def load_performance(
     ----------
     path : str or path
     fps, joints : see `harmolab.io.motion.load_motion`; not for a video
-    height : int, pixels that a video is made smaller to
     progress : function(iterable, label) -> iterable
 
     Raises
@@ -129,22 +119,17 @@ def load_performance(
     """
     path = Path(path)
     if is_video(path):
-        frames = video_frames(path, height=height)
+        frames = video_frames(path, height=HEIGHT)
         try:
             motion = picture_motion(frames, frames.fps, progress=progress)
         except ValueError as error:
             raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
-        return Performance(path, motion, True, _sound(path))
+        sound = None
+        with suppress(ValueError):  # none, or none that can be read: the movement has to do
+            sound = video_sound(path)
+        return Performance(path, motion, True, sound)
     motion = load_any_motion(path, fps=fps, joints=None if joints is None else tuple(joints))
     return Performance(path, motion, start=recorded_offset(path))
-
-
-def _sound(path: Path) -> Audio | None:
-    """The sound of a video; None where there is none, or none that can be read: the movement must do then."""
-    try:
-        return video_sound(path)
-    except ValueError:
-        return None
 
 
 def place_performance(
@@ -158,9 +143,9 @@ def place_performance(
     song : Audio
     music : BeatTrack, the song's beats
     guess : float, seconds, optional
-        Where to look by movement; the sound searches everywhere.
+        Offset around which the movement is searched; the sound searches everywhere.
     search : float, seconds
-        How far from the guess to look, to either side.
+        Largest distance from the guess, to either side.
 
     Raises
     ------
@@ -169,22 +154,16 @@ def place_performance(
     """
     if performance.start is not None and guess is None:
         return Placement(performance.start, "folder")
-    sound = _by_sound(performance.sound, song)
-    if sound is not None and sound.is_clear:
-        return Placement(sound.seconds, "sound", repeats=not sound.is_unique)
+    if performance.sound is not None:
+        with suppress(ValueError):  # too short, or silent
+            by_sound = find_sound_offset(performance.sound, song)
+            if by_sound.is_clear:
+                return Placement(by_sound.seconds, "sound", repeats=not by_sound.is_unique)
     try:
         offset = find_offset(song, performance.motion, music=music, guess=guess or 0.0, search=search)
     except ValueError as error:
         raise ValueError(f"{performance.path}: {error}") from None
     return Placement(offset.seconds, "movement", offset.period, offset.confidence)
-
-
-def _by_sound(sound: Audio | None, song: Audio) -> SoundOffset | None:
-    """Offset of a video's sound in the song; None without sound, or where it is too short or silent."""
-    try:
-        return None if sound is None else find_sound_offset(sound, song)
-    except ValueError:
-        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,31 +222,24 @@ class OwnDance:
 
     def to_dict(self) -> dict[str, Any]:
         """Numbers and text, ready for JSON."""
-        return {
+        content = {
             "song": self.song,
             "recording": self.name,
             "verdict": self.verdict,
             "words": list(self.words.sentences),
-            "findings": [_finding_dict(finding) for finding in self.words.findings],
+            "findings": [
+                {"kind": one.kind, "sentence": one.sentence, "value": one.value, "interval": one.interval}
+                for one in self.words.findings
+            ],
             "offset": {"text": str(self.placement), **vars(self.placement)},
             "harmony_above_chance": self.score.harmony_above_chance,
-            "interval": _finite(*self.score.interval),
-            "p_value": _finite(self.score.p_value)[0],
+            "interval": self.score.interval,
+            "p_value": self.score.p_value,
             "music_beats": len(self.music),
             "movements": len(self.score.visual),
             "seconds": self.motion.duration,
         }
-
-
-def _finite(*numbers: float) -> list[float | None]:
-    """The numbers, None in place of those that do not exist."""
-    return [number if np.isfinite(number) else None for number in numbers]
-
-
-def _finding_dict(finding: Finding) -> dict[str, Any]:
-    """A finding, ready for JSON."""
-    value, *interval = _finite(finding.value, *finding.interval)
-    return {"kind": finding.kind, "sentence": finding.sentence, "value": value, "interval": interval}
+        return dict(plain(content))
 
 
 def explain_performance(

@@ -42,7 +42,7 @@ class SoundOffset:
     seconds : float
         Song time of the recording's first moment; negative where it begins before the song.
     height : float
-        Evidence: how far the best lag stands above the median of all lags, in standard deviations of a Gaussian with
+        Evidence: height of the best lag above the median of all lags, in standard deviations of a Gaussian with
         their median absolute deviation (beats of one tempo make peaks of their own, which must not count as noise).
     elsewhere : float
         The same at the best lag more than 0.1 s away. A song that repeats itself to the note has a high one.
@@ -102,7 +102,7 @@ def find_sound_offset(recording: Audio, song: Audio) -> SoundOffset:
 def _evidence(part: FloatArray, whole: FloatArray) -> FloatArray:
     """Correlation at every lag, from one frame shared at the start to one at the end, in robust standard deviations.
 
-    Lags that share too little are 0. The others are divided by the root of what is shared, as chance grows with it.
+    Lags that share too little are 0. The others are divided by the root of the shared length, as chance grows with it.
     """
     length = part.shape[1]
     total = np.asarray(sum(fftconvolve(song, band[::-1]) for band, song in zip(part, whole, strict=True)))
@@ -131,20 +131,14 @@ def _onsets(audio: Audio, name: str, highest: float) -> FloatArray:
     if loudest.max() <= 1e-12:
         raise ValueError(f"the {name} is silent")
     level = np.log(bands + FLOOR**2 * np.maximum(loudest, FLOOR**2 * loudest.max()))
-    rise = np.maximum(level[:, 2:] - level[:, :-2], 0.0)
-    rise = np.pad(rise, ((0, 0), (1, 1)))
-    return _even(rise)
+    rise = np.pad(np.maximum(level[:, 2:] - level[:, :-2], 0.0), ((0, 0), (1, 1)))
+    # Each band less its mean around each moment, in units of its spread.
+    width = round(LOCAL / HOP) | 1
+    rest = rise - fftconvolve(rise, np.full((1, width), 1 / width), mode="same", axes=1)
+    return np.asarray(rest / np.maximum(rest.std(axis=1, keepdims=True), 1e-9))
 
 
 def _inside(frequencies: FloatArray, low: float, high: float) -> NDArray[np.intp]:
     """Places of the frequencies in a band; the nearest one where none falls inside."""
     places = np.flatnonzero((frequencies >= low) & (frequencies < high))
     return places if places.size else np.array([np.abs(frequencies - np.sqrt(low * high)).argmin()])
-
-
-def _even(rise: FloatArray) -> FloatArray:
-    """Each band less its mean around each moment, in units of its spread."""
-    width = round(LOCAL / HOP) | 1
-    window = np.ones((1, width)) / width
-    rest = rise - fftconvolve(rise, window, mode="same", axes=1)
-    return np.asarray(rest / np.maximum(rest.std(axis=1, keepdims=True), 1e-9))

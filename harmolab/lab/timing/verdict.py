@@ -1,7 +1,7 @@
 """The verdict on a dance: records of beats met, of movements a beat, of early and late, and each of them in words.
 
 Every finding rests on one statistic with a 95 % interval; its sentence is made from the record here and nowhere else,
-and claims something only where that interval excludes zero (or what chance would reach).
+and claims something only where that interval excludes zero (or the share that chance would reach).
 """
 
 from __future__ import annotations
@@ -12,22 +12,11 @@ import numpy as np
 
 from harmolab.bar_pattern import beat_positions
 from harmolab.harmony import chance_level
-from harmolab.lab.timing.findings import (
-    SMALLEST,
-    Interval,
-    MeanOffset,
-    Timing,
-    beat_timing,
-    drift,
-    half_difference,
-    half_means,
-    is_clear,
-    line_fits_better,
-)
+from harmolab.lab.timing.findings import SMALLEST, Interval, MeanOffset, Timing, beat_timing, is_clear
 from harmolab.significance import mean_interval, wilson_interval
 from harmolab.types import BeatTrack, HarmonyScore
 
-FEWEST = 6  # beats on either side, below which nothing is said
+FEWEST = 6  # beats on either side; with fewer there are no findings about timing
 LOCKED = 0.001  # p-value below which movements keep a place in the beat; beats are not independent, so a strict one
 SIMPLE_RATES = {0.25: "one movement every four beats", 0.5: "one movement every two beats", 1.0: "one movement a beat",
                 2.0: "two movements a beat"}  # fmt: skip
@@ -36,7 +25,7 @@ NOTHING = (float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class Finding:
-    """One statistic of a dance and what it was compared with; `sentence` and `summary` are made from these fields.
+    """One statistic of a dance and its reference; `sentence` and `summary` are made from these fields.
 
     Parameters
     ----------
@@ -49,7 +38,7 @@ class Finding:
     chance, delay : float, share of beats that random moments meet within so many seconds, of "hits"
     halves : tuple of MeanOffset, first and second half, of "change" and "drift"
     is_absolute : bool
-        False: the dance's place in the song is known modulo the beat only, so nothing is said about early or late.
+        False: the dance's place in the song is known modulo the beat only, so no sentence says early or late.
     """
 
     kind: str
@@ -110,7 +99,7 @@ def explain(score: HarmonyScore) -> Explanation:
 
 
 def explain_timing(score: HarmonyScore) -> Explanation:
-    """Findings about the beats of a score: how many are met, movements a beat, earliness or lateness.
+    """Findings about the beats of a score: the share that is met, movements a beat, earliness or lateness.
 
     Returns
     -------
@@ -131,12 +120,12 @@ def explain_timing(score: HarmonyScore) -> Explanation:
     timing = beat_timing(music, visual, lag=score.params.lag)
     if timing.p_value > LOCKED:
         return Explanation((*findings, Finding("locked", timing.p_value)))
-    halves = half_means(timing, duration)
+    halves = timing.half_means(duration)
     return Explanation((*findings, _early_or_late(timing, halves, duration)), halves)
 
 
 def _hits(score: HarmonyScore) -> Finding:
-    """Share of music beats met, with Wilson's interval, against what chance reaches."""
+    """Share of music beats met, with Wilson's interval, against the share that chance reaches."""
     hits, delay = score.pairs >= 0, score.params.reaction_delay
     chance = chance_level(score.visual.times - score.params.lag, delay=delay, duration=score.music.duration)
     interval = wilson_interval(int(hits.sum()), hits.size)
@@ -151,16 +140,15 @@ def _rate(music: BeatTrack, visual: BeatTrack) -> Finding:
 
 def _early_or_late(timing: Timing, halves: tuple[MeanOffset, ...], duration: float) -> Finding:
     """The drift, else the change between the halves, else one mean for all."""
-    if len(halves) == 2:
-        change, interval = half_difference(timing, duration)
-        if is_clear(change, interval):
-            slope, (low, high) = drift(timing)
-            length = float(np.ptp(timing.times))
-            if is_clear(slope * length, (low * length, high * length)) and line_fits_better(timing, duration):
-                return Finding("drift", slope, (low, high), halves=halves)
-            return Finding("change", change, interval, halves=halves)
-    mean, low, high = mean_interval(timing.offsets)
-    return Finding("mean", mean, (low, high))
+    change, interval = timing.half_difference(duration) if len(halves) == 2 else (0.0, NOTHING)
+    if not is_clear(change, interval):
+        mean, low, high = mean_interval(timing.offsets)
+        return Finding("mean", mean, (low, high))
+    slope, (low, high) = timing.drift()
+    length = float(np.ptp(timing.times))
+    if is_clear(slope * length, (low * length, high * length)) and timing.is_line(duration):
+        return Finding("drift", slope, (low, high), halves=halves)
+    return Finding("change", change, interval, halves=halves)
 
 
 # Sentences: all of them are below, made from the fields of a finding.
@@ -185,12 +173,10 @@ def _percent(share: float, digits: int = 0) -> str:
 
 
 def _score_sentence(finding: Finding) -> str:
-    start = f"Above-chance harmony is {finding.value:.2f} (0 is chance, 1 is all; "
     low, high = finding.interval
-    if np.isnan(low):
-        return f"{start}no interval)."
-    verdict = "" if low > 0 else ": no evidence that you move with this music" if high >= 0 else ": worse than chance"
-    return f"{start}95 % interval {low:.2f} to {high:.2f}){verdict}."
+    interval = "no interval" if np.isnan(low) else f"95 % interval {low:.2f} to {high:.2f}"
+    verdict = ": worse than chance" if high < 0 else ": no evidence that you move with this music" if low <= 0 else ""
+    return f"Above-chance harmony is {finding.value:.2f} (0 is chance, 1 is all; {interval}){verdict}."
 
 
 def _hits_sentence(finding: Finding) -> str:
@@ -267,14 +253,13 @@ def _drift_sentence(finding: Finding) -> str:
         f"{slope * 1e4:+.0f} ms in 10 s, 95 % interval {low * 1e4:+.0f} to {high * 1e4:+.0f} ms; the recording's clock "
         f"may run {_percent(abs(slope), 1)} {'fast' if slope > 0 else 'slow'}"
     )
-    if finding.is_absolute:
-        return f"Your timing drifts: {first} in the first half, {second} in the second ({numbers})."
+    numbers = f"{first} in the first half, {second} in the second ({numbers})" if finding.is_absolute else numbers
     return f"Your timing drifts: {numbers}."
 
 
 def _drift_summary(finding: Finding) -> str:
-    drift = f"{abs(finding.value) * 10_000:.0f} ms every ten seconds"
-    return f"You fall behind by {drift}" if finding.value > 0 else f"You run ahead by {drift}"
+    course = "fall behind" if finding.value > 0 else "run ahead"
+    return f"You {course} by {abs(finding.value) * 10_000:.0f} ms every ten seconds"
 
 
 _SENTENCES = {
