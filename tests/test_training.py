@@ -240,13 +240,13 @@ def test_a_discriminator_that_is_not_heard_is_not_trained(networks: Networks, ba
 
 
 def test_going_on_begins_with_the_last_frames_and_then_their_mean():
-    made = torch.arange(12.0).reshape(1, 12, 1)
+    motion = torch.arange(12.0).reshape(1, 12, 1)
     mask = (torch.arange(12) < 10).float()[None]  # frames 10 and 11 are padding
     index = torch.tensor([[1.0] * 3 + [0.0] * 5])
     none = torch.zeros(1, 8, 1)
-    units = Tensors(none, none, index, torch.ones(1, 8), none, torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
-    found = units.continued_from(made, mask).initial[0, :, 0]
-    assert found.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
+    units = Tensors(none, none, none, index, torch.ones(1, 8), torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
+    initial = units.continued_from(motion, mask).initial[0, :, 0]
+    assert initial.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
 
 
 @pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])

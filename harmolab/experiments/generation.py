@@ -20,13 +20,12 @@ from harmolab.data.clips import load_units
 from harmolab.data.splits import Split, split_units
 from harmolab.data.synthetic import write_corpus
 from harmolab.experiments.study import corpus_folders, data_root
-from harmolab.io.files import cache_folder
+from harmolab.io.files import cache_folder, plain
 from harmolab.models.harmogan import Generator, load_generator
 from harmolab.models.pose_features import PoseNet, load_pose_net
 from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
 from harmolab.training import make_fabric
 from harmolab.training.history import HISTORY
-from harmolab.training.loop import settings_of
 from harmolab.training.run import MODEL, POSE_NET, train_harmogan
 
 SYNTHETIC = "synthetic"
@@ -141,7 +140,7 @@ def _pretraining(params: TrainParams) -> TrainParams:
 def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
     """Folder of a finished training of these settings; waits for a process that is at it."""
     model = _model(profile)
-    about = settings_of(model=model, params=params, features=split.train.features, split=split.to_dict())
+    about = plain({"model": model, "params": params, "features": split.train.features, "split": split.to_dict()})
     name = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
     folder = _home() / "runs" / f"{'pretrained' if pretrained is None else 'run'}-{name}"
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -10,7 +10,7 @@ from typing import Any
 
 from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 
-from harmolab.training.checkpoints import write_aside
+from harmolab.io.files import write_text
 
 HISTORY = "history.csv"
 EVENTS = "events.out.tfevents.*"
@@ -29,14 +29,14 @@ def history_text(rows: list[Row]) -> str:
 
 
 def write_history(folder: Path, rows: list[Row]) -> None:
-    """Put ``history.csv`` into a run's folder, in one step."""
-    write_aside(folder / HISTORY, history_text(rows))
+    """Replace ``history.csv`` in a run's folder by an atomic write."""
+    write_text(folder / HISTORY, history_text(rows))
 
 
 class EventLog:
-    """The same history for TensorBoard, in an events file inside the run's folder.
+    """The history for TensorBoard, in an events file inside the run's folder.
 
-    A run that resumes writes the file anew from the epochs it goes on from, so that no epoch is there twice.
+    A run that resumes replaces the file by the history so far, so that no epoch is there twice.
 
     Parameters
     ----------

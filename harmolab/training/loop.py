@@ -7,11 +7,10 @@ killed goes on from there.
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +51,7 @@ class Player:
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """A part of a training: its epochs, and what happens in each.
+    """A part of a training: its epochs, networks, players and schedules.
 
     Parameters
     ----------
@@ -62,7 +61,7 @@ class Phase:
     modules : networks by name, as they are kept in the state
     players : in the order of their steps on each batch
         The terms of all of them are in the history; "total" there is the last one's loss.
-    forward : function(shard, last) -> what the players' terms are of
+    forward : function(shard, last) -> output that the players' terms are computed from
         `last` is its own output for the shard of that number in the batch before; None in an epoch's first batch, so
         that an epoch that is resumed goes on the same.
     schedule : function(number of the epoch in the phase) -> further columns of its row
@@ -71,7 +70,7 @@ class Phase:
     patience : int or None
         The phase ends earlier when `error` has not fallen for so many epochs, and the best epoch is kept. None: all
         epochs, and the last one is kept.
-    error : column that tells the best epoch
+    error : column with the smallest value in the best epoch
     keep : function(), called on the first process after each validated epoch that is the one to keep so far
     recall : function(), called on every process after the phase's last epoch: goes back to the epoch that was kept
     """
@@ -93,7 +92,7 @@ class Phase:
 
 @dataclass(eq=False)
 class _Run:
-    """What all phases share. `rows` is the history so far, one row an epoch."""
+    """State that all phases share. `rows` is the history so far, one row an epoch."""
 
     fabric: Fabric
     units: Units
@@ -107,7 +106,7 @@ class _Run:
 
 
 def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
-    """Fabric for this process: alone, or one of those that torchrun started.
+    """Fabric for this process, which is alone or one of torchrun's.
 
     Parameters
     ----------
@@ -237,22 +236,22 @@ def _batch(
     """One step of each player; all terms, and the forward pass, of each shard."""
     with run.fabric.autocast():
         outputs = [phase.forward(shard, before) for shard, before in zip(shards, last, strict=True)]
-    shown: list[Terms] = [{} for _ in shards]
+    all_terms: list[Terms] = [{} for _ in shards]
     for player in phase.players:
         with run.fabric.autocast():
             terms = [_with_total(player, output, shard, row) for output, shard in zip(outputs, shards, strict=True)]
         step(run.fabric, terms, shards, optimisers[player.name])
-        for earlier, own in zip(shown, terms, strict=True):
+        for earlier, own in zip(all_terms, terms, strict=True):
             earlier.pop("total", None)
             earlier |= own
-    return shown, outputs
+    return all_terms, outputs
 
 
 def _with_total(player: Player, output: Any, shard: Shard, row: Row) -> Terms:
     """A player's terms of a shard, and "total": their weighted sum."""
     terms = player.terms(output, shard, row)
     weights = {name: weight for name, weight in player.weights.items() if name in terms}
-    return {**terms, "total": total_loss(terms, weights)}
+    return terms | {"total": total_loss(terms, weights)}
 
 
 def _set_rate(optimisers: Optimisers, rate: float) -> float:
@@ -282,12 +281,3 @@ def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first:
     write_history(run.folder, run.rows)
     run.events.add(row)
     run.report(row, end)
-
-
-def settings_of(**parts: Any) -> dict[str, Any]:
-    """Settings as they come back from JSON, so that saved and asked-for ones can be compared."""
-    plain = {
-        name: asdict(part) if is_dataclass(part) and not isinstance(part, type) else part
-        for name, part in parts.items()
-    }
-    return json.loads(json.dumps(plain))

@@ -44,7 +44,7 @@ class Batching:
 
 
 class Shard(NamedTuple):
-    """A part of a batch: its units, the units next to them in the batch, and what share of the batch it is."""
+    """A part of a batch: its units, the units next to them in the batch, and its share of the batch."""
 
     own: Any
     others: Any
@@ -107,11 +107,11 @@ def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Ten
 def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: torch.optim.Optimizer) -> None:
     """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch."""
     parameters = [part for group in optimiser.param_groups for part in group["params"]]
-    found = []
+    gradients = []
     for each, shard in zip(terms, shards, strict=True):
-        gradients = torch.autograd.grad(each["total"] * shard.share, parameters)
-        found.append(torch.cat([gradient.flatten() for gradient in gradients]))
-    pieces = _added(fabric, torch.stack(found)).split([part.numel() for part in parameters])
+        parts = torch.autograd.grad(each["total"] * shard.share, parameters)
+        gradients.append(torch.cat([part.flatten() for part in parts]))
+    pieces = _added(fabric, torch.stack(gradients)).split([part.numel() for part in parameters])
     for part, piece in zip(parameters, pieces, strict=True):
         part.grad = piece.view_as(part)
     optimiser.step()
