@@ -1,4 +1,4 @@
-"""Recordings cut into meter units with the beats before them: what a generator is trained on (paper Sec. 4.1, Fig. 6).
+"""Training units of a generator: recordings cut into meters with the beats before them (paper Sec. 4.1, Fig. 6).
 
 A unit is a meter of 4 to 6 beats (Eq. 22) preceded by as many beats as fill up the unified length; its motion is coded
 as in `harmolab.features.poses`. Everything is numpy, at the rate of `FeatureParams.fps`.
@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from harmolab.beats.meter import meter_units
 from harmolab.data.beats import music_beats
 from harmolab.data.folders import Recording, find_recordings, load_recording
-from harmolab.data.groups import Outline, Segment, group_outlines, motion_groups, outline
+from harmolab.data.groups import (
+    Outline,
+    Segment,
+    group_outlines,
+    motion_groups,
+    motion_in_space,
+    outline,
+    sequence_name,
+)
 from harmolab.data.units import DanceUnit, UnitSet
 from harmolab.features.audio import audio_features
 from harmolab.features.poses import bone_lengths, encode_motion
@@ -25,7 +33,7 @@ from harmolab.features.priors import temporal_index
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.params import FeatureParams
-from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
+from harmolab.types import BeatTrack, FloatArray, Skeleton
 
 METERS = (4, 5, 6)  # beats in the categories of Eq. 22
 EXTRA_METER = 4  # beats in the meter of an additional training unit
@@ -124,36 +132,24 @@ def recording_units(
         raise ValueError(f"step must be a positive number of beats, got {step}")
     coded = _coded(recording, params)
     spans = meter_spans(coded.track, params)
-    extras = _extra_spans(coded.track, params, step) - set(spans) if step else set()
+    starts = range(0, len(coded.track) - params.unit_beats, step) if step else ()
+    extras = {(start + params.unit_beats - EXTRA_METER, EXTRA_METER) for start in starts} - set(spans)
     units = [_unit(coded, span, params, extra=False) for span in spans]
     units += [_unit(coded, span, params, extra=True) for span in sorted(extras)]
-    labelled = motion_groups([recording])[0] if segments is None else segments
-    return [_grouped(unit, labelled) for unit in units if unit is not None]
-
-
-def _extra_spans(track: BeatTrack, params: FeatureParams, step: int) -> set[tuple[int, int]]:
-    """(first beat, beats) of the meters of units that begin at every `step`-th beat."""
-    before = params.unit_beats - EXTRA_METER
-    return {(start + before, EXTRA_METER) for start in range(0, len(track) - params.unit_beats, step)}
-
-
-def _resampled(recording: Recording, params: FeatureParams) -> Motion:
-    """The motion of a recording at the rate of the features; ValueError without one in three dimensions."""
-    motion = recording.clip.motion
-    if motion is None or motion.positions.shape[2] != 3:
-        raise ValueError(f"{recording.folder}: needs a motion in three dimensions")
-    return resample_motion(motion, params.fps)
+    segments = motion_groups([recording])[0] if segments is None else segments
+    return [_grouped(unit, segments) for unit in units if unit is not None]
 
 
 def _coded(recording: Recording, params: FeatureParams) -> _Coded:
     """Features and motion code of every frame of a recording, and the beats that fall into the motion."""
-    clip, annotation, motion = recording.clip, recording.annotation, _resampled(recording, params)
+    clip, annotation = recording.clip, recording.annotation
+    motion = resample_motion(motion_in_space(recording), params.fps)
     track = music_beats(recording, "annotated" if annotation is not None and annotation.times.size else "tracked")
     # Half a frame of grace: recordings start on a frame, not on the beat.
     start, end = clip.offset - 0.5 / motion.fps, clip.offset + (motion.n_frames + 0.5) / motion.fps
     times = clip.offset + np.arange(motion.n_frames) / motion.fps
     return _Coded(
-        _name(recording),
+        sequence_name(recording),
         clip.dance,
         track.select((track.times >= start) & (track.times <= end)),
         audio_features(clip.audio, track, times, params),
@@ -162,12 +158,6 @@ def _coded(recording: Recording, params: FeatureParams) -> _Coded:
         clip.offset,
         motion.fps,
     )
-
-
-def _name(recording: Recording) -> str:
-    """Corpus folder and folder of the recording."""
-    folder = recording.folder.resolve()
-    return f"{folder.parent.name}/{folder.name}"
 
 
 def _unit(coded: _Coded, span: tuple[int, int], params: FeatureParams, *, extra: bool) -> DanceUnit | None:
@@ -244,12 +234,17 @@ def load_units(
             contents.append(_contents(load_recording(folder), params, step))
         except (ValueError, FileNotFoundError) as error:
             notes.append(str(error))
-    _check_bodies(contents)
+    for item in contents[1:]:
+        if item.skeleton != contents[0].skeleton:
+            raise ValueError(
+                f"{item.folder}: has another skeleton ({len(item.skeleton.joints)} joints) than {contents[0].folder} "
+                f"({len(contents[0].skeleton.joints)} joints); train on one body"
+            )
     segments = group_outlines([item.outline for item in contents])
-    units = [_grouped(unit, labelled) for item, labelled in zip(contents, segments, strict=True) for unit in item.units]
+    units = [_grouped(unit, spans) for item, spans in zip(contents, segments, strict=True) for unit in item.units]
     if not units:
-        why = "every sequence is too short" if folders else "there is no sequence (see `harmolab data check`)"
-        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else why}")
+        reason = "every sequence is too short" if folders else "there is no sequence (see `harmolab data check`)"
+        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else reason}")
     lengths = np.average([item.bones for item in contents], axis=0, weights=[item.n_frames for item in contents])
     source = ", ".join(dict.fromkeys(item.outline.name.rpartition("/")[0] for item in contents))
     return UnitSet(tuple(units), contents[0].skeleton, lengths, params, source, tuple(notes))
@@ -268,7 +263,7 @@ class _Contents(NamedTuple):
 
 def _contents(recording: Recording, params: FeatureParams, step: int | None) -> _Contents:
     """The contents of one recording."""
-    motion = _resampled(recording, params)
+    motion = resample_motion(motion_in_space(recording), params.fps)
     return _Contents(
         recording.folder,
         recording_units(recording, params, step=step, segments=()),
@@ -277,16 +272,6 @@ def _contents(recording: Recording, params: FeatureParams, step: int | None) -> 
         bone_lengths(motion.positions[motion.valid], motion.skeleton),
         motion.n_frames,
     )
-
-
-def _check_bodies(contents: Sequence[_Contents]) -> None:
-    """ValueError, naming two folders, unless all skeletons are equal."""
-    for item in contents[1:]:
-        if item.skeleton != contents[0].skeleton:
-            raise ValueError(
-                f"{item.folder}: has another skeleton ({len(item.skeleton.joints)} joints) than {contents[0].folder} "
-                f"({len(contents[0].skeleton.joints)} joints); train on one body"
-            )
 
 
 def _folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:

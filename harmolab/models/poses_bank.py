@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from safetensors.numpy import save
 
 from harmolab.data.units import DanceUnit, UnitSet
+from harmolab.features.poses import frames_at
 from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.models.poses import PATH_CHANNELS
 from harmolab.models.weights import read_tensors, weights_stem
@@ -99,12 +100,9 @@ def retimed(code: ArrayLike, n_frames: int) -> FloatArray:
            [1.        , 0.66666667]])
     """
     code = np.asarray(code, dtype=np.float64)
-    at = np.linspace(0, len(code) - 1, n_frames)
-    left = np.minimum(at.astype(np.int64), max(len(code) - 2, 0))
-    right = np.minimum(left + 1, len(code) - 1)
-    danced = code[left] + (at - left)[:, None] * (code[right] - code[left])
-    danced[:, -PATH_CHANNELS:] *= len(code) / n_frames
-    return danced
+    stretched = frames_at(code, np.linspace(0, len(code) - 1, n_frames))
+    stretched[:, -PATH_CHANNELS:] *= len(code) / n_frames
+    return stretched
 
 
 def poses_path(weights: PathLike) -> Path:
