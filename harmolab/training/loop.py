@@ -167,7 +167,10 @@ def fit(
         If the state in `folder` is damaged or belongs to other settings.
     """
     run = _Run(fabric, units, batching, folder, settings or {}, report)
-    tensors = _saved(run) if resume else None
+    tensors, about = (load_state(folder) if resume else None) or (None, {"settings": run.settings, "history": []})
+    if about["settings"] != run.settings:
+        raise ValueError(f"{folder}: was trained with other settings; resume with those, or choose another folder")
+    run.rows += about["history"]
     if fabric.is_global_zero:
         run.events = EventLog(folder, run.rows)
         write_history(folder, run.rows)  # a kill may have come after epochs that no state knows of
@@ -182,18 +185,6 @@ def fit(
     return run.rows
 
 
-def _saved(run: _Run) -> dict[str, Tensor] | None:
-    """The tensors of the state in the folder, if there is one; its history becomes the run's."""
-    saved = load_state(run.folder)
-    if saved is None:
-        return None
-    tensors, about = saved
-    if about["settings"] != run.settings:
-        raise ValueError(f"{run.folder}: was trained with other settings; resume with those, or choose another folder")
-    run.rows += about["history"]
-    return tensors
-
-
 def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
     """The epochs of a phase that are still to come, from the tensors of a saved state if there is one."""
     optimisers: Optimisers = {
@@ -206,7 +197,9 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
     for epoch in range(len(run.rows), first + phase.epochs):
         if phase.patience is not None and epoch > _best_epoch(run.rows, phase) + phase.patience:
             break
-        rate = _set_rate(optimisers, phase.rate(epoch - first))
+        rate = phase.rate(epoch - first)
+        for group in (group for optimiser in optimisers.values() for group in optimiser.param_groups):
+            group["lr"] = rate
         row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
         row |= _epoch_means(run, phase, optimisers, row)
         _end_epoch(run, phase, row, optimisers, first)
@@ -252,13 +245,6 @@ def _with_total(player: Player, output: Any, shard: Shard, row: Row) -> Terms:
     terms = player.terms(output, shard, row)
     weights = {name: weight for name, weight in player.weights.items() if name in terms}
     return terms | {"total": total_loss(terms, weights)}
-
-
-def _set_rate(optimisers: Optimisers, rate: float) -> float:
-    for optimiser in optimisers.values():
-        for group in optimiser.param_groups:
-            group["lr"] = rate
-    return rate
 
 
 def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first: int) -> None:

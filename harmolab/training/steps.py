@@ -42,11 +42,7 @@ class Networks:
 
     def modules(self) -> dict[str, nn.Module]:
         """The trained networks by name."""
-        return {
-            "generator": self.generator,
-            "cross_domain": self.cross_domain,
-            "spatial_temporal": self.spatial_temporal,
-        }
+        return {name: getattr(self, name) for name in ("generator", "cross_domain", "spatial_temporal")}
 
     def discriminators(self, params: TrainParams) -> list[nn.Parameter]:
         """Parameters of the discriminators that the generator's loss has a part for."""
