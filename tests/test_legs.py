@@ -8,8 +8,7 @@ import pytest
 from harmolab.features.poses import bone_lengths
 from harmolab.metrics.quality import foot_skating
 from harmolab.skeletons import foot_joints
-from harmolab.synthesis.grounding import planted_feet
-from harmolab.synthesis.legs import Leg, find_leg, moved_foot
+from harmolab.synthesis.grounding import Leg, find_leg, moved_foot, planted_feet
 from harmolab.types import Motion, Skeleton
 
 FPS = 15.0

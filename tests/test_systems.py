@@ -41,9 +41,8 @@ from harmolab.systems import System, find, load, names
 from harmolab.systems.harmogan import HarmoGAN
 from harmolab.training import Phase, Player, fit, make_fabric
 from harmolab.training import loop as training_loop
-from harmolab.training.batches import Tensors
 from harmolab.training.checkpoints import load_state, open_folder
-from harmolab.training.shards import Batching
+from harmolab.training.shards import Batching, Tensors
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 TOY = f"{__name__}:Toy"

@@ -21,9 +21,8 @@ from harmolab.models.weights import read_about
 from harmolab.params import ModelParams, TrainParams
 from harmolab.training import fit, make_fabric
 from harmolab.training import run as harmogan
-from harmolab.training.batches import Tensors
 from harmolab.training.run import _networks, adversarial_rate, phases, pretrain_rate, train_harmogan, validate
-from harmolab.training.shards import Batching, epoch_order, total_loss
+from harmolab.training.shards import Batching, Tensors, epoch_order, total_loss
 from harmolab.training.steps import (
     Danced,
     Networks,

@@ -49,24 +49,21 @@ class EventLog:
             stale.unlink()
         self._logger = TensorBoardLogger(folder.resolve(), name="", version="")
         for row in rows:
-            self._log(row)
+            self.add(row)
 
     def add(self, row: Row) -> None:
         """One more epoch, on disk when this returns."""
-        self._log(row)
+        values = {_tag(name): value for name, value in row.items() if isinstance(value, float)}
+        self._logger.log_metrics(values, step=row["epoch"])
         self._logger.save()
 
     def close(self) -> None:
         """No more epochs."""
         self._logger.finalize("success")
 
-    def _log(self, row: Row) -> None:
-        values = {_tag(name): value for name, value in row.items() if isinstance(value, float)}
-        self._logger.log_metrics(values, step=row["epoch"])
-
 
 def _tag(name: str) -> str:
-    """TensorBoard groups curves by what stands before the stroke."""
+    """Name of a column with its group before the stroke, as TensorBoard shows it."""
     if name in ("rate", "tau"):
         return f"schedule/{name}"
     return f"validation/{name.removeprefix('val_')}" if name.startswith("val_") else f"loss/{name}"

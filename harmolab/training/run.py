@@ -38,11 +38,10 @@ from harmolab.models.poses_bank import pose_bank, poses_path, save_poses
 from harmolab.models.soft_harmony import anneal
 from harmolab.models.weights import save_weights
 from harmolab.params import HarmonyParams, ModelParams, TrainParams
-from harmolab.training.batches import Tensors
 from harmolab.training.checkpoints import check_pretrained, open_folder
 from harmolab.training.history import Report
 from harmolab.training.loop import Phase, Player, fit, make_fabric
-from harmolab.training.shards import Batching, check_shards
+from harmolab.training.shards import Batching, Tensors, check_shards
 from harmolab.training.steps import (
     Networks,
     danced,

@@ -27,7 +27,7 @@ from harmolab.models.poses import local_joints
 from harmolab.models.soft_harmony import SoftHarmony, soft_harmony
 from harmolab.params import HarmonyParams, TrainParams
 from harmolab.skeletons import foot_joints
-from harmolab.training.batches import Tensors
+from harmolab.training.shards import Tensors
 from harmolab.types import Skeleton
 
 
