@@ -127,7 +127,7 @@ def train_pose_net(
     *,
     seed: int = 0,
     epochs: int = 40,
-    progress: Callable[[dict[str, float]], None] | None = None,
+    progress: Callable[[dict[str, float]], None] = lambda row: None,
 ) -> PoseNet:
     """A pose network that learnt three tasks on the training units, on the CPU, in evaluation mode.
 
@@ -172,8 +172,7 @@ def train_pose_net(
                 tested = float(sum(lesson.losses(test_motion, test, test_mask, None)))
             if tested < least:
                 least, state = tested, copy.deepcopy(net.state_dict())
-            if progress is not None:
-                progress({"epoch": epoch, "train": loss, "validation": tested})
+            progress({"epoch": epoch, "train": loss, "validation": tested})
         net.load_state_dict(state)
     return net.eval()
 

@@ -1,4 +1,4 @@
-"""Settings of what a generator hears and sees, how large it is, and how it is trained (paper Sec. 4 and 5.2)."""
+"""Settings of a generator: features, sizes of networks, training (paper Sec. 4 and 5.2)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from typing import Any, Literal
 
 def _check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = ()) -> None:
     """ValueError, with name and value, for a number out of range."""
-    for name in positive:
-        if not 0 < getattr(settings, name) < math.inf:
-            raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
-    for name in not_negative:
-        if not 0 <= getattr(settings, name) < math.inf:
-            raise ValueError(f"{name} must be zero or more, got {getattr(settings, name)}")
+    for name in (*positive, *not_negative):
+        number = getattr(settings, name)
+        if not 0 <= number < math.inf or (number == 0 and name in positive):
+            raise ValueError(f"{name} must be {'positive' if name in positive else 'zero or more'}, got {number}")
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ from harmolab.models.weights import read_tensors, renamed, write_synced
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"
 SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
-OTHERWISE = "ask for the same, or choose another folder"
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
@@ -179,7 +178,8 @@ def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> No
         if isinstance(old, dict) and isinstance(new, dict):
             _compare(path, {f"{name}.{key}": old[key] for key in old}, {f"{name}.{key}": new[key] for key in new})
         elif old != new:
-            raise ValueError(f"{path}: {name} is {_short(old)}, but {_short(new)} is asked for; {OTHERWISE}")
+            fault = f"{name} is {_short(old)}, but {_short(new)} is asked for"
+            raise ValueError(f"{path}: {fault}; ask for the same, or choose another folder")
 
 
 def _short(value: Any) -> str:

@@ -105,13 +105,12 @@ class _Run:
     saving: tuple[float, float] = (0.0, 0.0)  # seconds that the last state took to write, and when that was
 
 
-def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
-    """Fabric for this process, which is alone or one of torchrun's.
+def make_fabric(*, accelerator: str = "auto") -> Fabric:
+    """Fabric for this process, alone or one of torchrun's; bf16 where a GPU computes in it, else 32 bit.
 
     Parameters
     ----------
     accelerator : "auto", "cpu" or "cuda"
-    precision : "32-true" or "bf16-mixed"; None is bf16 where a GPU computes in it, else 32 bit
 
     Raises
     ------
@@ -123,15 +122,13 @@ def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
     world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
     if accelerator == "cuda" and not torch.cuda.is_available():
         raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
-    if precision is None:
-        gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
-        precision = "bf16-mixed" if gpu else "32-true"
+    gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
     fabric = Fabric(
         accelerator=accelerator,
         devices=local,
         num_nodes=max(world // local, 1),
         strategy="ddp" if world > 1 else "auto",
-        precision=precision,
+        precision="bf16-mixed" if gpu else "32-true",
     )
     fabric.launch()
     return fabric

@@ -157,15 +157,11 @@ def _free_terms(
         movement = networks.spatial_temporal(motion, batch.mask)
         terms["gan"] = generator_gan_loss(together, movement, cross_domain_weight=weight)
     if params.harmony_weight:
-        terms["harmony"] = _harmony_term(networks.generator, motion, batch, params, tau)
+        paper = params.harmony == "paper"  # else the chance-corrected score
+        settings = HarmonyParams.paper() if paper else HarmonyParams.valleys()
+        score = score_batch(networks.generator, motion, batch, tau, settings)
+        terms["harmony"] = (harmony_loss if paper else above_chance_loss)(score, count_weight=params.count_weight)
     return terms | _natural_terms(networks.generator, motion, batch, params, same_dance=same_dance)
-
-
-def _harmony_term(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, tau: float) -> Tensor:
-    """L_harmo: the paper's (Eq. 27), or the chance-corrected one."""
-    paper = params.harmony == "paper"
-    score = score_batch(generator, motion, batch, tau, HarmonyParams.paper() if paper else HarmonyParams.valleys())
-    return (harmony_loss if paper else above_chance_loss)(score, count_weight=params.count_weight)
 
 
 def _natural_terms(
