@@ -266,8 +266,7 @@ def _folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
     for root in roots:
         paths, problems = find_recordings(root)
         notes += [problem.message for problem in problems]
-        for path in paths:
-            folders.setdefault(path.resolve(), path)
+        folders |= {path.resolve(): path for path in paths if path.resolve() not in folders}
     fast = [path for path in folders if path.name == TOO_FAST and not (path / "beats.json").is_file()]
     notes += [f"{folders.pop(path)}: left out, its motion is 2.2 times too fast" for path in fast]
     return list(folders.values()), notes

@@ -85,7 +85,8 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
             )
     groups = {name: sorted(group for group, at in sides.items() if at == side) for side, name in enumerate(SIDES)}
     settings = {"seed": seed, "test_share": test_share, "validation_share": validation_share}
-    return Split(*(units.select(names[side]) for side in range(3)), groups, settings)
+    train, validation, test = (units.select(names[side]) for side in range(3))
+    return Split(train, validation, test, groups, settings)
 
 
 @dataclass(frozen=True, eq=False)

@@ -164,13 +164,16 @@ def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
     """
     if not units:
         raise ValueError("a batch needs at least one unit")
-    frames = [(unit.audio, unit.motion, initial_poses(unit.motion, unit.index)) for unit in units]
-    sparse = [
-        (unit.index, np.ones(unit.n_frames), unit.beats, unit.strengths, np.ones(unit.beats.size)) for unit in units
-    ]
-    # One array a field, in the order of Batch: the first three repeat their last frame, the others end with zeros.
-    fields = [_stacked(arrays) for arrays in zip(*frames, strict=True)]
-    return Batch(*fields, *(_stacked(arrays, fill=0.0) for arrays in zip(*sparse, strict=True)))
+    return Batch(
+        _stacked([unit.audio for unit in units]),
+        _stacked([unit.motion for unit in units]),
+        _stacked([initial_poses(unit.motion, unit.index) for unit in units]),
+        _stacked([unit.index for unit in units], fill=0.0),
+        _stacked([np.ones(unit.n_frames) for unit in units], fill=0.0),
+        _stacked([unit.beats for unit in units], fill=0.0),
+        _stacked([unit.strengths for unit in units], fill=0.0),
+        _stacked([np.ones(unit.beats.size) for unit in units], fill=0.0),
+    )
 
 
 def _stacked(arrays: Sequence[NDArray[Any]], fill: float | None = None) -> SingleArray:

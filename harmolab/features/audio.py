@@ -87,9 +87,8 @@ def _analyse(audio: Audio, count: int) -> SingleArray:
     if audio.sample_rate != RATE:
         samples = soxr.resample(np.asarray(samples), audio.sample_rate, RATE, quality="HQ")
     samples = np.pad(samples, (0, max(0, SHORTEST - samples.size))).astype(np.float32)
-    # More mel bands than coefficients, however many are asked for.
-    bands = max(128, count)
-    table = librosa.feature.mfcc(y=samples, sr=RATE, n_mfcc=count, hop_length=HOP, n_mels=bands)
+    # At least as many mel bands as coefficients.
+    table = librosa.feature.mfcc(y=samples, sr=RATE, n_mfcc=count, hop_length=HOP, n_mels=max(128, count))
     return np.ascontiguousarray(table.T, dtype=np.float32)
 
 

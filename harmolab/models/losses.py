@@ -83,11 +83,9 @@ def feature_loss(maps: Sequence[Tensor], targets: Sequence[Tensor], *, epsilon: 
     if not maps or [each.shape for each in maps] != [each.shape for each in targets]:
         shapes = [tuple(each.shape) for each in maps], [tuple(each.shape) for each in targets]
         raise ValueError(f"feature maps must be two equal lists of layers, got shapes {shapes[0]} and {shapes[1]}")
-    distances = []
-    for ours, theirs in zip(maps, targets, strict=True):
-        square = (ours - theirs).square().movedim(2, 1).flatten(2).mean(dim=-1)  # (N, T')
-        distances.append(torch.sqrt(square + epsilon**2).sum(dim=1).mean())
-    return torch.stack(distances).mean()
+    differences = (ours - theirs for ours, theirs in zip(maps, targets, strict=True))
+    squares = [each.square().movedim(2, 1).flatten(2).mean(dim=-1) for each in differences]  # (N, T') a layer
+    return torch.stack([torch.sqrt(square + epsilon**2).sum(dim=1).mean() for square in squares]).mean()
 
 
 def literal_harmony_loss(score: HarmonyScore) -> float:
@@ -270,8 +268,7 @@ def _means(values: Tensor, counted: Tensor) -> Tensor:
 def _check_shapes(motion: Tensor, target: Tensor, mask: Tensor) -> None:
     """ValueError unless motion and target agree, and the mask has one entry per frame."""
     if motion.shape != target.shape or motion.ndim < 3:
-        raise ValueError(
-            f"motion and target must have one shape (N, T, ...), got {tuple(motion.shape)} and {tuple(target.shape)}"
-        )
+        shapes = f"{tuple(motion.shape)} and {tuple(target.shape)}"
+        raise ValueError(f"motion and target must have one shape (N, T, ...), got {shapes}")
     if mask.shape != motion.shape[:2]:
         raise ValueError(f"mask must be {tuple(motion.shape[:2])}, one entry per frame; got {tuple(mask.shape)}")

@@ -93,8 +93,7 @@ class PoseNet(nn.Module):
         """(N, 32) embeddings of motions (N, T, C), for the Frechet distance."""
         last = self.features(motion, mask)[-1]
         over_time = torch.cat([last.mean(dim=2), last.amax(dim=2)], dim=1)  # (N, 2 c, columns)
-        embedding: Tensor = self.summary(over_time.flatten(1))
-        return embedding
+        return self.summary(over_time.flatten(1))
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
@@ -153,10 +152,8 @@ def train_pose_net(
         raise ValueError(f"a pose network needs units, validation units and epochs, got {sizes}")
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        batches = (collate(units.units) for units in (train, validation))
-        (motion, mask), (test_motion, test_mask) = (
-            (torch.from_numpy(batch.motion), torch.from_numpy(batch.mask)) for batch in batches
-        )
+        pairs = ((batch.motion, batch.mask) for batch in (collate(train.units), collate(validation.units)))
+        motion, mask, test_motion, test_mask = (torch.from_numpy(array) for pair in pairs for array in pair)
         labels = _labels(train.units)
         net = PoseNet(train.skeleton, fps=train.features.fps)
         net.motion_scale.set(*channel_statistics(motion, mask))

@@ -113,10 +113,9 @@ def poses_path(weights: PathLike) -> Path:
 
 def save_poses(weights: PathLike, bank: PoseBank) -> None:
     """Write a bank beside the weights of that name; the file appears whole or not at all."""
-    path = poses_path(weights)
     about = {"format": _FORMAT, "dances": json.dumps(bank.dances)}
-    with atomic_write(path) as aside:
-        aside.write_bytes(save({"poses": bank.poses.astype(np.float16)}, metadata=about))
+    with atomic_write(poses_path(weights)) as part:
+        part.write_bytes(save({"poses": bank.poses.astype(np.float16)}, metadata=about))
 
 
 def load_poses(weights: PathLike, *, n_channels: int | None = None) -> PoseBank:

@@ -63,10 +63,10 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
     legs = [find_leg(skeleton, foot) for foot in feet]
     slide, _ = _slide(positions, fps, [joint for foot in feet for joint in foot])
     way = np.cumsum(smooth(slide, BODY_SMOOTHING, fps), axis=0) / fps * (BODY_SHARE if all(legs) else 1.0)
-    planted = positions - _level(np.concatenate([np.zeros((1, 2)), way]))[:, None]
+    planted = positions - np.insert(np.concatenate([np.zeros((1, 2)), way]), 1, 0.0, axis=1)[:, None]
     for foot, leg in zip(feet, legs, strict=True):
         if leg is not None:
-            planted = moved_foot(planted, leg, _level(_held_back(planted, fps, list(foot))))
+            planted = moved_foot(planted, leg, np.insert(_held_back(planted, fps, list(foot)), 1, 0.0, axis=1))
     return planted
 
 
@@ -100,11 +100,6 @@ def _added_up(slide: FloatArray, load: FloatArray, fps: float) -> FloatArray:
         moved = decay * shift[frame] - velocity / fps
         shift[frame + 1] = moved * (FARTHEST / max(float(np.hypot(*moved)), FARTHEST))
     return shift
-
-
-def _level(way: FloatArray) -> FloatArray:
-    """(T, 3) of horizontal (T, 2)."""
-    return np.stack([way[:, 0], np.zeros(len(way)), way[:, 1]], axis=1)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,6 @@ from typing import Any
 
 from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 
-from harmolab.io.files import write_text
-
 HISTORY = "history.csv"
 EVENTS = "events.out.tfevents.*"
 Row = dict[str, Any]
@@ -26,11 +24,6 @@ def history_text(rows: list[Row]) -> str:
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
-
-
-def write_history(folder: Path, rows: list[Row]) -> None:
-    """Replace ``history.csv`` in a run's folder by an atomic write."""
-    write_text(folder / HISTORY, history_text(rows))
 
 
 class EventLog:

@@ -18,8 +18,9 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
+from harmolab.io.files import write_text
 from harmolab.training.checkpoints import load_state, restore, save_state
-from harmolab.training.history import EventLog, Report, Row, write_history
+from harmolab.training.history import HISTORY, EventLog, Report, Row, history_text
 from harmolab.training.shards import Batching, Means, Shard, Terms, Units, epoch_shards, step, total_loss
 
 SAVING_SHARE = 0.05  # of the time may be spent on writing the state; a kill costs the epochs since the last time
@@ -170,7 +171,7 @@ def fit(
     run.rows += about["history"]
     if fabric.is_global_zero:
         run.events = EventLog(folder, run.rows)
-        write_history(folder, run.rows)  # a kill may have come after epochs that no state knows of
+        write_text(folder / HISTORY, history_text(run.rows))  # a kill may have come after epochs that no state knows of
     current = [phase.name for phase in phases].index(run.rows[-1]["phase"]) if run.rows else 0
     try:
         for phase in phases[current:]:
@@ -261,6 +262,6 @@ def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first:
     if number == phase.epochs or start - when >= cost / SAVING_SHARE:
         save_state(run.folder, phase.modules, optimisers, {"settings": run.settings, "history": run.rows})
         run.saving = time.monotonic() - start, time.monotonic()
-    write_history(run.folder, run.rows)
+    write_text(run.folder / HISTORY, history_text(run.rows))
     run.events.add(row)
     run.report(row, end)

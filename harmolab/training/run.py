@@ -249,9 +249,7 @@ def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[
     -------
     dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_count_ratio (valleys within 0.1 s)
     """
-    generator.eval()
     motion = generator(units.audio, units.initial).motion
-    generator.train()
     paper = score_batch(generator, motion, units, HARD, HarmonyParams.paper())
     valleys = score_batch(generator, motion, units, HARD, HarmonyParams.valleys())
     return {

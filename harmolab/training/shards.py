@@ -7,7 +7,7 @@ result to the last bit, whether one process computes them one after the other or
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol, Self
 
 import torch
@@ -58,7 +58,7 @@ class Tensors(Batch[Tensor]):
         tail = motion.gather(1, at[..., None].expand(-1, -1, motion.shape[2]))
         index = self.index[..., None]
         mean = (tail * index).sum(dim=1, keepdim=True) / prior[:, None, None].clamp(min=1)
-        return replace(self, initial=torch.where(index > 0, tail, mean))
+        return Tensors(**vars(self) | {"initial": torch.where(index > 0, tail, mean)})
 
     def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Tensors:
         """The units at `indices` that fall to process `rank` of `world`, padded to the longest of all of `indices`.
