@@ -57,10 +57,10 @@ lab: $(STAMP) ## open JupyterLab on the first notebook
 	$(BIN)/jupyter lab notebooks/00_start_here.ipynb
 
 report: $(STAMP) ## run the notebooks in the quick profile and write report/index.html
-	$(BIN)/python -m harmolab.report --profile quick --out report --jobs $(JOBS)
+	$(BIN)/python -m harmolab.lab.report.run --profile quick --out report --jobs $(JOBS)
 
 figures: $(STAMP) ## run the notebooks in the full profile and replace figures/
-	$(BIN)/python -m harmolab.report --profile full --out report --jobs $(JOBS) --figures figures
+	$(BIN)/python -m harmolab.lab.report.run --profile full --out report --jobs $(JOBS) --figures figures
 
 bench: $(STAMP) ## measure speed: ratios against named references
 	$(BIN)/python -m benchmarks

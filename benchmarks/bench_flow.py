@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from benchmarks.timing import best_of
 from harmolab.beats.flow import flow_beats
 from harmolab.beats.impacts import envelope_beats
-from harmolab.data.stage import render_skeleton
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.lab.render.stick import render_skeleton
 
 Frame = NDArray[np.uint8]
 FPS = 25.0

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from benchmarks.timing import best_of
-from harmolab.data.tang2018 import TANG_23
-from harmolab.models.harmogan import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
-from harmolab.models.pose_features import PoseNet
-from harmolab.params import ModelParams
+from harmolab.corpora.tang2018 import TANG_23
+from harmolab.systems.common.pose_network import PoseNet
+from harmolab.systems.harmogan.networks import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
+from harmolab.systems.harmogan.params import ModelParams
 
 N_AUDIO, FPS = 23, 15.0
 CLIPS, FRAMES = 64, 90

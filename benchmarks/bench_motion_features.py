@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.timing import best_of
-from harmolab.features.geometric import geometric_features
-from harmolab.features.kinetic import kinetic_features
+from harmolab.metrics.geometric import geometric_features
+from harmolab.metrics.kinetic import kinetic_features
 from harmolab.types import Motion, Skeleton
 
 FloatArray = NDArray[np.float64]

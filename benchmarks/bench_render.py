@@ -15,10 +15,11 @@ from pathlib import Path
 
 import cv2
 
-from harmolab.beats.visual import visual_beats
-from harmolab.data.dance_floor import render_dance
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.beats.audio import music_beats
+from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.harmony import score_motion
 from harmolab.io.video import write_video
+from harmolab.lab.render.scene import render_dance
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip
 
@@ -50,8 +51,8 @@ def _measured(clip: Clip, rounds: int) -> dict[str, float]:
     motion = clip.motion
     if motion is None:
         raise ValueError("the clip has no motion")
-    valleys = visual_beats(motion, params=HarmonyParams.valleys())
-    draw = partial(render_dance, motion, fps=FPS, beats=clip.beats, dancer_beats=valleys)
+    score = score_motion(music_beats(clip), motion, params=HarmonyParams.valleys(), n_rotations=0)
+    draw = partial(render_dance, motion, fps=FPS, score=score)
     frames = list(draw())
     with tempfile.TemporaryDirectory() as folder:
         mp4, webm = (Path(folder) / name for name in ("x.mp4", "x.webm"))

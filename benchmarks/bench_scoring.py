@@ -11,11 +11,11 @@ import numpy as np
 import soundfile
 
 from benchmarks.timing import best_of
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_harmony
 from harmolab.io.motion import save_motion
+from harmolab.lab.compare.batch import BeatBatch, rescore
 from harmolab.params import HarmonyParams
-from harmolab.rescoring import BeatBatch, rescore
 from harmolab.types import BeatTrack
 
 N_CLIPS = 200

@@ -13,10 +13,12 @@ import torch
 from torch import Tensor
 
 from benchmarks.timing import best_of
-from harmolab.models.harmogan import Generator
-from harmolab.models.losses import charbonnier_mse
-from harmolab.models.soft_harmony import soft_harmony
-from harmolab.params import FeatureParams, HarmonyParams, ModelParams
+from harmolab.params import HarmonyParams
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.soft_harmony import soft_harmony
+from harmolab.systems.harmogan.networks import Generator
+from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.harmogan.terms import charbonnier_mse
 from harmolab.types import Skeleton
 
 N_CLIPS, N_FRAMES, N_JOINTS, N_BEATS, FPS = 10, 60, 23, 10, 15.0

@@ -1,85 +1,16 @@
 """harmolab: is this motion in harmony with this music?
 
->>> from harmolab import HarmonyParams, score_clip, synthetic_clip
->>> score = score_clip(synthetic_clip("waltz", seed=3), HarmonyParams.recommended())
+>>> from harmolab import score_clip, synthetic_clip
+>>> score = score_clip(synthetic_clip("waltz", seed=3))
 >>> score.harmony_above_chance > 0.5
 True
 
-Names are resolved on first use, so that ``import harmolab`` is quick and loads no plotting or training library.
+The public names stand in ``__init__.pyi``: here, in `harmolab.systems` and in `harmolab.lab`. Each is resolved on first
+use, so that ``import harmolab`` is quick and loads no plotting or training library.
 """
 
-from __future__ import annotations
-
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from harmolab.beats.audio import audio_beats
-    from harmolab.beats.meter import MeterUnit
-    from harmolab.beats.saliency import salient_audio, salient_visual
-    from harmolab.beats.visual import visual_beats
-    from harmolab.corpus import compare
-    from harmolab.data.synthetic import synthetic_clip
-    from harmolab.harmony import score_clip, score_harmony, score_motion
-    from harmolab.io.audio import load_audio
-    from harmolab.io.beats import load_beats
-    from harmolab.io.motion import load_motion, save_motion
-    from harmolab.params import BarPattern, HarmonyParams, RunProfile
-    from harmolab.synthesis import synthesize_dance
-    from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion, Skeleton
+import lazy_loader
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "harmolab.types": ("Audio", "BeatTrack", "Clip", "HarmonyScore", "Motion", "Skeleton"),
-    "harmolab.params": ("BarPattern", "HarmonyParams", "RunProfile"),
-    "harmolab.io.audio": ("load_audio",),
-    "harmolab.io.beats": ("load_beats",),
-    "harmolab.io.motion": ("load_motion", "save_motion"),
-    "harmolab.beats.audio": ("audio_beats",),
-    "harmolab.beats.visual": ("visual_beats",),
-    "harmolab.beats.meter": ("MeterUnit",),
-    "harmolab.beats.saliency": ("salient_audio", "salient_visual"),
-    "harmolab.harmony": ("score_clip", "score_harmony", "score_motion"),
-    "harmolab.corpus": ("compare",),
-    "harmolab.data.synthetic": ("synthetic_clip",),
-    "harmolab.synthesis": ("synthesize_dance",),
-}
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
-
-__all__ = [
-    "Audio",
-    "BarPattern",
-    "BeatTrack",
-    "Clip",
-    "HarmonyParams",
-    "HarmonyScore",
-    "MeterUnit",
-    "Motion",
-    "RunProfile",
-    "Skeleton",
-    "audio_beats",
-    "compare",
-    "load_audio",
-    "load_beats",
-    "load_motion",
-    "salient_audio",
-    "salient_visual",
-    "save_motion",
-    "score_clip",
-    "score_harmony",
-    "score_motion",
-    "synthesize_dance",
-    "synthetic_clip",
-    "visual_beats",
-]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'harmolab' has no attribute {name!r}")
-    return getattr(import_module(_MODULE_OF[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

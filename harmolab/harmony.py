@@ -14,11 +14,12 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
+from harmolab.bar_pattern import PatternFit, fit_of_motion
 from harmolab.beats.audio import music_beats
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import visual_beats
+from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
-from harmolab.pattern import PatternFit, fit_of_motion
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares
 from harmolab.types import Audio, BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore, IntArray, Motion
 
@@ -292,6 +293,16 @@ def score_clip(
         clip = replace(clip, beats=tracker(clip.audio))
     beats, motion = music_and_motion(clip, clock=params.clock)
     return score_motion(beats, motion, params=params, n_rotations=n_rotations, seed=seed)
+
+
+def other_measures(clip: Clip, *, clock: float = 1.0) -> dict[str, float]:
+    """The field's other measures of a clip, name -> number: beat alignment, coverage, and those of mir_eval.
+
+    `clock` and the errors are those of `music_and_motion`.
+    """
+    music, motion = music_and_motion(clip, clock=clock)
+    timed = replace(motion, fps=motion.fps / clock)
+    return other_scores(music, visual_beats(timed, params=kinematic_params()))
 
 
 def music_and_motion(clip: Clip, *, clock: float = 1.0) -> tuple[BeatTrack, Motion]:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from typer import Typer
 from typer.testing import CliRunner, Result
 
-from harmolab.data.synthetic import synthetic_clip
-from harmolab.io import save_motion
+from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.io.motion import save_motion
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
 
 

@@ -83,7 +83,7 @@ def swinging_arm() -> Callable[..., Motion]:
 @pytest.fixture(scope="session")
 def planted_clip() -> Clip:
     """Six seconds of a synthetic cha-cha whose beats are known."""
-    from harmolab.data.synthetic import synthetic_clip
+    from harmolab.corpora.synthetic import synthetic_clip
 
     return synthetic_clip("cha-cha", seed=0)
 

@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.experiments import ablation, judging
-from harmolab.experiments.ablation import (
+from harmolab.lab.experiments import ablation, judging
+from harmolab.lab.experiments.ablation import (
     PAPER_MEANS,
     TARGETS,
     forced_choice,
@@ -18,11 +17,13 @@ from harmolab.experiments.ablation import (
     seed_means,
     targets_met,
 )
-from harmolab.experiments.dances import danced_unit
-from harmolab.experiments.generation import VARIANTS
-from harmolab.features.poses import encode_motion
-from harmolab.params import FeatureParams, RunProfile
+from harmolab.lab.experiments.dances import danced_unit
+from harmolab.lab.experiments.generation import VARIANTS
+from harmolab.lab.profile import RunProfile
 from harmolab.significance import mean_interval
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import encode_motion
+from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.types import Motion, Skeleton
 from tests.builders import bobbing
 

@@ -10,8 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from harmolab.data.synthetic import synthetic_clip
-from harmolab.io import load_bvh, load_motion, save_bvh, save_motion
+from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.io.bvh import load_bvh
+from harmolab.io.bvh_writer import save_bvh
+from harmolab.io.motion import load_motion, save_motion
 from harmolab.types import Motion, Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))

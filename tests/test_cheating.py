@@ -10,9 +10,8 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.experiments import cheating as module
-from harmolab.experiments.cheating import (
+from harmolab.lab.experiments import cheating as module
+from harmolab.lab.experiments.cheating import (
     BASES,
     LATE,
     TRICKS,
@@ -28,12 +27,14 @@ from harmolab.experiments.cheating import (
     trick_gains,
     trick_means,
 )
-from harmolab.experiments.generation import SYNTHETIC
-from harmolab.params import FeatureParams, RunProfile
+from harmolab.lab.experiments.generation import SYNTHETIC
+from harmolab.lab.figures.cheating import CHEAT_MEASURES, cheating_figure, draw_dumbbells
+from harmolab.lab.figures.style import COLOURS
+from harmolab.lab.figures.variants import LOOKS
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from harmolab.viz.cheating import CHEAT_MEASURES, cheating_figure, draw_dumbbells
-from harmolab.viz.style import COLOURS
-from harmolab.viz.variants import LOOKS
 from tests.builders import bobbing
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from harmolab.cli import app
-from harmolab.data.folders import load_recording
-from harmolab.data.synthetic import write_corpus
+from harmolab.corpora.folders import load_recording
+from harmolab.corpora.synthetic import write_corpus
 from harmolab.harmony import score_clip
 from harmolab.params import HarmonyParams
 from tests.builders import called
@@ -74,9 +77,59 @@ def test_missing_file_gives_one_line_that_names_it(clip_folder: Path, tmp_path: 
 
 
 def test_motion_after_the_end_of_the_music_is_refused(clip_folder: Path) -> None:
-    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--start", 100)
+    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--offset", 100)
     assert result.exit_code == 2
     assert "does not overlap" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (("score", "song.wav", "dance.npz", "--start", "1"), "--start is called --offset now"),
+        (("score", "song.wav", "dance.npz", "--duration", "1"), "--duration is called --seconds now"),
+        (("retime", "dance.npz", "song.wav", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
+        (("retime", "film.mp4", "song.wav", "--out", "x.mp4"), "song.wav: the order is SONG DANCE"),
+        (("render", "dance.bvh", "film.mp4", "--out", "x.mp4"), "dance.bvh: the order is SONG DANCE"),
+    ],
+)
+def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str, ...], hint: str) -> None:
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert hint in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_score_listens_once(clip_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = counted(monkeypatch, "harmolab.corpora.files", "load_sound", "music_beats")
+    assert run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json").exit_code == 0
+    assert calls == {"load_sound": 1, "music_beats": 1}
+
+
+@pytest.mark.parametrize("command", ["play", "render", "retime"])
+def test_commands_that_write_sound_decode_the_song_once(
+    clip_folder: Path, tmp_path: Path, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = counted(monkeypatch, "harmolab.corpora.files", "load_sound", "music_beats")
+    out = tmp_path / ("x.html" if command == "play" else "x.mp4")
+    result = run(command, clip_folder / "audio.wav", clip_folder / "motion.npz", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert calls == {"load_sound": 1, "music_beats": 1}
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, module: str, *names: str) -> dict[str, int]:
+    """Calls of functions from a module by name; the dictionary fills as they are made."""
+    calls = dict.fromkeys(names, 0)
+
+    def counting(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: object, **options: object) -> Any:
+            calls[name] += 1
+            return function(*arguments, **options)
+
+        return call
+
+    for name in names:
+        monkeypatch.setattr(f"{module}.{name}", counting(name, getattr(import_module(module), name)))
+    return calls
 
 
 def test_compare_json_has_every_promised_score(corpus: Path) -> None:

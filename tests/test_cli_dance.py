@@ -18,15 +18,17 @@ from typer.testing import CliRunner, Result
 
 import harmolab
 from harmolab.cli import app
-from harmolab.dance_scores import dance_scores
-from harmolab.features.poses import bone_lengths, encode_motion
-from harmolab.io import load_audio, load_motion
+from harmolab.io.audio import load_audio
+from harmolab.io.motion import load_motion
 from harmolab.kinematics import resample_motion
-from harmolab.models.harmogan import Generator, load_generator
-from harmolab.models.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.models.weights import save_weights
-from harmolab.params import FeatureParams, ModelParams
-from harmolab.synthesis import synthesize_dance
+from harmolab.lab.evaluate.dance_scores import dance_scores
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import bone_lengths, encode_motion
+from harmolab.systems.common.poses_bank import PoseBank, load_poses, save_poses
+from harmolab.systems.common.weights import save_weights
+from harmolab.systems.harmogan.generate import synthesize_dance
+from harmolab.systems.harmogan.networks import Generator, load_generator
+from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import BeatTrack, Clip, Motion
 from tests.builders import planted_dance, write_song
 

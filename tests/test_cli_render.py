@@ -75,7 +75,7 @@ def test_skeleton_goes_over_the_video_it_was_found_in(take: tuple[Path, Path], t
 
 def test_points_without_their_video_are_told_what_is_missing(take: tuple[Path, Path], tmp_path: Path):
     result = render(*take, "--fps", 25, "--out", tmp_path / "x.mp4")
-    assert result.exit_code == 2 and "name the video to draw them over with --over" in result.output
+    assert result.exit_code == 2 and "points of a picture go over their video (--over)" in result.output
 
 
 @pytest.mark.parametrize(
@@ -96,6 +96,12 @@ def test_the_video_to_draw_over_is_not_written_over(take: tuple[Path, Path]):
     result = render(*take, "--fps", 25, "--over", take[0], "--out", take[0])
     assert result.exit_code == 2 and "is the video to draw over; choose another name" in result.output.replace("\n", "")
     assert take[0].read_bytes() == before
+
+
+def test_the_video_to_draw_over_keeps_its_rate(take: tuple[Path, Path], tmp_path: Path):
+    result = render(*take, "--fps", 25, "--over", take[0], "--rate", 30, "--no-marks", "--out", tmp_path / "x.mp4")
+    assert result.exit_code == 2 and "is drawn at its own frame rate; leave out --rate" in result.output
+    assert not (tmp_path / "x.mp4").exists()
 
 
 @pytest.mark.browser
@@ -126,10 +132,9 @@ def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
     [
         (("--out", "x.gif"), "a video is written as .mp4, .webm"),
         (("--out", "x.mp4", "--over", "none.mp4"), "is movement in space; over a video go points of its pictures"),
-        (("--out", "x.mp4", "--over", "none.mp4", "--rate", "25"), "is drawn at its own frame rate; leave out --rate"),
         (("--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
-        (("--out", "x.mp4", "--seconds", "-1"), "seconds must be positive, got -1"),
-        (("--out", "x.mp4", "--offset", "99"), "motion from 99 s does not meet audio"),
+        (("--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
+        (("--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(

@@ -11,14 +11,14 @@ import soundfile
 import typer
 from typer.testing import CliRunner, Result
 
-from harmolab.alignment import picture_motion
 from harmolab.beats.visual import visual_beats
 from harmolab.cli.retiming import retime
-from harmolab.data.stage import render_skeleton
-from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.harmony import score_harmony
-from harmolab.io import load_motion
+from harmolab.io.motion import load_motion
 from harmolab.io.video import video_frames, write_video
+from harmolab.lab.render.stick import render_skeleton
+from harmolab.lab.timing.pictures import picture_motion
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip
 from tests.builders import write_dance, write_song
@@ -53,7 +53,7 @@ def row(result: Result, name: str) -> list[str]:
 
 
 def test_a_jittered_dance_is_mended_and_the_table_says_how(dance: Path, song: Path, tmp_path: Path):
-    result = call(dance, song, "--out", tmp_path / "x.npz", "--dance", "rumba")
+    result = call(song, dance, "--out", tmp_path / "x.npz", "--dance", "rumba")
     assert result.exit_code == 0, result.output
     before, after = map(float, row(result, "above chance"))
     assert after > before + 0.3
@@ -65,13 +65,13 @@ def test_a_jittered_dance_is_mended_and_the_table_says_how(dance: Path, song: Pa
 
 
 def test_no_strength_writes_the_same_motion(dance: Path, song: Path, tmp_path: Path):
-    result = call(dance, song, "--out", tmp_path / "x.npz", "--strength", 0)
+    result = call(song, dance, "--out", tmp_path / "x.npz", "--strength", 0)
     assert "Nothing was worth bending." in result.output
     np.testing.assert_array_equal(load_motion(tmp_path / "x.npz").positions, load_motion(dance).positions)
 
 
 def test_the_warper_of_2019_can_be_asked_for(dance: Path, song: Path, tmp_path: Path):
-    result = call(dance, song, "--out", tmp_path / "x.npz", "--method", "lee2019")
+    result = call(song, dance, "--out", tmp_path / "x.npz", "--method", "lee2019")
     low, high = map(float, row(result, "local speed")[1].split(" to "))
     assert low < 0.7 or high > 1.4
 
@@ -79,7 +79,7 @@ def test_the_warper_of_2019_can_be_asked_for(dance: Path, song: Path, tmp_path: 
 @pytest.mark.parametrize("suffix", [".mp4", ".webm"])
 def test_a_film_has_pictures_and_the_song_from_the_offset_on(dance: Path, song: Path, tmp_path: Path, suffix: str):
     film = tmp_path / f"x{suffix}"
-    result = call(dance, song, "--out", film, "--offset", -0.5)
+    result = call(song, dance, "--out", film, "--offset", -0.5)
     assert result.exit_code == 0, result.output
     with av.open(str(film)) as container:
         assert {stream.type for stream in container.streams} == {"video", "audio"}
@@ -93,7 +93,7 @@ def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
     clip = planted_clip(ClipSettings("waltz", seconds=12.0, jitter=0.15, seed=1)).clip
     soundfile.write(tmp_path / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))
     write_video(tmp_path / "in.mp4", render_skeleton(clip.motion, fps=30.0, height=160), 30.0)
-    result = call(tmp_path / "in.mp4", tmp_path / "song.wav", "--out", tmp_path / "out.mp4", "--dance", "waltz")
+    result = call(tmp_path / "song.wav", tmp_path / "in.mp4", "--out", tmp_path / "out.mp4", "--dance", "waltz")
     assert result.exit_code == 0, result.output
     scores = []
     for name in ("in.mp4", "out.mp4"):
@@ -111,7 +111,7 @@ def test_a_video_is_retimed_with_its_song(song: Path, tmp_path: Path):
         picture[24:40, round(place) : round(place) + 16] = (250, 200, 0)
         frames.append(picture)
     write_video(tmp_path / "in.mp4", frames, 30.0)
-    result = call(tmp_path / "in.mp4", song, "--out", tmp_path / "out.mp4")
+    result = call(song, tmp_path / "in.mp4", "--out", tmp_path / "out.mp4")
     assert result.exit_code == 0, result.output
     with av.open(str(tmp_path / "out.mp4")) as container:
         assert container.streams.video[0].frames == 150
@@ -125,15 +125,15 @@ def test_a_video_is_retimed_with_its_song(song: Path, tmp_path: Path):
         (["--out", "nowhere/x.npz"], "no such folder"),
         (["--out", "x.npz", "--strength", "2"], "strength must lie between 0 and 1"),
         (["--out", "x.npz", "--slowest", "0"], "slowest must lie above 0"),
-        (["--out", "x.npz", "--offset", "99"], "does not meet audio"),
-        (["--out", "x.npz", "--offset", "nan"], "does not meet audio"),
+        (["--out", "x.npz", "--offset", "99"], "does not overlap audio"),
+        (["--out", "x.npz", "--offset", "nan"], "offset must be finite"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(
     dance: Path, song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
 ):
     monkeypatch.chdir(tmp_path)
-    result = call(dance, song, *arguments)
+    result = call(song, dance, *arguments)
     assert result.exit_code == 2
     assert message in " ".join(result.output.split())
     assert "Traceback" not in result.output
@@ -143,7 +143,7 @@ def test_what_cannot_be_done_is_one_line(
 def test_files_that_are_no_motion_or_no_video_are_named(song: Path, tmp_path: Path):
     for name in ("x.npz", "x.mp4", "x.bvh"):
         (tmp_path / name).write_bytes(b"not this")
-        result = call(tmp_path / name, song, "--out", tmp_path / "out.mp4")
+        result = call(song, tmp_path / name, "--out", tmp_path / "out.mp4")
         assert result.exit_code == 2
         assert name in result.output
         assert not (tmp_path / "out.mp4").exists()

@@ -16,11 +16,11 @@ import pandas as pd
 import pytest
 
 from harmolab.cli import app
-from harmolab.data.folders import load_recording
-from harmolab.data.synthetic import write_corpus
-from harmolab.io import save_motion
-from harmolab.listening.folders import answer_log, read_key, read_page, read_scores, read_trials, write_scores
-from harmolab.listening.raters import SimulatedRater
+from harmolab.corpora.folders import load_recording
+from harmolab.corpora.synthetic import write_corpus
+from harmolab.io.motion import save_motion
+from harmolab.lab.listening.folders import answer_log, read_key, read_page, read_scores, read_trials, write_scores
+from harmolab.lab.listening.raters import SimulatedRater
 from tests.builders import called
 
 N = 8

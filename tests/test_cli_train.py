@@ -17,10 +17,10 @@ import typer
 from typer.testing import CliRunner, Result
 
 from harmolab.cli.training import epoch_bar, train
-from harmolab.data.synthetic import write_corpus
-from harmolab.models.harmogan import load_generator
-from harmolab.params import ModelParams, TrainParams
-from harmolab.training import checkpoints
+from harmolab.corpora.synthetic import write_corpus
+from harmolab.systems.common import checkpoints
+from harmolab.systems.harmogan.networks import load_generator
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
 
 Run = Callable[..., Result]
 
@@ -193,7 +193,7 @@ def test_the_ablation_takes_over_pretraining(trained: tuple[Path, Result], run: 
 
 
 def test_without_the_libraries_training_says_what_to_install(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):
-    for name in [name for name in sys.modules if name.startswith("harmolab.training")]:
+    for name in [name for name in sys.modules if name.startswith("harmolab.systems")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "lightning_fabric", None)
     line = told(run(tmp_path, "--out", tmp_path / "run"))

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from harmolab.corpus import CorpusResult
-from harmolab.discrimination import (
+from harmolab.lab.compare.auc import CorpusResult
+from harmolab.lab.experiments.discrimination import (
     auc_table,
     compare_corpora,
     dance_patterns_of,
@@ -18,8 +18,9 @@ from harmolab.discrimination import (
     disturbance_table,
     pick_table,
 )
-from harmolab.params import BarPattern, RunProfile
-from harmolab.viz.results import draw_auc, draw_disturbances, draw_patterns, draw_picks
+from harmolab.lab.figures.results import draw_auc, draw_disturbances, draw_patterns, draw_picks
+from harmolab.lab.profile import RunProfile
+from harmolab.params import BarPattern
 
 
 @pytest.fixture(scope="module")

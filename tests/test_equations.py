@@ -19,7 +19,6 @@ from harmolab.beats.impacts import impact_envelope, local_peaks
 from harmolab.beats.meter import strong_beats
 from harmolab.beats.saliency import audio_mask, strength_steps, visual_mask
 from harmolab.beats.visual import visual_beats
-from harmolab.features.priors import initial_poses, temporal_index
 from harmolab.harmony import (
     f_score,
     harmony_from_hits,
@@ -32,7 +31,12 @@ from harmolab.harmony import (
     score_harmony,
 )
 from harmolab.kinematics import direction_spread, joint_speed, step_signs, turning_points
-from harmolab.models.losses import (
+from harmolab.params import HarmonyParams
+from harmolab.systems.common.priors import initial_poses, temporal_index
+from harmolab.systems.common.shards import total_loss
+from harmolab.systems.common.soft_harmony import SoftHarmony
+from harmolab.systems.harmogan.params import TrainParams
+from harmolab.systems.harmogan.terms import (
     adversarial_value,
     charbonnier_mse,
     discriminator_loss,
@@ -42,9 +46,6 @@ from harmolab.models.losses import (
     kl_loss,
     literal_harmony_loss,
 )
-from harmolab.models.soft_harmony import SoftHarmony
-from harmolab.params import HarmonyParams, TrainParams
-from harmolab.training.shards import total_loss
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 from tests.builders import along_x, track
 

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.data.beats import music_beats
-from harmolab.data.folders import Recording, load_recording
-from harmolab.experiments import (
+from harmolab.corpora.folders import Recording, load_recording
+from harmolab.corpora.music_beats import music_beats
+from harmolab.io.motion import save_motion
+from harmolab.lab.experiments import study
+from harmolab.lab.experiments.study import (
     Agreement,
     agreement,
     beat_agreement,
@@ -24,12 +26,11 @@ from harmolab.experiments import (
     pattern_of_study,
     readable_recordings,
     strong_by_place,
-    study,
     study_recordings,
     synthetic_corpus,
 )
-from harmolab.io.motion import save_motion
-from harmolab.params import BarPattern, HarmonyParams, RunProfile
+from harmolab.lab.profile import RunProfile
+from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import track
 
@@ -188,13 +189,13 @@ def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Pa
     # at 1.82 s; a start rounded to 1.8 s, as in the excerpt's name, would count it in.
     beats = recordings / "A" / "beats.json"
     beats.write_text(json.dumps(json.loads(beats.read_text()) | {"motion_offset_s": 0.34}))
-    (whole,) = study.cut_parts(load_recording(recordings / "A"), "annotated", None, HarmonyParams.recommended())
+    (whole,) = study.cut_clips(load_recording(recordings / "A"), "annotated", None, HarmonyParams.recommended())
     parts = [
         replace(whole, start=0.34, duration=1.48, figures=frozenset({"before"})),
         replace(whole, start=1.82, duration=5.52, figures=frozenset({"inside"})),
     ]
     judged = []
-    monkeypatch.setattr(study, "cut_parts", lambda *_arguments: parts)
+    monkeypatch.setattr(study, "cut_clips", lambda *_arguments: parts)
     monkeypatch.setattr(study, "learn_patterns", lambda those, _others: [judged.extend(those)])
     pattern_of_study(TINY, dance="rumba", seconds=4.0)
     assert [part.figures for part in judged] == [{"inside"}]

@@ -14,9 +14,10 @@ import pytest
 import torch
 from filelock import FileLock
 
-from harmolab.experiments import generation
-from harmolab.experiments.ablation import ablation
-from harmolab.experiments.generation import (
+from harmolab.kinematics import resample_motion
+from harmolab.lab.experiments import generation
+from harmolab.lab.experiments.ablation import ablation
+from harmolab.lab.experiments.generation import (
     SWEEP,
     SYNTHETIC,
     VARIANTS,
@@ -26,12 +27,11 @@ from harmolab.experiments.generation import (
     training_split,
     weight_sweep,
 )
-from harmolab.experiments.judging import RECORDED, embed, generate, judge, recorded_motions
-from harmolab.experiments.long_dances import dance_limits, danced_song, long_dances
-from harmolab.features.poses import turned
-from harmolab.kinematics import resample_motion
-from harmolab.models.weights import read_about
-from harmolab.params import RunProfile
+from harmolab.lab.experiments.judging import RECORDED, embed, generate, judge, recorded_motions
+from harmolab.lab.experiments.long_dances import dance_limits, danced_song, long_dances
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.motion_code import turned
+from harmolab.systems.common.weights import read_about
 from harmolab.types import Motion, Skeleton
 
 PROFILE = RunProfile(

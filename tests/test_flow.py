@@ -12,9 +12,9 @@ import pytest
 
 from harmolab.beats.flow import directogram, flow_beats, flow_directograms, flow_envelope, optical_flow
 from harmolab.beats.impacts import envelope_beats, impact_envelope, local_peaks, normalise_envelope
-from harmolab.data.stage import moving_box, render_skeleton
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.io.video import video_frames
+from harmolab.lab.render.stick import moving_box, render_skeleton
 
 STOPS = (1.2, 2.1, 3.3, 4.2, 5.6)  # seconds
 TOLERANCE = 0.04  # seconds: one frame at 25 fps

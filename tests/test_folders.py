@@ -10,19 +10,18 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.data import (
-    FileSummary,
+from harmolab.corpora.check import FileSummary, check
+from harmolab.corpora.files import load_clip
+from harmolab.corpora.folders import (
     Problem,
     Recording,
-    check,
     find_recordings,
     iter_recordings,
     load_any_motion,
     load_recording,
+    recorded_offset,
 )
-from harmolab.data.files import load_clip
-from harmolab.data.folders import recorded_offset
-from harmolab.io import save_motion
+from harmolab.io.motion import save_motion
 from harmolab.types import Motion, Skeleton
 
 RATE = 8000

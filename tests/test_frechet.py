@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
-from harmolab.metrics import FrechetResult, diversity, frechet_distance, multimodality, standardise
+from harmolab.metrics.frechet import FrechetResult, diversity, frechet_distance, multimodality, standardise
 
 
 def sigma_points(mean: np.ndarray, spread: np.ndarray) -> np.ndarray:

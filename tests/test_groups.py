@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.data.folders import Recording, load_recording
-from harmolab.data.groups import NEAR, Segment, group_outlines, motion_groups, outline
+from harmolab.corpora.folders import Recording, load_recording
 from harmolab.io.beats import BeatAnnotation, Unit
+from harmolab.systems.common.groups import NEAR, Segment, group_outlines, motion_groups, outline
 from harmolab.types import Audio, Clip, Motion, Skeleton
 
 FPS = 25.0

@@ -23,7 +23,7 @@ from harmolab.harmony import (
     score_harmony,
     score_motion,
 )
-from harmolab.metrics import kinematic_params, other_scores
+from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 from tests.builders import track

@@ -21,11 +21,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from harmolab.data.check import check
-from harmolab.data.folders import load_any_motion, load_recording
-from harmolab.data.tang2018 import load_config
-from harmolab.io import audio_info, load_annotation, load_audio, load_beats, load_keypoints, load_motion
-from harmolab.io.pickles import read_array_pickle
+from harmolab.corpora.check import check
+from harmolab.corpora.folders import load_any_motion, load_recording
+from harmolab.corpora.tang2018 import load_config
+from harmolab.io.aist import read_array_pickle
+from harmolab.io.audio import audio_info, load_audio
+from harmolab.io.beats import load_annotation, load_beats
+from harmolab.io.keypoints import load_keypoints
+from harmolab.io.motion import load_motion
 from harmolab.types import Audio, BeatTrack, Motion, Skeleton
 
 SEED = int(os.environ.get("HARMOLAB_HOSTILE_SEED", "1"))

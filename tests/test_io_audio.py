@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.io import audio_info, load_audio
+from harmolab.io.audio import audio_info, load_audio
 
 RATE = 8000
 

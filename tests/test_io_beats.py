@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.io import BeatAnnotation, Unit, load_annotation, load_beats
+from harmolab.io.beats import BeatAnnotation, Unit, load_annotation, load_beats
 
 WALTZ = {
     "beats_s": [0.5, 1.0, 1.5, 2.0],

@@ -10,16 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.io import (
-    COCO_17,
-    OPENPOSE_18,
-    OPENPOSE_25,
-    load_bvh,
-    load_keypoints,
-    load_motion,
-    save_motion,
-)
-from harmolab.io.layouts import MEDIAPIPE_33
+from harmolab.io.bvh import load_bvh
+from harmolab.io.keypoints import load_keypoints
+from harmolab.io.layouts import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25
+from harmolab.io.motion import load_motion, save_motion
 from harmolab.types import Motion, Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))

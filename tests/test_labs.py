@@ -10,10 +10,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from harmolab.harmony import score_clip
+from harmolab.lab.widgets.explorer import Explorer
+from harmolab.lab.widgets.labs.scoring import N_ROTATIONS, draw_lab, lab_params, scoring_lab
+from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion
-from harmolab.widgets.explorer import Explorer
-from harmolab.widgets.labs import N_ROTATIONS, Stage, draw_lab, lab_params, scoring_lab
 from tests.builders import along_x
 
 PNG = b"\x89PNG\r\n"

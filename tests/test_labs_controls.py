@@ -14,12 +14,17 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from PIL import Image
 
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.lab.figures.style import figure_style
+from harmolab.lab.widgets.labs.corpus import corpus_lab
+from harmolab.lab.widgets.labs.detector import detector_lab
+from harmolab.lab.widgets.labs.lab import Lab, params_line
+from harmolab.lab.widgets.labs.meter import meter_lab
+from harmolab.lab.widgets.labs.saliency import saliency_lab
+from harmolab.lab.widgets.labs.scoring import scoring_lab
+from harmolab.lab.widgets.quickdraw import plain
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
-from harmolab.viz.style import figure_style
-from harmolab.widgets.labs import Lab, corpus_lab, detector_lab, meter_lab, params_line, saliency_lab, scoring_lab
-from harmolab.widgets.quickdraw import plain
 from tests.builders import along_x
 
 PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())

@@ -9,12 +9,12 @@ from html import unescape
 import numpy as np
 import pytest
 
-from harmolab.data.synthetic import synthetic_clip
+from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_motion
+from harmolab.lab.widgets.labs.corpus import PLACES, CorpusLab, corpus_lab
+from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, Clip
-from harmolab.widgets.labs import CorpusLab, Stage, corpus_lab
-from harmolab.widgets.labs.corpus import PLACES
 
 SIZE = np.array([900.0, 486.0])  # of the picture, pixels
 WIDTHS = (900.0, 640.0, 1800.0)  # at which a page may show it

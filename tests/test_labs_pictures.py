@@ -9,23 +9,17 @@ import pytest
 from matplotlib.figure import Figure
 
 from harmolab.beats.visual import visual_beats
-from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
+from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.harmony import score_harmony
+from harmolab.lab.compare.batch import BeatBatch, rescore
+from harmolab.lab.widgets.labs.clips import Corpus
+from harmolab.lab.widgets.labs.corpus import corpus_lab, draw_corpus_lab
+from harmolab.lab.widgets.labs.detector import detector_lab
+from harmolab.lab.widgets.labs.meter import Song, draw_meter_lab, meter_lab
+from harmolab.lab.widgets.labs.saliency import draw_saliency_lab, saliency_lab
+from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.rescoring import BeatBatch, rescore
 from harmolab.types import BeatTrack, Clip
-from harmolab.widgets.labs import (
-    Corpus,
-    Stage,
-    corpus_lab,
-    detector_lab,
-    draw_corpus_lab,
-    draw_meter_lab,
-    draw_saliency_lab,
-    meter_lab,
-    saliency_lab,
-)
-from harmolab.widgets.labs.meter import Song
 
 
 def board(figure: Figure) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Who may import whom, which library lives where, and how long things may get."""
+"""The import rule of the package, which library lives where, and how long things may get."""
 
 from __future__ import annotations
 
@@ -7,74 +7,52 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
 
-# Layer of every module and subpackage directly under harmolab; imports point to a lower number.
-LAYERS = {
-    "skeletons": 0,
-    "types": 0,
-    "params": 0,
-    "templates": 0,
-    "io": 1,
-    "kinematics": 1,
-    "beats": 1,
-    "harmony": 2,
-    "pattern": 2,
-    "rescoring": 2,
-    "significance": 2,
-    "metrics": 2,
-    "features": 2,
-    "alignment": 3,
-    "data": 3,
-    "timewarp": 3,
-    "explaining": 3,
-    "models": 4,
-    "viz": 4,
-    "training": 5,
-    "synthesis": 5,
-    "retiming": 5,
-    "dance_scores": 3,
-    "systems": 6,
-    "experiments": 6,
-    "parts": 6,
-    "corpus": 6,
-    "discrimination": 6,
-    "listening": 6,
-    "widgets": 6,
-    "pages": 7,
-    "own_dance": 7,
-    "report": 7,
-    "cli": 7,
+# What is on top of what: a room imports from its own row and from those above it, never from its neighbour in a row.
+CORE = (
+    "types",
+    "params",
+    "skeletons",
+    "kinematics",
+    "io",
+    "beats",
+    "harmony",
+    "bar_pattern",
+    "significance",
+    "metrics",
+)
+ROWS = (CORE, ("retime", "corpora"), ("systems",), ("lab",), ("cli",))
+ROW = {room: number for number, rooms in enumerate(ROWS) for room in rooms}
+# Inside the laboratory and inside systems: a room -> the rooms there that it may import.
+INSIDE = {
+    "lab": {
+        "profile": set(),
+        "compare": set(),
+        "evaluate": set(),
+        "figures": {"profile"},
+        "report": {"figures"},
+        "listening": {"report"},
+        "experiments": {"profile", "compare", "evaluate"},
+        "widgets": {"compare", "evaluate", "figures", "report"},
+        "timing": {"figures", "widgets", "report"},
+        "render": {"timing"},
+    },
+    "systems": {"common": set(), "contract": {"common"}, "harmogan": {"common"}},
 }
-TOP = 7  # may import anything
-ARROWS = {  # allowed inside a layer
-    ("types", "skeletons"),
-    ("types", "params"),  # a score's settings
-    ("beats", "kinematics"),
-    ("beats", "io"),  # the cache
-    ("harmony", "metrics"),
-    ("harmony", "pattern"),
-    ("harmony", "significance"),
-    ("rescoring", "harmony"),
-    ("rescoring", "pattern"),
-    ("corpus", "parts"),
-    ("discrimination", "corpus"),
-    ("experiments", "parts"),
-    ("discrimination", "experiments"),
-}
-SEES_ONLY = {"viz": set(), "widgets": {"viz"}}  # these two see layers 0 to 2 and what is named here
-
 LIBRARIES = {
-    "torch": ("models", "training", "synthesis", "systems", "retiming", "experiments"),
-    "matplotlib": ("viz", "widgets"),
-    "ipywidgets": ("widgets",),
-    "anywidget": ("widgets",),
-    "librosa": ("io", "beats.audio", "features"),
-    "pandas": ("experiments", "discrimination", "corpus", "viz.results", "report", "cli"),
+    "torch": ("systems", "lab.timing.harmonise", "lab.experiments.judging"),
+    "matplotlib": ("lab.figures", "lab.widgets"),
+    "ipywidgets": ("lab.widgets",),
+    "anywidget": ("lab.widgets",),
+    "librosa": ("beats.audio", "systems.common.audio_features"),
+    "pandas": ("lab", "cli"),
+    "jinja2": ("lab.report",),
 }
 HEAVY = {"torch", "matplotlib", "ipywidgets", "anywidget", "dask"}
 LONGEST_FUNCTION = 60
@@ -100,29 +78,30 @@ def imported(tree: ast.AST, module: str, *, is_package: bool) -> Iterator[tuple[
             yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
 
 
-def may_import(importer: str, target: str) -> bool:
-    """Whether one module or subpackage directly under harmolab may import another."""
-    here, there = LAYERS[importer], LAYERS[target]
-    if importer == target or here == TOP or (importer, target) in ARROWS:
-        return True
-    if importer in SEES_ONLY:
-        return there <= 2 or target in SEES_ONLY[importer]
-    return there < here
-
-
 def import_faults(module: str, name: str) -> Iterator[str]:
-    """What is wrong with `module` importing `name`."""
+    """Every breach of the rule by `module` importing `name`."""
     library, _, rest = name.partition(".")
     homes = LIBRARIES.get(library)
     if homes and not any(module == home or module.startswith(f"{home}.") for home in homes):
         yield f"imports {library}, which belongs in {', '.join(homes)}"
     importer, target = module.partition(".")[0], rest.partition(".")[0]
-    if library != "harmolab" or not importer or LAYERS[importer] == TOP:
+    if library != "harmolab" or not importer or (importer == "cli" and target not in ROW):
         return
-    if target not in LAYERS:
+    if target not in ROW:
         yield f"imports {name} from the top of the package; import it from the module that defines it"
-    elif not may_import(importer, target):
-        yield f"imports {target}, which its layer must not know"
+    elif importer != target and ROW[target] >= ROW[importer] and not ROW[importer] == ROW[target] == 0:
+        yield f"imports {target}, which is not below {importer}"
+    elif importer == target and importer in INSIDE:
+        yield from inside_faults(INSIDE[importer], module.split(".")[1:2], rest.split(".")[1:2])
+
+
+def inside_faults(rooms: dict[str, set[str]], importer: list[str], target: list[str]) -> Iterator[str]:
+    """A breach of the rule between two rooms of one folder; its facade may import all of them."""
+    for room in {*importer, *target} - rooms.keys():
+        yield f"{room} is no room there; add it to INSIDE here"
+    is_known = importer and target and {*importer, *target} <= rooms.keys()
+    if is_known and importer != target and target[0] not in rooms[importer[0]]:
+        yield f"imports {target[0]}, which is not below {importer[0]}"
 
 
 def size_faults(source: str, tree: ast.AST) -> Iterator[tuple[int, str]]:
@@ -141,55 +120,78 @@ def size_faults(source: str, tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 def faults(package: Path) -> list[str]:
     """Every breach of the rules in a package, as 'module:line: fault'."""
-    found = []
+    breaches = []
     for module, path in modules(package):
         source = path.read_text("utf-8")
         tree = ast.parse(source)
         importer = module.partition(".")[0]
-        if importer and importer != "__main__" and importer not in LAYERS:
-            found.append(f"{module}:1: has no layer; add it to LAYERS here and to CONTRIBUTING.md")
+        if importer and importer != "__main__" and importer not in ROW:
+            breaches.append(f"{module}:1: has no place; add it to ROWS here and to CONTRIBUTING.md")
             continue
-        found += [f"{module}:{line}: {fault}" for line, fault in size_faults(source, tree)]
+        breaches += [f"{module}:{line}: {fault}" for line, fault in size_faults(source, tree)]
         for line, name in imported(tree, module, is_package=path.name == "__init__.py"):
-            found += [f"{module}:{line}: {fault}" for fault in import_faults(module, name)]
-    return found
+            breaches += [f"{module}:{line}: {fault}" for fault in import_faults(module, name)]
+    return breaches
 
 
-def test_package_keeps_to_its_layers_libraries_and_lengths():
+def test_package_keeps_to_its_rule_libraries_and_lengths():
     assert faults(PACKAGE) == []
 
 
-def test_contributors_are_told_the_same_layers():
+def test_no_module_imports_itself_round_a_circle():
+    names = {f"harmolab.{module}" for module, _ in modules(PACKAGE)}
+    graph: dict[str, set[str]] = {}
+    for module, path in modules(PACKAGE):
+        tree, is_package = ast.parse(path.read_text("utf-8")), path.name == "__init__.py"
+        imports = [name for _, name in imported(tree, module, is_package=is_package)]
+        targets = {name if name in names else name.rpartition(".")[0] for name in imports}
+        graph[f"harmolab.{module}"] = (targets & names) - {f"harmolab.{module}"}
+    TopologicalSorter(graph).prepare()  # CycleError names the circle
+
+
+def test_the_folder_shows_the_core_and_what_is_around_it():
+    shown = {path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()}
+    assert shown == {"__init__", *ROW}
+    assert len(shown) == 16
+
+
+def test_contributors_are_told_the_same_rule():
     text = (PACKAGE.parent / "CONTRIBUTING.md").read_text("utf-8")
     rows = re.findall(r"^\| (\d) \| (.+) \|$", text, flags=re.MULTILINE)
-    assert {name: int(layer) for layer, names in rows for name in re.findall(r"`(\w+)`", names)} == LAYERS
+    assert {name: int(row) for row, names in rows for name in re.findall(r"`(\w+)`", names)} == ROW
 
 
 @pytest.mark.parametrize(
     ("path", "source", "fault"),
     [
-        ("harmony.py", "from harmolab.viz.style import STYLE", "imports viz"),
-        ("metrics.py", "from .harmony import hit_mask", "imports harmony"),
-        ("kinematics.py", "from harmolab.beats import visual", "imports beats"),
-        ("data/tang2018.py", "from .. import corpus", "imports corpus"),
-        ("viz/beats.py", "def draw(ax):\n    from harmolab.data import synthetic\n", "imports data"),
+        ("harmony.py", "from harmolab.lab.figures.style import STYLE", "imports lab"),
+        ("metrics/beats.py", "from harmolab.retime.warps import TimeWarp", "imports retime"),
+        ("retime/warps.py", "from harmolab.corpora.folders import load_recording", "imports corpora"),
+        ("corpora/tang2018.py", "from ..lab.compare import auc", "imports lab"),
+        (
+            "systems/common/units.py",
+            "def f():\n    from harmolab.systems.harmogan.train import fit\n",
+            "imports harmogan",
+        ),
+        ("lab/figures/beats.py", "from harmolab.lab.widgets.player import Player", "imports widgets"),
+        ("lab/utils/x.py", "from harmolab.lab.figures.beats import draw_hits", "utils is no room there"),
         ("types.py", "from harmolab import HarmonyParams", "from the top of the package"),
-        ("metrics.py", "import torch.nn", "imports torch"),
-        ("report.py", "import matplotlib.pyplot as plt", "imports matplotlib"),
+        ("metrics/beats.py", "import torch.nn", "imports torch"),
+        ("lab/report/run.py", "import matplotlib.pyplot as plt", "imports matplotlib"),
         ("beats/flow.py", "import librosa", "imports librosa"),
-        ("viz/beats.py", "import pandas as pd", "imports pandas"),
-        ("utils.py", "", "has no layer"),
+        ("corpora/check.py", "import pandas as pd", "imports pandas"),
+        ("utils.py", "", "has no place"),
         ("io/npz.py", "assert True", "asserts"),
         ("params.py", "x = 1\n" * 351, "has 351 lines"),
         ("params.py", "def f():\n" + "    x = 1\n" * 61, "f has 61 lines"),
     ],
 )
 def test_planted_breach_is_found(tmp_path: Path, path: str, source: str, fault: str):
-    (tmp_path / path).parent.mkdir(exist_ok=True)
+    (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / path).write_text(source)
-    found = faults(tmp_path)
-    assert len(found) == 1
-    assert fault in found[0]
+    breaches = faults(tmp_path)
+    assert len(breaches) == 1
+    assert fault in breaches[0]
 
 
 @pytest.mark.parametrize(
@@ -197,14 +199,15 @@ def test_planted_breach_is_found(tmp_path: Path, path: str, source: str, fault: 
     [
         ("beats/visual.py", "from harmolab.kinematics import joint_speed\nfrom .saliency import salient_beats"),
         ("beats/audio.py", "import librosa"),
-        ("viz/results.py", "import pandas as pd\nfrom harmolab.harmony import score_harmony"),
-        ("widgets/labs.py", "from harmolab.viz.beats import draw_hits\nimport ipywidgets"),
-        ("cli.py", "from harmolab import report"),
+        ("lab/figures/results.py", "import pandas as pd\nfrom harmolab.harmony import score_harmony"),
+        ("lab/widgets/labs.py", "from harmolab.lab.figures.beats import draw_hits\nimport ipywidgets"),
+        ("systems/harmogan/train.py", "import torch\nfrom harmolab.systems.common.phases import fit"),
+        ("cli/reporting.py", "from harmolab.lab.report.run import main"),
         ("__init__.py", "from .harmony import score_harmony"),
     ],
 )
 def test_allowed_import_is_not_a_breach(tmp_path: Path, path: str, source: str):
-    (tmp_path / path).parent.mkdir(exist_ok=True)
+    (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
     (tmp_path / path).write_text(source)
     assert faults(tmp_path) == []
 

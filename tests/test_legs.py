@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harmolab.features.poses import bone_lengths
 from harmolab.metrics.quality import foot_skating
 from harmolab.skeletons import foot_joints
-from harmolab.synthesis.grounding import Leg, find_leg, moved_foot, planted_feet
+from harmolab.systems.common.grounding import Leg, find_leg, moved_foot, planted_feet
+from harmolab.systems.common.motion_code import bone_lengths
 from harmolab.types import Motion, Skeleton
 
 FPS = 15.0

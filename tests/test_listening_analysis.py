@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from harmolab.listening.analysis import (
+from harmolab.lab.figures.listening import draw_rates, rates_figure, study_title
+from harmolab.lab.listening.analysis import (
     Grid,
     agreement_row,
     answer_grid,
@@ -21,10 +22,9 @@ from harmolab.listening.analysis import (
     version_rows,
     wilson_rate,
 )
-from harmolab.listening.answers import Answer, Answers
-from harmolab.listening.raters import SimulatedRater
-from harmolab.listening.trials import Item, make_key, make_trials
-from harmolab.viz.listening import draw_rates, rates_figure, study_title
+from harmolab.lab.listening.answers import Answer, Answers
+from harmolab.lab.listening.raters import SimulatedRater
+from harmolab.lab.listening.trials import Item, make_key, make_trials
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
 SONGS = [Item(f"song {n}", {"A": f"{n} A", "B": f"{n} B"}) for n in range(40)]

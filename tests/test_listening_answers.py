@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.listening.answers import Answer, AnswerLog, Answers, merge, read_answers
-from harmolab.listening.trials import Item, TrialSet, make_trials
+from harmolab.lab.listening.answers import Answer, AnswerLog, Answers, merge, read_answers
+from harmolab.lab.listening.trials import Item, TrialSet, make_trials
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
 ANSWER = Answer("0" * 12, "Ada", "1" * 12, "harmonious", 1.5, "2026-01-01T00:00:00+00:00")
@@ -23,8 +23,8 @@ ANSWER = Answer("0" * 12, "Ada", "1" * 12, "harmonious", 1.5, "2026-01-01T00:00:
 # Answers trial after trial until it is killed; says on its output what is surely written.
 RATER = """
 import sys
-from harmolab.listening.answers import AnswerLog
-from harmolab.listening.trials import Item, make_trials
+from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.trials import Item, make_trials
 clips = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
 trials = make_trials(clips, kind="pick", n=40, seed=1, rater="Ada")
 log = AnswerLog(sys.argv[1])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import harmolab
-from harmolab.listening.corpus_study import (
+from harmolab.lab.listening.corpus_study import (
     FPS,
     LOUDNESS,
     ONSET,
@@ -19,7 +19,7 @@ from harmolab.listening.corpus_study import (
     paired_pieces,
     swapped_pieces,
 )
-from harmolab.listening.trials import KeyEntry, make_key
+from harmolab.lab.listening.trials import KeyEntry, make_key
 from harmolab.types import Audio, Clip
 
 SECONDS = 5.0

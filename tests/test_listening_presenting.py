@@ -13,9 +13,9 @@ from urllib.parse import urlencode, urlsplit
 import pytest
 from jupyter_client.manager import start_new_kernel
 
-from harmolab.listening.answers import AnswerLog
-from harmolab.listening.presenting import MOST_BYTES, StudyServer
-from harmolab.listening.trials import Item, Trial, TrialSet, make_trials
+from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.presenting import MOST_BYTES, StudyServer
+from harmolab.lab.listening.trials import Item, Trial, TrialSet, make_trials
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 
@@ -138,9 +138,9 @@ def test_server_is_finished_when_thanks_were_sent_and_not_before(trials: TrialSe
 
 PRESENT = """
 from pathlib import Path
-from harmolab.listening.answers import AnswerLog
-from harmolab.listening.presenting import StudyServer
-from harmolab.listening.trials import Item, make_trials
+from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.presenting import StudyServer
+from harmolab.lab.listening.trials import Item, make_trials
 clips = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 trials = make_trials(clips, kind="pick", n=4, seed=1, rater="Ada")
 server = StudyServer(trials, AnswerLog("answers.jsonl"), lambda trial: trial.id).start()

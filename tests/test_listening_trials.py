@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.listening.folders import (
+from harmolab.lab.listening.folders import (
     answer_files,
     answer_log,
     read_key,
@@ -21,7 +21,7 @@ from harmolab.listening.folders import (
     write_scores,
     write_study,
 )
-from harmolab.listening.trials import Item, Key, Trial, TrialSet, make_key, make_trials
+from harmolab.lab.listening.trials import Item, Key, Trial, TrialSet, make_key, make_trials
 
 CLIPS = [Item(f"waltz {n}", {v: f"waltz {n} {v}" for v in ("true", "lagged", "other")}) for n in range(12)]
 MODELS = [Item(f"song {n}", {v: f"song {n} by {v}" for v in ("HarmoGAN", "LSTM", "recorded")}) for n in range(4)]

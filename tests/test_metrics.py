@@ -8,7 +8,7 @@ import mir_eval.beat
 import numpy as np
 import pytest
 
-from harmolab.metrics import (
+from harmolab.metrics.beats import (
     MIR_EVAL_NAMES,
     beat_align,
     beat_coverage,

@@ -10,13 +10,11 @@ import pandas as pd
 import pytest
 import torch
 
-from harmolab.data.splits import Split
-from harmolab.data.synthetic import synthetic_clip
-from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.experiments import quality
-from harmolab.experiments.generation import Trained
-from harmolab.experiments.judging import recorded_motions
-from harmolab.experiments.quality import (
+from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.lab.experiments import quality
+from harmolab.lab.experiments.generation import Trained
+from harmolab.lab.experiments.judging import recorded_motions
+from harmolab.lab.experiments.quality import (
     FROZEN,
     HALVES,
     OTHER_FIGURES,
@@ -24,9 +22,13 @@ from harmolab.experiments.quality import (
     recorded_distances,
     typical_unit,
 )
-from harmolab.models.harmogan import Generator
-from harmolab.models.pose_features import PoseNet
-from harmolab.params import FeatureParams, ModelParams, RunProfile
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.pose_network import PoseNet
+from harmolab.systems.common.splits import Split
+from harmolab.systems.common.units import DanceUnit, UnitSet
+from harmolab.systems.harmogan.networks import Generator
+from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import Motion, Skeleton
 
 HAND = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # the hand forwards, nothing else

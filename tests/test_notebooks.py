@@ -10,8 +10,8 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from harmolab.pages import PAPER
-from harmolab.report import run_notebook
+from harmolab.lab.report.pages import PAPER
+from harmolab.lab.report.run import run_notebook
 
 ROOT = Path(__file__).resolve().parents[1]
 PATHS = sorted((ROOT / "notebooks").glob("*.ipynb"))

@@ -7,7 +7,9 @@ from dataclasses import asdict, fields, replace
 
 import pytest
 
-from harmolab.params import FeatureParams, ModelParams, RunProfile, TrainParams
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
 
 
 def test_training_settings_are_those_of_section_5_2():

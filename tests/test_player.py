@@ -23,12 +23,12 @@ import harmolab
 from harmolab.beats.visual import visual_beats
 from harmolab.cli.playing import play
 from harmolab.harmony import score_harmony
-from harmolab.io import save_motion
+from harmolab.io.motion import save_motion
 from harmolab.kinematics import resample_motion
+from harmolab.lab.report.templates import framed
+from harmolab.lab.widgets.player import Dancer, Player, blind_page, player_page
 from harmolab.params import HarmonyParams
-from harmolab.templates import framed
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from harmolab.widgets.player import Dancer, Player, blind_page, player_page
 from tests.builders import planted_dance, still, track, write_dance, write_song
 
 VALLEYS = HarmonyParams.valleys()
@@ -295,7 +295,8 @@ def test_saved_whole(clip: Clip, tmp_path: Path) -> None:
 
 
 def test_player_needs_no_widget_library() -> None:
-    code = "import sys, harmolab.widgets.player; print({'ipywidgets', 'matplotlib', 'torch'} & set(sys.modules) or '')"
+    names = "{'ipywidgets', 'matplotlib', 'torch'}"
+    code = f"import sys, harmolab.lab.widgets.player; print({names} & set(sys.modules) or '')"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
 
 
@@ -379,7 +380,7 @@ def test_second_motion_keeps_the_frames_of_the_first(
     [
         ((), "x.mp4", "x.mp4: the player is written as .html, .htm; choose a name that ends so"),
         ((), "none/x.html", "none: no such folder"),
-        (("--start", 60), "x.html", "no motion from 60.0 s"),
+        (("--start", 60), "x.html", "no audio from 60.0 s"),
         (("--offset", 60), "x.html", "song.wav"),
         (("--seconds", -1), "x.html", "seconds must be positive and finite, got -1"),
         (("--seconds", "inf"), "x.html", "seconds must be positive and finite, got inf"),

@@ -13,10 +13,10 @@ from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_motion
-from harmolab.pages import NotebookRun, write_pages
+from harmolab.lab.report.pages import NotebookRun, write_pages
+from harmolab.lab.widgets.player import Dancer, Player
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip, Motion
-from harmolab.widgets.player import Dancer, Player
 from tests.builders import planted_dance
 
 pytestmark = pytest.mark.browser

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.models.poses_bank import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
-from harmolab.params import FeatureParams
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.poses_bank import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
+from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.types import Skeleton
 
 SKELETON = Skeleton(("hip", "knee"), (-1, 0))

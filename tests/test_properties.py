@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from harmolab.bar_pattern import fit_of_motion
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import (
     chance_level,
@@ -20,10 +21,9 @@ from harmolab.harmony import (
     score_harmony,
     score_motion,
 )
-from harmolab.metrics import other_scores
+from harmolab.lab.compare.batch import BeatBatch, rescore
+from harmolab.metrics.beats import other_scores
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
-from harmolab.pattern import fit_of_motion
-from harmolab.rescoring import BeatBatch, rescore
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 DURATION = 10.0

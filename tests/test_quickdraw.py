@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
 
-from harmolab.widgets.quickdraw import QuickDraw, plain
+from harmolab.lab.widgets.quickdraw import QuickDraw, plain
 
 # Laying a transparent picture over another rounds each colour once more.
 ROUNDING = 2

@@ -15,7 +15,7 @@ from harmolab.beats.saliency import audio_mask, normalise_strengths, strength_st
 from harmolab.beats.visual import curve_beats
 from harmolab.harmony import hit_mask, score_harmony
 from harmolab.kinematics import smooth, turning_points
-from harmolab.metrics import beat_align, kinematic_params
+from harmolab.metrics.beats import beat_align, kinematic_params
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack
 

@@ -17,10 +17,10 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-from harmolab import report
-from harmolab.pages import NotebookRun, write_pages
-from harmolab.params import RunProfile
-from harmolab.viz import style
+from harmolab.lab.figures import style
+from harmolab.lab.profile import RunProfile
+from harmolab.lab.report import run as report
+from harmolab.lab.report.pages import NotebookRun, write_pages
 
 GOOD = """# 00 The good one
 
@@ -31,25 +31,25 @@ $$ h = \\frac{2 h_a h_v}{h_a + h_v} $$
 
 FIGURE = """from matplotlib import pyplot
 from matplotlib.figure import Figure
-from harmolab.viz.style import save_figure
+from harmolab.lab.figures.style import save_figure
 figure = Figure()
 figure.subplots().plot([0, 1])
 save_figure(figure, "fig01", notebook="00_good", source="synthetic", profile=profile, title="A <planted> title")
 """
 
 PLOTS = """from matplotlib import pyplot
-from harmolab.viz.style import figure_style
+from harmolab.lab.figures.style import figure_style
 with figure_style():
     pyplot.subplots()
 """
 
 TABLE = """import pandas as pd
-from harmolab.viz.style import save_table
+from harmolab.lab.figures.style import save_table
 frame = pd.DataFrame({"score": ["ours"], "auc": [0.875]})
 save_table(frame, "table1", notebook="00_good", source="planted recordings", profile=profile, title="One row")
 """
 
-LAB = """from harmolab.widgets.explorer import Explorer
+LAB = """from harmolab.lab.widgets.explorer import Explorer
 Explorer(lambda level: figure, level=(0.0, 1.0, 0.1, 0.5))
 """
 
@@ -72,7 +72,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, Path,
     """(exit code, report, published figures) of a good notebook and one that fails."""
     root = tmp_path_factory.mktemp("report")
     (root / "notebooks").mkdir()
-    parameters = "from harmolab.params import RunProfile\nprofile = RunProfile.from_env()"
+    parameters = "from harmolab import RunProfile\nprofile = RunProfile.from_env()"
     write_notebook(
         root / "notebooks" / "00_good.ipynb",
         GOOD,
@@ -157,7 +157,7 @@ def test_figures_are_not_published_when_a_notebook_failed(built):
 @pytest.mark.slow
 def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(tmp_path: Path):
     (tmp_path / "notebooks").mkdir()
-    parameters = "from harmolab.params import RunProfile\nprofile = RunProfile.from_env()"
+    parameters = "from harmolab import RunProfile\nprofile = RunProfile.from_env()"
     write_notebook(tmp_path / "notebooks" / "00_good.ipynb", "# Good", parameters, FIGURE)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "index.html").write_text(report.MARK)
@@ -280,8 +280,8 @@ def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, monke
 SAVE_TWENTY = """
 import sys
 from matplotlib.figure import Figure
-from harmolab.params import RunProfile
-from harmolab.viz.style import save_figure
+from harmolab.lab.profile import RunProfile
+from harmolab.lab.figures.style import save_figure
 for number in range(20):
     name = f"{sys.argv[1]}{number}"
     save_figure(Figure(figsize=(1, 1)), name, notebook="00", source="planted", profile=RunProfile.quick())

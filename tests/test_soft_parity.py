@@ -10,11 +10,11 @@ import torch
 from torch import Tensor
 
 from harmolab.beats.visual import visual_beats
-from harmolab.data.synthetic import synthetic_motion
+from harmolab.corpora.synthetic import synthetic_motion
 from harmolab.harmony import score_harmony
-from harmolab.models.soft_beats import soft_beats, soft_salience, soft_speed
-from harmolab.models.soft_harmony import SoftHarmony, anneal, soft_harmony
 from harmolab.params import HarmonyParams
+from harmolab.systems.common.soft_beats import soft_beats, soft_salience, soft_speed
+from harmolab.systems.common.soft_harmony import SoftHarmony, anneal, soft_harmony
 from harmolab.types import BeatTrack, HarmonyScore, Motion, Skeleton
 
 PAPER = HarmonyParams.paper()

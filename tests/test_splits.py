@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from harmolab.data.splits import Split, split_units
-from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.params import FeatureParams
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.splits import Split, split_units
+from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.types import Skeleton
 
 FPS = 2.0

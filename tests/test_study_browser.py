@@ -10,11 +10,11 @@ from typing import Any
 import nbformat
 import pytest
 
-from harmolab.listening.answers import AnswerLog
-from harmolab.listening.presenting import StudyServer
-from harmolab.listening.trials import Item, TrialSet, make_trials
+from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.presenting import StudyServer
+from harmolab.lab.listening.trials import Item, TrialSet, make_trials
+from harmolab.lab.widgets.player import blind_page
 from harmolab.types import Clip
-from harmolab.widgets.player import blind_page
 from tests.builders import planted_dance
 from tests.test_browser import TOKEN, running_jupyterlab
 
@@ -128,10 +128,10 @@ def test_keys_play_and_seek_in_the_player(chromium: Any, asked: tuple[str, Trial
 
 CELL = """from pathlib import Path
 import harmolab
-from harmolab.listening.answers import AnswerLog
-from harmolab.listening.trials import Item, make_trials
-from harmolab.listening.presenting import StudyServer
-from harmolab.widgets.player import blind_page
+from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.trials import Item, make_trials
+from harmolab.lab.listening.presenting import StudyServer
+from harmolab.lab.widgets.player import blind_page
 clip = harmolab.synthetic_clip("cha-cha", seconds=5.0, seed=1)
 items = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 trials = make_trials(items, kind="pick", n=4, seed=1, rater="Ada")

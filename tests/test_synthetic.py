@@ -14,12 +14,8 @@ import pytest
 import scipy.stats
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.data.folders import find_recordings, load_recording
-from harmolab.data.synth_beats import beat_grid, movement_ends
-from harmolab.data.synth_body import FEET, HEADING, POSE_SIZE, joint_positions
-from harmolab.data.synth_figures import ARM_POSES, FIGURES, MANNERS
-from harmolab.data.synth_music import GROOVES
-from harmolab.data.synthetic import (
+from harmolab.corpora.folders import find_recordings, load_recording
+from harmolab.corpora.synthetic import (
     DANCER,
     ClipSettings,
     figure_names,
@@ -29,6 +25,10 @@ from harmolab.data.synthetic import (
     synthetic_music,
     write_corpus,
 )
+from harmolab.corpora.synthetic.beats import beat_grid, movement_ends
+from harmolab.corpora.synthetic.body import FEET, HEADING, POSE_SIZE, joint_positions
+from harmolab.corpora.synthetic.figures import ARM_POSES, FIGURES, MANNERS
+from harmolab.corpora.synthetic.music import GROOVES
 from harmolab.params import DANCES
 
 EVERY_DANCE = pytest.mark.parametrize("dance", list(DANCES))

@@ -5,7 +5,6 @@ A system joins the tests by a line in `SYSTEMS`: a function that makes a small o
 
 from __future__ import annotations
 
-import ast
 import json
 import os
 import shutil
@@ -21,28 +20,28 @@ import pytest
 import torch
 from typer.testing import CliRunner, Result
 
-import harmolab
 from harmolab import synthetic_clip
 from harmolab.beats.audio import audio_beats
 from harmolab.cli import app
-from harmolab.data.clips import load_units
-from harmolab.data.splits import split_units
-from harmolab.data.synthetic import write_corpus
-from harmolab.features.audio import audio_features
-from harmolab.features.poses import bone_lengths, decode_motion, encode_motion
-from harmolab.io import load_motion
+from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import PathLike
+from harmolab.io.motion import load_motion
 from harmolab.kinematics import resample_motion
-from harmolab.models.harmogan import Generator
-from harmolab.models.poses_bank import PoseBank
-from harmolab.models.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
-from harmolab.params import FeatureParams, ModelParams
 from harmolab.systems import System, find, load, names
-from harmolab.systems.harmogan import HarmoGAN
-from harmolab.training import Phase, Player, fit, make_fabric
-from harmolab.training import loop as training_loop
-from harmolab.training.checkpoints import load_state, open_folder
-from harmolab.training.shards import Batching, Tensors
+from harmolab.systems.common import phases as training_loop
+from harmolab.systems.common.audio_features import audio_features
+from harmolab.systems.common.checkpoints import load_state, open_folder
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import bone_lengths, decode_motion, encode_motion
+from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
+from harmolab.systems.common.poses_bank import PoseBank
+from harmolab.systems.common.shards import Batching, Tensors
+from harmolab.systems.common.splits import split_units
+from harmolab.systems.common.unit_corpus import load_units
+from harmolab.systems.common.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
+from harmolab.systems.harmogan.networks import Generator
+from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 TOY = f"{__name__}:Toy"
@@ -345,7 +344,7 @@ def test_an_unknown_system_is_named(stranger: str, message: str):
 
 
 def test_shipped_weights_are_of_harmogan():
-    folder = Path(__file__).resolve().parents[1] / "harmolab" / "weights"
+    folder = Path(__file__).resolve().parents[1] / "harmolab" / "systems" / "harmogan" / "weights"
     assert isinstance(load(folder), HarmoGAN)
 
 
@@ -474,21 +473,3 @@ def test_the_toy_is_compared_as_all_dancers_are(danced: Path):
     content = json.loads(command("compare", danced, "--window", 0, "--rotations", 20, "--json").stdout)
     assert content["n_sequences"] == 8
     assert all(0 <= scores["auc"] <= 1 for scores in content["scores"].values())
-
-
-# What all of them share
-
-SHARED = (
-    *(f"training/{name}" for name in ("loop", "shards", "checkpoints", "history", "batches")),
-    *(f"models/{name}" for name in ("layers", "weights", "poses", "poses_bank", "pose_features")),
-    *(f"synthesis/{name}" for name in ("borders", "grounding", "legs")),
-)
-HARMOGANS_OWN = ("models.harmogan", "models.losses", "models.soft_harmony", "systems")
-HARMOGANS_OWN += ("training.run", "training.steps", "synthesis.dance")
-
-
-@pytest.mark.parametrize("module", SHARED)
-def test_what_systems_share_knows_none_of_them(module: str):
-    tree = ast.parse((Path(harmolab.__file__).parent / f"{module}.py").read_text("utf-8"))
-    imports = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert not {f"harmolab.{name}" for name in HARMOGANS_OWN} & imports

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.data.folders import load_recording
-from harmolab.data.tang2018 import (
+from harmolab.corpora.folders import load_recording
+from harmolab.corpora.tang2018 import (
     PAPER_21,
     TANG_23,
     dance_of,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.training.shards import Batching, check_shards
+from harmolab.systems.common.shards import Batching, check_shards
 
 SCRIPT = Path(__file__).with_name("tiny_training.py")
 CASES = ("paper", "recommended", "paper_13", "own_music", "paper_shards", "recommended_shards")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from harmolab.beats.meter import MeterUnit
-from harmolab.params import CHOICES, DANCES, BarPattern, HarmonyParams, RunProfile
+from harmolab.lab.profile import RunProfile
+from harmolab.params import CHOICES, DANCES, BarPattern, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion, Skeleton
 from tests.builders import track
 

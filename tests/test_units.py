@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harmolab.data.units import DanceUnit, UnitSet, collate
-from harmolab.params import FeatureParams
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.units import DanceUnit, UnitSet, collate
 from harmolab.types import Skeleton
 
 JOINT = Skeleton(("joint",), (-1,))

@@ -9,8 +9,9 @@ import av
 import numpy as np
 import pytest
 
-from harmolab.data.dance_floor import render_dance
+from harmolab.harmony import score_harmony
 from harmolab.io.video import write_video
+from harmolab.lab.render.scene import render_dance
 from harmolab.types import Audio, BeatTrack, Motion
 
 RATE, FPS, SECONDS = 22050, 30.0, 60.0
@@ -42,7 +43,8 @@ def test_a_minute_of_video_keeps_sound_mark_and_pose_together(
     for beat in beats:
         samples[round(beat * RATE) : round(beat * RATE) + click.size] = click
     track = BeatTrack(beats, np.ones(beats.size), 100.0, SECONDS)
-    drawn = list(render_dance(motion, height=120, fps=FPS, beats=track))
+    score = score_harmony(track, BeatTrack([], [], 100.0, SECONDS))  # no mark but the music's lights up
+    drawn = list(render_dance(motion, height=120, fps=FPS, score=score))
     write_video(tmp_path / name, drawn, FPS, audio=Audio(samples, RATE))
 
     sound, rate = sounding(tmp_path / name)

@@ -13,10 +13,11 @@ import pytest
 import safetensors.torch
 import torch
 
-from harmolab.models.harmogan import Generator, Statistics, load_generator
-from harmolab.models.pose_features import PoseNet, load_pose_net
-from harmolab.models.weights import read_about, save_weights
-from harmolab.params import FeatureParams, ModelParams
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.pose_network import PoseNet, load_pose_net
+from harmolab.systems.common.weights import read_about, save_weights
+from harmolab.systems.harmogan.networks import Generator, Statistics, load_generator
+from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))

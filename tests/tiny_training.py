@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from harmolab.data.splits import Split
-from harmolab.data.units import DanceUnit, UnitSet
-from harmolab.features.poses import bone_lengths, encode_motion
-from harmolab.params import FeatureParams, ModelParams, TrainParams
-from harmolab.training import make_fabric
-from harmolab.training.run import train_harmogan
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import bone_lengths, encode_motion
+from harmolab.systems.common.phases import make_fabric
+from harmolab.systems.common.splits import Split
+from harmolab.systems.common.units import DanceUnit, UnitSet
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.train import train_harmogan
 from harmolab.types import Skeleton
 
 FPS = 15.0

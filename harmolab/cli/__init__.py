@@ -19,23 +19,14 @@ from harmolab.cli.scoring import score
 from harmolab.cli.studying import study_app
 from harmolab.cli.training import train
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="markdown",
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
-app.command()(score)
-app.command()(compare)
-app.command()(learn)
-app.command()(train)
-app.command()(dance)
-app.command()(play)
-app.command()(render)
-app.command()(retime)
-app.command()(explain)
+for command in (score, compare, learn, train, dance, play, render, retime, explain):
+    app.command()(command)
 app.add_typer(data_app, name="data")
 app.add_typer(study_app, name="study")
 
@@ -47,7 +38,7 @@ def report(
     profile: Annotated[str, typer.Option(help="quick (minutes) or full.")] = "quick",
 ) -> None:
     """Run the notebooks and build the offline HTML report."""
-    from harmolab.report import main as build
+    from harmolab.lab.report.run import main as build
 
     raise typer.Exit(build(["--notebooks", str(notebooks), "--out", str(out), "--profile", profile]))
 

@@ -1,4 +1,4 @@
-"""What every command needs: plain errors, progress bars, reading a corpus, numbers for tables."""
+"""What several commands share: their arguments and options, plain errors, progress bars, numbers for tables."""
 
 from __future__ import annotations
 
@@ -7,15 +7,23 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 if TYPE_CHECKING:
-    from harmolab.data.folders import Recording
-    from harmolab.types import Audio, BeatTrack
+    from harmolab.corpora.folders import Problem, Recording
 
 PAGES = (".html", ".htm")
+VIDEOS_OUT = (".mp4", ".webm")
+SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
+MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json")
+
+
+def refuse(message: str) -> NoReturn:
+    """One line on standard error, and exit code 2."""
+    typer.echo(f"harmolab: {message}", err=True)
+    raise typer.Exit(2)
 
 
 @contextmanager
@@ -24,8 +32,65 @@ def plain_errors() -> Iterator[None]:
     try:
         yield
     except (ValueError, OSError) as error:
-        typer.echo(f"harmolab: {error}", err=True)
-        raise typer.Exit(2) from None
+        refuse(str(error))
+
+
+def _not(suffixes: tuple[str, ...], path: Path) -> Path:
+    """The path of a song or a dance; an end of the command where its name is that of the other."""
+    if path.suffix.lower() in suffixes:
+        refuse(f"{path}: the order is SONG DANCE, the music first and then the movement; swap the two")
+    return path
+
+
+def renamed(old: str, new: str) -> Any:
+    """A hidden option that ends the command with the name the option has now."""
+
+    def hint(value: str | None) -> None:
+        if value is not None:
+            refuse(f"{old} is called {new} now")
+
+    return typer.Option(old, hidden=True, callback=hint)
+
+
+Song = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SONG",
+        callback=lambda path: _not(MOTIONS, path),
+        help="The music: wav, flac, ogg or mp3, or a video with sound.",
+    ),
+]
+Dance = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DANCE",
+        callback=lambda path: _not(SOUNDS, path),
+        help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder.",
+    ),
+]
+Offset = Annotated[
+    float | None,
+    typer.Option(help="Audio time in seconds at which the motion begins (default: what its folder says, else 0)."),
+]
+Start = Annotated[float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")]
+Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from there.")]
+DanceName = Annotated[
+    str, typer.Option("--dance", help="Dance of the music: a prior for its tempo (waltz, ...), and its bar pattern.")
+]
+Beats = Annotated[
+    Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
+]
+Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
+Joints = Annotated[
+    str, typer.Option(help="Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).")
+]
+PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def names_in(text: str) -> tuple[str, ...]:
+    """The names in a list with commas."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
@@ -35,24 +100,16 @@ def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
     return tqdm(items, desc=label, unit="", leave=False, disable=not sys.stderr.isatty())
 
 
-def sequences_of(corpus: Path, dances: tuple[str, ...] = ()) -> Iterator[Recording]:
-    """Readable sequences, one at a time; what cannot be read is told on standard error."""
-    from harmolab.data.folders import Problem, find_recordings, load_recording
+def left_out(problem: Problem) -> None:
+    """A line about a recording that cannot be read."""
+    typer.echo(f"harmolab: left out: {problem.message}", err=True)
 
-    found = find_recordings(corpus)
-    if not found.folders:
-        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
-    problems = list(found.problems)
-    for folder in progress(found.folders, corpus.name):
-        try:
-            sequence = load_recording(folder)
-        except (ValueError, FileNotFoundError) as error:
-            problems.append(Problem(folder, str(error)))
-            continue
-        if not dances or sequence.clip.dance in dances:
-            yield sequence
-    for problem in problems:
-        typer.echo(f"harmolab: left out: {problem.message}", err=True)
+
+def sequences_of(corpus: Path) -> Iterator[Recording]:
+    """Readable recordings, one at a time; what cannot be read is told on standard error."""
+    from harmolab.corpora.files import corpus_recordings
+
+    return corpus_recordings(corpus, progress=progress, report=left_out)
 
 
 def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
@@ -72,14 +129,6 @@ def finding_beats() -> Iterator[None]:
 
     with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
         yield
-
-
-def track_beats(audio: Audio, dance: str) -> BeatTrack:
-    """`audio_beats` with a prior for the tempo of `dance` ("": none)."""
-    from harmolab.beats.audio import audio_beats
-
-    with finding_beats():
-        return audio_beats(audio, tempo=dance or None)
 
 
 def show(value: Any) -> str:

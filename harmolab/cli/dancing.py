@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import check_out, plain_errors, progress, show, track_beats
-from harmolab.cli.rendering import VIDEOS_OUT, write_dance
+from harmolab.cli.common import VIDEOS_OUT, check_out, finding_beats, plain_errors, progress, show
 from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
@@ -48,14 +47,13 @@ def dance(
         dancer = _dancer(weights, system)
         options = accepted(dancer.generate, context, {"progress": progress})
         audio, track = _music(song, dance)
-        from harmolab.dance_scores import dance_scores
+        from harmolab.lab.evaluate.dance_scores import dance_scores
 
         table: dict[str, dict[str, float | int | None]] = {}
         for number, path in paths.items():
             motion = dancer.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
-            music = track.span(start, motion.duration)
-            scores = dance_scores(motion, music)
-            _write(path, motion, music, song, start, scores)
+            scores = dance_scores(motion, track.span(start, motion.duration))
+            _write(path, motion, track, song, start, scores)
             table[f"seed {number}"] = scores
     _print(table)
     for path in paths.values():
@@ -74,7 +72,7 @@ def _dancer(weights: Path | None, system: str | None) -> System:
     """The system in a folder; the shipped one when left out."""
     import harmolab
 
-    shipped = Path(harmolab.__file__).with_name("weights")
+    shipped = Path(harmolab.__file__).parent / "systems" / "harmogan" / "weights"
     if weights is None and not (shipped / "model.safetensors").is_file():
         raise ValueError(
             f"no weights are shipped with this installation ({shipped} has none); train some with "
@@ -90,17 +88,19 @@ def _dancer(weights: Path | None, system: str | None) -> System:
 
 def _music(song: Path, dance: str) -> tuple[Audio, BeatTrack]:
     """The song and its beats."""
+    from harmolab.beats.audio import music_beats
     from harmolab.io.video_sound import load_sound
-    from harmolab.params import DANCES
+    from harmolab.types import Clip
 
-    audio = load_sound(song)
-    return audio, track_beats(audio, dance if dance in DANCES else "")
+    clip = Clip(song.stem, load_sound(song), dance=dance)
+    with finding_beats():
+        return clip.audio, music_beats(clip)
 
 
 def _write(
     path: Path,
     motion: Motion,
-    music: BeatTrack,
+    track: BeatTrack,
     song: Path,
     start: float,
     scores: dict[str, float | int | None],
@@ -112,19 +112,17 @@ def _write(
     if suffix in (".npz", ".bvh"):
         save_motion(path, motion)
         return
-    if suffix in VIDEOS_OUT:
-        write_dance(path, motion, song, start, music)
-        return
-    from harmolab.harmony import score_motion
     from harmolab.io.video_sound import load_sound
-    from harmolab.params import HarmonyParams
-    from harmolab.widgets.player import Dancer, Player
+    from harmolab.lab.render.video import write_dance
+    from harmolab.lab.widgets.player import player_of
+    from harmolab.types import Clip
 
-    sound = load_sound(song, start=start, duration=motion.duration, sample_rate=None)
-    score = score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)
-    dancer = Dancer("generated", motion, score)
-    shown = {name: show(value) for name, value in scores.items()}
-    Player(sound, [dancer], music=music, title=song.stem, facts=shown).save(path)
+    clip = Clip("generated", load_sound(song, sample_rate=None), motion, start, beats=track)
+    if suffix in VIDEOS_OUT:
+        write_dance(path, clip, progress=progress)
+        return
+    facts = {name: show(value) for name, value in scores.items()}
+    player_of([clip], title=song.stem, facts=facts).save(path)
 
 
 def _print(table: dict[str, dict[str, float | int | None]]) -> None:

@@ -24,7 +24,7 @@ def data_check(
     from rich.console import Console
     from rich.table import Table
 
-    from harmolab.data.check import check
+    from harmolab.corpora.check import check
 
     with plain_errors():
         findings = check(path)
@@ -65,7 +65,7 @@ def data_synth(
 
     A run that was cut off goes on where it stopped.
     """
-    from harmolab.data.synthetic import write_corpus
+    from harmolab.corpora.synthetic import write_corpus
 
     with plain_errors():
         write_corpus(

@@ -12,7 +12,7 @@ from harmolab import __version__
 from harmolab.cli.common import PAGES, check_out, plain_errors, progress
 
 if TYPE_CHECKING:
-    from harmolab.own_dance import Performance
+    from harmolab.lab.timing.performance import Performance
 
 
 def explain(
@@ -63,15 +63,15 @@ def explain(
     """
     from rich.console import Console
 
-    from harmolab.cli.scoring import read_pattern
+    from harmolab.bar_pattern import load_pattern
     from harmolab.io.beats import load_annotation
-    from harmolab.own_dance import explain_performance
+    from harmolab.lab.timing.performance import explain_performance
     from harmolab.params import HarmonyParams
 
     with plain_errors():
         if out is not None:
             check_out(out, "the page", PAGES)
-        params = HarmonyParams.recommended(read_pattern(pattern, dance) if pattern else None)
+        params = HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else None)
         performance = _load(dance_file, fps, joints)
         annotation = None if beats is None else load_annotation(beats)
         with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
@@ -86,7 +86,7 @@ def explain(
                 params=params,
             )
         if out is not None:
-            from harmolab.own_dance.page import save_page
+            from harmolab.lab.timing.page import save_page
 
             save_page(out, result)
     if as_json:
@@ -99,7 +99,7 @@ def explain(
 
 def _load(path: Path, fps: float | None, joints: str) -> Performance:
     """The performance in a file, with a count of pictures on standard error where it is a video."""
-    from harmolab.own_dance import load_performance
+    from harmolab.lab.timing.performance import load_performance
 
     names = tuple(name.strip() for name in joints.split(",") if name.strip()) or None
     return load_performance(path, fps=fps, joints=names, progress=progress)

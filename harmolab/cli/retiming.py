@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import check_out, plain_errors, progress, show
-from harmolab.cli.rendering import VIDEOS_OUT, music_of, sound_of, write_dance
+from harmolab.cli import common
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Song, show
 
 if TYPE_CHECKING:
-    from harmolab.timewarp import Retimed
-    from harmolab.types import BeatTrack, Motion
+    from harmolab.retime.retime import Retimed
 
-
-MOTION_SUFFIXES = (".npz", ".bvh", *VIDEOS_OUT)
 MEANINGS = (
     "Above chance: speed valleys (in a video: of all that moves) within 0.1 s of the beats; 0 is a random moment, 1 "
     "every beat met. Speed: source seconds a second."
@@ -31,68 +28,38 @@ class Method(StrEnum):
 
 
 def retime(
-    motion: Annotated[Path, typer.Argument(help="The motion (npz, npy, bvh, AIST++ pkl, ...), or a video.")],
-    audio: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],
+    song: Song,
+    motion: Dance,
     out: Annotated[Path, typer.Option(help="npz, bvh, or mp4 or webm (with sound); mp4 or webm for a video.")],
     strength: Annotated[float, typer.Option(help="Share of every shift that is made, 0 to 1.")] = 1.0,
     phase: Annotated[float, typer.Option(help="Where in the beat to land: 0 on it, 0.5 half way to the next.")] = 0.0,
-    offset: Annotated[float, typer.Option(help="Audio time in seconds at which the motion begins.")] = 0.0,
+    offset: Offset = None,
     slowest: Annotated[float, typer.Option(help="Lowest local speed, above 0 to 1.")] = 0.7,
     fastest: Annotated[float, typer.Option(help="Highest local speed, 1 or more.")] = 1.4,
-    dance: Annotated[str, typer.Option(help="Dance of the music: a prior for its tempo (waltz, ...).")] = "",
+    dance: DanceName = "",
+    beats: Beats = None,
     method: Annotated[
         Method, typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
     ] = Method.dp,
-    fps: Annotated[
-        float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, keypoints).")
-    ] = None,
+    fps: Fps = None,
 ) -> None:
-    """Bend a motion's time until it is in time with the music, and say how much was bent.
+    """Bend the time of a motion, or of a video, until it is in time with the music, and say how much was bent.
 
     A motion that is in time already is left alone.
 
-    Example: `harmolab retime dance.bvh song.mp3 --out mended.mp4 --dance waltz`
+    Example: `harmolab retime song.mp3 dance.bvh --out mended.mp4 --dance waltz`
     """
     from harmolab.io.video import is_video
-    from harmolab.timewarp import retime as bend
-    from harmolab.timewarp import warp_video
+    from harmolab.lab.render.video import retime_files
 
-    with plain_errors():
-        is_film = is_video(motion)
-        check_out(out, "this", VIDEOS_OUT if is_film else MOTION_SUFFIXES)
-        moves = _moves(motion, fps)
-        music = music_of(audio, offset, moves.duration, dance)
-        retimed = bend(
-            moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method.value
-        )
-        if is_film:
-            warp_video(motion, out, retimed.warp, sound_of(audio, offset, moves.duration))
-        else:
-            _write(out, retimed.motion, music, audio, offset)
+    with common.plain_errors():
+        common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))
+        retimed = retime_files(
+            song, motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest, fastest=fastest,
+            dance=dance, beats=beats, method=method.value, fps=fps, progress=common.progress,
+        )  # fmt: skip
     _print(retimed)
     typer.echo(f"wrote {out}")
-
-
-def _moves(path: Path, fps: float | None) -> Motion:
-    """The motion in a file; of a video that of its pictures as a whole, whose rests are those of the dancer."""
-    from harmolab.alignment import picture_motion
-    from harmolab.data.folders import load_any_motion
-    from harmolab.io.video import is_video, video_frames
-
-    if not is_video(path):
-        return load_any_motion(path, fps=fps)
-    video = video_frames(path)
-    return picture_motion(progress(video, "looking for movement"), video.fps)
-
-
-def _write(path: Path, motion: Motion, music: BeatTrack, song: Path, offset: float) -> None:
-    """The motion in the form that the name asks for."""
-    if path.suffix.lower() not in VIDEOS_OUT:
-        from harmolab.io.motion import save_motion
-
-        save_motion(path, motion)
-        return
-    write_dance(path, motion, song, offset, music)
 
 
 def _print(retimed: Retimed) -> None:

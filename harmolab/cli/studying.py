@@ -16,9 +16,9 @@ from harmolab.cli.common import plain_errors, progress, sequences_of, show, writ
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from harmolab.listening.answers import Answers
-    from harmolab.listening.corpus_study import Pieces
-    from harmolab.listening.presenting import StudyServer
+    from harmolab.lab.listening.answers import Answers
+    from harmolab.lab.listening.corpus_study import Pieces
+    from harmolab.lab.listening.presenting import StudyServer
     from harmolab.types import Clip, Motion
 
 
@@ -70,7 +70,7 @@ def make(
 
     Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab study make demo my_study --n 20`
     """
-    from harmolab.listening.folders import TRIALS_FILE
+    from harmolab.lab.listening.folders import TRIALS_FILE
 
     with plain_errors():
         if find_spec("jinja2") is None:
@@ -86,7 +86,7 @@ def make(
 
 def _pieces(corpus: Path, against: Path | None, wrong: Wrong, seconds: float, seed: int) -> Pieces:
     """The pieces that may be shown; sequences that give none are named on standard error."""
-    from harmolab.listening.corpus_study import lagged_pieces, paired_pieces, swapped_pieces
+    from harmolab.lab.listening.corpus_study import lagged_pieces, paired_pieces, swapped_pieces
 
     if against is not None:
         versions = (corpus.resolve().name, against.resolve().name)
@@ -109,7 +109,7 @@ def _clips(corpus: Path) -> Iterator[Clip]:
 
 def _pairs(corpus: Path, against: Path) -> Iterator[tuple[Clip, Motion]]:
     """Each clip with the motion of the same name in another folder."""
-    from harmolab.data.folders import load_any_motion
+    from harmolab.corpora.folders import load_any_motion
 
     if not against.is_dir():
         raise ValueError(f"{against}: no such folder")
@@ -124,9 +124,9 @@ def _pairs(corpus: Path, against: Path) -> Iterator[tuple[Clip, Motion]]:
 
 def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth: str) -> None:
     """Pages and scores of all that is asked, then key and trials."""
-    from harmolab.listening.folders import write_page, write_scores, write_study
-    from harmolab.listening.trials import make_key, make_trials
-    from harmolab.widgets.player import blind_page
+    from harmolab.lab.listening.folders import write_page, write_scores, write_study
+    from harmolab.lab.listening.trials import make_key, make_trials
+    from harmolab.lab.widgets.player import blind_page
 
     key = make_key(pieces.items, kind=kind, n=n, seed=seed, truth=truth)
     trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
@@ -150,9 +150,9 @@ def ask(
 
     Example: `harmolab study ask my_study --rater Ada`
     """
-    from harmolab.listening.answers import SIMULATED
-    from harmolab.listening.folders import TRIALS_FILE, answer_log, read_page, read_trials
-    from harmolab.listening.presenting import StudyServer
+    from harmolab.lab.listening.answers import SIMULATED
+    from harmolab.lab.listening.folders import TRIALS_FILE, answer_log, read_page, read_trials
+    from harmolab.lab.listening.presenting import StudyServer
 
     with plain_errors():
         if rater.startswith(SIMULATED):
@@ -194,9 +194,9 @@ def analyse(
     Example: `harmolab study analyse my_study --out results`
     """
     from harmolab.io.files import plain
-    from harmolab.listening.analysis import study_tables
-    from harmolab.listening.answers import merge
-    from harmolab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
+    from harmolab.lab.listening.analysis import study_tables
+    from harmolab.lab.listening.answers import merge
+    from harmolab.lab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
 
     with plain_errors():
         answers = merge(answer_files(study)).of(raters)

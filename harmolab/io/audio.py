@@ -89,9 +89,7 @@ def load_audio(
             first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
             samples = _mono(sound, first, count)
             rate = sound.samplerate
-        if sample_rate is None or sample_rate == rate:
-            return Audio(samples, rate)
-        return Audio(_resampled(samples, rate, sample_rate), sample_rate)
+        return resampled(Audio(samples, rate), rate if sample_rate is None else sample_rate)
 
 
 def _check_header(sound: soundfile.SoundFile, size: int) -> None:
@@ -181,10 +179,12 @@ def _blocks(sound: soundfile.SoundFile, count: int) -> Iterator[NDArray[Any]]:
         yield block
 
 
-def _resampled(samples: NDArray[Any], rate: float, target: float) -> NDArray[Any]:
-    """`samples` at the rate `target`, ceil(S * target / rate) of them, as librosa.load gives them."""
-    if not MIN_RATE <= target <= MAX_RATE:
-        raise ValueError(f"sample_rate must lie between {MIN_RATE} and {MAX_RATE} Hz, got {target}")
-    wanted = math.ceil(samples.size * target / rate)
-    resampled = soxr.resample(samples, rate, target, quality="HQ")[:wanted]
-    return np.pad(resampled, (0, wanted - resampled.size))
+def resampled(audio: Audio, sample_rate: float) -> Audio:
+    """The sound at another sample rate R, ceil(S * R / sample_rate) samples of it, as librosa.load gives them."""
+    if sample_rate == audio.sample_rate:
+        return audio
+    if not MIN_RATE <= sample_rate <= MAX_RATE:
+        raise ValueError(f"sample_rate must lie between {MIN_RATE} and {MAX_RATE} Hz, got {sample_rate}")
+    count = math.ceil(audio.samples.size * sample_rate / audio.sample_rate)
+    samples = soxr.resample(audio.samples, audio.sample_rate, sample_rate, quality="HQ")[:count]
+    return Audio(np.pad(samples, (0, count - samples.size)), sample_rate)

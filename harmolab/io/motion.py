@@ -32,7 +32,7 @@ Other formats
 ``.bvh``
     any skeleton; `harmolab.io.bvh`.
 ``.pkl``
-    AIST++ keypoints3d; `harmolab.io.pickles`.
+    AIST++ keypoints3d; `harmolab.io.aist`.
 a folder
     OpenPose's JSON files, one a frame; `harmolab.io.keypoints`.
 """
@@ -49,13 +49,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.io.aist import AIST_FPS, is_aist_name, load_aist
 from harmolab.io.arrays import checked_motion, in_metres, read_npy
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.files import MAX_BYTES, MissingFrameRate, PathLike, atomic_write, reading
 from harmolab.io.keypoints import keypoints_motion, load_keypoints
 from harmolab.io.layouts import named_skeleton
-from harmolab.io.pickles import AIST_FPS, is_aist_name, load_aist
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import Motion, Skeleton
 
@@ -100,7 +100,7 @@ def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[s
     if path.is_dir() and (path / "motion.npz").is_file():
         path, suffix = path / "motion.npz", ".npz"
     elif path.is_dir() and (path / "skeletons.json").is_file():
-        raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.data.load_recording")
+        raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.load_recording")
     if path.is_dir() or suffix in (".json", ".jsonl"):
         return load_keypoints(path, fps=fps, joints=joints)
     if suffix == ".npz":

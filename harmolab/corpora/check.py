@@ -1,0 +1,265 @@
+"""Summaries of files and corpora, with all that is odd about them: the rows of `harmolab data check PATH`.
+
+Nothing here fails on a file: one that cannot be read becomes a row that says why.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harmolab.corpora import tang2018
+from harmolab.corpora.folders import find_recordings, load_any_motion, load_recording
+from harmolab.io.audio import audio_info, load_audio
+from harmolab.io.beats import load_annotation
+from harmolab.io.files import MissingFrameRate, PathLike
+from harmolab.types import Audio, Motion
+
+MAX_SPEED = 10.0
+FROZEN_SECONDS = 0.5
+_STILL_METRES = 1e-4
+_HEIGHTS = (0.8, 2.5)
+_MAX_FILES = 10_000
+
+_SOUND = (".wav", ".flac", ".ogg", ".mp3")
+_BEATS = (".beats", ".csv", ".txt")
+_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl")
+_HEAD = 100_000  # bytes
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """Content of one file or one folder of a recording: a row of the table.
+
+    Parameters
+    ----------
+    path : str
+    kind : "sequence", "audio", "motion", "beats" or "unreadable"
+    frames : int or None
+        Frames of motion, samples of audio, or number of beats.
+    rate : float or None
+        Frames or samples a second; None where the file does not tell.
+    joints : int or None
+    seconds : float or None
+    offset : float or None, seconds
+        Audio time of motion frame 0.
+    note : str
+        Further content: dimensions, format, dance, tempo.
+    odd : tuple of str
+        One sentence for each odd thing, missing part, or the reason why it cannot be read.
+    """
+
+    path: str
+    kind: str
+    frames: int | None = None
+    rate: float | None = None
+    joints: int | None = None
+    seconds: float | None = None
+    offset: float | None = None
+    note: str = ""
+    odd: tuple[str, ...] = ()
+
+
+def check(path: PathLike) -> list[FileSummary]:
+    """One row for a file, or one for each recording and each loose file of a folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is nothing at `path`. Whatever is there gives rows, never an error.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file or folder")
+    if not path.is_dir():
+        return [_guarded(_file, path)]
+    folders, problems = find_recordings(path)
+    rows = [_guarded(_recording, folder) for folder in folders]
+    rows += [FileSummary(str(problem.folder), "unreadable", odd=(problem.message,)) for problem in problems]
+    rows += [_guarded(_file, file) for file in _loose(path, {*folders, *(problem.folder for problem in problems)})]
+    return rows or [FileSummary(str(path), "unreadable", odd=(f"{path}: holds no file that is known",))]
+
+
+def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
+    """The `summary` of a path, or a row with the error that it raises."""
+    try:
+        return summary(path)
+    except (ValueError, OSError) as error:
+        return FileSummary(str(path), "unreadable", odd=(str(error),))
+
+
+def _loose(root: Path, recordings: set[Path]) -> list[Path]:
+    """Known files below `root` outside of the folders of recordings, and folders of OpenPose files."""
+    loose: list[Path] = []
+    for name, below, files in os.walk(root):
+        folder = Path(name)
+        below[:] = sorted(child for child in below if not child.startswith("."))
+        if folder in recordings:
+            continue
+        if any(file.endswith("_keypoints.json") for file in files):
+            loose.append(folder)
+        loose += [folder / file for file in sorted(files) if _is_known(file)]
+        if len(loose) > _MAX_FILES:
+            break
+    return loose[:_MAX_FILES]
+
+
+def _is_known(name: str) -> bool:
+    """True for names that the readers know."""
+    named = name in ("beats.json", "skeletons.json", "config.json")
+    return named or Path(name).suffix.lower() in (*_SOUND, *_BEATS, *_MOTION)
+
+
+def _file(path: Path) -> FileSummary:
+    """The row of one file, or of a folder of OpenPose files."""
+    suffix = path.suffix.lower()
+    if suffix in _SOUND:
+        return _sound(path)
+    if path.name == "config.json":
+        span = tang2018.load_config(path)
+        return FileSummary(str(path), "sequence", span.end - span.start, tang2018.FPS, offset=span.start / tang2018.FPS)
+    if suffix in _BEATS or (suffix == ".json" and _is_annotation(path)):
+        return _beats(path)
+    return _motion(path)
+
+
+def _is_annotation(path: Path) -> bool:
+    """True for a JSON file of beats, by its name or by the one field that those must have."""
+    with path.open("rb") as file:
+        return path.name == "beats.json" or b'"beats_s"' in file.read(_HEAD)
+
+
+def _sound(path: Path) -> FileSummary:
+    """The row of a sound file; the samples are looked at if they are not too many."""
+    info = audio_info(path)
+    samples, note = (
+        round(info.seconds * info.sample_rate),
+        "mono" if info.channels == 1 else f"{info.channels} channels",
+    )
+    row = FileSummary(
+        str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=f"{info.format}, {note}"
+    )
+    if info.seconds > 3600:
+        return replace(row, odd=("longer than an hour: read spans of it; its samples were not looked at",))
+    return replace(row, odd=_odd_sound(load_audio(path, sample_rate=None)))
+
+
+def _odd_sound(audio: Audio) -> tuple[str, ...]:
+    """Odd things in samples."""
+    peak = float(np.abs(audio.samples).max())
+    if peak == 0:
+        return ("silent from beginning to end",)
+    return (f"amplitudes reach {peak:.3g}; full scale is 1",) if peak > 2 else ()
+
+
+def _beats(path: Path) -> FileSummary:
+    """The row of a beat annotation."""
+    annotation = load_annotation(path)
+    track = annotation.track(None if annotation.times.size else 1.0)
+    facts = [annotation.dance] if annotation.dance else []
+    facts += [] if annotation.bpm is None else [f"{annotation.bpm:.1f} beats a minute"]
+    facts += [] if annotation.meter is None else [f"{annotation.meter} beats a bar"]
+    facts += [f"{len(annotation.units)} units"] if annotation.units else []
+    steps = np.diff(annotation.times)
+    odd = ["holds no beats"] if not len(track) else []
+    if steps.size and steps.max() > 2.5 * np.median(steps):
+        where = annotation.times[int(np.argmax(steps))]
+        odd.append(f"no beat for {steps.max():.2f} s after {where:.2f} s, others are {np.median(steps):.2f} s apart")
+    return FileSummary(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=tuple(odd))
+
+
+def _motion(path: Path) -> FileSummary:
+    """The row of a motion; one whose file holds no rate is read with a rate that is not shown."""
+    try:
+        return _motion_row(path, load_any_motion(path))
+    except MissingFrameRate:
+        motion = load_any_motion(path, fps=25.0)
+    row = _motion_row(path, motion)
+    return replace(row, rate=None, seconds=None, odd=("holds no frame rate: pass fps", *_shape_oddities(motion)))
+
+
+def _motion_row(path: Path, motion: Motion) -> FileSummary:
+    """The row that describes a motion."""
+    frames, joints, dimensions = motion.positions.shape
+    note, odd = f"{dimensions}-D", _odd_motion(motion)
+    return FileSummary(str(path), "motion", frames, motion.fps, joints, motion.duration, note=note, odd=odd)
+
+
+def _recording(folder: Path) -> FileSummary:
+    """The row of a folder with a recording."""
+    recording = load_recording(folder, sample_rate=None)
+    clip, motion, annotation = recording.clip, recording.clip.motion, recording.annotation
+    if motion is None:
+        raise ValueError(f"{folder}: has no motion")
+    facts = [clip.dance or "dance not told", f"{clip.audio.duration:.2f} s of audio"]
+    facts += [] if annotation is None else [f"{annotation.times.size} beats"]
+    facts += [f"{len(annotation.units)} units"] if annotation and annotation.units else []
+    odd = [*_odd_span(folder, motion), *_odd_sound(clip.audio), *_odd_motion(motion)]
+    beyond = clip.offset + motion.duration - clip.audio.duration
+    if beyond > 0.1:
+        odd.append(f"the motion ends {beyond:.2f} s after the audio")
+    return replace(
+        _motion_row(folder, motion), kind="sequence", offset=clip.offset, note=", ".join(facts), odd=tuple(odd)
+    )
+
+
+def _odd_span(folder: Path, motion: Motion) -> list[str]:
+    """One sentence where the length of a motion differs from its config.json; none where they agree."""
+    if not (folder / "config.json").is_file() or (folder / "motion.npz").is_file():
+        return []
+    span = tang2018.load_config(folder / "config.json")
+    short = span.end - span.start - motion.n_frames
+    if not short:
+        return []
+    frames = "1 frame" if abs(short) == 1 else f"{abs(short)} frames"
+    return [f"{frames} {'shorter' if short > 0 else 'longer'} than config.json says ({span.end - span.start})"]
+
+
+def _odd_motion(motion: Motion) -> tuple[str, ...]:
+    """Odd things in a motion: filler, unlikely size, frozen stretches, impossible speeds."""
+    return (*_shape_oddities(motion), *_frozen(motion), *_too_fast(motion))
+
+
+def _shape_oddities(motion: Motion) -> list[str]:
+    """Odd things at any frame rate: frames that are not valid, a body of unlikely size."""
+    odd = []
+    filler = int((~motion.valid).sum())
+    if filler:
+        odd.append(f"{filler} of {motion.n_frames} frames are filler (splices, unseen joints)")
+    if motion.positions.shape[2] == 3:
+        extent = float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
+        if not _HEIGHTS[0] <= extent <= _HEIGHTS[1]:
+            odd.append(f"the body extends over {extent:.3g} m: other units? pass scale")
+    return odd
+
+
+def _frozen(motion: Motion) -> list[str]:
+    """Stretches of half a second and more in which no joint moves."""
+    size = 1.0 if motion.positions.shape[2] == 3 else float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
+    still = np.abs(np.diff(motion.positions, axis=0)).max(axis=(1, 2)) <= _STILL_METRES * size
+    runs = [(first, last) for first, last in tang2018.true_runs(still) if (last - first) / motion.fps >= FROZEN_SECONDS]
+    if not runs:
+        return []
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    times = "once" if len(runs) == 1 else f"{len(runs)} times"
+    return [f"frozen {times}, longest {(last - first) / motion.fps:.2f} s at {first / motion.fps:.2f} s"]
+
+
+def _too_fast(motion: Motion) -> list[str]:
+    """Valid frames in which a joint of a 3-D motion is faster than 10 m/s."""
+    if motion.positions.shape[2] != 3:
+        return []
+    speed = np.linalg.norm(np.diff(motion.positions, axis=0), axis=2) * motion.fps
+    speed[~motion.valid[1:]] = 0.0
+    count = int((speed.max(axis=1) > MAX_SPEED).sum())
+    if not count:
+        return []
+    frame, joint = np.unravel_index(int(np.argmax(speed)), speed.shape)
+    name = motion.skeleton.joints[int(joint)]
+    frames = "1 frame" if count == 1 else f"{count} frames"
+    when = (int(frame) + 1) / motion.fps
+    return [f"faster than {MAX_SPEED:g} m/s in {frames}, up to {speed.max():.1f} m/s ({name}, {when:.2f} s)"]

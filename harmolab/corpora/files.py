@@ -1,0 +1,148 @@
+"""From files to a clip and its score: the first step of the ladder files, clip, beat tracks, arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+
+from harmolab.beats.audio import music_beats
+from harmolab.corpora import folders
+from harmolab.corpora.folders import Problem, find_recordings, iter_recordings, load_any_motion, recorded_offset
+from harmolab.harmony import score_clip
+from harmolab.io.audio import resampled
+from harmolab.io.beats import load_annotation
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.video import is_video
+from harmolab.io.video_sound import load_sound
+from harmolab.params import DANCES, HarmonyParams
+from harmolab.types import Clip, HarmonyScore, Motion
+
+TRACKED_AT = 22050.0  # hertz: beats are always tracked in sound of this rate
+
+
+def score_files(
+    song: PathLike,
+    motion: PathLike,
+    *,
+    offset: float | None = None,
+    seconds: float | None = None,
+    dance: str = "",
+    beats: PathLike | None = None,
+    fps: float | None = None,
+    params: HarmonyParams | None = None,
+    n_rotations: int = 1000,
+    seed: int = 0,
+) -> HarmonyScore:
+    """Harmony of a motion file with a song file.
+
+    Parameters
+    ----------
+    song, motion, offset, seconds, dance, beats, fps : as in `load_clip`
+    params : HarmonyParams, default ``HarmonyParams.recommended()``
+    n_rotations, seed : as in `score_clip`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `load_clip` and `score_clip`; of a file, they name it.
+
+    Examples
+    --------
+    >>> score_files("song.mp3", "dance.bvh", offset=12.4, dance="waltz").harmony_above_chance  # doctest: +SKIP
+    0.61
+    """
+    clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps)
+    return score_clip(clip, params, n_rotations=n_rotations, seed=seed)
+
+
+def load_clip(
+    song: PathLike,
+    motion: PathLike | Motion,
+    *,
+    offset: float | None = None,
+    seconds: float | None = None,
+    dance: str = "",
+    beats: PathLike | None = None,
+    track: bool = True,
+    fps: float | None = None,
+    joints: tuple[str, ...] | None = None,
+    sample_rate: float | None = TRACKED_AT,
+) -> Clip:
+    """A song and a motion as a clip with its music beats, read or tracked once.
+
+    Parameters
+    ----------
+    song : str or path: wav, flac, ogg or mp3, or a video with sound
+    motion : str or path: anything that `load_motion` reads, or a folder of a corpus; or a Motion
+    offset : float, seconds, audio time of motion frame 0; left out, what the motion's folder says, else 0
+    seconds : float, length of the motion that is taken; all of it when left out
+    dance : str, a prior of the tempo where it is one of `DANCES`
+    beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
+    track : bool; False leaves the clip without beats where none are annotated
+    fps, joints : as in `load_motion`, for a motion that is read
+    sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
+        The beats are the same at every rate. A sound file is decoded once; a video's sound twice unless the rate is
+        22,050 Hz, since another resampler brings it there.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file. ValueError also for an unknown dance without annotated beats.
+    """
+    if dance and beats is None and dance not in DANCES:
+        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(DANCES)}")
+    if seconds is not None and not 0 < seconds < inf:
+        raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
+    path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
+    audio = load_sound(song, sample_rate=sample_rate)
+    movement = motion if isinstance(motion, Motion) else load_any_motion(motion, fps=fps, joints=joints)
+    if seconds is not None:
+        movement = movement.span(0.0, seconds)
+    if offset is None:
+        offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
+    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
+    try:
+        clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    if not track or annotated is not None:
+        return clip
+    twice = is_video(song) and sample_rate != TRACKED_AT
+    tracked = load_sound(song) if twice else resampled(audio, TRACKED_AT)
+    return replace(clip, beats=music_beats(replace(clip, audio=tracked)))
+
+
+def corpus_recordings(
+    corpus: PathLike | Iterable[folders.Recording],
+    dances: Sequence[str] = (),
+    *,
+    progress: Progress = silent,
+    report: Callable[[Problem], object] = lambda problem: None,
+) -> Iterator[folders.Recording]:
+    """The recordings at or below a folder that can be read, one in memory at a time.
+
+    Parameters
+    ----------
+    corpus : str or path; recordings in its place are handed on
+    dances : names; only recordings of these, of all when empty
+    progress : Progress over the folders
+    report : function(Problem), called for each recording that cannot be read
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the folder; ValueError where it holds no recording.
+    """
+    if not isinstance(corpus, str | os.PathLike):
+        yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
+        return
+    if not find_recordings(corpus).folders:
+        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    for item in progress(iter_recordings(corpus), Path(corpus).name):
+        if isinstance(item, Problem):
+            report(item)
+        elif not dances or item.clip.dance in dances:
+            yield item

@@ -1,0 +1,218 @@
+"""Folders of recordings on disk, in the layout of Tang et al. or in ours, one folder a recording.
+
+==========  ====================================================================
+Tang 2018   skeletons.json, config.json, audio.mp3
+ours        motion.npz, audio.wav (or .flac, .ogg, .mp3)
+both        beats.json, optional: beats, bars, dance, units, motion_offset_s
+==========  ====================================================================
+
+The dance stands in beats.json or in the folder's name (DANCE_C, _R, _T, _W).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from harmolab.corpora import tang2018
+from harmolab.io.audio import load_audio
+from harmolab.io.beats import BeatAnnotation, load_annotation
+from harmolab.io.files import PathLike
+from harmolab.io.motion import load_motion
+from harmolab.types import Clip, Motion
+
+_MAX_DEPTH = 4
+_PARTS = ("skeletons.json", "config.json", "motion.npz")
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One folder: the clip, its annotation (None without beats.json), and the path."""
+
+    clip: Clip
+    annotation: BeatAnnotation | None
+    folder: Path
+
+
+class Problem(NamedTuple):
+    """A folder that cannot be used, and the reason in one sentence that names the file."""
+
+    folder: Path
+    message: str
+
+
+class RecordingFolders(NamedTuple):
+    """Folders that hold a whole recording, in natural order, and those that hold only parts of one."""
+
+    folders: tuple[Path, ...]
+    problems: tuple[Problem, ...]
+
+
+def find_recordings(root: PathLike) -> RecordingFolders:
+    """The folders of recordings at or below `root`; nothing is read yet.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        `root` does not exist or is not a folder.
+    """
+    root = Path(root)
+    if not root.exists():
+        raise FileNotFoundError(f"{root}: no such folder")
+    if not root.is_dir():
+        raise ValueError(f"{root}: is a file; a folder of sequences is needed")
+    folders: list[Path] = []
+    problems: list[Problem] = []
+    for folder in _folders_with_parts(root):
+        missing = missing_parts(folder)
+        if missing:
+            problems.append(Problem(folder, f"{folder}: has no {' and no '.join(missing)}"))
+        else:
+            folders.append(folder)
+    return RecordingFolders(tuple(folders), tuple(problems))
+
+
+def _folders_with_parts(root: Path) -> list[Path]:
+    """Folders at or below `root` that hold at least one part of a recording, DANCE_2 before DANCE_10."""
+    folders = []
+    for name, below, files in os.walk(root):
+        depth = len(Path(name).relative_to(root).parts)
+        below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
+        if any(part in files for part in _PARTS):
+            folders.append(Path(name))
+    return sorted(folders, key=_natural)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """A key that sorts numbers in names as numbers."""
+    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d{1,18})", str(path))]
+
+
+def missing_parts(folder: PathLike) -> list[str]:
+    """The files that a folder lacks to be a recording; empty if it is whole."""
+    folder = Path(folder)
+    tang = any((folder / part).is_file() for part in ("skeletons.json", "config.json"))
+    needed = ["skeletons.json", "config.json"] if tang and not (folder / "motion.npz").is_file() else ["motion.npz"]
+    missing = [part for part in needed if not (folder / part).is_file()]
+    try:
+        tang2018.find_audio(folder)
+    except FileNotFoundError:
+        missing.append("audio.wav (.flac, .ogg, .mp3)")
+    return missing
+
+
+def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
+    """Every recording at or below `root`, one in memory at a time; a Problem in place of each that cannot be read."""
+    folders, problems = find_recordings(root)
+    yield from problems
+    for folder in folders:
+        try:
+            yield load_recording(folder)
+        except (ValueError, FileNotFoundError) as error:
+            yield Problem(folder, str(error))
+
+
+def load_recording(
+    folder: PathLike,
+    *,
+    sample_rate: float | None = 22050.0,
+    clock: float = 1.0,
+    points: int = 23,
+    travel: bool = True,
+    ground: bool = True,
+) -> Recording:
+    """One folder: the clip with its annotated beats, and the annotation.
+
+    Parameters
+    ----------
+    folder : str or path
+    sample_rate : float or None, hertz
+        As in `load_audio`.
+    clock, points, travel, ground
+        For the Tang layout only; as in `harmolab.corpora.tang2018.load_skeletons`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder")
+    missing = missing_parts(folder)
+    if missing:
+        raise FileNotFoundError(f"{folder}: has no {' and no '.join(missing)}")
+    annotation = load_annotation(folder / "beats.json") if (folder / "beats.json").is_file() else None
+    is_own = (folder / "motion.npz").is_file()
+    if is_own:
+        motion, offset = load_motion(folder / "motion.npz"), 0.0 if annotation is None else annotation.offset
+    else:
+        motion, offset = tang2018.load_danced(folder, clock=clock, points=points, travel=travel, ground=ground)
+    audio = load_audio(tang2018.find_audio(folder), sample_rate=sample_rate)
+    beyond = offset + motion.duration - audio.duration
+    if is_own and beyond > max(1.0, 0.05 * audio.duration):
+        raise ValueError(
+            f"{folder}: the motion lasts {motion.duration:.2f} s at {motion.fps:g} fps and ends {beyond:.2f} s after "
+            "the audio; is its fps right?"
+        )
+    try:
+        source, dance = folder.resolve().parent.name, tang2018.dance_of(folder)
+        clip = Clip(folder.name, audio, motion, offset, source, dance=dance)
+    except ValueError as error:
+        raise ValueError(f"{folder}: {error}") from None
+    return Recording(clip if annotation is None else _annotated(clip, annotation, folder), annotation, folder)
+
+
+def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
+    """`clip` with the beats, dance and source of its annotation."""
+    try:
+        beats = annotation.track(clip.audio.duration)
+    except ValueError as error:
+        raise ValueError(f"{folder / 'beats.json'}: {error}") from None
+    return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
+
+
+def recorded_offset(path: PathLike) -> float | None:
+    """Audio time (seconds) of a motion's first frame by the files of its recording; None without one.
+
+    Parameters
+    ----------
+    path : str or path
+        A recording's folder, its motion.npz or its skeletons.json. Other files beside them belong to no recording.
+
+    Raises
+    ------
+    ValueError
+        The folder's beats.json or config.json is damaged; names it.
+    """
+    path = Path(path)
+    folder = path if path.is_dir() else path.parent
+    if (folder / "motion.npz").is_file():
+        is_annotated = (path.is_dir() or path.name == "motion.npz") and (folder / "beats.json").is_file()
+        return load_annotation(folder / "beats.json").offset if is_annotated else None
+    is_tang = (path.is_dir() or path.name.endswith("skeletons.json")) and (folder / "config.json").is_file()
+    return tang2018.load_config(folder / "config.json").start / tang2018.FPS if is_tang else None
+
+
+def load_any_motion(
+    path: PathLike, *, fps: float | None = None, scale: float | None = None, joints: tuple[str, ...] | None = None
+) -> Motion:
+    """The motion in any file that `load_motion` reads, in a recording's folder, or in a skeletons.json.
+
+    Parameters are those of `load_motion`; `joints` is for the files that it reads.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    path = Path(path)
+    if path.is_dir() and (path / "skeletons.json").is_file() and not (path / "motion.npz").is_file():
+        path = path / "skeletons.json"
+    if path.name.endswith("skeletons.json"):
+        return tang2018.load_skeletons(path)
+    return load_motion(path, fps=fps, scale=scale, joints=joints)

@@ -1,0 +1,8 @@
+"""The laboratory around the core: comparisons, timing, user studies, pictures, widgets, experiments, the report.
+
+The public names stand in ``__init__.pyi`` and are resolved on first use.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

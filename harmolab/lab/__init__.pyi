@@ -1,0 +1,221 @@
+from .experiments.ablation import (
+    TARGETS as TARGETS,
+)
+from .experiments.ablation import (
+    ablation as ablation,
+)
+from .experiments.ablation import (
+    forced_choice as forced_choice,
+)
+from .experiments.ablation import (
+    gains as gains,
+)
+from .experiments.ablation import (
+    seed_means as seed_means,
+)
+from .experiments.ablation import (
+    targets_met as targets_met,
+)
+from .experiments.ablation import (
+    trade_off as trade_off,
+)
+from .experiments.cheating import (
+    cheating as cheating,
+)
+from .experiments.cheating import (
+    generators_half_a_beat_late as generators_half_a_beat_late,
+)
+from .experiments.cheating import (
+    trick_gains as trick_gains,
+)
+from .experiments.cheating import (
+    trick_means as trick_means,
+)
+from .experiments.dances import danced_unit as danced_unit
+from .experiments.discrimination import (
+    auc_table as auc_table,
+)
+from .experiments.discrimination import (
+    compare_corpora as compare_corpora,
+)
+from .experiments.discrimination import (
+    dance_patterns_of as dance_patterns_of,
+)
+from .experiments.discrimination import (
+    dance_table as dance_table,
+)
+from .experiments.discrimination import (
+    disturbance_table as disturbance_table,
+)
+from .experiments.discrimination import (
+    pick_table as pick_table,
+)
+from .experiments.generation import (
+    VARIANTS as VARIANTS,
+)
+from .experiments.generation import (
+    generator_corpora as generator_corpora,
+)
+from .experiments.generation import (
+    histories as histories,
+)
+from .experiments.generation import (
+    trained as trained,
+)
+from .experiments.long_dances import (
+    dance_limits as dance_limits,
+)
+from .experiments.long_dances import (
+    danced_song as danced_song,
+)
+from .experiments.long_dances import (
+    long_dances as long_dances,
+)
+from .experiments.quality import (
+    motion_measures as motion_measures,
+)
+from .experiments.quality import (
+    motion_quality as motion_quality,
+)
+from .experiments.quality import (
+    typical_unit as typical_unit,
+)
+from .experiments.study import (
+    agreement as agreement,
+)
+from .experiments.study import (
+    beat_agreement as beat_agreement,
+)
+from .experiments.study import (
+    clip_of_study as clip_of_study,
+)
+from .experiments.study import (
+    excerpt as excerpt,
+)
+from .experiments.study import (
+    pattern_of_study as pattern_of_study,
+)
+from .experiments.study import (
+    readable_recordings as readable_recordings,
+)
+from .experiments.study import (
+    strong_by_place as strong_by_place,
+)
+from .experiments.study import (
+    study_recordings as study_recordings,
+)
+from .experiments.study import (
+    synthetic_corpus as synthetic_corpus,
+)
+from .figures.ablation import (
+    MEASURES as MEASURES,
+)
+from .figures.ablation import (
+    ablation_figure as ablation_figure,
+)
+from .figures.ablation import (
+    trade_off_figure as trade_off_figure,
+)
+from .figures.beats import (
+    draw_curve as draw_curve,
+)
+from .figures.beats import (
+    draw_hits as draw_hits,
+)
+from .figures.beats import (
+    draw_marks as draw_marks,
+)
+from .figures.beats import (
+    draw_tolerances as draw_tolerances,
+)
+from .figures.cheating import CHEAT_MEASURES as CHEAT_MEASURES
+from .figures.cheating import cheating_figure as cheating_figure
+from .figures.choices import forced_choice_figure as forced_choice_figure
+from .figures.dance import dance_figure as dance_figure
+from .figures.framework import framework_figure as framework_figure
+from .figures.framework import networks_figure as networks_figure
+from .figures.listening import rates_figure as rates_figure
+from .figures.listening import study_title as study_title
+from .figures.meter import draw_meter as draw_meter
+from .figures.meter import draw_places as draw_places
+from .figures.motion import draw_frames as draw_frames
+from .figures.motion import draw_poses as draw_poses
+from .figures.quality import distances_figure as distances_figure
+from .figures.quality import sequences_figure as sequences_figure
+from .figures.results import (
+    auc_figure as auc_figure,
+)
+from .figures.results import (
+    disturbances_figure as disturbances_figure,
+)
+from .figures.results import (
+    patterns_figure as patterns_figure,
+)
+from .figures.results import (
+    picks_figure as picks_figure,
+)
+from .figures.scores import score_figure as score_figure
+from .figures.style import (
+    COLOURS as COLOURS,
+)
+from .figures.style import (
+    figure_style as figure_style,
+)
+from .figures.style import (
+    save_figure as save_figure,
+)
+from .figures.style import (
+    save_table as save_table,
+)
+from .figures.timing import timing_figure as timing_figure
+from .figures.training import (
+    VALIDATED as VALIDATED,
+)
+from .figures.training import (
+    losses_figure as losses_figure,
+)
+from .figures.training import (
+    validation_figure as validation_figure,
+)
+from .figures.variants import LOOKS as LOOKS
+from .listening.analysis import (
+    agreement_row as agreement_row,
+)
+from .listening.analysis import (
+    answer_grid as answer_grid,
+)
+from .listening.analysis import (
+    rater_rows as rater_rows,
+)
+from .listening.analysis import (
+    score_rows as score_rows,
+)
+from .listening.analysis import (
+    version_rows as version_rows,
+)
+from .listening.answers import Answers as Answers
+from .listening.answers import merge as merge
+from .listening.corpus_study import lagged_pieces as lagged_pieces
+from .listening.folders import answer_files as answer_files
+from .listening.folders import answer_log as answer_log
+from .listening.folders import write_study as write_study
+from .listening.presenting import StudyServer as StudyServer
+from .listening.raters import SimulatedRater as SimulatedRater
+from .listening.trials import make_key as make_key
+from .listening.trials import make_trials as make_trials
+from .profile import RunProfile as RunProfile
+from .render.stick import moving_box as moving_box
+from .render.stick import render_skeleton as render_skeleton
+from .timing.movement import find_offset as find_offset
+from .timing.page import dance_player as dance_player
+from .timing.page import save_page as save_page
+from .timing.performance import explain_performance as explain_performance
+from .timing.performance import load_performance as load_performance
+from .widgets.labs.corpus import corpus_lab as corpus_lab
+from .widgets.labs.detector import detector_lab as detector_lab
+from .widgets.labs.meter import meter_lab as meter_lab
+from .widgets.labs.saliency import saliency_lab as saliency_lab
+from .widgets.labs.scoring import scoring_lab as scoring_lab
+from .widgets.player import Dancer as Dancer
+from .widgets.player import Player as Player
+from .widgets.player import blind_page as blind_page

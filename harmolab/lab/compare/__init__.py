@@ -1,0 +1,1 @@
+"""Scores over a corpus: windows, AUC, many clips at once."""

@@ -1,0 +1,179 @@
+"""Hard scores of motions danced to units of music, whoever made them, beside those of the recorded motion.
+
+Everything here takes motions: a system is judged by the joints it moves, not by how it codes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+import torch
+
+from harmolab.beats.visual import visual_beats
+from harmolab.harmony import score_harmony
+from harmolab.kinematics import resample_motion
+from harmolab.lab.experiments.generation import VARIANTS, trained
+from harmolab.lab.profile import RunProfile
+from harmolab.metrics.frechet import diversity, frechet_distance, standardise
+from harmolab.metrics.kinetic import kinetic_features
+from harmolab.metrics.quality import foot_skating, jerk
+from harmolab.params import HarmonyParams
+from harmolab.systems.common.motion_code import decode_motion, encode_motion
+from harmolab.systems.common.pose_network import PoseNet
+from harmolab.systems.common.units import DanceUnit, UnitSet, collate
+from harmolab.systems.harmogan.networks import Generator
+from harmolab.types import BeatTrack, FloatArray, HarmonyScore, Motion
+
+RECORDED = "recorded"
+MODES = MappingProxyType({"paper_": HarmonyParams.paper(), "": HarmonyParams.valleys()})  # prefix of a column -> score
+
+
+def danced_units(
+    profile: RunProfile, corpus: str, variants: Sequence[str] = tuple(VARIANTS)
+) -> tuple[UnitSet, dict[str, list[Motion]]]:
+    """The test units of a corpus, and the motions danced to them: recorded, and by the variants of the first seed.
+
+    Variants that hear other music features have a test set of their own, of the same units.
+    """
+    runs = {name: trained(profile, corpus, VARIANTS[name], 1) for name in variants}
+    units = runs[variants[0]].split.test
+    motions = {name: generate(run.generator, run.split.test) for name, run in runs.items()}
+    return units, {RECORDED: recorded_motions(units), **motions}
+
+
+@torch.no_grad()
+def generate(generator: Generator, units: UnitSet) -> list[Motion]:
+    """A dance to each whole unit, from its music and the poses before the meter; one batch through the generator."""
+    batch = collate(units.units)
+    codes = generator.eval()(torch.from_numpy(batch.audio), torch.from_numpy(batch.initial)).motion
+    pairs = zip(codes, units.units, strict=True)
+    return [_decoded(code[: unit.n_frames].double().numpy(), units) for code, unit in pairs]
+
+
+def recorded_motions(units: UnitSet) -> list[Motion]:
+    """What was recorded to each unit: whole units, with the beats before the meter."""
+    return [_decoded(unit.motion.astype(np.float64), units) for unit in units.units]
+
+
+def _decoded(code: FloatArray, units: UnitSet) -> Motion:
+    """The motion that a code (T, C) of these units stands for."""
+    fps = units.features.fps
+    return Motion(decode_motion(code, fps, units.skeleton), fps, units.skeleton)
+
+
+def meter_motion(motion: Motion, unit: DanceUnit) -> Motion:
+    """A unit's motion without the beats before the meter; its frame rate may differ from the unit's."""
+    first = round(unit.n_prior * motion.fps / unit.fps)
+    return Motion(motion.positions[first:], motion.fps, motion.skeleton, motion.valid[first:])
+
+
+def meter_motions(motions: Sequence[Motion], units: UnitSet) -> list[Motion]:
+    """`meter_motion` of motions, one for each unit."""
+    return [meter_motion(*pair) for pair in zip(motions, units.units, strict=True)]
+
+
+def score_unit(motion: Motion, unit: DanceUnit, params: HarmonyParams) -> HarmonyScore:
+    """Harmony of a unit's motion over its meter: visual beats come from all of it, those of the meter count."""
+    start = unit.n_prior / unit.fps
+    music, visual = unit_beats(unit, motion), visual_beats(motion, params=params)
+    meter = (start, motion.duration - start)
+    return score_harmony(music.span(*meter), visual.span(*meter), params=params, n_rotations=0)
+
+
+def unit_beats(unit: DanceUnit, motion: Motion) -> BeatTrack:
+    """The music beats of a unit on the time line of a motion danced to it, seconds from its first frame."""
+    duration = max(motion.duration, float(unit.beats.max(initial=0.0)))
+    return BeatTrack(unit.beats, unit.strengths, motion.fps, duration)
+
+
+def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed: int = 0) -> dict[str, float]:
+    """Means over units of every measure of motions, one for each whole unit.
+
+    Parameters
+    ----------
+    motions : sequence of Motion, in the order of the units; frame 0 is the unit's
+    units : UnitSet, whose recorded motion the distances are measured from
+    pose_net : PoseNet for the same skeleton
+    seed : int, of the correction of the Frechet distances' bias
+
+    Returns
+    -------
+    dict with, in paper mode (`paper_`) and for valleys within 0.1 s: harmony, hit rate, chance, harmony above chance,
+    M and N a unit, M / N; jerk (m/s^3), skating (m/s), Frechet distances on the pose network's and on kinetic features,
+    to the units' recorded motion, and diversity.
+
+    Raises
+    ------
+    ValueError
+        If the motions are not as many as the units, or move other joints than the pose network's.
+    """
+    recorded = recorded_motions(units)
+    meters, recorded_meters = (meter_motions(whole, units) for whole in (motions, recorded))
+    values, target = (embed(whole, units, pose_net) for whole in (motions, recorded))
+    kinetic, reference = (np.stack([kinetic_features(motion) for motion in cut]) for cut in (meters, recorded_meters))
+    kinetic, reference = standardise(kinetic, reference), standardise(reference, reference)
+    return {
+        **_harmony(motions, units),
+        "jerk": float(np.mean([jerk(motion) for motion in meters])),
+        "foot_skating": float(np.mean([foot_skating(motion) for motion in meters])),
+        "fid": frechet_distance(values, target, seed=seed).value,
+        "fid_raw": frechet_distance(values, target, correct_bias=False).value,
+        "fid_kinetic": frechet_distance(kinetic, reference, seed=seed).value,
+        "diversity": diversity(values),
+        "units": float(len(units)),
+    }
+
+
+def harmony_columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
+    """What tables hold of the scores of `MODES`, by prefix of their columns."""
+    fields = ("harmony", "hit_rate", "chance", "harmony_above_chance", "n_visual", "n_audio")
+    return {
+        **{
+            f"{mode}{field.removeprefix('harmony_')}": getattr(scores[mode], field)
+            for mode in scores
+            for field in fields
+        },
+        **{f"{mode}count_ratio": score.n_visual / max(score.n_audio, 1) for mode, score in scores.items()},
+    }
+
+
+def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
+    """`harmony_columns` of `score_unit` in all modes."""
+    return harmony_columns({mode: score_unit(motion, unit, params) for mode, params in MODES.items()})
+
+
+def _harmony(motions: Sequence[Motion], units: UnitSet) -> dict[str, float]:
+    """Means over units of `unit_columns`; M / N is the ratio of the means."""
+    columns = [unit_columns(*pair) for pair in zip(motions, units.units, strict=True)]
+    means = {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
+    ratios = {mode: means[f"{mode}n_visual"] / max(means[f"{mode}n_audio"], 1e-9) for mode in MODES}
+    return means | {f"{mode}count_ratio": ratio for mode, ratio in ratios.items()}
+
+
+@torch.no_grad()
+def embed(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -> FloatArray:
+    """Pose network's features (N, D) of the meters of motions, one for each whole unit.
+
+    Every motion, recorded or made, is coded from its joints: heading and path are those that are seen, not those that a
+    generator meant. Whole units are coded and then cut, since the heading is smoothed over time.
+
+    Raises
+    ------
+    ValueError
+        If the motions are not as many as the units, or move other joints than the pose network's.
+    """
+    codes = [_meter_code(motion, unit, pose_net) for motion, unit in zip(motions, units.units, strict=True)]
+    mask = torch.nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
+    return pose_net.eval().embed(torch.nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
+
+
+def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> torch.Tensor:
+    """Motion code (T, C) of a unit's meter at the frame rate of the pose network."""
+    if motion.skeleton.joints != pose_net.skeleton.joints:
+        joints = ", ".join(motion.skeleton.joints)
+        raise ValueError(f"{unit.name}: the motion must have the joints of the pose network, got {joints}")
+    same = resample_motion(motion, pose_net.fps)
+    code = encode_motion(same.positions, same.fps, same.skeleton)
+    return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])

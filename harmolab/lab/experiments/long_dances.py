@@ -1,0 +1,178 @@
+"""Dances much longer than a unit: do bones keep their length, does nobody jump, do the feet stand? (notebook 08)
+
+Each test song is danced meter by meter, every meter from the end of the last, so that what one meter gets wrong the
+next has to live with. What is allowed is measured on the dancers who were recorded to the same songs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harmolab.corpora.folders import Recording, load_recording
+from harmolab.corpora.music_beats import music_beats
+from harmolab.harmony import score_motion
+from harmolab.lab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
+from harmolab.lab.profile import RunProfile
+from harmolab.metrics.quality import bone_error, foot_skating, jerk, largest_step
+from harmolab.params import HarmonyParams
+from harmolab.systems.common.poses_bank import load_poses
+from harmolab.systems.harmogan.generate import synthesize_dance
+from harmolab.systems.harmogan.train import MODEL
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+
+SONGS = 8  # of the test split, spread over it
+SECONDS = 30.0
+QUICK_SECONDS = 10.0
+
+# The most that a dance may have, and what the number is.
+LIMITS = MappingProxyType(
+    {
+        "bones": (0.05, "largest deviation of a bone's length"),
+        "jump": (3.0, "fastest step / 99.9th percentile recorded"),
+        "skating": (2.0, "sliding of standing feet / recorded"),
+    }
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DancedSong:
+    """A test song with the dancer who was recorded to it and a generated one; all begin together.
+
+    Parameters
+    ----------
+    name : str, of the song's folder
+    audio : Audio
+    beats : BeatTrack of the music
+    recorded, generated : Motion
+    """
+
+    name: str
+    audio: Audio
+    beats: BeatTrack
+    recorded: Motion
+    generated: Motion
+
+
+def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) -> DancedSong:
+    """The `place`-th song of `long_dances`, as recorded and as the variant's generator of the first seed dances it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such song.
+    """
+    run = trained(profile, corpus, VARIANTS[variant], 1)
+    names = _songs(run)
+    if not 0 <= place < len(names):
+        raise ValueError(f"place must be 0 to {len(names) - 1}, the test songs of {corpus}, got {place}")
+    song = load_recording(corpus_root(profile, corpus) / names[place])
+    dance, beats = _danced(run, song, _seconds(profile))
+    audio = song.clip.audio.span(song.clip.offset, dance.duration)
+    return DancedSong(names[place], audio, beats, _dancer(song).span(0.0, dance.duration), dance)
+
+
+def long_dances(profile: RunProfile) -> pd.DataFrame:
+    """Every variant dances songs of the test units, 30 s each (10 s in the quick profile), as far as there is music.
+
+    Returns
+    -------
+    DataFrame, a row for each corpus, seed, variant and song: corpus, seed, variant, song, dance, seconds; bones, jump
+    and skating as in `LIMITS`; jerk in multiples of the recorded dancers' mean; above_chance and count_ratio for
+    valleys within 0.1 s
+    """
+    return pd.DataFrame(list(_rows(profile)))
+
+
+def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
+    seconds = _seconds(profile)
+    for corpus in generator_corpora(profile):
+        for seed in range(1, profile.n_seeds + 1):
+            runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
+            songs = [load_recording(corpus_root(profile, corpus) / name) for name in _songs(runs["paper"])]
+            recorded = _recorded(songs, seconds)
+            for song, (name, run) in product(songs, runs.items()):
+                about = {"corpus": corpus, "seed": seed, "variant": name}
+                yield {**about, **_measured(run, song, recorded, seconds)}
+
+
+def _seconds(profile: RunProfile) -> float:
+    return QUICK_SECONDS if profile.epochs else SECONDS
+
+
+def _songs(run: Trained) -> list[str]:
+    """Folder names of up to `SONGS` sequences with test units, spread over the test split."""
+    names = list(dict.fromkeys(unit.sequence.rpartition("/")[2] for unit in run.split.test.units))
+    count = min(SONGS, len(names))
+    return [names[place * len(names) // count] for place in range(count)]
+
+
+def _recorded(songs: list[Recording], seconds: float) -> dict[str, float]:
+    """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
+    motions = [_dancer(song).span(0.0, seconds) for song in songs]
+    measures = {"peak": lambda motion: largest_step(motion).percentile_999, "skating": foot_skating, "jerk": jerk}
+    return {name: float(np.mean([measure(motion) for motion in motions])) for name, measure in measures.items()}
+
+
+def _dancer(song: Recording) -> Motion:
+    if song.clip.motion is None:
+        raise ValueError(f"{song.folder}: has no motion")
+    return song.clip.motion
+
+
+def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
+    """One long dance, in multiples of what is `recorded`."""
+    dance, beats = _danced(run, song, seconds)
+    score = score_motion(beats, dance, params=HarmonyParams.valleys(), n_rotations=0)
+    return {
+        "song": song.folder.name,
+        "dance": song.clip.dance,
+        "seconds": dance.duration,
+        "bones": bone_error(dance, run.generator.bone_lengths.double().numpy()),
+        "jump": largest_step(dance).largest / recorded["peak"],
+        "skating": foot_skating(dance) / recorded["skating"],
+        "jerk": jerk(dance) / recorded["jerk"],
+        "above_chance": score.harmony_above_chance,
+        "count_ratio": score.n_visual / max(score.n_audio, 1),
+    }
+
+
+def _danced(run: Trained, song: Recording, seconds: float) -> tuple[Motion, BeatTrack]:
+    """A generated dance, `seconds` long unless the recorded one is shorter, and the music's beats on its time line."""
+    clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
+    dance = _generated(run, clip, beats, min(seconds, _dancer(song).duration))
+    return dance, beats.span(clip.offset, dance.duration)
+
+
+def _generated(run: Trained, clip: Clip, beats: BeatTrack, seconds: float) -> Motion:
+    """A dance to a clip's music from its offset on: the only place that knows how a system is asked for one."""
+    poses, start = load_poses(run.folder / MODEL), clip.offset
+    return synthesize_dance(
+        run.generator, clip.audio, beats=beats, start=start, seconds=seconds, seed=1, poses=poses, dance=clip.dance
+    )
+
+
+def dance_limits(dances: pd.DataFrame) -> pd.DataFrame:
+    """Which dances keep within `LIMITS`.
+
+    Parameters
+    ----------
+    dances : DataFrame, as `long_dances` returns it
+
+    Returns
+    -------
+    DataFrame with the columns corpus, variant, limit (in words), most (allowed), mean, worst, within ("8 of 8")
+    """
+    rows = []
+    for (corpus, variant), part in dances.groupby(["corpus", "variant"], sort=False):
+        for name, (most, words) in LIMITS.items():
+            values = part[name].to_numpy(np.float64)
+            row = {"corpus": corpus, "variant": variant, "limit": words, "most": most, "mean": values.mean()}
+            rows.append({**row, "worst": values.max(), "within": f"{(values <= most).sum()} of {values.size}"})
+    return pd.DataFrame(rows)

@@ -1,0 +1,347 @@
+"""Recordings or synthetic clips of the notebooks, and the tables of the beat notebooks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import astuple, dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from harmolab.beats.meter import strong_beats
+from harmolab.beats.visual import visual_beats
+from harmolab.corpora.folders import Problem, Recording, find_recordings, iter_recordings, load_recording
+from harmolab.corpora.music_beats import music_beats
+from harmolab.corpora.synthetic import ClipSettings, planted_clip, write_corpus
+from harmolab.harmony import hit_mask
+from harmolab.io.files import cache_folder
+from harmolab.lab.compare.windows import cut_clips, learn_patterns
+from harmolab.lab.profile import RunProfile
+from harmolab.params import BarPattern, HarmonyParams
+from harmolab.significance import rotations
+from harmolab.types import BeatTrack, Clip
+
+Detector = Literal["turns", "valleys", "peaks", "direction"]
+SAME_BEAT = 0.07  # seconds: the window within which a tracked beat counts as an annotated one
+
+
+def data_root() -> Path | None:
+    """The folder of recordings that ``HARMOLAB_DATA`` names; None when it is not set.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the variable names no folder.
+    """
+    setting = os.environ.get("HARMOLAB_DATA")
+    if not setting:
+        return None
+    root = Path(setting).expanduser()
+    if not root.is_dir():
+        raise FileNotFoundError(f"HARMOLAB_DATA names {root}, which is no folder; unset it to use synthetic data")
+    return root
+
+
+def synthetic_corpus(
+    profile: RunProfile, *, seconds: float = 6.0, fps: float = 60.0, noise: float = 0.0, jitter: float = 0.0
+) -> Path:
+    """Folder of the synthetic corpus of these settings, written on first use and kept in the cache folder."""
+    base = cache_folder() or Path(".harmolab")
+    name = f"synthetic_{profile.n_clips}x{seconds:g}s_{fps:g}fps_noise{noise:g}_jitter{jitter:g}_seed{profile.seed}"
+    out = base / name
+    write_corpus(out, clips=profile.n_clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, seed=profile.seed)
+    return out
+
+
+def corpus_folders(profile: RunProfile) -> dict[str, Path]:
+    """The corpora to study: name -> folder. Recordings when ``HARMOLAB_DATA`` names some, else the synthetic corpus.
+
+    A folder of corpora counts each of its subfolders that holds recordings; a corpus counts as itself.
+    """
+    root = data_root()
+    if root is None:
+        return {"synthetic": synthetic_corpus(profile)}
+    below = [folder for folder in sorted(root.iterdir()) if folder.is_dir()]
+    corpora = {folder.name: folder for folder in below if find_recordings(folder).folders}
+    is_corpus = any(folder.parent == root for folder in find_recordings(root).folders)
+    return {root.name: root} if is_corpus or not corpora else corpora
+
+
+def study_recordings(profile: RunProfile, corpus: str | None = None) -> Iterator[Recording]:
+    """Readable recordings of one corpus (default: the first), one in memory at a time, as many as the profile takes.
+
+    A smaller number is spread over the corpus, so that every dance is there.
+
+    Raises
+    ------
+    ValueError
+        If there is no corpus of that name.
+    """
+    folders = corpus_folders(profile)
+    name = corpus or next(iter(folders))
+    if name not in folders:
+        raise ValueError(f"there is no corpus {name!r}; there are {', '.join(folders)}")
+    paths = find_recordings(folders[name]).folders
+    most = None if name == "synthetic" else profile.n_sequences
+    count = len(paths) if most is None else min(most, len(paths))
+    for index in range(count):
+        yield load_recording(paths[index * len(paths) // count])
+
+
+def readable_recordings(root: Path) -> Iterator[Recording]:
+    """Every recording of a corpus that can be read."""
+    return (item for item in iter_recordings(root) if not isinstance(item, Problem))
+
+
+def clip_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0, beats: str = "tracked") -> Clip:
+    """One clip to look at closely: the middle of the first recording of that dance (of any dance when there is none).
+
+    Without recordings a synthetic dancer who is as inexact as people are: some movements end early or late, some beats
+    are left out, some movements come between the beats.
+
+    Parameters
+    ----------
+    profile : RunProfile
+    dance : str
+    seconds : float
+    beats : "tracked" or "annotated"
+        Music beats tracked in the whole recording, or the annotated ones (tracked where there is no annotation).
+
+    Returns
+    -------
+    Clip from 0 s, `beats` its music beats on that time line.
+
+    Raises
+    ------
+    ValueError
+        If there are recordings, and none can be read.
+    """
+    return excerpt(_first_of_dance(profile, dance, seconds), seconds, beats)
+
+
+def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> Recording:
+    """The recording that `clip_of_study` cuts from."""
+    if data_root() is None:
+        settings = ClipSettings(
+            dance, 3 * seconds, jitter=0.05, omission=0.15, redundancy=0.15, noise=0.004, seed=profile.seed
+        )
+        planted = planted_clip(settings)
+        return Recording(planted.clip, planted.annotation, Path(planted.clip.name))
+    first = None
+    for recording in study_recordings(profile):
+        first = first or recording
+        if recording.clip.dance == dance:
+            return recording
+    if first is None:
+        raise ValueError(f"{data_root()}: holds no sequence that can be read")
+    return first
+
+
+class Span(NamedTuple):
+    """A span of a recording, in seconds: its start in the motion, its start in the music, its length."""
+
+    in_motion: float
+    in_music: float
+    length: float
+
+
+def middle_span(recording: Recording, seconds: float) -> Span:
+    """The middle `seconds` (at most) of what music and motion of a recording share, from a frame of the motion on.
+
+    Raises
+    ------
+    ValueError
+        If the recording has no motion.
+    """
+    clip, motion = recording.clip, recording.clip.motion
+    if motion is None:
+        raise ValueError(f"{recording.folder}: no motion")
+    first, last = max(0.0, -clip.offset), min(motion.duration, clip.audio.duration - clip.offset)
+    length = min(seconds, last - first)
+    # On a frame, and never before the music.
+    start = float(np.ceil((first + (last - first - length) / 2) * motion.fps - 1e-6) / motion.fps)
+    return Span(start, max(0.0, clip.offset + start), length)
+
+
+def excerpt(recording: Recording, seconds: float, beats: str = "tracked") -> Clip:
+    """`middle_span` of a recording as a clip that starts at 0 s, with its music beats; as `clip_of_study`.
+
+    Raises
+    ------
+    ValueError
+        If the recording has no motion.
+    """
+    clip, span = recording.clip, middle_span(recording, seconds)
+    track = music_beats(recording, "tracked" if recording.annotation is None else beats)
+    return Clip(
+        f"{clip.name} from {span.in_music:.1f} s",
+        clip.audio.span(span.in_music, span.length),
+        None if clip.motion is None else clip.motion.span(span.in_motion, span.length),
+        source=clip.source,
+        beats=track.span(span.in_music, span.length),
+        dance=clip.dance,
+    )
+
+
+def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0) -> BarPattern:
+    """The bar pattern to expect in `clip_of_study`: learnt on other recordings and other figures of its dance.
+
+    Movements that stop on the beat where nothing can be learnt: in synthetic clips, and without annotated beats.
+    """
+    recording = _first_of_dance(profile, dance, seconds)
+    if data_root() is None or recording.annotation is None:
+        return BarPattern.stop_on_the_beat()
+    params = HarmonyParams.recommended()
+    start = middle_span(recording, seconds).in_music
+    near = [
+        clip
+        for clip in cut_clips(recording, "annotated", None, params)
+        if clip.start < start + seconds and start < clip.start + clip.duration
+    ]
+    judged = replace(near[0], figures=frozenset().union(*(clip.figures for clip in near)))
+    others = (item for item in readable_recordings(recording.folder.parent) if item.folder != recording.folder)
+    annotated = (item for item in others if item.annotation is not None and item.clip.dance == recording.clip.dance)
+    clips = [clip for item in annotated for clip in cut_clips(item, "annotated", None, params)]
+    return learn_patterns([judged], clips)[0]
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Counts of a one-to-one matching of music beats and visual beats, and the hits that chance would give.
+
+    `chance_hits` is the mean number of hits after rotations of the visual beats in time.
+    """
+
+    music_beats: int
+    visual_beats: int
+    hits: int
+    chance_hits: float
+
+    @property
+    def omitted(self) -> int:
+        """Music beats without a visual beat of their own."""
+        return self.music_beats - self.hits
+
+    @property
+    def redundant(self) -> int:
+        """Visual beats that no music beat claims."""
+        return self.visual_beats - self.hits
+
+    @property
+    def hit_rate(self) -> float:
+        """Share of music beats that were hit."""
+        return self.hits / max(self.music_beats, 1)
+
+    @property
+    def chance(self) -> float:
+        """Share that random moments would hit."""
+        return self.chance_hits / max(self.music_beats, 1)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.omitted} of {self.music_beats} music beats missed, {self.redundant} of {self.visual_beats} visual "
+            f"beats left over; hit rate {self.hit_rate:.2f}, by chance {self.chance:.2f}"
+        )
+
+    def __add__(self, other: Agreement) -> Agreement:
+        return Agreement(*map(sum, zip(astuple(self), astuple(other), strict=True)))
+
+
+def agreement(music: BeatTrack, visual: BeatTrack, *, delay: float, n_rotations: int) -> Agreement:
+    """Hits of visual beats on music beats when each music beat takes its nearest one (Figs. 1, 3, 5).
+
+    Parameters
+    ----------
+    music, visual : BeatTrack on the same time line
+    delay : float, seconds, radius of the tolerance field
+    n_rotations : int, rotations in time behind the chance level
+    """
+    rotated = [np.mod(visual.times + shift, music.duration) for shift in rotations(music.duration, n_rotations)]
+    hits = [hit_mask(music.times, times, delay=delay, matching="nearest").sum() for times in [visual.times, *rotated]]
+    return Agreement(len(music), len(visual), int(hits[0]), float(np.mean(hits[1:])))
+
+
+def beat_agreement(
+    profile: RunProfile,
+    *,
+    detectors: Iterable[Detector] = ("direction", "turns"),
+    delays: Iterable[float] = (0.12, 0.25),
+) -> pd.DataFrame:
+    """Omission and redundancy of kinds of visual beats (paper mode) against tracked music beats (Figs. 3, 5).
+
+    Returns
+    -------
+    DataFrame, a row for each detector and delay, added up over the middle minute of the study's recordings.
+    """
+    totals = dict.fromkeys(product(detectors, delays), Agreement(0, 0, 0, 0.0))
+    for recording in study_recordings(profile):
+        clip = excerpt(recording, 60.0)
+        if clip.motion is None or clip.beats is None:
+            continue
+        for detector, delay in totals:
+            visual = visual_beats(clip.motion, params=HarmonyParams(detector=detector))
+            totals[detector, delay] += agreement(clip.beats, visual, delay=delay, n_rotations=profile.n_rotations // 4)
+    return pd.DataFrame([_agreement_row(detector, delay, total) for (detector, delay), total in totals.items()])
+
+
+def _agreement_row(detector: str, delay: float, total: Agreement) -> dict[str, Any]:
+    return {
+        "detector": detector,
+        "tolerance (s)": delay,
+        "music beats": total.music_beats,
+        "visual beats": total.visual_beats,
+        "omitted": total.omitted,
+        "redundant": total.redundant,
+        "hit rate": round(total.hit_rate, 3),
+        "chance": round(total.chance, 3),
+    }
+
+
+def strong_by_place(profile: RunProfile) -> pd.DataFrame:
+    """Share of beats that Eq. 22 calls strong at each place of the annotated bar.
+
+    Beats "annotated" have the onset strength at the annotated moments; "tracked" are the tracker's, each at the place
+    of the annotated beat within 0.07 s. Recordings without annotated downbeats are left out.
+
+    Returns
+    -------
+    DataFrame, a row for each kind of beats, meter and place in the bar (1 is the downbeat): n, strong (share of the n
+    that is strong), chance (share of all beats of that kind and meter that is strong).
+    """
+    tables = [
+        _beats_in_bars(recording, beats)
+        for recording in study_recordings(profile)
+        if recording.annotation is not None and recording.annotation.downbeats is not None
+        for beats in ("annotated", "tracked")
+    ]
+    table = pd.concat([pd.DataFrame(columns=["beats", "meter", "place", "strong"]), *tables])
+    table = table.astype({"meter": int, "place": int, "strong": float})
+    groups = table.groupby(["beats", "meter"])["strong"]
+    table["chance"] = groups.transform("mean")
+    shares = table.groupby(["beats", "meter", "place"]).agg(
+        n=("strong", "size"), strong=("strong", "mean"), chance=("chance", "mean")
+    )
+    return shares.reset_index()
+
+
+def _beats_in_bars(recording: Recording, beats: str) -> pd.DataFrame:
+    """Meter, place in the bar and strength class of every music beat of one recording whose place is known."""
+    annotation, track = recording.annotation, music_beats(recording, beats)
+    places = None if annotation is None else annotation.bar_places()
+    if annotation is None or places is None or len(track) < 2:
+        return pd.DataFrame()
+    distances = np.abs(track.times[:, None] - annotation.times[None, :])
+    is_placed = distances.min(axis=1) <= SAME_BEAT
+    is_placed[0] = False  # Eq. 22 compares with the beat before
+    return pd.DataFrame(
+        {
+            "beats": beats,
+            "meter": annotation.meter,
+            "place": places[distances.argmin(axis=1)[is_placed]] + 1,
+            "strong": strong_beats(track.strengths)[is_placed],
+        }
+    )

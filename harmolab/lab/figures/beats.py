@@ -1,0 +1,246 @@
+"""Pictures of beats: the curves they are read from, who meets whom, and what chance would reach.
+
+Every function draws on the axes it is given and returns them. Music is blue and points up, the dance is orange and
+points down; a hit is a green circle, a miss a red cross.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.ticker import FixedFormatter, FixedLocator
+from numpy.typing import ArrayLike
+
+from harmolab.lab.figures.style import COLOURS, MARKERS
+from harmolab.types import BeatTrack, FloatArray
+
+SIDES = MappingProxyType({"audio": 1.0, "visual": -1.0})
+NAMES = MappingProxyType({"audio": "music beat", "visual": "visual beat"})
+ROOM = 1.3  # a unit stem ends at 1; the marks need some space beyond
+
+
+def draw_curve(
+    ax: Axes, times: ArrayLike, curve: ArrayLike, track: BeatTrack | None = None, *, kind: str = "visual"
+) -> Axes:
+    """A curve over time, and a line with a mark at each beat that was read from it.
+
+    Parameters
+    ----------
+    ax : Axes
+    times, curve : (T,) arrays, seconds and any unit
+    track : BeatTrack, optional
+    kind : "audio" or "visual", which gives colour and mark
+    """
+    colour = COLOURS[kind]
+    seconds, values = np.asarray(times, np.float64), np.asarray(curve, np.float64)
+    ax.plot(seconds, values, color=colour, linewidth=1.2, zorder=2)
+    top = 1.08 * max(float(values.max(initial=0.0)), 1e-12)
+    if track is not None:
+        _draw_lines(ax, track.times, 0.0, top, color=colour, alpha=0.45, linewidth=1.2, zorder=1)
+        heights = np.interp(track.times, seconds, values) if len(track) else track.times
+        mark = "o" if kind == "audio" else MARKERS[kind]
+        ax.plot(
+            track.times, heights, linestyle="none", marker=mark, color=colour, markersize=6, zorder=3,
+            markeredgecolor="white", markeredgewidth=0.6, label=f"{NAMES[kind]} ({len(track)})",
+        )  # fmt: skip
+        ax.set_xlim(0.0, track.duration)
+    ax.set_ylim(min(0.0, 1.08 * float(values.min(initial=0.0))), top)
+    ax.set_xlabel("time (s)")
+    return ax
+
+
+def _draw_lines(ax: Axes, times: FloatArray, bottom: ArrayLike, top: ArrayLike, **look: Any) -> None:
+    """A vertical line at each time. `Axes.vlines` takes four times as long, most of it to find limits we know."""
+    low, high = np.broadcast_to(bottom, times.shape), np.broadcast_to(top, times.shape)
+    ends = [[(time, start), (time, end)] for time, start, end in zip(times, low, high, strict=True)]
+    ax.add_collection(LineCollection(ends, **look))
+
+
+def draw_tolerance(ax: Axes, times: ArrayLike, delay: float, *, reach: float = ROOM) -> Axes:
+    """The tolerance field around each music beat: `delay` seconds to either side, a pale blue band."""
+    spans = [(time - delay, time + delay) for time in np.asarray(times, np.float64)]
+    if spans and delay > 0:
+        corners = [[(left, -reach), (left, reach), (right, reach), (right, -reach)] for left, right in spans]
+        look: dict[str, Any] = {"facecolor": COLOURS["audio"], "alpha": 0.13, "linewidth": 0, "zorder": 0}
+        ax.add_collection(PolyCollection(corners, label="tolerance field", **look))
+    return ax
+
+
+def draw_stems(
+    ax: Axes, track: BeatTrack, *, kind: str, heights: ArrayLike | None = None, ignored: bool = False
+) -> Axes:
+    """One stem for each beat: upwards for the music, downwards for the dance.
+
+    Parameters
+    ----------
+    ax : Axes
+    track : BeatTrack
+    kind : "audio" or "visual"
+    heights : (B,) array, optional
+        Lengths of the stems, not negative; all 1 when left out.
+    ignored : bool
+        Beats that nobody would notice (Eq. 11-13) are thin, grey and dotted.
+    """
+    lengths = np.ones(len(track)) if heights is None else np.asarray(heights, np.float64)
+    look: dict[str, Any] = {"color": COLOURS[kind], "linewidth": 2.2}
+    if ignored:
+        look = {"color": COLOURS["chance"], "linewidth": 1.4, "linestyle": (0, (1, 1.5))}
+    if len(track):
+        name = f"{NAMES[kind]}, not noticed" if ignored else NAMES[kind]
+        _draw_lines(ax, track.times, 0.0, SIDES[kind] * lengths, zorder=2, label=name, **look)
+    return ax
+
+
+def draw_threshold(ax: Axes, level: float, *, kind: str) -> Axes:
+    """How strong a beat must be to be noticed (Eq. 11, 13): a thin line on the side of the beats."""
+    ax.axhline(SIDES[kind] * level, color=COLOURS[kind], linestyle=":", linewidth=1.2, zorder=1)
+    return ax
+
+
+def draw_hits(
+    ax: Axes,
+    audio_track: BeatTrack,
+    visual_track: BeatTrack,
+    pairs: ArrayLike,
+    *,
+    delay: float,
+    lag: float = 0.0,
+    audio_heights: ArrayLike | None = None,
+    visual_heights: ArrayLike | None = None,
+) -> Axes:
+    """Music beats upwards, visual beats downwards, the tolerance fields, hits and misses (Figs. 1, 3b, 5b).
+
+    Parameters
+    ----------
+    ax : Axes
+    audio_track, visual_track : BeatTrack, the N and M beats that are compared
+    pairs : (N,) int array
+        The visual beat that hits each music beat, -1 for none, as in a `HarmonyScore`. Visual beats that
+        it does not name are redundant and get a cross too.
+    delay : float, seconds, T_delay
+    lag : float, seconds; where visual beats are expected after the music's, so the fields are drawn that much later
+    audio_heights, visual_heights : (N,) and (M,) arrays, optional
+        Lengths of the stems; 1 when left out, as in Fig. 1.
+    """
+    partners = np.asarray(pairs, np.int64)
+    up = np.ones(len(audio_track)) if audio_heights is None else np.asarray(audio_heights, np.float64)
+    down = np.ones(len(visual_track)) if visual_heights is None else np.asarray(visual_heights, np.float64)
+    used = np.isin(np.arange(len(visual_track)), partners[partners >= 0])
+    draw_tolerance(ax, audio_track.times + lag, delay)
+    draw_stems(ax, audio_track, kind="audio", heights=up)
+    draw_stems(ax, visual_track, kind="visual", heights=down)
+    times = np.concatenate([audio_track.times, visual_track.times])
+    tips = np.concatenate([up, -down])
+    good = np.concatenate([partners >= 0, used])
+    draw_marks(ax, times, tips, good)
+    ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
+    ax.set(xlim=(0.0, audio_track.duration), ylim=(-ROOM, ROOM), xlabel="time (s)")
+    ax.yaxis.set_major_locator(FixedLocator([-0.65, 0.65]))
+    ax.yaxis.set_major_formatter(FixedFormatter(["dance", "music"]))
+    ax.tick_params(axis="y", length=0)
+    return ax
+
+
+def draw_marks(
+    ax: Axes,
+    times: ArrayLike,
+    heights: ArrayLike,
+    good: ArrayLike,
+    *,
+    labels: tuple[str, str] = ("hit", "missed, or redundant"),
+) -> Axes:
+    """Green circles where it went well, red crosses where it did not.
+
+    Parameters
+    ----------
+    ax : Axes
+    times, heights : (B,) arrays, places of the marks
+    good : (B,) bool array
+    labels : names of circles and crosses in the legend
+    """
+    x, y, mask = np.asarray(times, np.float64), np.asarray(heights, np.float64), np.asarray(good, bool)
+    ax.plot(
+        x[mask], y[mask], linestyle="none", marker=MARKERS["hit"], markersize=9, markerfacecolor="none",
+        markeredgecolor=COLOURS["hit"], markeredgewidth=2.0, zorder=4, label=labels[0],
+    )  # fmt: skip
+    ax.plot(
+        x[~mask], y[~mask], linestyle="none", marker=MARKERS["miss"], markersize=8,
+        markeredgecolor=COLOURS["miss"], markeredgewidth=2.2, zorder=4, label=labels[1],
+    )  # fmt: skip
+    return ax
+
+
+def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float) -> Axes:
+    """How high each music beat ranks among all moments of the clip (measure "pattern"): 1 best, 0.5 chance.
+
+    Parameters
+    ----------
+    ax : Axes
+    track : BeatTrack, the N attentional music beats; stronger ones get wider stems
+    shares : (N,) array in [0, 1], percentile ranks as in a `HarmonyScore` by a bar pattern
+    chance : float
+    """
+    ranks = np.asarray(shares, np.float64)
+    weights = track.strengths / max(float(track.strengths.max(initial=0.0)), 1e-12)
+    if len(track):
+        _draw_lines(
+            ax, track.times, chance, ranks, color=COLOURS["audio"], linewidth=1.0 + 5.0 * weights, zorder=2,
+            label="music beat, wider if stronger",
+        )  # fmt: skip
+    ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.2, zorder=1, label="chance")
+    draw_marks(ax, track.times, ranks, ranks > 0.5, labels=("above the median moment", "below it"))
+    ax.set(xlim=(0.0, track.duration), ylim=(-0.08, 1.08), xlabel="time (s)")
+    ax.yaxis.set_major_locator(FixedLocator([0.0, 0.5, 1.0]))
+    ax.yaxis.set_major_formatter(FixedFormatter(["0", "0.5", "1"]))
+    ax.tick_params(axis="y", length=3)
+    return ax
+
+
+def draw_rotations(ax: Axes, shifts: ArrayLike, shares: ArrayLike, *, observed: float, chance: float) -> Axes:
+    """The same score after moving the music in time: is "where it is" better than anywhere else?
+
+    Parameters
+    ----------
+    ax : Axes
+    shifts : (R,) array, seconds the music was moved by, increasing
+    shares : (R,) array, what was reached there
+    observed, chance : float; what is reached without a shift, and on average over the shifts
+    """
+    moved = np.asarray(shifts, np.float64)
+    ax.plot(moved, shares, color=COLOURS["chance"], linewidth=1.2, zorder=2, label="music moved in time")
+    ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.2, zorder=1, label="chance")
+    ax.plot(
+        [0.0], [observed], linestyle="none", marker="D", markersize=8, color=COLOURS["ink"], zorder=3,
+        label="music where it is",
+    )  # fmt: skip
+    ax.set(ylim=(-0.03, 1.05), xlabel="music moved by (s)")
+    if moved.size:
+        ax.set_xlim(float(moved.min()), float(moved.max()))
+    return ax
+
+
+def draw_tolerances(
+    ax: Axes, delays: ArrayLike, hit_rates: ArrayLike, chances: ArrayLike, *, used: float | None = None
+) -> Axes:
+    """Hit rate and chance level as the tolerance grows; between them lies what the dancer adds.
+
+    Parameters
+    ----------
+    ax : Axes
+    delays : (D,) array, seconds, T_delay
+    hit_rates, chances : (D,) arrays in [0, 1]
+    used : float, seconds, optional; the paper's choice, as a dotted line
+    """
+    seconds, rates, floor = (np.asarray(values, np.float64) for values in (delays, hit_rates, chances))
+    ax.fill_between(seconds, floor, rates, color=COLOURS["faint"], zorder=1)
+    ax.plot(seconds, rates, color=COLOURS["hit"], linewidth=2.0, marker="o", markersize=4, label="hit rate")
+    ax.plot(seconds, floor, color=COLOURS["chance"], linewidth=2.0, linestyle="--", label="chance")
+    if used is not None:
+        ax.axvline(used, color=COLOURS["ink"], linestyle=":", linewidth=1.2, label=f"paper: {used:g} s")
+    ax.set(xlim=(seconds.min(), seconds.max()), ylim=(0.0, 1.03), xlabel="tolerance T_delay (s)")
+    ax.set_ylabel("share of music beats hit")
+    return ax

@@ -1,0 +1,90 @@
+"""Early or late: the offset of the dance from each music beat, along time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from harmolab.lab.figures.beats import draw_marks
+from harmolab.lab.figures.style import COLOURS, figure_style
+from harmolab.types import FloatArray, HarmonyScore
+
+Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
+
+LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
+
+
+def signed_offsets(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
+    """Offset of the visual beat nearest to each music beat: (N,) seconds, early is negative; NaN without any.
+
+    >>> signed_offsets(np.array([1.0, 2.0]), np.array([1.1, 1.75]))
+    array([ 0.1 , -0.25])
+    """
+    if visual_times.size == 0:
+        return np.full(audio_times.size, np.nan)
+    differences = visual_times[None, :] - audio_times[:, None]
+    offsets: FloatArray = differences[np.arange(audio_times.size), np.abs(differences).argmin(axis=1)]
+    return offsets
+
+
+def draw_timing(ax: Axes, score: HarmonyScore) -> Axes:
+    """Each music beat's offset to the visual beat that hits it, in milliseconds; early lies below zero, late above.
+
+    A green circle is a hit of the score; a red cross a miss, at its nearest visual beat. Without visual beats only the
+    band of the tolerance is drawn.
+    """
+    music, times = score.music, score.visual.times - score.params.lag
+    hits = score.pairs >= 0
+    offsets = 1000 * signed_offsets(music.times, times)
+    offsets[hits] = 1000 * (times[score.pairs[hits]] - music.times[hits])
+    delay = 1000 * score.params.reaction_delay
+    ax.axhspan(-delay, delay, color=COLOURS["audio"], alpha=0.13, linewidth=0, zorder=0, label="tolerance field")
+    ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
+    finite = np.isfinite(offsets)
+    draw_marks(ax, music.times[finite], offsets[finite], hits[finite], labels=("hit", "missed"))
+    room = 1.15 * max(float(np.abs(offsets[finite]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
+    ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel="early (ms)  |  late (ms)")
+    return ax
+
+
+def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
+    """The mean offset of each stretch of time as an orange line, with a pale field for its interval.
+
+    Parameters
+    ----------
+    ax : Axes with milliseconds on the y axis
+    means : (start, end, mean, (low, high)) for each stretch, seconds
+    """
+    for place, (start, end, mean, (low, high)) in enumerate(means):
+        field = "mean and 95 % interval" if place == 0 else None
+        ax.plot([start, end], [1000 * mean] * 2, color=COLOURS["visual"], linewidth=2.2, zorder=4, label=field)
+        if np.isfinite([low, high]).all():
+            ax.fill_between([start, end], 1000 * low, 1000 * high, color=COLOURS["visual"], alpha=0.35, lw=0, zorder=3)
+    return ax
+
+
+def timing_figure(
+    score: HarmonyScore,
+    *,
+    means: Sequence[Mean] = (),
+    title: str = "How early or late each music beat is met",
+    size: tuple[float, float] = (9.0, 3.6),
+) -> Figure:
+    """`draw_timing` and `draw_means` as one picture with a legend.
+
+    Parameters
+    ----------
+    score : HarmonyScore
+    means : as in `draw_means`, such as the halves of an explanation
+    title : str
+    size : (float, float), inches
+    """
+    with figure_style():
+        figure = Figure(figsize=size)
+        ax = draw_means(draw_timing(figure.subplots(), score), means)
+        ax.set_title(title)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)
+    return figure

@@ -1,0 +1,149 @@
+"""How a training went: every loss term epoch by epoch, and what the dance of unseen units scored meanwhile (Fig. 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from harmolab.lab.figures.style import COLOURS, styled_axes
+from harmolab.lab.figures.variants import LOOKS, Record
+from harmolab.types import FloatArray
+
+PRETRAIN = "pretrain"
+# Panels of the losses in reading order: title, column of the history, variants that share its scale (None: all).
+TERMS: tuple[tuple[str, str, tuple[str, ...] | None], ...] = (
+    ("2-D poses (Eq. 24)", "kl", None),
+    ("poses (Eq. 25)", "mse", None),
+    ("poses, validation units", "val_mse", None),
+    ("pose network (Eq. 26)", "feature", None),
+    ("discriminator $D_{cd}$ (Eq. 29)", "critic_cd", None),
+    ("discriminator $D_{st}$ (Eq. 30)", "critic_st", None),
+    ("$G$ against both (Eq. 31)", "gan", None),
+    ("paper's harmony (Eq. 27)", "harmony", ("paper",)),
+    ("our harmony", "harmony", ("recommended",)),
+    ("jerk, ours only", "smoothness", None),
+    ("energy, ours only", "energy", None),
+    ("sliding feet, ours only", "foot", None),
+)
+VALIDATED = MappingProxyType(
+    {
+        "val_harmony": "paper's harmony h",
+        "val_hit_rate": "paper's hit rate",
+        "val_above_chance": "harmony above chance",
+        "val_count_ratio": "beats danced / heard",
+    }
+)
+GUESSING = 2 * np.log(2.0)  # -log(1/2) - log(1/2): what Eq. 29-31 give while nobody can tell recorded from made
+_GUESSED = ("critic_cd", "critic_st", "gan")
+_STYLES = MappingProxyType({True: "-", False: (0, (4, 1.5))})  # with the harmony term, without
+
+
+def draw_term(ax: Axes, rows: Sequence[Record], column: str, variants: Sequence[str]) -> Axes:
+    """One column of the history over all epochs, a line for each variant; the pretraining epochs lie on grey.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records of `harmolab.lab.experiments.generation.histories`: "variant", "phase" and the columns of history.csv
+    column : name of a loss term; NaN (or absent) where an epoch does not have it
+    variants : names in `LOOKS`
+    """
+    for name in variants:
+        values = _column(rows, column, name)
+        epochs = np.flatnonzero(np.isfinite(values)) + 1
+        ax.plot(epochs, values[epochs - 1], **_line(name, epochs.size))
+    if column in _GUESSED:
+        ax.axhline(GUESSING, color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
+    before = _pretrained(rows)
+    if any(np.isfinite(_column([row for row in rows if row["phase"] == PRETRAIN], column))):
+        ax.axvspan(0.5, before + 0.5, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=0, gid="pretraining")
+    ax.xaxis.set_major_locator(MaxNLocator(4, integer=True))
+    ax.yaxis.set_major_locator(MaxNLocator(4))
+    return ax
+
+
+def draw_validated(ax: Axes, rows: Sequence[Record], column: str) -> Axes:
+    """What the validation units scored after each adversarial epoch; 0 is the end of the pretraining.
+
+    Parameters
+    ----------
+    rows : as for `draw_term`
+    column : name in `VALIDATED`
+    """
+    before = _pretrained(rows)
+    for name in _named(rows):
+        values = _column(rows, column, name)[max(before - 1, 0) :]
+        epochs = np.flatnonzero(np.isfinite(values))
+        ax.plot(epochs + (0 if before else 1), values[epochs], **_line(name, epochs.size))
+    levels = {"val_above_chance": 0.0, "val_count_ratio": 1.0}
+    if column in levels:
+        ax.axhline(levels[column], color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
+    if column != "val_count_ratio":
+        low, high = ax.get_ylim()
+        ax.set_ylim(min(low, 0.0), max(high, 1.0))
+    ax.set(title=VALIDATED[column], xlabel="adversarial epoch (0: end of pretraining)")
+    ax.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return ax
+
+
+def losses_figure(rows: Iterable[Record]) -> Figure:
+    """`draw_term` for every term of Eq. 32 and its parts, before weighting."""
+    table = list(rows)
+    names = _named(table)
+    with styled_axes((11.0, 8.2), 3, 4) as (figure, axes):
+        for ax, (title, column, shared) in zip(axes, TERMS, strict=True):
+            has = [name for name in names if np.isfinite(_column(table, column, name)).any()]
+            draw_term(ax, table, column, [name for name in has if shared is None or name in shared]).set_title(title)
+        figure.supxlabel("epoch", fontsize=10)
+        figure.supylabel("mean over the epoch's batches, before the weight of the term", fontsize=10)
+        band = Patch(facecolor=COLOURS["faint"], alpha=0.5, label="pretraining")
+        coin = Line2D([], [], color=COLOURS["chance"], linestyle=":", label="discriminators guess")
+        figure.legend(handles=[*_handles(names), band, coin], loc="outside upper center", ncols=3)
+    return figure
+
+
+def validation_figure(rows: Iterable[Record]) -> Figure:
+    """`draw_validated` for the paper's two scores, and beside them what they do not tell."""
+    table = list(rows)
+    with styled_axes((11.0, 6.2), 2, 2) as (figure, axes):
+        for ax, column in zip(axes, VALIDATED, strict=True):
+            draw_validated(ax, table, column)
+        figure.legend(handles=_handles(_named(table)), loc="outside upper left", ncols=4)
+    return figure
+
+
+def _column(rows: Sequence[Record], column: str, variant: str = "") -> FloatArray:
+    """Values of one column, of one variant if one is named; NaN where a row does not have it."""
+    named = [row for row in rows if variant in ("", row["variant"])]
+    return np.array([row.get(column, np.nan) for row in named], dtype=np.float64)
+
+
+def _pretrained(rows: Sequence[Record]) -> int:
+    """Pretraining epochs of each variant: all share their number."""
+    counts = [sum(row["phase"] == PRETRAIN for row in rows if row["variant"] == name) for name in _named(rows)]
+    return max(counts, default=0)
+
+
+def _named(rows: Sequence[Record]) -> list[str]:
+    """Variants of the rows, in the order of `LOOKS`."""
+    names = {row["variant"] for row in rows}
+    return [name for name in LOOKS if name in names]
+
+
+def _line(name: str, n_points: int) -> dict[str, Any]:
+    """How a variant's line looks; few points are marked one by one."""
+    look = LOOKS[name]
+    mark = {"marker": look.marker, "markersize": 4.5, "markerfacecolor": look.colour if look.filled else "white"}
+    return {"color": look.colour, "linestyle": _STYLES[look.filled], **(mark if n_points <= 20 else {})}
+
+
+def _handles(names: Sequence[str]) -> list[Line2D]:
+    return [Line2D([], [], label=LOOKS[name].label, **_line(name, 1)) for name in names]

@@ -1,0 +1,1 @@
+"""User studies: trials, presenting, answers, analysis."""

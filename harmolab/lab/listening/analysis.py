@@ -1,0 +1,322 @@
+"""Analysis of a study's answers: rates with intervals, agreement between raters, correlation with scores.
+
+Every row of a table says in its field "simulated" whether the raters behind it were people; `answer_grid` refuses
+answers of both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import rankdata
+
+from harmolab.lab.listening.answers import Answers
+from harmolab.lab.listening.trials import CHOICES, Key
+from harmolab.significance import auc, bootstrap_interval_of, wilson_interval
+from harmolab.types import BoolArray, FloatArray
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A share with its 95 % interval: `hits` of `n` answers."""
+
+    hits: int
+    n: int
+    low: float
+    high: float
+
+    @property
+    def share(self) -> float:
+        """hits / n; NaN without answers."""
+        return self.hits / self.n if self.n else math.nan
+
+    def row(self) -> Row:
+        """As fields of a table row."""
+        return {"n": self.n, "rate": self.share, "low": self.low, "high": self.high}
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """The answers of a study as a table of raters and trials.
+
+    Parameters
+    ----------
+    second : (R, T) array, 1.0 where the rater gave the second of the two possible answers ("inharmonious", "right"),
+        0.0 for the first, NaN where there is no answer
+    raters : R names
+    trials : T ids
+    simulated : bool
+    key : Key
+    """
+
+    second: FloatArray
+    raters: tuple[str, ...]
+    trials: tuple[str, ...]
+    simulated: bool
+    key: Key
+
+    def right(self) -> FloatArray:
+        """(R, T) array: 1.0 for a right answer, 0.0 for a wrong one, NaN where none was given or none is right."""
+        first, second = CHOICES[self.key.kind]
+        expected = [{first: 0.0, second: 1.0}.get(self.key.trials[one].right or "", math.nan) for one in self.trials]
+        missing = np.isnan(self.second) | np.isnan(expected)
+        return np.where(missing, math.nan, self.second == np.asarray(expected))
+
+
+def answer_grid(answers: Answers, key: Key) -> Grid:
+    """The answers in a table, checked against the key.
+
+    Raises
+    ------
+    ValueError
+        If there are no answers, they are of another study, name a trial or a choice that the key does not have, or
+        mix people with simulated raters.
+    """
+    if not answers.answers:
+        raise ValueError("there are no answers to analyse")
+    if len({answer.simulated for answer in answers.answers}) > 1:
+        raise ValueError("people and simulated raters in one analysis; analyse them apart")
+    raters, trials = answers.raters, tuple(key.trials)
+    rows = {name: row for row, name in enumerate(raters)}
+    columns = {name: column for column, name in enumerate(trials)}
+    second = np.full((len(raters), len(trials)), math.nan)
+    for answer in answers.answers:
+        if answer.study != key.study:
+            raise ValueError(f"answers of study {answer.study} do not go with the key of study {key.study}")
+        if answer.trial not in columns or answer.choice not in CHOICES[key.kind]:
+            raise ValueError(f"{answer.rater}: the key knows no answer {answer.choice!r} to trial {answer.trial!r:.60}")
+        second[rows[answer.rater], columns[answer.trial]] = CHOICES[key.kind].index(answer.choice)
+    return Grid(second, raters, trials, answers.simulated, key)
+
+
+def study_tables(
+    answers: Answers, key: Key, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0
+) -> dict[str, list[Row]]:
+    """The rows of every table of a study by name; "raters" and "agreement" only where there are any."""
+    grid = answer_grid(answers, key)
+    tables = {
+        "raters": rater_rows(grid) if any(entry.right for entry in key.trials.values()) else [],
+        "versions": version_rows(grid),
+        "agreement": [agreement_row(grid, seed=seed)] if len(grid.raters) > 1 else [],
+        "scores": score_rows(grid, scores, seed=seed),
+    }
+    return {name: rows for name, rows in tables.items() if rows}
+
+
+def wilson_rate(values: FloatArray) -> Rate:
+    """Share of ones among independent answers, with Wilson's interval; NaN entries do not count."""
+    answered = values[~np.isnan(values)]
+    hits, n = int(answered.sum()), answered.size
+    return Rate(hits, n, *wilson_interval(hits, n))
+
+
+def pooled_rate(values: FloatArray) -> Rate:
+    """Share of ones over raters and trials, with an interval for other raters and other trials of their kind.
+
+    Answers of one rater are alike, and so are answers to one trial. The variance of the mean is that of clusters by
+    rater plus that of clusters by trial minus that of single answers (Cameron, Gelbach and Miller 2011), and never
+    less than that of independent answers; with it, n answers are worth ``p (1 - p) / variance`` independent ones,
+    from which Wilson's interval follows. A bootstrap that draws raters and trials at once would count the noise of
+    single answers three times.
+
+    Parameters
+    ----------
+    values : (R, T) array of 0, 1 and NaN
+    """
+    answered = ~np.isnan(values)
+    hits, n = int(np.nansum(values)), int(answered.sum())
+    if n == 0:
+        return Rate(0, 0, math.nan, math.nan)
+    share = hits / n
+    noise = share * (1 - share) / n
+    residual = np.where(answered, values - share, 0.0)
+    by_rater, by_trial = (_cluster_variance(residual, answered, axis) for axis in (1, 0))
+    alike = max(by_rater - noise, 0.0) + max(by_trial - noise, 0.0)
+    variance = noise + alike
+    worth = share * (1 - share) / variance if variance > 0 else float(n)
+    # Few raters tell little about how much raters differ: Student's quantile, by Satterthwaite's degrees of freedom.
+    doubt = sum(
+        max(part - noise, 0.0) ** 2 / max(int(answered.any(axis).sum()) - 1, 1)
+        for part, axis in ((by_rater, 1), (by_trial, 0))
+    )
+    freedom = variance**2 / doubt if doubt > 0 else math.inf
+    return Rate(hits, n, *wilson_interval(share * worth, worth, freedom=freedom))
+
+
+def _cluster_variance(residual: FloatArray, answered: BoolArray, axis: int) -> float:
+    """Variance of the mean if the clusters along the other axis are what was drawn; 0 with fewer than two."""
+    clusters = int(answered.any(axis).sum())
+    if clusters < 2:
+        return 0.0
+    sums = residual.sum(axis)
+    return float(clusters / (clusters - 1) * (sums**2).sum() / answered.sum() ** 2)
+
+
+def rater_rows(grid: Grid) -> list[Row]:
+    """Right answers: a row for each rater (Wilson's interval), and one for all of them (`pooled_rate`).
+
+    Raises
+    ------
+    ValueError
+        If no trial has a right answer, as between two models; use `version_rows`.
+    """
+    right = grid.right()
+    if np.isnan(right).all():
+        raise ValueError("no trial of this study has a right answer; use version_rows")
+    rows = [{"rater": name, **wilson_rate(values).row()} for name, values in zip(grid.raters, right, strict=True)]
+    rows.append({"rater": "all", **pooled_rate(right).row()})
+    return _labelled(rows, grid)
+
+
+def version_rows(grid: Grid) -> list[Row]:
+    """Shares of what was picked: how often each condition was called inharmonious ("pick"), how often the first of each
+    pair of models was preferred ("choice").
+    """
+    shown = [grid.key.trials[one].versions for one in grid.trials]
+    rows = []
+    for versions in sorted({tuple(sorted(one)) for one in shown}):
+        these = np.array([tuple(sorted(one)) == versions for one in shown])
+        # The second answer says "inharmonious", or that the dance on the right is better.
+        flipped = np.array([len(one) == 2 and one[1] != versions[0] for one in shown])
+        picked = np.where(flipped[None, :], 1.0 - grid.second, grid.second)[:, these]
+        rows.append({"version": " over ".join(versions), **pooled_rate(picked).row()})
+    return _labelled(rows, grid)
+
+
+def cohen_kappa(first: FloatArray, second: FloatArray) -> float:
+    """Cohen's kappa of two raters' answers to the same trials; NaN if chance alone would make them agree.
+
+    >>> cohen_kappa(np.array([0.0, 0, 1, 1]), np.array([0.0, 0, 1, 0]))
+    0.5
+    """
+    both = ~(np.isnan(first) | np.isnan(second))
+    one, other = first[both], second[both]
+    if one.size == 0:
+        return math.nan
+    by_chance = one.mean() * other.mean() + (1 - one.mean()) * (1 - other.mean())
+    return float((np.mean(one == other) - by_chance) / (1 - by_chance)) if by_chance < 1 else math.nan
+
+
+def krippendorff_alpha(values: FloatArray) -> float:
+    """Krippendorff's alpha for two kinds of answer; NaN if all answers are the same.
+
+    Parameters
+    ----------
+    values : (R, T) array of 0, 1 and NaN; trials with one answer do not count
+    """
+    counts = (~np.isnan(values)).sum(0)
+    shared = values[:, counts >= 2]
+    ones, n = np.nansum(shared, axis=0), counts[counts >= 2]
+    total, all_ones = n.sum(), ones.sum()
+    expected = all_ones * (total - all_ones)
+    if expected == 0:
+        return math.nan
+    observed = (ones * (n - ones) / (n - 1)).sum()
+    return float(1 - (total - 1) * observed / expected)
+
+
+def agreement_row(grid: Grid, *, seed: int = 0) -> Row:
+    """Agreement of the raters beyond chance: Cohen's kappa of two, Krippendorff's alpha of more.
+
+    The interval is a bootstrap over trials.
+
+    Raises
+    ------
+    ValueError
+        With one rater.
+    """
+    n_raters = len(grid.raters)
+    if n_raters < 2:
+        raise ValueError("agreement needs two raters or more; merge their files first")
+    measure, name = (_kappa, "Cohen's kappa") if n_raters == 2 else (krippendorff_alpha, "Krippendorff's alpha")
+    shared = grid.second[:, (~np.isnan(grid.second)).sum(0) >= 2]
+    low, high = bootstrap_interval_of(lambda drawn: measure(shared[:, drawn]), shared.shape[1], seed=seed)
+    row = {"measure": name, "raters": n_raters, "n": shared.shape[1], "rate": measure(shared), "low": low, "high": high}
+    return _labelled([row], grid)[0]
+
+
+def _kappa(values: FloatArray) -> float:
+    return cohen_kappa(values[0], values[1])
+
+
+def score_rows(grid: Grid, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0) -> list[Row]:
+    """Correlation of the answers with every score; the interval of both correlations is a bootstrap over trials.
+
+    Parameters
+    ----------
+    grid : Grid
+    scores : mapping from the name of a score to its value for every source; higher means more harmonious
+    seed : int
+
+    Returns
+    -------
+    A row for each score, with Spearman's correlation between the score and the share of raters who found the clip
+    harmonious ("rank", "low", "high"; for "choice": the score of the dance on the right less that of the left one, and
+    the share who chose it), the same for single answers ("point_biserial", "pb_low", "pb_high"), and the AUC.
+
+    Raises
+    ------
+    ValueError
+        If a score lacks a source.
+    """
+    rows = []
+    for name, values in scores.items():
+        score = _trial_scores(grid, name, values)
+        liked = grid.second if grid.key.kind == "choice" else 1.0 - grid.second
+        defined = ~np.isnan(liked).all(0) & ~np.isnan(score)
+        rows.append({"score": name, "n": int(defined.sum()), **_correlations(score[defined], liked[:, defined], seed)})
+    return _labelled(rows, grid)
+
+
+def _trial_scores(grid: Grid, name: str, values: Mapping[str, float]) -> FloatArray:
+    """(T,) array: the score of the clip, or of the dance on the right less that of the left one."""
+    sources = [grid.key.trials[one].sources for one in grid.trials]
+    missing = sorted({source for one in sources for source in one} - set(values))
+    if missing:
+        raise ValueError(f"score {name!r} has no value for {missing[0]!r} ({len(missing)} missing)")
+    return np.array([values[one[-1]] - (values[one[0]] if len(one) == 2 else 0.0) for one in sources])
+
+
+def _correlations(score: FloatArray, liked: FloatArray, seed: int) -> Row:
+    """Both correlations of (T,) scores with (R, T) answers, and the AUC of single answers."""
+    share = np.nanmean(liked, axis=0) if score.size else np.empty(0)
+    ranks = bootstrap_interval_of(lambda drawn: _rank(score[drawn], share[drawn]), score.size, seed=seed)
+    singles = bootstrap_interval_of(lambda drawn: _point_biserial(score[drawn], liked[:, drawn]), score.size, seed=seed)
+    every = np.broadcast_to(score, liked.shape)
+    return {
+        "rank": _rank(score, share),
+        "low": ranks[0],
+        "high": ranks[1],
+        "point_biserial": _point_biserial(score, liked),
+        "pb_low": singles[0],
+        "pb_high": singles[1],
+        "auc": auc(every[liked == 1], every[liked == 0]),
+    }
+
+
+def _rank(score: FloatArray, share: FloatArray) -> float:
+    return _pearson(rankdata(score), rankdata(share))
+
+
+def _point_biserial(score: FloatArray, liked: FloatArray) -> float:
+    answered = ~np.isnan(liked)
+    return _pearson(np.broadcast_to(score, liked.shape)[answered], liked[answered])
+
+
+def _pearson(one: FloatArray, other: FloatArray) -> float:
+    """Correlation; NaN if either does not vary."""
+    if one.size < 2:
+        return math.nan
+    a, b = one - one.mean(), other - other.mean()
+    scale = math.sqrt(float((a**2).sum() * (b**2).sum()))
+    return float((a * b).sum() / scale) if scale > 1e-12 else math.nan
+
+
+def _labelled(rows: Sequence[Row], grid: Grid) -> list[Row]:
+    return [{**row, "simulated": grid.simulated} for row in rows]

@@ -1,0 +1,296 @@
+"""The stimuli of a study, cut from a corpus: pieces of music, and for each the dances that may be shown to it.
+
+The music of a piece stays and the dance is exchanged: its own ("true"), its own half a beat late ("lagged"), another
+clip's of the same kind ("swapped"), or another model's. Against its dance the music is wrong all the same, and the
+sound is one and the same whatever the answer, so neither its beginning nor its end nor its loudness can tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from harmolab.beats.audio import music_beats
+from harmolab.beats.visual import visual_beats
+from harmolab.harmony import music_and_motion, score_clip
+from harmolab.kinematics import resample_motion, upsample_motion
+from harmolab.lab.listening.trials import Item, KeyEntry
+from harmolab.metrics.beats import kinematic_params, other_scores
+from harmolab.params import HarmonyParams
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+
+FPS = 60.0  # of every motion shown, so that its rate does not tell where it comes from
+FADE = 0.05  # seconds, at both ends of the sound
+LOUDNESS = 0.1  # root mean square of every sound, where no peak forbids it; full scale is 1
+ONSET = 0.25  # seconds at the beginning that must not be silent
+QUIET = 0.2  # of the sound's root mean square: below, it counts as silent
+STEP = 6  # frames between the moments where a piece may begin
+RECORDED = 0.9  # of the frames shown must be recorded movement
+SHORTEST, LONGEST = 2.0, 60.0  # seconds of a piece
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPiece:
+    """A piece of music and the dances that may be shown to it; all begin and end together.
+
+    Parameters
+    ----------
+    name : str
+    audio : Audio, faded at both ends
+    beats : BeatTrack of the music, on the time line of `audio`
+    motions : mapping from version ("true", "lagged", the name of a model) to Motion
+    dance : str, empty when unknown
+    """
+
+    name: str
+    audio: Audio
+    beats: BeatTrack
+    motions: Mapping[str, Motion]
+    dance: str = ""
+
+    @property
+    def item(self) -> Item:
+        """The piece as `make_trials` wants it; the source of a version is "name / version"."""
+        return Item(self.name, {version: f"{self.name} / {version}" for version in self.motions})
+
+    def clip(self, version: str) -> Clip:
+        """The music with one of its dances, such as a score takes it."""
+        return Clip(f"{self.name} / {version}", self.audio, self.motions[version], beats=self.beats, dance=self.dance)
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The pieces of a study, and which clips gave none, in words."""
+
+    pieces: tuple[StudyPiece, ...]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def items(self) -> tuple[Item, ...]:
+        """The pieces as `make_trials` wants them."""
+        return tuple(piece.item for piece in self.pieces)
+
+    def named(self, name: str) -> StudyPiece:
+        """The piece of that name, which a key calls item."""
+        return next(piece for piece in self.pieces if piece.name == name)
+
+    def shown(self, entry: KeyEntry) -> tuple[Audio, list[Motion]]:
+        """The music of a trial and its dance, or its two dances (left, right): what `blind_page` takes."""
+        piece = self.named(entry.item)
+        return piece.audio, [piece.motions[version] for version in entry.versions]
+
+    def scores(self, entries: Iterable[KeyEntry]) -> dict[str, dict[str, float]]:
+        """`clip_scores` of every dance that is shown: {score: {source: value}}."""
+        rows = {
+            source: clip_scores(self.named(one.item).clip(version))
+            for one in entries
+            for version, source in zip(one.versions, one.sources, strict=True)
+        }
+        names = next(iter(rows.values()), {})
+        return {name: {source: row[name] for source, row in rows.items()} for name in names}
+
+
+def lagged_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces:
+    """A piece of each clip, with its dance "true" and "lagged": every movement half a beat late.
+
+    Parameters
+    ----------
+    clips : iterable of Clip with a motion, each with a name of its own; taken one at a time
+    seconds : float, length of every piece
+    seed : int
+        Decides where each piece begins: at any moment from which both dances last and the music sounds.
+
+    Raises
+    ------
+    ValueError
+        If `seconds` is not between 2 and 60, or the seed negative. A clip that gives no piece is left out and noted.
+
+    Examples
+    --------
+    >>> from harmolab import synthetic_clip
+    >>> study = lagged_pieces([synthetic_clip("waltz", seconds=8.0)], seconds=5.0, seed=1)
+    >>> study.pieces[0].audio.duration, sorted(study.pieces[0].motions)
+    (5.0, ['lagged', 'true'])
+    """
+    return _pieces(((clip.name, partial(_lagged, clip, seconds, seed)) for clip in clips), seconds, seed)
+
+
+def swapped_pieces(clips: Iterable[Clip], *, seconds: float, seed: int) -> Pieces:
+    """A piece of every second clip, with its dance "true" and "swapped": that of another clip of the same kind.
+
+    The clip that lends its dance gives no piece of its own, so that no rater hears a music or sees a dance twice and
+    learns from it. By accident a lent dance may fit for a while.
+
+    Parameters and errors are those of `lagged_pieces`; the seed also decides which clip lends to which.
+    """
+    cut = _pieces(((clip.name, partial(_true, clip, seconds, seed)) for clip in clips), seconds, seed)
+    kinds = defaultdict(list)
+    for piece in cut.pieces:
+        kinds[piece.dance].append(piece)
+    swapped, left_out = [], list(cut.left_out)
+    for dance, pieces in kinds.items():
+        order = [pieces[place] for place in _rng(seed, dance).permutation(len(pieces))]
+        swapped += [_swapped(own, lent) for own, lent in zip(order[::2], order[1::2], strict=False)]
+        if len(order) % 2:
+            left_out.append(f"{order[-1].name}: no other clip is left to swap its dance ({dance or 'unknown'}) with")
+    return Pieces(tuple(swapped), tuple(left_out))
+
+
+def paired_pieces(
+    pairs: Iterable[tuple[Clip, Motion]], versions: tuple[str, str], *, seconds: float, seed: int
+) -> Pieces:
+    """A piece of each clip with two dances to its one music, for "choice": its own, and another on the same time line.
+
+    Parameters
+    ----------
+    pairs : iterable of (Clip with a motion, Motion whose frame 0 falls on the same audio time)
+    versions : names of the two, such as ("HarmoGAN", "LSTM")
+    seconds, seed
+        As in `lagged_pieces`.
+
+    Raises
+    ------
+    ValueError
+        If the two names are equal, or `seconds` is not between 2 and 60.
+    """
+    if versions[0] == versions[1]:
+        raise ValueError(f"two versions need two names, got {versions[0]!r} twice")
+    cuts = ((clip.name, partial(_paired, clip, other, versions, seconds, seed)) for clip, other in pairs)
+    return _pieces(cuts, seconds, seed)
+
+
+def clip_scores(clip: Clip) -> dict[str, float]:
+    """Every score of one clip: ours above chance in three settings, the paper's h (Eq. 20), and those of others."""
+    scores = {
+        name: score_clip(clip, params, n_rotations=0)
+        for name, params in (
+            ("paper", HarmonyParams.paper()),
+            ("valleys", HarmonyParams.valleys()),
+            ("recommended", HarmonyParams.recommended()),
+        )
+    }
+    above = {f"{name}_above_chance": score.harmony_above_chance for name, score in scores.items()}
+    beats, motion = music_and_motion(clip)
+    kinematic = visual_beats(motion, params=kinematic_params())
+    return {**above, "paper_h": scores["paper"].harmony, **other_scores(beats, kinematic)}
+
+
+def _pieces(cuts: Iterable[tuple[str, Callable[[], StudyPiece]]], seconds: float, seed: int) -> Pieces:
+    """The pieces of all clips, equally loud, and why some clips gave none."""
+    if not SHORTEST <= seconds <= LONGEST:
+        raise ValueError(f"seconds must be between {SHORTEST:g} and {LONGEST:g}, got {seconds:g}")
+    if seed < 0:
+        raise ValueError(f"seed must not be negative, got {seed}")
+    pieces, left_out = [], []
+    for name, cut in cuts:
+        try:
+            pieces.append(cut())
+        except ValueError as error:
+            left_out.append(f"{name}: {error}")
+    return Pieces(_equally_loud(pieces), tuple(left_out))
+
+
+def _true(clip: Clip, seconds: float, seed: int) -> StudyPiece:
+    return _cut(clip, _beats(clip), {"true": _own(clip)}, {"true": 0}, seconds, seed)
+
+
+def _lagged(clip: Clip, seconds: float, seed: int) -> StudyPiece:
+    beats, motion = _beats(clip), _own(clip)
+    late = round(0.5 * float(np.median(np.diff(beats.times))) * FPS)
+    return _cut(clip, beats, {"true": motion, "lagged": motion}, {"true": 0, "lagged": late}, seconds, seed)
+
+
+def _paired(clip: Clip, other: Motion, versions: tuple[str, str], seconds: float, seed: int) -> StudyPiece:
+    motions = dict(zip(versions, (_own(clip), _at_rate(other)), strict=True))
+    return _cut(clip, _beats(clip), motions, dict.fromkeys(versions, 0), seconds, seed)
+
+
+def _swapped(own: StudyPiece, lent: StudyPiece) -> StudyPiece:
+    return replace(own, motions={"true": own.motions["true"], "swapped": lent.motions["true"]})
+
+
+def _own(clip: Clip) -> Motion:
+    if clip.motion is None:
+        raise ValueError("has no motion to show")
+    return _at_rate(clip.motion)
+
+
+def _at_rate(motion: Motion) -> Motion:
+    return resample_motion(upsample_motion(motion, FPS), FPS)
+
+
+def _beats(clip: Clip) -> BeatTrack:
+    """The music's beats as annotated, else as tracked; ValueError if there are fewer than two."""
+    beats = music_beats(clip)
+    if len(beats) < 2:
+        raise ValueError(f"its music has {len(beats)} beats; two are needed")
+    return beats
+
+
+def _cut(
+    clip: Clip,
+    beats: BeatTrack,
+    motions: Mapping[str, Motion],
+    late_frames: Mapping[str, int],
+    seconds: float,
+    seed: int,
+) -> StudyPiece:
+    """The piece that begins at a random moment among those where all dances are recorded and the music sounds."""
+    count = round(seconds * FPS)
+    first = max(math.ceil(-clip.offset * FPS), max(late_frames.values()), 0)
+    ends = [motion.n_frames + late_frames[version] for version, motion in motions.items()]
+    last = min(*ends, math.floor((clip.audio.duration - clip.offset) * FPS)) - count
+    if last < first:
+        raise ValueError(f"has no {seconds:g} s of dance and music together")
+    for start in _rng(seed, clip.name).permutation(np.arange(first, last + 1, STEP)):
+        audio = _faded(clip.audio.span(max(clip.offset + start / FPS, 0.0), count / FPS))
+        shown = {name: _frames(motion, int(start) - late_frames[name], count) for name, motion in motions.items()}
+        music = beats.span(max(clip.offset + start / FPS, 0.0), audio.duration)
+        recorded = min(motion.valid.mean() for motion in shown.values())
+        if _sounds(audio) and recorded >= RECORDED and len(music) > 1:
+            return StudyPiece(clip.name, audio, music, shown, clip.dance)
+    raise ValueError(f"has no {seconds:g} s that begin with sound, hold beats and are recorded throughout")
+
+
+def _frames(motion: Motion, first: int, count: int) -> Motion:
+    return Motion(
+        motion.positions[first : first + count], motion.fps, motion.skeleton, motion.valid[first : first + count]
+    )
+
+
+def _faded(audio: Audio) -> Audio:
+    """The sound with a straight fade at both ends, so that no click tells where it was cut."""
+    seconds = np.arange(audio.samples.size) / audio.sample_rate
+    ramp = np.minimum(np.minimum(seconds, seconds[::-1]) / FADE, 1.0)
+    return Audio(audio.samples * ramp, audio.sample_rate)
+
+
+def _sounds(audio: Audio) -> bool:
+    """True if the beginning is not silent."""
+    beginning = audio.samples[: round(ONSET * audio.sample_rate)]
+    return bool(_loudness(beginning) > QUIET * _loudness(audio.samples) > 0)
+
+
+def _equally_loud(pieces: list[StudyPiece]) -> tuple[StudyPiece, ...]:
+    """All sounds at one root mean square: `LOUDNESS`, or what the sharpest of them reaches without clipping."""
+    loudness = [_loudness(piece.audio.samples) for piece in pieces]
+    peaks = [float(np.abs(piece.audio.samples).max()) for piece in pieces]
+    level = min([LOUDNESS, *(0.99 * loud / peak for loud, peak in zip(loudness, peaks, strict=True))])
+    return tuple(
+        replace(piece, audio=Audio(piece.audio.samples * (level / loud), piece.audio.sample_rate))
+        for piece, loud in zip(pieces, loudness, strict=True)
+    )
+
+
+def _loudness(samples: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(samples))))
+
+
+def _rng(seed: int, name: str) -> np.random.Generator:
+    """Random numbers of one clip, whatever other clips there are."""
+    return np.random.default_rng([seed, *name.encode()])

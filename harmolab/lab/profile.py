@@ -1,0 +1,56 @@
+"""How much work a notebook does."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RunProfile:
+    """How much work a notebook does; the notebook itself never asks which profile it runs in.
+
+    Parameters
+    ----------
+    name : "quick" or "full"
+    n_clips : int, clips of the synthetic corpus
+    n_sequences : int or None, recorded sequences to read (None: all)
+    n_rotations : int, rotations of a null distribution
+    n_seeds : int, trainings of each generator, over which means and intervals are taken
+    epochs : (pretraining, adversarial) or None
+        Epochs of each training; None: the whole schedule.
+    pose_epochs : int or None
+        Epochs of the pose network; None: as many as ``TrainParams`` says.
+    hidden : int or None
+        Recurrent units of the generators, everything else in proportion; None: those of ``ModelParams.small()``.
+    """
+
+    name: str
+    n_clips: int
+    n_sequences: int | None
+    n_rotations: int
+    n_seeds: int = 3
+    epochs: tuple[int, int] | None = None
+    pose_epochs: int | None = None
+    hidden: int | None = None
+    seed: int = 1
+
+    @classmethod
+    def quick(cls) -> RunProfile:
+        """Under a minute a notebook on two cores; where generators are trained, about a minute for all of them."""
+        return cls(
+            "quick", n_clips=35, n_sequences=6, n_rotations=200, n_seeds=1, epochs=(12, 16), pose_epochs=8, hidden=48
+        )
+
+    @classmethod
+    def full(cls) -> RunProfile:
+        """The numbers that are published in `figures/`."""
+        return cls("full", n_clips=200, n_sequences=None, n_rotations=1000)
+
+    @classmethod
+    def from_env(cls) -> RunProfile:
+        """The profile that ``HARMOLAB_PROFILE`` names (default quick)."""
+        name = os.environ.get("HARMOLAB_PROFILE", "quick")
+        if name not in ("quick", "full"):
+            raise ValueError(f"HARMOLAB_PROFILE must be 'quick' or 'full', got {name!r}")
+        return cls.full() if name == "full" else cls.quick()

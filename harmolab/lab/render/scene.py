@@ -1,0 +1,253 @@
+"""Pictures of a dance for people to watch: perspective, a floor with a grid and a shadow, a camera that follows.
+
+The camera stands where the dancer faces on average and walks along; the grid stands still, so that travelling is
+seen. Near limbs are darker and drawn over far ones. Needs OpenCV and numpy only.
+
+The camera never turns. So where everything lies is computed for many frames at once, and only drawing is left for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from harmolab.kinematics import resample_motion, upsample_motion
+from harmolab.lab.render.marks import BeatMarks
+from harmolab.lab.render.stick import FARTHEST, FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
+from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height, turned
+from harmolab.types import BoolArray, FloatArray, HarmonyScore, IntArray, Motion, Skeleton
+
+WALL, FLOOR, LINE, SHADOW = (246, 246, 246), (232, 232, 228), (196, 196, 192), (205, 205, 200)
+NEAR, FAR = np.array([30.0, 34.0, 42.0]), np.array([140.0, 146.0, 156.0])  # of limbs
+GRID = 0.5  # metres between lines of the floor
+REACH = 4.5  # metres of floor with lines, on every side of the dancer
+FADES = 5  # shades of a line
+BLOCK = 64  # frames that are laid out together
+# In heights of the dancer: how far away the camera stands, how high, and how high it looks.
+DISTANCE, EYE, TARGET = 3.4, 0.85, 0.47
+FLOOR_SEEN = 1.0  # heights of the dancer: floor nearer to the camera lies far below the picture
+FILL = 0.58  # share of the picture's height that a standing dancer fills
+LIMB, JOINT, HEAD = 0.036, 0.02, 0.072  # thickness and radii in heights of the dancer
+
+
+@dataclass(frozen=True, eq=False)
+class _Camera:
+    """The place of the camera in each frame; it looks the same way in all. Everything in metres, one picture size.
+
+    Parameters
+    ----------
+    eye : (T, 3)
+    axes : (3, 3), rows: right, up and forward
+    focal : float, pixels
+    height, width : int, pixels
+    size : float, height of the dancer
+    """
+
+    eye: FloatArray
+    axes: FloatArray
+    focal: float
+    height: int
+    width: int
+    size: float
+
+    def seen(self, points: FloatArray, frames: slice) -> FloatArray:
+        """Points (F, N, 3) of some frames as the camera has them: to its right, above it, in front of it."""
+        return (points - self.eye[frames, None]) @ self.axes.T
+
+    def pictured(self, seen: FloatArray) -> FloatArray:
+        """(..., 2) pixel x and pixel y (down) of seen points (..., 3)."""
+        plane = self.focal * seen[..., :2] / np.maximum(seen[..., 2:], 1e-3)
+        return np.array([self.width / 2, self.height / 2]) + plane * np.array([1.0, -1.0])
+
+    def pixels(self, metres: float, distance: FloatArray) -> IntArray:
+        """Length in pixels at distances; one at least."""
+        return np.maximum(1, np.rint(self.focal * metres / np.maximum(distance, 0.1))).astype(np.int64)
+
+
+def render_dance(
+    motion: Motion,
+    *,
+    height: int = 480,
+    width: int | None = None,
+    fps: float = 30.0,
+    score: HarmonyScore | None = None,
+) -> Iterator[Frame]:
+    """Frames of a dancer on a floor, seen from where she faces on average, by a camera that walks along.
+
+    Parameters
+    ----------
+    motion : Motion, (T, J, 3) metres, y up, floor at y = 0
+    height, width : int, pixels
+        `width` defaults to 4/3 of the height.
+    fps : float, hertz
+        Rate of the pictures; a slower motion is interpolated by cubic splines.
+    score : HarmonyScore, optional
+        Of the motion with its music: each beat lights its mark in the corner, and a ring shows where two meet
+        (`harmolab.lab.render.marks`).
+
+    Yields
+    ------
+    (H, W, 3) uint8 RGB arrays, frame i at i / fps seconds
+
+    Raises
+    ------
+    ValueError
+        For a motion in image coordinates, a picture under 64 pixels, or an fps that is not positive.
+    """
+    width = round(height * 4 / 3) if width is None else width
+    if motion.positions.shape[2] != 3:
+        raise ValueError("a floor needs movement in space; points of a picture go over their video (--over)")
+    if min(height, width) < 64:
+        raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
+    check_positive(fps=fps)
+    danced = resample_motion(upsample_motion(motion, fps), fps)
+    # The camera stands at +z.
+    facing = turned(danced.positions, -mean_heading(danced.positions, fps, danced.skeleton))
+    shown = Motion(facing, fps, danced.skeleton, danced.valid)
+    return _frames(shown, height, width, BeatMarks(height, score))
+
+
+def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:
+    camera = _following(motion, height, width)
+    body = _Body.of(motion.skeleton)
+    empty = _room(camera)
+    for start in range(0, motion.n_frames, BLOCK):
+        frames = slice(start, start + BLOCK)
+        joints = motion.positions[frames]
+        grids, shadows = _grid(camera, frames), body.shadow(camera, frames, joints)
+        figures = body.strokes(camera, frames, joints)
+        for index, (grid, shadow, figure) in enumerate(zip(grids, shadows, figures, strict=True), start):
+            frame = empty.copy()
+            _draw_grid(frame, grid)
+            draw_strokes(frame, shadow)
+            draw_strokes(frame, figure, rim=WALL)
+            marks.draw(frame, index / motion.fps)
+            yield frame
+
+
+def _following(motion: Motion, height: int, width: int) -> _Camera:
+    """The camera in front of the dancer."""
+    size = max(standing_height(motion.positions), 0.1)
+    eye = camera_way(motion.positions, motion.fps) + size * np.array([0.0, 0.0, DISTANCE])
+    eye[:, 1] = EYE * size
+    forward = np.array([0.0, TARGET - EYE, -DISTANCE])
+    forward = forward / np.linalg.norm(forward)
+    right = np.array([1.0, 0.0, 0.0])
+    axes = np.stack([right, np.cross(right, forward), forward])
+    return _Camera(eye, axes, FILL * height * DISTANCE, height, width, size)
+
+
+def _room(camera: _Camera) -> Frame:
+    """The wall, and below the horizon the floor."""
+    frame = np.full((camera.height, camera.width, 3), WALL, np.uint8)
+    far = camera.pictured(camera.axes @ np.array([0.0, -camera.eye[0, 1], -1000.0]))
+    frame[int(np.clip(far[1], 0, camera.height)) :] = FLOOR
+    return frame
+
+
+def _grid(camera: _Camera, frames: slice) -> Iterator[list[list[IntArray]]]:
+    """For each frame and shade of line, from the faintest on: the ends (2, 2) of its pieces."""
+    points, there = _pieces(camera, frames)
+    shades = np.minimum(np.arange(2 * FADES - 1), np.arange(2 * FADES - 1)[::-1])
+    for ends, drawn in zip(points, there, strict=True):
+        yield [list(ends[:, shades == shade][drawn[:, shades == shade]]) for shade in range(FADES)]
+
+
+def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, BoolArray]:
+    """Every line of the floor cut where it changes its shade, on circles round the dancer.
+
+    Returns
+    -------
+    points : (F, lines, pieces, 2 ends, 2), fixed-point pixels
+    there : (F, lines, pieces) bool, False for pieces without length
+    """
+    here = camera.eye[frames][:, [0, 2]] - np.array([0.0, DISTANCE * camera.size])
+    count = int(np.ceil(REACH / GRID))
+    aside = (np.round(here / GRID)[..., None] + np.arange(-count, count + 1)) * GRID - here[..., None]  # (F, 2, lines)
+    radii = REACH * np.minimum(1.15 - np.arange(FADES) / FADES, 1.0)
+    halves = np.sqrt(np.maximum(radii**2 - aside[..., None] ** 2, 0.0))
+    along = np.concatenate([-halves, halves[..., ::-1]], axis=-1)  # (F, 2, lines, cuts)
+    across = np.broadcast_to(aside[..., None], along.shape)
+    nearest = _nearest_floor(camera)
+    # Lines that go away from the camera (x stays), then lines from left to right (z stays).
+    x = np.concatenate([across[:, 0], along[:, 1]], axis=1)
+    z = np.concatenate([np.minimum(along[:, 0], nearest), across[:, 1]], axis=1)
+    places = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(len(here), -1, 3)
+    ground = np.stack([here[:, 0], np.zeros(len(here)), here[:, 1]], axis=-1)[:, None]
+    cuts = fixed(camera.pictured(camera.seen(places + ground, frames))).reshape(*x.shape, 2)
+    there = (np.abs(np.diff(x)) + np.abs(np.diff(z)) > 1e-6) & (z[..., :-1] <= nearest)
+    return np.stack([cuts[..., :-1, :], cuts[..., 1:, :]], axis=-2), there
+
+
+def _nearest_floor(camera: _Camera) -> float:
+    """End of the drawn floor, metres along z from the dancer; nearer floor would be behind the camera."""
+    _, down, forward = camera.axes[2]
+    return float(DISTANCE * camera.size - (FLOOR_SEEN * camera.size + down * camera.eye[0, 1]) / -forward)
+
+
+def _draw_grid(frame: Frame, pieces: list[list[IntArray]]) -> None:
+    # One call for each shade: a call for each piece would take longer than the rest of the picture.
+    for shade, ends in enumerate(pieces, start=1):
+        colour = np.array(FLOOR) + (np.array(LINE) - FLOOR) * (shade / FADES)
+        cv2.polylines(frame, ends, False, colour.tolist(), 1, cv2.LINE_AA, FRACTION_BITS)
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """The drawn parts of a skeleton: limbs first, then joints, then the head if there is one.
+
+    Parameters
+    ----------
+    limbs : (L, 2) joints
+    shares : (P, J), share of each joint in the middle of each part; L of the P parts are limbs
+    radii : (P - L,) of the balls, heights of the dancer
+    nudge : (P,) metres by which a part counts as farther away: the head lies before the neck, whatever the neck does
+    """
+
+    limbs: IntArray
+    shares: FloatArray
+    radii: FloatArray
+    nudge: FloatArray
+
+    @classmethod
+    def of(cls, skeleton: Skeleton) -> _Body:
+        skull, limbs = skull_and_limbs(skeleton)
+        joints = [(joint,) for joint in range(len(skeleton.joints)) if joint not in skull]
+        balls = [*joints, *([tuple(skull)] if skull else [])]
+        shares = np.zeros((len(limbs) + len(balls), len(skeleton.joints)))
+        for part, members in enumerate([*limbs, *balls]):
+            shares[part, list(members)] = 1 / len(members)
+        necks = [0.1 * (not set(limb).isdisjoint(skull)) for limb in limbs]
+        heads = [HEAD] if skull else []
+        nudge = np.array([*necks, *[0.0] * len(joints), *[-0.1] * len(heads)])
+        return cls(np.array(limbs, int).reshape(-1, 2), shares, np.array([*[JOINT] * len(joints), *heads]), nudge)
+
+    def strokes(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
+        """Limbs, joints and head of each frame, from far to near; near ones are darker."""
+        seen = camera.seen(joints, frames)
+        flat, depth = camera.pictured(seen), np.maximum(seen[..., 2], 1e-3)
+        span = np.maximum(np.ptp(depth, axis=1), 0.3 * camera.size)[:, None]
+        distance = depth @ self.shares.T
+        far = np.clip((distance - depth.min(axis=1)[:, None]) / span, 0.0, 1.0)
+        colours = (NEAR + far[..., None] * (FAR - NEAR)).tolist()
+        limbs, balls = np.split(distance, [len(self.limbs)], axis=1)
+        radii = np.rint(camera.focal * camera.size * self.radii / balls * 2**FRACTION_BITS).clip(1, FARTHEST)
+        sizes = np.concatenate([camera.pixels(LIMB * camera.size, limbs), radii.astype(int)], axis=1).tolist()
+        middles = self.shares[len(self.limbs) :] @ flat
+        starts = fixed(np.concatenate([flat[:, self.limbs[:, 0]], middles], axis=1)).tolist()
+        ends = [[*row, *[None] * middles.shape[1]] for row in fixed(flat[:, self.limbs[:, 1]]).tolist()]
+        order = np.argsort(-(distance + self.nudge), axis=1, kind="stable").tolist()
+        for parts, *looks in zip(order, starts, ends, sizes, colours, strict=True):
+            strokes = list(map(Stroke, *looks))
+            yield [strokes[part] for part in parts]
+
+    def shadow(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
+        """Every limb of each frame once more, flat on the floor."""
+        seen = camera.seen(joints * np.array([1.0, 0.0, 1.0]), frames)
+        flat = fixed(camera.pictured(seen))
+        thick = camera.pixels(1.3 * LIMB * camera.size, seen[:, self.limbs, 2].mean(axis=2)).tolist()
+        for ends, sizes in zip(flat[:, self.limbs].tolist(), thick, strict=True):
+            yield [Stroke(start, end, size, SHADOW) for (start, end), size in zip(ends, sizes, strict=True)]

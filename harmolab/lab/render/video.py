@@ -1,0 +1,133 @@
+"""From a song and a dance to a video: drawn on a floor, laid over the dancer's own video, or bent in time before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from harmolab.beats.audio import music_beats
+from harmolab.corpora.files import load_clip
+from harmolab.harmony import score_motion
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.motion import save_motion
+from harmolab.io.video import CODINGS, is_video, video_frames, write_video
+from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
+from harmolab.lab.render.scene import render_dance
+from harmolab.lab.timing.pictures import picture_motion
+from harmolab.params import HarmonyParams
+from harmolab.retime.beats import Method
+from harmolab.retime.retime import Retimed, retime, warp_video
+from harmolab.types import Audio, Clip, HarmonyScore, Motion
+
+RATE = 30.0  # pictures a second where nothing else is asked for
+
+
+def write_dance(
+    out: PathLike,
+    clip: Clip,
+    *,
+    over: PathLike | None = None,
+    marks: bool = True,
+    rate: float | None = None,
+    height: int = 480,
+    progress: Progress = silent,
+) -> None:
+    """Write the motion of a clip with its part of the sound as a video, a stick figure on a floor or over a video.
+
+    Parameters
+    ----------
+    out : str or path that ends in .mp4 or .webm
+    clip : Clip with a motion
+    over : str or path of the video in which the points of the motion were found, to draw them over it
+    marks : bool, whether marks light up on the beats of the clip, if it has any, on the dancer's and on hits
+    rate : float, pictures a second, 30 when left out; a video keeps its own
+    height : int, pixels
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    motion = _motion(clip)
+    if over is None:
+        rate = rate or RATE
+        frames = render_dance(motion, fps=rate, height=height, score=_score(clip, motion) if marks else None)
+    elif rate is not None:
+        raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
+    elif Path(out).exists() and Path(out).samefile(over):
+        raise ValueError(f"{out}: is the video to draw over; choose another name")
+    else:
+        video = video_frames(over, height=height, colour=True)
+        motion, rate = points_in_picture(motion, video), video.fps
+        frames = overlay_skeleton(video, rate, motion, score=_score(clip, motion) if marks else None)
+    write_video(out, progress(frames, "drawing"), rate, audio=sound_of(clip))
+
+
+def retime_files(
+    song: PathLike,
+    motion: PathLike,
+    out: PathLike,
+    *,
+    offset: float | None = None,
+    dance: str = "",
+    beats: PathLike | None = None,
+    fps: float | None = None,
+    strength: float = 1.0,
+    phase: float = 0.0,
+    slowest: float = 0.7,
+    fastest: float = 1.4,
+    method: Method = "dp",
+    progress: Progress = silent,
+) -> Retimed:
+    """Write a motion, or a video, whose time is bent until its beats meet those of the song; the `Retimed` motion.
+
+    Parameters
+    ----------
+    song, motion, offset, dance, beats, fps : as in `load_clip`; `motion` may also be a video
+        A video moves as its pictures do as a whole, whose rests are those of the dancer.
+    out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
+    strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
+    progress : Progress over reading, beat tracking and drawing
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; ValueError also for a setting out of range.
+    """
+    video = video_frames(motion) if is_video(motion) else None
+    movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
+    for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
+        clip = load_clip(path, movement, offset=offset, dance=dance, beats=beats, fps=fps, sample_rate=None)
+    moves = _motion(clip)
+    music = music_beats(clip).span(clip.offset, moves.duration)
+    retimed = retime(moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method)
+    if video:
+        warp_video(video.path, out, retimed.warp, sound_of(clip))
+    elif Path(out).suffix.lower() in CODINGS:
+        write_dance(out, replace(clip, motion=retimed.motion), progress=progress)
+    else:
+        save_motion(out, retimed.motion)
+    return retimed
+
+
+def sound_of(clip: Clip) -> Audio:
+    """The sound from the motion's first frame to its last; silence where there is none yet."""
+    silence = max(0.0, -clip.offset)
+    sound = clip.audio.span(max(0.0, clip.offset), _motion(clip).duration - silence)
+    return Audio(np.pad(sound.samples, (round(silence * sound.sample_rate), 0)), sound.sample_rate)
+
+
+def _motion(clip: Clip) -> Motion:
+    if clip.motion is None:
+        raise ValueError(f"{clip.name}: there is no motion to show")
+    return clip.motion
+
+
+def _score(clip: Clip, motion: Motion) -> HarmonyScore | None:
+    """Hits of speed valleys, which the marks of a video show; None where the clip has no beats."""
+    if clip.beats is None:
+        return None
+    music = clip.beats.span(clip.offset, motion.duration)
+    return score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)

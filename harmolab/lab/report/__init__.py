@@ -1,0 +1,1 @@
+"""Notebooks run and built into an offline report."""

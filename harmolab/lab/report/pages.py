@@ -1,0 +1,166 @@
+"""The pages of a report: one per executed notebook, and the index."""
+
+from __future__ import annotations
+
+import csv
+import html
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import jinja2
+import nbformat
+from latex2mathml.converter import convert as latex_to_mathml
+from nbconvert import HTMLExporter
+from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
+
+from harmolab.lab.figures.style import MANIFEST
+from harmolab.lab.report.templates import TEMPLATES, rendered
+
+MARK = '<meta name="generator" content="harmolab">'
+TABLE_ROWS = 40  # more than this of a table is left to the CSV file
+
+PAPER = MappingProxyType(
+    {
+        "Fig. 1": "which beats are felt to fall together, and which apart",
+        "Fig. 2": "visual beats from optical flow and from the skeleton",
+        "Fig. 3": "harmony distorted: onsets against beats from direction changes",
+        "Fig. 4": "joint speed and the movements that it follows",
+        "Fig. 5": "better agreement with beats from the joint speed",
+        "Fig. 6": "meter units found in the music's beats",
+        "Fig. 7": "the generator, its discriminators and their training",
+        "Fig. 8": "how often inharmonious videos are told from true ones",
+        "Fig. 9": "quality of the generated motion (FID)",
+        "Fig. 10": "a generated dance beside the recorded one",
+        "Fig. 11": "what the harmony loss adds",
+        "Fig. 12": "harmony and hit rate against other systems",
+        "Fig. 13": "which system viewers prefer",
+        "Fig. 14": "frames of a dance at the beats of its music",
+        "Table 1": "harmony for seven dances",
+        "Table 2": "hit rate for seven dances",
+    }
+)
+
+
+@dataclass(frozen=True)
+class NotebookRun:
+    """One executed notebook. `error` is empty if it ran to its end, else says which cell failed and how."""
+
+    path: Path
+    node: nbformat.NotebookNode
+    seconds: float
+    error: str
+
+    @property
+    def page(self) -> str:
+        """Name of its HTML file."""
+        return f"{self.path.stem}.html"
+
+    @property
+    def title(self) -> str:
+        """Its first heading, or its file name."""
+        text = "\n".join(cell.source for cell in self.node.cells if cell.cell_type == "markdown")
+        heading = re.search(r"^#\s+(.+)$", text, flags=re.MULTILINE)
+        # "01 Harmony distortion" would show its number twice in the index.
+        return re.sub(r"^\d+\W+", "", heading[1]) if heading else self.path.stem
+
+    @property
+    def paper(self) -> tuple[str, ...]:
+        """The figures and tables of the paper that it builds, from its metadata."""
+        return tuple(self.node.metadata.get("harmolab", {}).get("paper", ()))
+
+
+def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str) -> None:
+    """A page for every notebook, and the index, in `folder` beside the figures already there."""
+    date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    for run in runs:
+        (folder / run.page).write_text(_page(run, f"{profile} profile, {date}"), "utf-8")
+    listed = folder / "figures" / MANIFEST
+    manifest = json.loads(listed.read_text("utf-8")) if listed.is_file() else {}
+    index = rendered(
+        "index.html.j2",
+        runs=runs,
+        failures=[run for run in runs if run.error],
+        figures={name: entry for name, entry in manifest.items() if name.endswith(".png")},
+        tables=[(name, entry, *_table(listed.with_name(name))) for name, entry in manifest.items() if ".csv" in name],
+        paper=[_paper_row(item, subject, runs) for item, subject in PAPER.items()],
+        sources=sorted({entry["source"] for entry in manifest.values()}),
+        profile=profile,
+        version=version("harmolab"),
+        date=date,
+    )
+    (folder / "index.html").write_text(index, "utf-8")
+
+
+def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[str, str, str, list[NotebookRun]]:
+    """(item, what it shows, "built" or "failed" or "missing", the notebooks that build it)."""
+    claims = [run for run in runs if item in run.paper]
+    if not claims:
+        return item, subject, "missing", []
+    return item, subject, "failed" if all(run.error for run in claims) else "built", claims
+
+
+def _table(path: Path) -> tuple[list[str], list[list[str]], int]:
+    """(column names, the first rows, how many more there are) of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = list(csv.reader(file)) or [[]]
+    return header, rows[:TABLE_ROWS], max(0, len(rows) - TABLE_ROWS)
+
+
+def _page(run: NotebookRun, about: str) -> str:
+    """The notebook as one HTML page that needs no network."""
+    for cell in run.node.cells:
+        for output in cell.get("outputs", []):
+            if "image/png" in output.get("data", {}):
+                output.metadata.setdefault("alt", f"figure of notebook {run.path.stem}")
+    exporter = _OfflineExporter(template_file=str(TEMPLATES / "notebook.html.j2"), embed_images=True)
+    facts = {"about": f"{about}, {run.seconds:.0f} s", "error": run.error}
+    resources = {"metadata": {"name": run.title, "path": str(run.path.parent)}, "harmolab": facts}
+    page, _ = exporter.from_notebook_node(run.node, resources=resources)
+    return str(page)
+
+
+class _MathRenderer(IPythonRenderer):
+    """Markdown whose equations become MathML, which browsers draw themselves: no script, no network."""
+
+    def inline_math(self, body: str) -> str:
+        return _mathml(body, "inline")
+
+    def block_math(self, body: str) -> str:
+        return _mathml(body, "block")
+
+    def latex_environment(self, name: str, body: str) -> str:
+        return _mathml(f"\\begin{{{name}}}{body}\\end{{{name}}}", "block")
+
+
+class _OfflineExporter(HTMLExporter):
+    """nbconvert's HTML with equations as MathML."""
+
+    @jinja2.pass_context
+    def markdown2html(self, context: Any, source: str) -> str:
+        cell = context.get("cell", {})
+        renderer = _MathRenderer(
+            escape=False,
+            attachments=cell.get("attachments", {}),
+            embed_images=True,
+            path=context.get("resources", {}).get("metadata", {}).get("path", ""),
+            exclude_anchor_links=True,
+        )
+        return MarkdownWithMath(renderer=renderer).render(source)
+
+
+def _mathml(tex: str, display: str) -> str:
+    """An equation as MathML; as its TeX source, where the converter does not understand it."""
+    # The converter knows the outer environments only, and draws the inner ones' alignment marks as letters.
+    known = re.sub(r"(begin|end)\{(?:aligned|alignedat|gathered|split)\}", r"\1{align*}", tex.strip())
+    try:
+        drawn: str = latex_to_mathml(known, display=display)
+    except Exception:  # noqa: BLE001  # whatever it stumbles over, the reader still gets the equation
+        return f"<code>{html.escape(tex)}</code>"
+    return drawn.replace("<math ", f'<math alttext="{html.escape(tex.strip())}" ', 1)

@@ -1,0 +1,194 @@
+"""Runs the notebooks and makes of them one offline report: a page each, and an index."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+from nbconvert.filters.ansi import strip_ansi
+from tqdm import tqdm
+
+from harmolab.io.files import atomic_folder, atomic_write
+from harmolab.lab.figures.style import MANIFEST
+from harmolab.lab.report.pages import MARK, NotebookRun, write_pages
+
+
+@dataclass(frozen=True)
+class Report:
+    """A finished report: its index page, and what became of each notebook."""
+
+    index: Path
+    runs: tuple[NotebookRun, ...]
+
+    @property
+    def failures(self) -> tuple[NotebookRun, ...]:
+        """The notebooks that did not run to their end."""
+        return tuple(run for run in self.runs if run.error)
+
+
+def build(
+    notebooks: Path,
+    out: Path,
+    *,
+    profile: str = "quick",
+    figures: Path | None = None,
+    timeout: float = 900.0,
+    jobs: int = 2,
+    progress: bool = True,
+) -> Report:
+    """The report of every notebook in a folder, written to `out`.
+
+    A notebook that fails is marked so, and the report is written all the same. `out` is replaced as a whole at the
+    end, so it never holds half a report.
+
+    Parameters
+    ----------
+    notebooks : folder that holds *.ipynb; also the working directory of their kernels
+    out : folder to write; an earlier report there is replaced
+    profile : "quick" or "full"
+    figures : folder, optional; where to publish figures, tables and manifest too, if every notebook ran
+    timeout : float, seconds that one cell may take
+    jobs : int, notebooks to run at the same time
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no notebook.
+    ValueError
+        If `out` holds something that is no report of ours.
+    """
+    notebooks, out = Path(notebooks).resolve(), Path(out).resolve()
+    paths = sorted(notebooks.glob("*.ipynb"))
+    if not paths:
+        raise FileNotFoundError(f"no notebooks (*.ipynb) in {notebooks}")
+    if out.is_dir() and any(out.iterdir()) and not _is_report(out):
+        raise ValueError(f"{out} holds files that are no report of ours; name an empty or new folder")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_folder(out) as part:
+        drawn = part / "figures"
+        drawn.mkdir()
+        variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(drawn)}
+        runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress))
+        write_pages(part, runs, profile)
+        if figures is not None and not any(run.error for run in runs):
+            _publish(drawn, Path(figures))
+    return Report(out / "index.html", tuple(runs))
+
+
+def run_notebook(path: Path, *, variables: Mapping[str, str] | None = None, timeout: float = 900.0) -> NotebookRun:
+    """A copy of one notebook, executed in a kernel of its own; the file itself is not changed.
+
+    `variables` are added to the kernel's environment; `timeout` is in seconds per cell.
+    """
+    return asyncio.run(_run(Path(path).resolve(), variables or {}, timeout))
+
+
+async def _run_all(
+    paths: Sequence[Path], variables: Mapping[str, str], timeout: float, jobs: int, progress: bool
+) -> list[NotebookRun]:
+    """All notebooks, at most `jobs` kernels at a time, in the order given."""
+    places = asyncio.Semaphore(jobs)
+    threads = str(max(1, (os.cpu_count() or 1) // jobs))  # so that the kernels do not fight over the cores
+    variables = {"OMP_NUM_THREADS": threads, **variables}
+    bar = tqdm(total=len(paths), desc="notebooks", unit="", disable=not progress)
+
+    async def one(path: Path) -> NotebookRun:
+        async with places:
+            run = await _run(path, variables, timeout)
+        bar.set_postfix_str(f"{path.stem} {'FAILED' if run.error else 'ran'} in {run.seconds:.0f} s")
+        bar.update()
+        return run
+
+    with bar:
+        return list(await asyncio.gather(*map(one, paths)))
+
+
+async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> NotebookRun:
+    """One notebook in one kernel; its own errors end up in the result."""
+    node = nbformat.read(path, as_version=4)
+    started: list[int] = []
+    client = NotebookClient(
+        node,
+        timeout=timeout,
+        # With widget state in the file, a static page shows an empty widget in place of its picture.
+        store_widget_state=False,
+        resources={"metadata": {"path": str(path.parent)}},
+        extra_arguments=["--log-level=ERROR"],  # every kernel would warn of its local TCP connection
+        on_cell_start=lambda cell, cell_index: started.append(cell_index),
+    )
+    # Set outright: a plain "Agg" from outside would leave every figure out of the page.
+    inline = {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
+    before, error = time.perf_counter(), ""
+    try:
+        await client.async_execute(env={**os.environ, **inline, **variables})
+    except (CellExecutionError, CellTimeoutError, DeadKernelError) as fault:
+        error = f"{_cell(node, started)}: {_fault(fault, timeout)}"
+    return NotebookRun(path, node, time.perf_counter() - before, error)
+
+
+def _cell(node: nbformat.NotebookNode, started: Sequence[int]) -> str:
+    """The code cell that ran last, counted as the reader counts them."""
+    last = started[-1] if started else 0
+    return f"code cell {sum(cell.cell_type == 'code' for cell in node.cells[: last + 1])}"
+
+
+def _fault(fault: Exception, timeout: float) -> str:
+    if isinstance(fault, CellExecutionError):
+        return f"{fault.ename}: {strip_ansi(fault.evalue)}"
+    if isinstance(fault, CellTimeoutError):
+        return f"still running after {timeout:g} s"
+    return "the kernel died"
+
+
+def _is_report(folder: Path) -> bool:
+    index = folder / "index.html"
+    return index.is_file() and MARK in index.read_text("utf-8", errors="replace")
+
+
+def _publish(drawn: Path, figures: Path) -> None:
+    """Copies figures, tables and, last, the manifest that lists them; what an older manifest listed goes first."""
+    figures.mkdir(parents=True, exist_ok=True)
+    manifest = figures / MANIFEST
+    for name in json.loads(manifest.read_text("utf-8")) if manifest.is_file() else ():
+        if not (drawn / name).is_file():
+            (figures / Path(name).name).unlink(missing_ok=True)
+    for file in sorted(drawn.glob("[!.]*"), key=lambda file: (file.name == MANIFEST, file.name)):
+        with atomic_write(figures / file.name) as part:
+            shutil.copyfile(file, part)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Builds the report that the command line asks for; 1 if a notebook failed, else 0."""
+    parser = argparse.ArgumentParser(prog="python -m harmolab.lab.report.run", description=__doc__)
+    parser.add_argument("--notebooks", type=Path, default=Path("notebooks"), help="folder of notebooks")
+    parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write")
+    parser.add_argument("--profile", choices=("quick", "full"), default="quick")
+    parser.add_argument("--figures", type=Path, help="publish figures and tables here, if every notebook ran")
+    parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 300, full: 3600)")
+    parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
+    options = parser.parse_args(arguments)
+    options.timeout = options.timeout or {"quick": 300.0, "full": 3600.0}[options.profile]
+    try:
+        report = build(**vars(options))
+    except (ValueError, FileNotFoundError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for run in report.failures:
+        print(f"FAILED {run.path.name} in {run.error}", file=sys.stderr)
+    print(f"{len(report.runs) - len(report.failures)} of {len(report.runs)} notebooks ran; open {report.index}")
+    return 1 if report.failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""One's own dance beside a song: offset, findings, verdict, page."""

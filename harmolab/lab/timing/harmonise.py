@@ -1,0 +1,216 @@
+"""A given dance brought into harmony with music: small movements of the joints put its visual beats on the beat.
+
+The relaxed harmony of `soft_harmony` is raised by gradient. Two things hold exactly, whatever the
+gradient wants: no joint moves further than it may, and every bone keeps the length it has in each frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from harmolab.beats.visual import visual_beats
+from harmolab.harmony import score_harmony
+from harmolab.io.files import Progress, silent
+from harmolab.params import HarmonyParams
+from harmolab.skeletons import ancestors
+from harmolab.systems.common.soft_harmony import anneal, soft_harmony
+from harmolab.systems.harmogan.terms import foot_loss, jerk_loss
+from harmolab.types import BeatTrack, Motion
+
+KNOT = 0.15  # seconds between the knots of the splines that offsets follow: little above 3 Hz is added
+RATE = 30.0  # hertz: the search looks at this many frames a second, or a few more
+SOFTNESS = (0.5, 0.05)  # tau at the first and at the last step
+FIRST_MOVE = 0.01  # of the reach: size of the random movement that the search starts from
+RATE_OF_STEPS = 0.03  # of the reach: what Adam changes a knot by in one step, about
+DISTANCE_WEIGHT, JERK_WEIGHT, FOOT_WEIGHT = 1.0, 0.2, 0.5
+FOOT_HEIGHT = 0.05  # metres: a joint that comes as close as this to the lowest one of all is part of a foot
+SHARPNESS = 16  # exponent of the bound: the higher, the closer to the reach a joint may come
+LOOKS = 6  # times on the way that the hard score chooses the best movement so far
+
+
+def harmonise(
+    motion: Motion,
+    beats: BeatTrack,
+    *,
+    reach: float = 0.1,
+    params: HarmonyParams | None = None,
+    steps: int = 300,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Motion:
+    """The motion with its joints moved a little, so that its visual beats meet the music's.
+
+    Raised is the harmony above chance, less the squared distance of the joints from where they were and the jerk above
+    the motion's own.
+
+    Parameters
+    ----------
+    motion : Motion
+    beats : BeatTrack
+        Music beats on the motion's own time line.
+    reach : float, metres (or the motion's unit)
+        The most that a joint may move in any frame.
+    params : HarmonyParams, default ``HarmonyParams.valleys()``
+        The score to raise.
+    steps : int, gradient steps
+    seed : int, of the tiny random movement that the search starts from
+    progress : function(steps, label) -> steps, such as ``lambda steps, label: tqdm(steps, label)``
+
+    Returns
+    -------
+    Motion; `motion` itself when there are no beats, when every beat is hit already, or when nothing better was found.
+
+    Raises
+    ------
+    ValueError
+        For a reach that is not positive, no steps, or params that have no relaxation.
+    """
+    if not 0 < reach < float("inf"):
+        raise ValueError(f"reach must be positive, got {reach}")
+    if steps < 1:
+        raise ValueError(f"steps must be at least 1, got {steps}")
+    params = params or HarmonyParams.valleys()
+    music = beats.span(0.0, motion.duration)
+    best = _above_chance(motion, music, params)
+    if len(music) == 0 or best >= 1 - 1e-9:
+        return motion
+    body, splines = _Body.of(motion), _Splines.of(motion)
+    best_motion, turns = motion, progress(range(steps), "harmonising")
+    for knots in _search(motion, music, reach=reach, params=params, turns=turns, steps=steps, seed=seed):
+        candidate = replace(motion, positions=body.moved(splines.at(knots), reach).numpy())
+        score = _above_chance(candidate, music, params)
+        if score > best:
+            best, best_motion = score, candidate
+    return best_motion
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """A motion as bones: (T, J, D) vectors from each joint's parent (roots: from the origin), and the tree."""
+
+    bones: Tensor
+    lengths: Tensor  # (T, J, 1)
+    directions: Tensor  # (T, J, D)
+    is_root: Tensor  # (J,)
+    above: Tensor  # (J, J), 1 where the second joint is the first or one of its ancestors
+
+    @classmethod
+    def of(cls, motion: Motion) -> _Body:
+        """The body of a motion's frames."""
+        positions, parents = torch.tensor(motion.positions), torch.tensor(motion.skeleton.parents)
+        is_root = parents < 0
+        bones = torch.where(is_root[:, None], positions, positions - positions[:, parents.clamp(min=0)])
+        lengths = torch.linalg.vector_norm(bones, dim=-1, keepdim=True)
+        directions = bones / torch.where(lengths > 0, lengths, torch.ones_like(lengths))
+        return cls(bones, lengths, directions, is_root, bones.new_tensor(ancestors(motion.skeleton.parents)))
+
+    def moved(self, offsets: Tensor, reach: float) -> Tensor:
+        """Joint positions (T, J, D) after each bone's end is moved sideways by its offset (T, J, D) and roots anywhere.
+
+        A joint moves no further than the offsets between it and its root add up to, since turning a bone towards
+        ``bone + sideways`` moves its end by less than ``sideways``. Where the sum is too much, all offsets of the frame
+        shrink, so that no joint leaves its reach.
+        """
+        free = self.is_root[:, None]
+        stretch = (offsets * self.directions).sum(dim=-1, keepdim=True)
+        sideways = torch.where(free, offsets, offsets - stretch * self.directions)
+        size = (sideways.square().sum(dim=-1) + 1e-24).sqrt()  # (T, J)
+        excess = ((size @ self.above.T) / reach).pow(SHARPNESS).sum(dim=1)
+        turned = self.bones + sideways * (1 + excess).pow(-1 / SHARPNESS)[:, None, None]
+        reached = torch.linalg.vector_norm(turned, dim=-1, keepdim=True)
+        kept = turned * (self.lengths / torch.where(reached > 0, reached, torch.ones_like(reached)))
+        return torch.einsum("ij,tjd->tid", self.above, torch.where(free, turned, kept))
+
+
+@dataclass(frozen=True, eq=False)
+class _Splines:
+    """Uniform cubic B-splines over time: the first of the four knots that matter to each frame, and their weights."""
+
+    first: Tensor  # (T,)
+    weights: Tensor  # (T, 4)
+
+    @classmethod
+    def of(cls, motion: Motion) -> _Splines:
+        """The splines at a motion's frames."""
+        place = torch.arange(motion.n_frames, dtype=torch.float64) / (motion.fps * KNOT)
+        first = place.floor()
+        x = place - first
+        weights = [(1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, -3 * x**3 + 3 * x**2 + 3 * x + 1, x**3]
+        return cls(first.long(), torch.stack(weights, dim=1) / 6)
+
+    @property
+    def n_knots(self) -> int:
+        """Number of knots that the frames need."""
+        return int(self.first[-1]) + 4
+
+    def at(self, knots: Tensor) -> Tensor:
+        """(T, J, D) values at the frames, of knots (K, J, D)."""
+        parts = [knots[self.first + place] * self.weights[:, place, None, None] for place in range(4)]
+        return torch.stack(parts).sum(dim=0)
+
+
+def _search(
+    motion: Motion,
+    music: BeatTrack,
+    *,
+    reach: float,
+    params: HarmonyParams,
+    turns: Iterable[int],
+    steps: int,
+    seed: int,
+) -> Iterator[Tensor]:
+    """Knots (K, J, D) after every sixth part of the steps."""
+    sparse = _every_nth(motion, max(1, int(motion.fps // RATE)))
+    body, splines = _Body.of(sparse), _Splines.of(sparse)
+    shape = (_Splines.of(motion).n_knots, *motion.positions.shape[1:])
+    random = torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    knots = (FIRST_MOVE * reach * random).requires_grad_()
+    adam = torch.optim.Adam([knots], lr=RATE_OF_STEPS * reach)
+    for step in turns:
+        adam.zero_grad()
+        positions = body.moved(splines.at(knots), reach)
+        _loss(positions, sparse, music, reach, anneal(step, steps, *SOFTNESS), params).backward()
+        adam.step()
+        if (step + 1) * LOOKS // steps > step * LOOKS // steps:
+            yield knots.detach().clone()
+
+
+def _loss(
+    positions: Tensor, motion: Motion, music: BeatTrack, reach: float, tau: float, params: HarmonyParams
+) -> Tensor:
+    """-h_cc, mean squared distance in reaches, jerk above that of the motion, and feet that slide more than in it."""
+    moved, before, valid = positions[None], torch.tensor(motion.positions)[None], torch.tensor(motion.valid)[None]
+    times, strengths = torch.tensor(music.times)[None], torch.tensor(music.strengths)[None]
+    present, frames = torch.ones_like(times), torch.ones_like(valid)
+    soft = soft_harmony(moved, times, strengths, present, valid, fps=motion.fps, tau=tau, params=params)
+    loss = -soft.above_chance.sum() + DISTANCE_WEIGHT * (moved - before).square().sum(dim=-1).mean() / reach**2
+    loss = loss + JERK_WEIGHT * jerk_loss(moved, before, frames, fps=motion.fps)
+    if feet := _feet(motion):
+        loss = loss + FOOT_WEIGHT * foot_loss(moved, before, frames, feet=feet, fps=motion.fps)
+    return loss
+
+
+def _feet(motion: Motion) -> list[int]:
+    """Joints that come near the floor; none in a flat picture."""
+    if motion.positions.shape[2] < 3:
+        return []
+    lowest = motion.positions[..., 1].min(axis=0)
+    return [int(joint) for joint in np.flatnonzero(lowest <= lowest.min() + FOOT_HEIGHT)]
+
+
+def _above_chance(motion: Motion, music: BeatTrack, params: HarmonyParams) -> float:
+    """The hard score of a motion."""
+    visual = visual_beats(motion, params=params)
+    return score_harmony(music, visual, params=params, n_rotations=0).harmony_above_chance
+
+
+def _every_nth(motion: Motion, n: int) -> Motion:
+    """Every n-th frame of a motion."""
+    if n == 1:
+        return motion
+    return Motion(motion.positions[::n], motion.fps / n, motion.skeleton, motion.valid[::n])

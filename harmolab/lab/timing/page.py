@@ -1,0 +1,131 @@
+"""One page for a dancer: the verdict, the words, the picture of early and late, the player, the numbers, the doubts."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterator
+from importlib.metadata import version
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.io.files import PathLike, write_text
+from harmolab.io.video import video_frames
+from harmolab.lab.figures.timing import timing_figure
+from harmolab.lab.report.templates import rendered
+from harmolab.lab.timing.performance import OwnDance
+from harmolab.lab.widgets.player import LONGEST, Dancer, Player
+
+DPI = 150
+WIDE, NARROW = (9.0, 3.6), (4.4, 4.4)  # inches
+STRIP_HEIGHT = 200  # pixels
+STRIP_COUNT = 8
+
+
+class Still(NamedTuple):
+    """A picture of a video at a music beat: seconds of the video, the picture as base64 of JPEG, and whether a
+    movement met the beat."""
+
+    time: float
+    jpeg: str
+    is_met: bool
+
+
+def dance_player(dance: OwnDance) -> Player:
+    """The dance and its song in a player.
+
+    Raises
+    ------
+    ValueError
+        It is a video, of which no skeleton is known, or longer than the player shows.
+    """
+    if dance.performance.is_video:
+        raise ValueError(f"{dance.name}: is a video; the player shows skeletons")
+    dancer = Dancer(dance.name, dance.motion, dance.score)
+    return Player(dance.audio, [dancer], music=dance.music, title=_title(dance))
+
+
+def save_page(path: PathLike, dance: OwnDance) -> None:
+    """Write `dance_page` to a file, aside first."""
+    write_text(path, dance_page(dance))
+
+
+def dance_page(dance: OwnDance) -> str:
+    """One HTML page that says and shows how a dance goes with its song, and asks the network for nothing.
+
+    A video has no skeleton to play: of it, pictures at eight music beats are shown, and they are part of the page.
+
+    Raises
+    ------
+    ValueError
+        The video has gone or changed since it was read.
+    """
+    is_short = dance.motion.duration <= LONGEST
+    return rendered(
+        "own_dance.html.j2",
+        title=_title(dance),
+        dance=dance,
+        wide=_timing_png(dance, WIDE),
+        narrow=_timing_png(dance, NARROW),
+        player=dance_player(dance).page if is_short and not dance.performance.is_video else "",
+        longest=LONGEST / 60,
+        stills=list(_stills(dance)) if dance.performance.is_video else [],
+        numbers=_numbers(dance),
+        delay=1000 * dance.score.params.reaction_delay,
+        settings=", ".join(f"{name} {value}" for name, value in vars(dance.score.params).items() if name != "pattern"),
+        version=version("harmolab"),
+    )
+
+
+def _title(dance: OwnDance) -> str:
+    return f"{dance.name} to {dance.song}"
+
+
+def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
+    """Early and late along time, with the means of the halves, as base64 of PNG."""
+    figure = timing_figure(dance.score, means=dance.words.halves, title="", size=size)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
+    return base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def _numbers(dance: OwnDance) -> dict[str, str]:
+    """The numbers of the page's table: name -> text."""
+    score, beats = dance.score, dance.music.times
+    hits = next(finding for finding in dance.words.findings if finding.kind == "hits")
+    numbers = {"Harmony above chance (0: chance, 1: all)": f"{score.harmony_above_chance:.2f}"}
+    if np.isfinite(score.interval[0]):
+        numbers["its 95 % interval"] = "{:.2f} to {:.2f}".format(*score.interval)
+        numbers["Share of all shifts in time that fit as well (p)"] = f"{score.p_value:.3f}"
+    if not hits.is_missing:
+        numbers[f"Beats met within {1000 * hits.delay:.0f} ms"] = f"{100 * hits.value:.0f} %"
+    tempo = f", {60 / np.median(np.diff(beats)):.0f} a minute" if beats.size > 1 else ""
+    numbers["Music beats"] = f"{beats.size}{tempo}"
+    numbers["Movements found"] = str(len(dance.score.visual))
+    numbers["Length danced to the song"] = f"{dance.motion.duration:.1f} s"
+    return numbers
+
+
+def _stills(dance: OwnDance) -> Iterator[Still]:
+    """Pictures of the video at music beats, evenly spread over them."""
+    beats, pairs = dance.score.music.times, dance.score.pairs
+    if not beats.size:
+        return
+    video = video_frames(dance.performance.path, height=STRIP_HEIGHT, colour=True)
+    places = np.unique(np.linspace(0, beats.size - 1, STRIP_COUNT).round().astype(int))
+    frames = {round((beats[place] + dance.skipped) * video.fps): place for place in places}
+    for frame, picture in enumerate(video):
+        if frame in frames:
+            place = frames[frame]
+            yield Still(float(beats[place] + dance.skipped), _jpeg(picture), bool(pairs[place] >= 0))
+        if frame >= max(frames):
+            return
+
+
+def _jpeg(picture: NDArray[np.uint8]) -> str:
+    """An (H, W, 3) RGB picture as base64 of JPEG."""
+    _, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80])
+    return base64.b64encode(data.tobytes()).decode("ascii")

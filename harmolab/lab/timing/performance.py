@@ -1,0 +1,334 @@
+"""One person's dance beside its song: read, placed by its offset, scored and explained.
+
+The offset comes from the surest of four sources: the user, the folder of the recording, the sound of the video
+(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). By the movement alone nothing can be said about
+being early or late throughout, and nothing is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from harmolab.corpora.folders import load_any_motion, recorded_offset
+from harmolab.harmony import music_and_motion, score_motion
+from harmolab.io.beats import BeatAnnotation
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.video import is_video, video_frames
+from harmolab.io.video_sound import load_sound, video_sound
+from harmolab.lab.timing.movement import attack_beats, find_offset
+from harmolab.lab.timing.pictures import picture_motion
+from harmolab.lab.timing.sound import SoundOffset, find_sound_offset
+from harmolab.lab.timing.verdict import Explanation, Finding, explain
+from harmolab.params import HarmonyParams
+from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
+
+HEIGHT = 160  # pixels of the video that flow is measured on
+SURE = 0.95  # confidence of an offset by movement, below which it means little
+
+Source = Literal["given", "folder", "same", "sound", "movement"]
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """A motion or video of one person's dance, not yet placed in a song.
+
+    Parameters
+    ----------
+    path : Path
+    motion : Motion; of a video `picture_motion`
+    is_video : bool
+    sound : Audio or None, of a video whose sound can be read
+    start : float or None, seconds
+        Song time of frame 0 where the folder of the recording holds it.
+    """
+
+    path: Path
+    motion: Motion
+    is_video: bool = False
+    sound: Audio | None = None
+    start: float | None = None
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Offset of a dance in its song, and its source.
+
+    Parameters
+    ----------
+    seconds : float, song time of frame 0
+    source : "given", "folder", "same" (song and dance are one video), "sound" or "movement"
+    period : float or None, seconds
+        By movement the offset is known modulo this.
+    confidence : float or None
+        Of an offset by movement, as in `harmolab.lab.timing.movement.Offset`.
+    repeats : bool
+        By sound: another place fits nearly as well, since the song repeats itself, or since it is another song.
+    """
+
+    seconds: float
+    source: Source
+    period: float | None = None
+    confidence: float | None = None
+    repeats: bool = False
+
+    @property
+    def is_absolute(self) -> bool:
+        """True where the offset is known outright, so that early or late throughout means something."""
+        return self.source != "movement"
+
+    @property
+    def is_sure(self) -> bool:
+        """False where the movement gives no evidence of any place."""
+        return self.confidence is None or self.confidence >= SURE
+
+    def __str__(self) -> str:
+        start = f"Your dance begins at {self.seconds:.2f} s of the song"
+        if self.source == "given":
+            return f"{start}, as you said."
+        if self.source == "folder":
+            return f"{start}, as the recording's folder says."
+        if self.source == "same":
+            return "Song and dance are one video, so they begin together."
+        if self.source == "sound":
+            again = " Another place fits nearly as well: the song repeats itself, or another song plays in the video."
+            return f"{start}: found by comparing the video's sound with the song.{again if self.repeats else ''}"
+        period = f"{self.period:.2f} s" if self.period else "a beat"
+        doubt = "" if self.is_sure else " The evidence is weak: beats of another tempo fit your movement as well."
+        return (
+            f"{start}, or whole beats of {period} from there: found from your movement alone, which says which place "
+            f"in the beat, not which beat.{doubt}"
+        )
+
+
+def load_performance(
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    joints: Sequence[str] | None = None,
+    height: int = HEIGHT,
+    progress: Progress = silent,
+) -> Performance:
+    """A motion file, a folder, or a video (by its suffix) with its sound.
+
+    Parameters
+    ----------
+    path : str or path
+    fps, joints : see `harmolab.io.motion.load_motion`; not for a video
+    height : int, pixels that a video is made smaller to
+    progress : function(iterable, label) -> iterable
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    path = Path(path)
+    if is_video(path):
+        frames = video_frames(path, height=height)
+        try:
+            motion = picture_motion(frames, frames.fps, progress=progress)
+        except ValueError as error:
+            raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
+        return Performance(path, motion, True, _sound(path))
+    motion = load_any_motion(path, fps=fps, joints=None if joints is None else tuple(joints))
+    return Performance(path, motion, start=recorded_offset(path))
+
+
+def _sound(path: Path) -> Audio | None:
+    """The sound of a video; None where there is none, or none that can be read: the movement must do then."""
+    try:
+        return video_sound(path)
+    except ValueError:
+        return None
+
+
+def place_performance(
+    performance: Performance, song: Audio, music: BeatTrack, *, guess: float | None = None, search: float = 2.0
+) -> Placement:
+    """The offset of a performance in its song: by its folder, else by its sound, else by its movement.
+
+    Parameters
+    ----------
+    performance : Performance
+    song : Audio
+    music : BeatTrack, the song's beats
+    guess : float, seconds, optional
+        Where to look by movement; the sound searches everywhere.
+    search : float, seconds
+        How far from the guess to look, to either side.
+
+    Raises
+    ------
+    ValueError
+        As `harmolab.lab.timing.movement.find_offset`.
+    """
+    if performance.start is not None and guess is None:
+        return Placement(performance.start, "folder")
+    sound = _by_sound(performance.sound, song)
+    if sound is not None and sound.is_clear:
+        return Placement(sound.seconds, "sound", repeats=not sound.is_unique)
+    try:
+        offset = find_offset(song, performance.motion, music=music, guess=guess or 0.0, search=search)
+    except ValueError as error:
+        raise ValueError(f"{performance.path}: {error}") from None
+    return Placement(offset.seconds, "movement", offset.period, offset.confidence)
+
+
+def _by_sound(sound: Audio | None, song: Audio) -> SoundOffset | None:
+    """Offset of a video's sound in the song; None without sound, or where it is too short or silent."""
+    try:
+        return None if sound is None else find_sound_offset(sound, song)
+    except ValueError:
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class OwnDance:
+    """A performance beside its song, scored.
+
+    Parameters
+    ----------
+    song : str, name of the file
+    performance : Performance
+    audio : Audio, the part of the song that is danced to
+    music : BeatTrack on the dance's time line
+    motion : Motion, the part of the dance that has music
+    skipped : float, seconds of the dance before that part
+    placement : Placement
+    score : HarmonyScore
+    words : Explanation
+    """
+
+    song: str
+    performance: Performance
+    audio: Audio
+    music: BeatTrack
+    motion: Motion
+    skipped: float
+    placement: Placement
+    score: HarmonyScore
+    words: Explanation
+
+    @property
+    def name(self) -> str:
+        """Name of the performance's file or folder."""
+        return self.performance.path.name or str(self.performance.path)
+
+    @property
+    def is_together(self) -> bool:
+        """True with evidence that the dancer keeps time with the song, be it early or late.
+
+        Movements keep a place in the beat, or fit the song better than chance. The p-value of the score would not do:
+        a steady dancer who is late fits better after a shift in time, and many shifts do as well.
+        """
+        return self.placement.is_sure and (self.words.is_steady or self.score.interval[0] > 0)
+
+    @property
+    def verdict(self) -> str:
+        """The result in a sentence or two for a dancer."""
+        if not self.placement.is_sure:
+            return "It is not clear where in this song you dance: beats of another tempo fit your movement as well."
+        if self.words.findings[-1].is_missing:
+            return "There is too little dance or music here to say anything."
+        if not self.is_together:
+            return "There is no evidence here that you move with the beats of this song."
+        if not self.words.is_steady:
+            return "You move with this song, but keep no steady place in its beat."
+        return "You keep time with this song. " + self.words.findings[-1].summary
+
+    def to_dict(self) -> dict[str, Any]:
+        """Numbers and text, ready for JSON."""
+        return {
+            "song": self.song,
+            "recording": self.name,
+            "verdict": self.verdict,
+            "words": list(self.words.sentences),
+            "findings": [_finding_dict(finding) for finding in self.words.findings],
+            "offset": {"text": str(self.placement), **vars(self.placement)},
+            "harmony_above_chance": self.score.harmony_above_chance,
+            "interval": _finite(*self.score.interval),
+            "p_value": _finite(self.score.p_value)[0],
+            "music_beats": len(self.music),
+            "movements": len(self.score.visual),
+            "seconds": self.motion.duration,
+        }
+
+
+def _finite(*numbers: float) -> list[float | None]:
+    """The numbers, None in place of those that do not exist."""
+    return [number if np.isfinite(number) else None for number in numbers]
+
+
+def _finding_dict(finding: Finding) -> dict[str, Any]:
+    """A finding, ready for JSON."""
+    value, *interval = _finite(finding.value, *finding.interval)
+    return {"kind": finding.kind, "sentence": finding.sentence, "value": value, "interval": interval}
+
+
+def explain_performance(
+    song: PathLike,
+    performance: Performance,
+    *,
+    offset: float | None = None,
+    guess: float | None = None,
+    search: float = 2.0,
+    beats: BeatAnnotation | None = None,
+    dance: str = "",
+    params: HarmonyParams | None = None,
+    n_rotations: int = 1000,
+    seed: int = 0,
+) -> OwnDance:
+    """A performance beside a song: placed, scored and explained.
+
+    Parameters
+    ----------
+    song : str or path, a sound file or a video (the performance itself, where the song plays in it)
+    performance : Performance
+    offset : float, seconds, optional
+        Song time of the first frame; default that of `place_performance`.
+    guess, search : see `place_performance`
+    beats : BeatAnnotation, optional
+        Of the song; left out, they are tracked.
+    dance : str
+        A prior for the tempo ("waltz", ...).
+    params : HarmonyParams, default ``HarmonyParams.recommended()``
+    n_rotations, seed : see `harmolab.harmony.score_motion`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    params = params or HarmonyParams.recommended()
+    audio = load_sound(song)
+    track = attack_beats(audio, tempo=dance or None) if beats is None else beats.track(audio.duration)
+    if offset is not None:
+        placement = Placement(offset, "given")
+    elif performance.is_video and Path(song).resolve() == performance.path.resolve():
+        placement = Placement(0.0, "same")
+    else:
+        placement = place_performance(performance, audio, track, guess=guess, search=search)
+    try:
+        clip = Clip(performance.path.name, audio, performance.motion, placement.seconds, beats=track)
+    except ValueError as error:
+        raise ValueError(f"{performance.path}: {error}") from None
+    shared = clip.shared()
+    music, motion = music_and_motion(clip)
+    score = score_motion(music, motion, params=params, n_rotations=n_rotations, seed=seed)
+    words = explain(score)
+    return OwnDance(
+        Path(song).name,
+        performance,
+        shared.audio,
+        music,
+        motion,
+        clip.shared_frame() / motion.fps,
+        placement,
+        score,
+        words if placement.is_absolute else words.relative(),
+    )

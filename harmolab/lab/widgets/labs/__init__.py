@@ -1,0 +1,1 @@
+"""One lab for each choice of the score."""

@@ -1,0 +1,301 @@
+"""A dance and its music as one page that plays anywhere: in a notebook, in the offline report, as a file."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+
+from harmolab.beats.audio import music_beats
+from harmolab.beats.visual import motion_curve
+from harmolab.harmony import score_motion
+from harmolab.io.files import PathLike, write_text
+from harmolab.kinematics import resample_motion, upsample_motion
+from harmolab.lab.report.templates import framed, rendered
+from harmolab.params import HarmonyParams
+from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, HarmonyScore, Motion
+
+SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
+HEIGHT = 880  # pixels of the frame
+LONGEST = 600.0  # seconds; a page of more is too large to open
+RATES = (3000, 192000)  # hertz
+LEVELS = 65535  # steps of a number in the page
+BLOCK = 65536  # samples; libsndfile's Vorbis coder overflows its stack on long ones
+NO_FACTS: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class Dancer:
+    """One dancer of a player.
+
+    Parameters
+    ----------
+    name : str
+    motion : Motion, (T, J, 3) metres or (T, J, 2) image coordinates; frame 0 is at audio time 0
+    score : HarmonyScore of the motion with the player's music: beats, hits and settings are its own
+    """
+
+    name: str
+    motion: Motion
+    score: HarmonyScore
+
+
+class Player:
+    """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
+
+    >>> Player(audio, [Dancer("one", motion, score)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        audio: Audio,
+        dancers: Sequence[Dancer],
+        *,
+        music: BeatTrack,
+        title: str,
+        facts: Mapping[str, str] = NO_FACTS,
+    ) -> None:
+        self.title = title
+        self.page = player_page(audio, dancers, music=music, title=title, facts=facts)
+
+    def _repr_html_(self) -> str:
+        return framed(self.page, title=f"{self.title}: player", height=HEIGHT)
+
+    def save(self, path: PathLike) -> None:
+        """Write the page to a file, whole or not at all."""
+        write_text(path, self.page)
+
+
+def player_of(
+    clips: Sequence[Clip],
+    *,
+    start: float | None = None,
+    seconds: float | None = None,
+    title: str = "",
+    facts: Mapping[str, str] | None = None,
+) -> Player:
+    """A player of a clip, or of two dances to the same music side by side, cut to what music and motion share.
+
+    Parameters
+    ----------
+    clips : one Clip with a motion, or two that share sound and offset; the second is shown at the rate of the first
+    start : float, seconds of audio time; the motions' first frame when left out
+    seconds : float, length; to the end of the music when left out
+    title, facts : as in `player_page`; left out, the facts are what each dance scores by speed valleys
+
+    Raises
+    ------
+    ValueError
+        As `player_page`; also where there is no music or no motion, or start and seconds are no times.
+    """
+    if start is not None and not np.isfinite(start):
+        raise ValueError(f"start must be a finite number of seconds, got {start:g}")
+    if seconds is not None and not 0 < seconds < np.inf:
+        raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
+    first = clips[0]
+    begins = max(0.0, first.offset, first.offset if start is None else start)
+    length = first.audio.duration - begins if seconds is None else seconds
+    beats = music_beats(first)
+    shown = [replace(_alike(clip, first), beats=beats).span(begins, length).shared() for clip in clips]
+    dancers = []
+    for clip in shown:
+        music, motion = cast(BeatTrack, clip.beats), cast(Motion, clip.motion)
+        dancers.append(Dancer(clip.name, motion, score_motion(music, motion, params=HarmonyParams.valleys())))
+    longest = max(shown, key=lambda clip: clip.audio.duration)
+    facts = dict(map(_fact, dancers)) if facts is None else facts
+    return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
+
+
+def _alike(clip: Clip, other: Clip) -> Clip:
+    """The clip with its motion at the frame rate of the other, so that one frame of each is one moment."""
+    if clip.motion is None or other.motion is None:
+        raise ValueError(f"{clip.name}: there is no motion to play")
+    fps = other.motion.fps
+    return replace(clip, motion=resample_motion(upsample_motion(clip.motion, fps), fps))
+
+
+def _fact(dancer: Dancer) -> tuple[str, str]:
+    """Name and text of what a dancer scores."""
+    score = dancer.score
+    return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
+
+
+def player_page(
+    audio: Audio,
+    dancers: Sequence[Dancer],
+    *,
+    music: BeatTrack,
+    title: str,
+    facts: Mapping[str, str] = NO_FACTS,
+) -> str:
+    """One HTML page that holds sound, movement and player, and asks the network for nothing.
+
+    The sound is the page's only clock. It is cut, or filled with silence, to the length of the longest motion, and
+    coded as Ogg Vorbis, which puts no delay before the first sample.
+
+    Parameters
+    ----------
+    audio : Audio that starts with the motions' first frame
+    dancers : one Dancer, or two side by side
+    music : BeatTrack on the same time line; beats after the last frame are left out
+    title : str
+    facts : name -> text, shown as a table
+
+    Raises
+    ------
+    ValueError
+        Unless there are one or two dancers, of ten minutes at most; for a sample rate outside 3 to 192 kHz.
+    """
+    duration = _duration([dancer.motion for dancer in dancers])
+    score = dancers[0].score
+    data = {
+        "duration": duration,
+        "sound": _sound(audio, duration),
+        "music": _music(music.span(0.0, duration), score),
+        "delay": score.params.reaction_delay,
+        "lag": score.params.lag,
+        "dancers": [_dancer(dancer) for dancer in dancers],
+    }
+    return rendered("player.html.j2", title=title, facts=facts, data=data)
+
+
+def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
+    """The page of `player_page` for raters: dance, sound, play and position, and nothing that tells the answer.
+
+    It takes neither names nor beats nor parameters, and computes no speed, beat or hit, so its source holds none. Two
+    dancers are called "left" and "right".
+
+    Parameters
+    ----------
+    audio : Audio that starts with the motions' first frame
+    motions : one Motion, or two side by side; (T, J, 3) metres or (T, J, 2) image coordinates
+
+    Raises
+    ------
+    ValueError
+        As `player_page`.
+    """
+    duration = _duration(motions)
+    names = ("left", "right") if len(motions) == 2 else ("dancer",)
+    dancers = [{"name": name, **_movement(motion)} for name, motion in zip(names, motions, strict=True)]
+    data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
+    return rendered("blind.html.j2", data=data)
+
+
+def _duration(motions: Sequence[Motion]) -> float:
+    """Seconds of the longest motion; ValueError unless there are one or two, not too long."""
+    if len(motions) not in (1, 2):
+        raise ValueError(f"the player shows one dancer or two, got {len(motions)}")
+    duration = max(motion.duration for motion in motions)
+    if duration > LONGEST:
+        raise ValueError(f"the player shows {LONGEST:g} s at most, got {duration:.1f} s; cut out a part of the motion")
+    return duration
+
+
+def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
+    """The music's beats: time, whether they are salient, and whether they begin a bar."""
+    salient = set(score.music.times)
+    places = np.full(len(music), -1) if music.bar_places is None else music.bar_places
+    return [
+        {"time": _seconds(time), "salient": time in salient, "first": bool(place == 0)}
+        for time, place in zip(music.times, places, strict=True)
+    ]
+
+
+def _dancer(dancer: Dancer) -> dict[str, Any]:
+    """Name, movement, speed, beats and hits of one dancer."""
+    return {
+        "name": dancer.name,
+        **_movement(dancer.motion),
+        "speed": _speed(dancer.motion, dancer.score.params),
+        "visual": [_seconds(time) for time in dancer.score.visual.times],
+        "marks": _marks(dancer.score),
+    }
+
+
+def _movement(motion: Motion) -> dict[str, Any]:
+    """What the page has to know to draw a motion."""
+    skull, limbs = skull_and_limbs(motion.skeleton)
+    shown = resample_motion(upsample_motion(motion, SLOWEST), min(max(motion.fps, SLOWEST), FASTEST))
+    flat = motion.positions.shape[2] == 2
+    positions, way, size = _on_wall(shown.positions) if flat else _on_floor(shown.positions, shown.fps)
+    return {
+        "flat": flat,
+        "front": 0.0 if flat else mean_heading(shown.positions, shown.fps, shown.skeleton),
+        "fps": shown.fps,
+        "frames": shown.n_frames,
+        "joints": len(motion.skeleton.joints),
+        "bones": limbs,
+        "skull": skull,
+        "size": size,
+        "positions": _quantised(positions),
+        "way": _quantised(way),
+    }
+
+
+def _on_floor(positions: FloatArray, fps: float) -> tuple[FloatArray, FloatArray, float]:
+    """(positions with the floor at y = 0, the camera's way over it (T, 2), the dancer's height)."""
+    low = float(np.percentile(positions[..., 1].min(axis=1), 2))
+    height, way = standing_height(positions), camera_way(positions, fps)[:, [0, 2]]
+    size = max(height, 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
+    return positions - np.array([0.0, low, 0.0]), way, size
+
+
+def _on_wall(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Image coordinates hung up in space, y up: (positions with z = 0, a camera that rests, the picture's size)."""
+    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    upright = np.stack([points[..., 0] - (low[0] + high[0]) / 2, high[1] - points[..., 1]], axis=-1)
+    positions = np.concatenate([upright, np.zeros_like(upright[..., :1])], axis=-1)
+    return positions, np.zeros((len(points), 2)), max(float((high - low).max()), 1e-6)
+
+
+def _speed(motion: Motion, params: HarmonyParams) -> dict[str, Any]:
+    """The curve that visual beats are read from, at a rate that shows it smooth."""
+    curve, fps = motion_curve(motion, params)
+    seconds = (np.arange(curve.size) - 0.5 * params.subframe) / fps
+    times = np.arange(0.0, motion.duration, 1.0 / FASTEST)
+    return {"fps": FASTEST, **_quantised(np.interp(times, seconds, curve)[:, None])}
+
+
+def _marks(score: HarmonyScore) -> list[dict[str, float | None]]:
+    """Each salient music beat, and the dancer's beat that met it; None for a miss."""
+    return [
+        {"time": _seconds(time), "met": _seconds(score.visual.times[pair]) if pair >= 0 else None}
+        for time, pair in zip(score.music.times, score.pairs, strict=True)
+    ]
+
+
+def _seconds(time: float) -> float:
+    return round(float(time), 4)
+
+
+def _quantised(values: FloatArray) -> dict[str, Any]:
+    """(T, ..., K) numbers as base64 of 16-bit steps: value = low[k] + step[k] * number."""
+    columns = values.reshape(-1, values.shape[-1])
+    low = columns.min(axis=0)
+    step = np.maximum((columns.max(axis=0) - low) / LEVELS, 1e-12)
+    numbers: NDArray[np.uint16] = np.rint((columns - low) / step).astype("<u2")
+    return {"low": low.tolist(), "step": step.tolist(), "numbers": base64.b64encode(numbers.tobytes()).decode()}
+
+
+def _sound(audio: Audio, duration: float) -> dict[str, Any]:
+    """The sound of `duration` seconds as base64 of Ogg Vorbis."""
+    rate = round(audio.sample_rate)
+    if not RATES[0] <= rate <= RATES[1]:  # above, the coder crashes; below, browsers refuse
+        raise ValueError(f"the player takes sound of {RATES[0]} to {RATES[1]} Hz, got {rate}; load it at 44100 Hz")
+    samples = np.zeros(max(round(duration * rate), 1), dtype=np.float32)
+    given = np.clip(audio.samples[: samples.size], -1.0, 1.0)
+    samples[: given.size] = given
+    stream = io.BytesIO()
+    with soundfile.SoundFile(stream, "w", rate, 1, format="OGG", subtype="VORBIS") as file:
+        for first in range(0, samples.size, BLOCK):
+            file.write(samples[first : first + BLOCK])
+    return {"rate": rate, "ogg": base64.b64encode(stream.getvalue()).decode()}

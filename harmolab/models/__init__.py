@@ -1,1 +1,0 @@
-"""Torch models: the generator and its discriminators, the pose network, losses, relaxed harmony."""

@@ -1,0 +1,185 @@
+"""Settings of scoring: dances, bar patterns, every choice that a harmony score depends on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Dance:
+    """What music for one dance sounds like: usual tempo in beats per minute, and beats in a bar."""
+
+    tempo: tuple[float, float]
+    meter: int
+
+
+# Tempo ranges hold the competition range of each dance and the practice recordings on either side of it.
+DANCES = MappingProxyType(
+    {
+        "cha-cha": Dance((104.0, 136.0), 4),
+        "jive": Dance((144.0, 184.0), 4),
+        "quickstep": Dance((188.0, 216.0), 4),
+        "rumba": Dance((62.0, 112.0), 4),
+        "samba": Dance((92.0, 108.0), 4),
+        "tango": Dance((116.0, 140.0), 4),
+        "waltz": Dance((78.0, 96.0), 3),
+    }
+)
+
+
+@dataclass(frozen=True)
+class BarPattern:
+    """How joint speed usually goes through a cycle of beats, as a short Fourier series.
+
+    The expected (normalised) speed at beat position x is ``sum_h cosines[h-1] cos(2 pi h x / beats) + sines[h-1]
+    sin(2 pi h x / beats)``; x = 0 is the cycle's first beat. Plain tuples, so that patterns compare and print.
+
+    Parameters
+    ----------
+    beats : int, length of the cycle
+    cosines, sines : tuples of H floats
+    source : str, what it was learnt on
+    """
+
+    beats: int
+    cosines: tuple[float, ...]
+    sines: tuple[float, ...]
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if self.beats < 1:
+            raise ValueError(f"a bar pattern needs at least one beat, got {self.beats}")
+        if not self.cosines or len(self.cosines) != len(self.sines):
+            raise ValueError(f"cosines and sines must be two equal lists, got {self.cosines} and {self.sines}")
+        if not np.isfinite(self.cosines + self.sines).all():
+            raise ValueError("a bar pattern's coefficients must be finite")
+
+    @classmethod
+    def stop_on_the_beat(cls) -> BarPattern:
+        """Slowest on every beat, fastest half way between: movements that end on the beat."""
+        return cls(1, (-1.0,), (0.0,), "assumed: movements end on the beat")
+
+
+@dataclass(frozen=True)
+class HarmonyParams:
+    """Every choice a harmony score depends on. ``paper()`` is the paper; ``recommended()`` is what we advise.
+
+    Parameters
+    ----------
+    measure : "hits" or "pattern"
+        "hits" counts music beats with a visual beat close by (Eq. 14-21). "pattern" asks how well the movement around
+        each music beat fits `pattern`, compared with every other moment of the clip (see `harmolab.bar_pattern`).
+    audio_threshold : float
+        lambda_1 of Eq. 11, in standard deviations.
+    visual_threshold : float or None
+        lambda_2 of Eq. 13; None keeps every visual beat.
+    reaction_delay : float, seconds
+        T_delay of Eq. 18; a beat exactly this far away is still a hit.
+    beta : float
+        Weight of Eq. 20; above 1 favours the music's beats.
+    detector : which moments of a motion are visual beats
+        "turns" of the joint speed (Eq. 8-9), its "valleys" or "peaks" alone, or "direction" (motion SD).
+    fps : float or None, hertz
+        Rate the motion is resampled to (linearly) first; None keeps its own.
+    smoothing : float, seconds
+        Standard deviation of the Gaussian that smooths the speed curve; 0 leaves it alone.
+    position_smoothing : float, seconds
+        The same for the joint positions before the speed is taken: what sensor noise calls for.
+    subframe : bool
+        Place visual beats between frames: a frame difference belongs half a frame before its frame, and an extremum to
+        the top of the parabola through three samples; motion below 120 hertz is interpolated by cubic splines first.
+        Makes beat times independent of the frame rate.
+    lag : float, seconds
+        How much later than the music's beats the visual ones are expected; taken off before scoring.
+    clock : float
+        Time stretch of the motion: its times are multiplied by this (1.013 fits most Tang 2018 recordings).
+    speed, plateau, saliency, visual_saliency, first_beat, matching, normalisation
+        Readings of unclear equations, see ``docs/readings.md``. Defaults are the paper mode's.
+    pattern : BarPattern
+        What the "pattern" measure compares with.
+    """
+
+    measure: Literal["hits", "pattern"] = "hits"
+    audio_threshold: float = 0.1
+    visual_threshold: float | None = 1.0
+    reaction_delay: float = 0.25
+    beta: float = 2.0
+    detector: Literal["turns", "valleys", "peaks", "direction"] = "turns"
+    fps: float | None = 15.0
+    smoothing: float = 0.0
+    position_smoothing: float = 0.0
+    subframe: bool = False
+    lag: float = 0.0
+    clock: float = 1.0
+    speed: Literal["norm", "signed", "norm_of_sum"] = "norm"
+    plateau: Literal["last", "middle", "literal"] = "last"
+    saliency: Literal["threshold", "literal"] = "threshold"
+    visual_saliency: Literal["difference", "strength"] = "difference"
+    first_beat: Literal["copy", "drop"] = "copy"
+    matching: Literal["many", "nearest", "max"] = "many"
+    normalisation: Literal["max", "mean", "raw"] = "max"
+    pattern: BarPattern = field(default_factory=BarPattern.stop_on_the_beat)
+
+    def __post_init__(self) -> None:
+        for name in ("audio_threshold", "reaction_delay", "smoothing", "position_smoothing"):
+            if not 0 <= getattr(self, name) < float("inf"):
+                raise ValueError(f"{name} must be zero or more, got {getattr(self, name)}")
+        for name in ("beta", "clock"):
+            if not 0 < getattr(self, name) < float("inf"):
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+        if self.visual_threshold is not None and not 0 <= self.visual_threshold < float("inf"):
+            raise ValueError(f"visual_threshold must be zero or more, or None, got {self.visual_threshold}")
+        if self.fps is not None and not 0 < self.fps < float("inf"):
+            raise ValueError(f"fps must be positive or None, got {self.fps}")
+        if not abs(self.lag) < float("inf"):
+            raise ValueError(f"lag must be finite, got {self.lag}")
+        for name, choices in CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ValueError(f"{name} must be one of {', '.join(choices)}; got {getattr(self, name)!r}")
+
+    @classmethod
+    def paper(cls) -> HarmonyParams:
+        """The paper's settings (Sec. 5.2) under the readings of ``docs/readings.md``."""
+        return cls()
+
+    @classmethod
+    def recommended(cls, pattern: BarPattern | None = None) -> HarmonyParams:
+        """What we advise: fit to a bar pattern; ``pattern`` is one learnt by `harmolab.bar_pattern.fit_pattern`."""
+        return cls(
+            measure="pattern",
+            audio_threshold=0.0,
+            visual_threshold=None,
+            reaction_delay=0.1,
+            beta=1.0,
+            detector="valleys",
+            fps=None,
+            position_smoothing=0.06,
+            subframe=True,
+            pattern=pattern or BarPattern.stop_on_the_beat(),
+        )
+
+    @classmethod
+    def valleys(cls) -> HarmonyParams:
+        """Chance-corrected hits of speed valleys within 0.1 s: the simplest score that sees planted beats."""
+        return cls(
+            visual_threshold=None, reaction_delay=0.1, detector="valleys", fps=None, smoothing=0.05, subframe=True
+        )
+
+
+CHOICES = MappingProxyType(
+    {
+        "measure": ("hits", "pattern"),
+        "detector": ("turns", "valleys", "peaks", "direction"),
+        "speed": ("norm", "signed", "norm_of_sum"),
+        "plateau": ("last", "middle", "literal"),
+        "saliency": ("threshold", "literal"),
+        "visual_saliency": ("difference", "strength"),
+        "first_beat": ("copy", "drop"),
+        "matching": ("many", "nearest", "max"),
+        "normalisation": ("max", "mean", "raw"),
+    }
+)

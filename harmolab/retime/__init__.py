@@ -1,0 +1,1 @@
+"""Motions whose time is bent until their beats meet the music's."""

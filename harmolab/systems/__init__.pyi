@@ -1,0 +1,14 @@
+from .common.feature_params import FeatureParams as FeatureParams
+from .common.phases import Phase as Phase
+from .common.phases import fit as fit
+from .common.units import collate as collate
+from .contract import System as System
+from .contract import find as find
+from .contract import load as load
+from .contract import names as names
+from .harmogan.anatomy import anatomy as anatomy
+from .harmogan.generate import synthesize_dance as synthesize_dance
+from .harmogan.networks import Generator as Generator
+from .harmogan.params import ModelParams as ModelParams
+from .harmogan.params import TrainParams as TrainParams
+from .harmogan.system import HarmoGAN as HarmoGAN

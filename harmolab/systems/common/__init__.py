@@ -1,0 +1,1 @@
+"""What systems share: units, motion code, audio features, layers, training, weights. It imports no system."""

@@ -1,0 +1,124 @@
+"""Systems that dance, and the one door to all of them.
+
+A system is a class that fulfils `System`. Its name is that of its module here (``harmogan`` is
+`harmolab.systems.harmogan`, class `HarmoGAN`); a class of somebody else's is called ``package.module:Class``. Weights
+name the system that made them: ``"system"`` in ``model.json``. Because of what a file says, nothing outside this
+package is imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Any, Protocol, Self
+
+from harmolab.io.files import PathLike
+from harmolab.systems.common.weights import read_about
+from harmolab.types import Audio, BeatTrack, Motion
+
+
+class System(Protocol):
+    """What every system can do. Each may take more keywords than these; all of them have defaults."""
+
+    def generate(
+        self,
+        audio: Audio,
+        beats: BeatTrack | None = None,
+        *,
+        start: float = 0.0,
+        seconds: float | None = None,
+        seed: int = 0,
+        initial: Motion | None = None,
+    ) -> Motion:
+        """A motion to music; its frame 0 belongs to the audio time `start`.
+
+        Parameters
+        ----------
+        audio : Audio, the whole recording
+        beats : BeatTrack on the audio time line; tracked when left out
+        start : float, seconds of audio time
+        seconds : float, length of the motion; to the end of the music when left out or longer
+        seed : int; the same seed gives the same motion
+        initial : Motion that the new one goes on from, in pose if not in place; drawn by `seed` when left out
+
+        Raises
+        ------
+        ValueError
+            If `start` or `seconds` lies outside the music, or `initial` is of another skeleton.
+        """
+
+    def save(self, folder: PathLike) -> None:
+        """Write weights, and ``model.json`` that names the system, to a folder; it is made if need be."""
+
+    @classmethod
+    def load(cls, folder: PathLike) -> Self:
+        """The system that was saved in a folder; ValueError or FileNotFoundError names the file at fault."""
+
+    @classmethod
+    def train(
+        cls, data: Sequence[PathLike], out: PathLike, *, seed: int = 1, resume: bool = False, **more: Any
+    ) -> Self:
+        """The system trained on corpora (folders), and saved in `out`, which is new or empty unless `resume`.
+
+        Among the further keywords, ``report`` (`harmolab.systems.common.history.Report`) is called after every epoch.
+        """
+
+
+def names() -> list[str]:
+    """Names of harmolab's own systems."""
+    return sorted(
+        module.name for module in iter_modules([str(Path(__file__).parent)]) if module.ispkg and module.name != "common"
+    )
+
+
+def find(name: str) -> type[System]:
+    """The class of a system, by the name of one of harmolab's own or as "package.module:Class".
+
+    Raises
+    ------
+    ValueError
+        If there is no such system.
+    """
+    module, outside, wanted = name.partition(":")
+    if not outside and name not in names():
+        raise ValueError(f"unknown system {name!r}; there are {', '.join(names())}, and others as package.module:Class")
+    try:
+        content = vars(import_module(module if outside else f"{__package__}.{name}"))
+    except ModuleNotFoundError as error:
+        if not outside or error.name != module.partition(".")[0]:
+            raise
+        raise ValueError(f"system {name}: there is no module {module}; put its folder on PYTHONPATH") from None
+    for key, value in content.items():
+        if isinstance(value, type) and (key == wanted if outside else key.lower() == name):
+            return value
+    raise ValueError(f"system {name}: {module} has no class {wanted or name}")
+
+
+def load(folder: PathLike, *, system: str | None = None) -> System:
+    """The trained system in a folder; of the class that its weights name.
+
+    Parameters
+    ----------
+    folder : of a run, or a weights file in it
+    system : str, optional
+        Name of the system, as for `find`; needed for one that is not harmolab's own.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there are no weights, they are damaged, or another system made them; the message names the file or folder.
+    """
+    about = read_about(folder)
+    maker = str(about.get("system") or ("harmogan" if about.get("class") == "Generator" else ""))  # before 0.2: unnamed
+    if system is not None and system != maker:
+        raise ValueError(f"{folder}: was made by the system {maker!r}, not by {system!r}")
+    if system is None and ":" in maker:
+        raise ValueError(
+            f"{folder}: was made by {maker}, a class outside harmolab; code is not imported because a file says so. "
+            f"If you trust it, name it: --system {maker}, or load(folder, system={maker!r})"
+        )
+    if system is None and maker not in names():
+        raise ValueError(f"{folder}: was made by the system {maker!r}, which this version of harmolab does not have")
+    return find(maker).load(folder)

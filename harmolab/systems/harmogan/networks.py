@@ -1,0 +1,297 @@
+"""The generator of the harmony paper's Sec. 4.2 and its two discriminators.
+
+All of them take the motion code of `common.motion_code` as it is, in metres and seconds, and normalise it with the
+training split's mean and standard deviation, which they keep as buffers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, NamedTuple, Self
+
+import torch
+from torch import Tensor, nn
+
+from harmolab.io.files import PathLike
+from harmolab.skeletons import ancestors
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.layers import Normaliser, channel_statistics, parameter_count
+from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, fix_bones, local_joints
+from harmolab.systems.common.weights import MOST_LAYERS, load_weights, renamed, stored_skeleton, whole
+from harmolab.systems.harmogan.params import ModelParams
+from harmolab.types import Skeleton
+
+# Parts in time that the spatial-temporal discriminator looks at (Sec. 4.2).
+SEGMENTS = 5
+# Seconds before and after a moment in the reach of the encoder: a dancer must know of a beat before it comes.
+_HORIZON = 0.7
+# Size of the last layers' first weights: an untrained generator returns the initial poses, nearly.
+_FIRST_CORRECTION = 0.01
+_SLOPE = 0.1
+
+
+class GeneratorOutput(NamedTuple):
+    """Motion code (N, T, C), and the 2-D poses (N, T, J, 2) it was lifted from.
+
+    The 2-D poses are x and y in the heading frame, metres, before the bones get their lengths.
+    """
+
+    motion: Tensor
+    flat: Tensor
+
+
+class Statistics(NamedTuple):
+    """Mean and standard deviation of every channel of the training split: audio (F,), motion code (C,)."""
+
+    audio_mean: Tensor
+    audio_std: Tensor
+    motion_mean: Tensor
+    motion_std: Tensor
+
+    @classmethod
+    def of(cls, audio: Tensor, motion: Tensor, mask: Tensor) -> Statistics:
+        """Statistics over the frames whose mask is 1, of audio (N, T, F), motion (N, T, C) and mask (N, T)."""
+        return cls(*channel_statistics(audio, mask), *channel_statistics(motion, mask))
+
+
+def _perceptron(n_in: int, n_hidden: int, n_out: int, *, first: float = 1.0) -> nn.Sequential:
+    """Two linear layers with a bend between; the last one's first weights are multiplied by `first`, its bias is 0."""
+    last = nn.Linear(n_hidden, n_out)
+    with torch.no_grad():
+        last.weight.mul_(first)
+        last.bias.zero_()
+    return nn.Sequential(nn.Linear(n_in, n_hidden), nn.LeakyReLU(_SLOPE), last)
+
+
+class _Normalised(nn.Module):
+    """A network with a `Normaliser` of motion, and maybe one of audio."""
+
+    def set_statistics(self, statistics: Statistics) -> None:
+        """Normalise by the training split from now on."""
+        for name, scale in self.named_children():
+            if isinstance(scale, Normaliser):
+                scale.set(*(statistics[:2] if name == "audio_scale" else statistics[2:]))
+
+
+class Generator(_Normalised):
+    """G(A_f, V_f) = V' (Sec. 4.2, Fig. 7c): music and initial poses in, motion out, all frames of a unit at once.
+
+    A GRU encodes the music; the features of the initial poses are concatenated with it; a GRU decodes both into poses.
+    Skip connections concatenate the audio-visual features once more in front of every head. One head gives 2-D poses
+    (x, y), a second lifts them to 3-D, a third moves the root. Where the paper is silent, we chose:
+
+    * Heads give corrections to the initial poses V_f, in standard deviations, not poses. Training starts from V_f.
+    * A convolution over 0.7 s around each moment precedes the encoder, so that movement can be prepared.
+    * Bones are set to their reference lengths at the end (`fix_bones`).
+    * No noise: other initial poses give another dance.
+
+    Music and initial poses that are padded with their last frame give the same motion as without padding.
+
+    Parameters
+    ----------
+    params : ModelParams
+    n_audio : int, channels F of the audio features
+    skeleton : Skeleton with J joints
+    bone_lengths : (J,) tensor, metres, 0 at roots
+    fps : float, hertz
+    features : FeatureParams, optional
+        Settings of the audio features; kept with the weights, so that the generator can dance to a song.
+    """
+
+    system = "harmogan"
+    bone_lengths: Tensor
+
+    def __init__(
+        self,
+        params: ModelParams,
+        n_audio: int,
+        skeleton: Skeleton,
+        bone_lengths: Tensor,
+        *,
+        fps: float,
+        features: FeatureParams | None = None,
+    ) -> None:
+        super().__init__()
+        n_joints = len(skeleton.joints)
+        ancestors(skeleton.parents)  # refuses bones in a circle
+        bone_lengths = bone_lengths.detach().float()
+        if bone_lengths.shape != (n_joints,) or not bool((bone_lengths >= 0).all()):
+            raise ValueError(f"bone_lengths must be {n_joints} lengths in metres, got {bone_lengths.tolist()}")
+        if n_audio < 1 or not 0 < fps < math.inf:
+            raise ValueError(f"n_audio and fps must be positive, got {n_audio} and {fps}")
+        if features is not None and (features.n_audio, features.fps) != (n_audio, fps):
+            raise ValueError(f"features must have {n_audio} audio channels at {fps} Hz, got {features}")
+        self.params, self.n_audio, self.skeleton, self.fps = params, n_audio, skeleton, float(fps)
+        self.features = features
+        self.n_motion = 3 * n_joints + PATH_CHANNELS
+        self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(self.n_motion)
+        self.register_buffer("bone_lengths", bone_lengths.clone())
+        self._build(params, n_joints)
+
+    def _build(self, params: ModelParams, n_joints: int) -> None:
+        """The layers of Fig. 7c."""
+        hidden, channels = params.hidden, params.pose_features
+        reach = max(1, round(_HORIZON * self.fps))
+        self.hearing = nn.Conv1d(
+            self.n_audio, max(1, hidden // 4), 2 * reach + 1, padding=reach, padding_mode="replicate"
+        )
+        self.encoder = nn.GRU(max(1, hidden // 4), hidden, params.layers, batch_first=True)
+        self.seeing = _perceptron(self.n_motion, channels, channels)
+        self.decoder = nn.GRU(hidden + channels, hidden, params.layers, batch_first=True)
+        joined = hidden + hidden + channels
+        self.flat_head = _perceptron(joined, channels, 2 * n_joints, first=_FIRST_CORRECTION)
+        self.depth_head = _perceptron(joined + 2 * n_joints, channels, n_joints, first=_FIRST_CORRECTION)
+        self.path_head = _perceptron(joined, channels, PATH_CHANNELS, first=_FIRST_CORRECTION)
+
+    def forward(self, audio: Tensor, initial: Tensor) -> GeneratorOutput:
+        """Motion for music (N, T, F) and initial poses (N, T, C), both as they are (not normalised)."""
+        music = self.hearing(self.audio_scale(audio).transpose(1, 2)).transpose(1, 2)
+        encoded, _ = self.encoder(nn.functional.leaky_relu(music, _SLOPE))  # (N, T, hidden)
+        features = torch.cat([encoded, self.seeing(self.motion_scale(initial))], dim=-1)
+        decoded, _ = self.decoder(features)
+        joined = torch.cat([decoded, features], dim=-1)
+        flat = self.flat_head(joined)  # corrections to x and y, (N, T, 2 J)
+        depth = self.depth_head(torch.cat([joined, flat], dim=-1))
+        return self._assembled(initial, flat, depth, self.path_head(joined))
+
+    def _assembled(self, initial: Tensor, flat: Tensor, depth: Tensor, path: Tensor) -> GeneratorOutput:
+        """The output: corrections in standard deviations added to the initial poses, bones set to their lengths."""
+        # Centimetres need more digits than the 8 bits of bfloat16.
+        with torch.autocast(initial.device.type, enabled=False):
+            pieces = (flat.unflatten(-1, (-1, 2)), depth[..., None])
+            local = torch.cat([piece.to(initial.dtype) for piece in pieces], dim=-1)
+            correction = torch.cat([local.flatten(-2), path.to(initial.dtype)], dim=-1)
+            code = initial + correction * self.motion_scale.std
+            joints = local_joints(code)
+            fixed = fix_bones(joints, self.skeleton.parents, self.bone_lengths)
+            motion = torch.cat([fixed.flatten(-2), code[..., -PATH_CHANNELS:]], dim=-1)
+        return GeneratorOutput(motion, joints[..., :2])
+
+    def positions(self, motion: Tensor) -> Tensor:
+        """Joints in the world, (N, T, J, 3) metres, of motion codes (N, T, C); they start at x = z = 0, heading 0."""
+        return decode(motion, self.fps)
+
+    def parameter_count(self) -> int:
+        """Number of values that training changes."""
+        return parameter_count(self)
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {
+            "model": asdict(self.params),
+            "features": None if self.features is None else asdict(self.features),
+            "n_audio": self.n_audio,
+            "fps": self.fps,
+            "skeleton": asdict(self.skeleton),
+        }
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A generator as its description says; ValueError for sizes that cannot be."""
+        model = ModelParams(**{name: whole(name, value) for name, value in renamed(build["model"]).items()})
+        if model.layers > MOST_LAYERS:
+            raise ValueError(f"describes {model.layers} recurrent layers, more than {MOST_LAYERS}")
+        features = None if build["features"] is None else FeatureParams(**build["features"])
+        n_audio, fps, skeleton = whole("n_audio", build["n_audio"]), float(build["fps"]), stored_skeleton(build)
+        return cls(model, n_audio, skeleton, tensors["bone_lengths"], fps=fps, features=features)
+
+
+def load_generator(path: PathLike) -> Generator:
+    """The generator stored at `path`; errors as of `harmolab.systems.common.weights.load_weights`."""
+    return load_weights(path, Generator)
+
+
+class _MaskedConvolution(nn.Module):
+    """Convolution over time that leaves padding out: (N, T, in), (N, T) -> (N, T', out), (N, T')."""
+
+    def __init__(self, n_in: int, n_out: int, *, stride: int = 1) -> None:
+        super().__init__()
+        self.stride = stride
+        self.convolution = nn.Conv1d(n_in, n_out, 3, stride, padding=1)
+
+    def forward(self, values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        bent = nn.functional.leaky_relu(self.convolution(values), 0.2)
+        mask = mask[:, :: self.stride]
+        return bent * mask[:, None], mask
+
+
+class _Branch(nn.Module):
+    """Three convolutions over time, halving its rate after the first: (N, C, T), (N, T) -> (N, 4 c, T / 4) and mask."""
+
+    def __init__(self, n_in: int, channels: int) -> None:
+        super().__init__()
+        sizes = (n_in, channels, 2 * channels, 4 * channels)
+        self.layers = nn.ModuleList(
+            _MaskedConvolution(a, b, stride=stride) for a, b, stride in zip(sizes, sizes[1:], (1, 2, 2), strict=False)
+        )
+
+    def forward(self, values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+        values = values * mask[:, None]
+        for layer in self.layers:
+            values, mask = layer(values, mask)
+        return values, mask
+
+
+def _mean_over_time(values: Tensor, mask: Tensor) -> Tensor:
+    """(N, c): mean of (N, c, T) over the frames whose mask (N, T) is 1."""
+    return (values * mask[:, None]).sum(dim=2) / mask.sum(dim=1, keepdim=True).clamp(min=1.0)
+
+
+class CrossDomainDiscriminator(_Normalised):
+    """D_cd: does this motion belong to this music? Two branches, features concatenated, one logit per clip (Sec. 4.2).
+
+    The features are concatenated moment by moment, so that agreement in time is an input.
+    """
+
+    def __init__(self, params: ModelParams, n_audio: int, skeleton: Skeleton) -> None:
+        super().__init__()
+        n_motion = 3 * len(skeleton.joints) + PATH_CHANNELS
+        self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(n_motion)
+        self.hearing, self.seeing = _Branch(n_audio, params.discriminator), _Branch(n_motion, params.discriminator)
+        self.both = _MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
+        self.verdict = _perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
+
+    def forward(self, audio: Tensor, motion: Tensor, mask: Tensor) -> Tensor:
+        """Logits (N,), high for a true pair: audio (N, T, F), motion code (N, T, C), mask (N, T) of ones where real."""
+        music, _ = self.hearing(self.audio_scale(audio).transpose(1, 2), mask)
+        movement, reduced = self.seeing(self.motion_scale(motion).transpose(1, 2), mask)
+        both, reduced = self.both(torch.cat([music, movement], dim=1), reduced)
+        return self.verdict(_mean_over_time(both, reduced)).squeeze(-1)
+
+
+class SpatialTemporalDiscriminator(_Normalised):
+    """D_st: is this how people move? Five even segments, their features concatenated one after the other (Sec. 4.2).
+
+    Segment k's features are joined to those of segments 1 to k - 1. Every clip is cut by its own length.
+    """
+
+    def __init__(self, params: ModelParams, skeleton: Skeleton) -> None:
+        super().__init__()
+        n_motion, size = 3 * len(skeleton.joints) + PATH_CHANNELS, 4 * params.discriminator
+        self.motion_scale = Normaliser(n_motion)
+        self.seeing = _Branch(n_motion, params.discriminator)
+        self.joining = nn.ModuleList(nn.Linear(2 * size, size) for _ in range(SEGMENTS - 1))
+        self.verdict = _perceptron(size, 2 * params.discriminator, 1)
+
+    def forward(self, motion: Tensor, mask: Tensor) -> Tensor:
+        """Logits (N,), high for recorded motion: motion code (N, T, C), mask (N, T) of ones where real."""
+        pieces, masks = segments(self.motion_scale(motion), mask)  # (N, 5, W, C), (N, 5, W)
+        movement, reduced = self.seeing(pieces.flatten(0, 1).transpose(1, 2), masks.flatten(0, 1))
+        features = _mean_over_time(movement, reduced).unflatten(0, (-1, SEGMENTS))  # (N, 5, size)
+        joined = features[:, 0]
+        for step, join in enumerate(self.joining, start=1):
+            joined = nn.functional.leaky_relu(join(torch.cat([joined, features[:, step]], dim=-1)), 0.2)
+        return self.verdict(joined).squeeze(-1)
+
+
+def segments(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """(N, 5, W, C) and mask (N, 5, W): the real frames of (N, T, C) in five segments, even to a frame, of W at most."""
+    lengths = mask.sum(dim=1).round().long()  # real frames come first
+    borders = torch.arange(SEGMENTS + 1, device=values.device) * lengths[:, None] // SEGMENTS  # (N, 6)
+    width = -(-values.shape[1] // SEGMENTS)
+    frames = borders[:, :-1, None] + torch.arange(width, device=values.device)  # (N, 5, W)
+    inside = (frames < borders[:, 1:, None]).to(values.dtype)
+    rows = torch.arange(len(values), device=values.device)[:, None, None]
+    return values[rows, frames.clamp(max=values.shape[1] - 1)], inside

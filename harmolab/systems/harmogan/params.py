@@ -1,0 +1,162 @@
+"""Settings of how large a generator is and how it is trained (paper Sec. 4 and 5.2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal
+
+from harmolab.systems.common.feature_params import check_numbers
+
+
+@dataclass(frozen=True)
+class ModelParams:
+    """Sizes of the generator and its discriminators.
+
+    Parameters
+    ----------
+    hidden : int
+        Units of every recurrent layer.
+    layers : int
+        Recurrent layers of the audio encoder and of the pose decoder, each.
+    pose_features : int
+        Channels of the initial poses' features that are concatenated with the encoded audio, and of the heads.
+    discriminator : int
+        Channels of the discriminators' first layer.
+    """
+
+    hidden: int
+    layers: int
+    pose_features: int
+    discriminator: int
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=[field.name for field in fields(self)])
+
+    @classmethod
+    def paper(cls) -> ModelParams:
+        """Seven to nine million generator parameters: as many as the paper's Sec. 5.5 implies."""
+        return cls(hidden=512, layers=2, pose_features=256, discriminator=64)
+
+    @classmethod
+    def small(cls) -> ModelParams:
+        """About one million generator parameters: trains on a laptop."""
+        return cls(hidden=192, layers=1, pose_features=192, discriminator=32)
+
+
+@dataclass(frozen=True)
+class TrainParams:
+    """Schedules and weights of the hybrid loss (Eq. 32, Sec. 5.2). An ablation: ``replace(paper, harmony_weight=0.0)``.
+
+    Parameters
+    ----------
+    pretrain_epochs, adversarial_epochs : int
+    patience : int or None
+        Pretraining ends earlier when the error on the validation units has not fallen for so many epochs, and goes back
+        to the best one. None: all epochs, and the last one, whatever the validation units say.
+    batch_size : int
+        Over all processes together.
+    shards : int
+        Parts that each batch is computed in, one after the other or by several processes; at least as many as there are
+        processes. Equal shards give equal results to the last bit; others round otherwise, which grows by the epoch.
+    pretrain_rate, adversarial_rate : float
+        Initial learning rates of Adam.
+    pretrain_drops : factors, one after every `pretrain_drop_epochs` epochs; the last one stays
+    adversarial_drops : factors in turn, one after every `adversarial_drop_epochs` epochs
+    generator_decay, discriminator_decay : float, weight decay
+    pretrain_kl_weight : float, L_pretrain = this * L_kl + L_mse
+    kl_weight, mse_weight, feature_weight, harmony_weight, gan_weight : float
+        The lambdas of Eq. 32.
+    cross_domain_weight : float
+        Weight of the cross-domain discriminator inside L_gan (Eq. 31). It learns from recorded pairs of music and
+        movement: where the recorded dancers do not rest on the beat, it teaches the generator not to, against the
+        harmony loss. 0 leaves the judgement of movement to the spatial-temporal discriminator.
+    smoothness_weight, foot_weight, energy_weight : float
+        Terms the paper does not have: jerk above the recorded motion's, feet that slide, and more or less movement than
+        recorded; 0 in paper mode.
+    harmony : "paper" or "above_chance"
+        -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
+    count_weight : float
+        Weight of the count term inside the harmony loss.
+    rollout : bool
+        Rollout training (compare scheduled sampling): half of each term that needs no recorded answer (L_gan, L_harmo,
+        smoothness, feet, energy) is taken of dances to other units' music that begin where the generator itself ended
+        in the batch before, as in a song. Without it a song of many meters drifts away.
+    tau_start, tau_end : float
+        Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
+    epsilon : float, of the Charbonnier losses (Eq. 25-26)
+    pose_epochs : int
+        Of the pose network behind the feature loss (256 units each), before everything else.
+    seed : int
+    """
+
+    pretrain_epochs: int = 225
+    adversarial_epochs: int = 45
+    patience: int | None = 30
+    batch_size: int = 10
+    shards: int = 1
+    pretrain_rate: float = 1e-3
+    pretrain_drops: tuple[float, ...] = (0.5, 0.2, 0.2, 0.5)
+    pretrain_drop_epochs: int = 50
+    adversarial_rate: float = 1e-4
+    adversarial_drops: tuple[float, ...] = (0.5, 0.2)
+    adversarial_drop_epochs: int = 5
+    generator_decay: float = 1e-4
+    discriminator_decay: float = 1e-3
+    pretrain_kl_weight: float = 0.1
+    kl_weight: float = 1e-4
+    mse_weight: float = 1e-3
+    feature_weight: float = 1e-3
+    harmony_weight: float = 1.0
+    gan_weight: float = 1e-3
+    cross_domain_weight: float = 1.0
+    smoothness_weight: float = 0.0
+    foot_weight: float = 0.0
+    energy_weight: float = 0.0
+    harmony: Literal["paper", "above_chance"] = "paper"
+    count_weight: float = 1.0
+    rollout: bool = False
+    tau_start: float = 0.5
+    tau_end: float = 0.05
+    epsilon: float = 1e-3
+    pose_epochs: int = 40
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        rates = ("batch_size", "shards", "pretrain_rate", "adversarial_rate", "tau_start", "tau_end", "epsilon")
+        weights = [field.name for field in fields(self) if field.name.endswith(("_weight", "_decay"))]
+        check_numbers(
+            self,
+            positive=(*rates, "pose_epochs", "pretrain_drop_epochs", "adversarial_drop_epochs"),
+            not_negative=(*weights, "pretrain_epochs", "adversarial_epochs", "seed"),
+        )
+        if self.patience is not None and self.patience < 1:
+            raise ValueError(f"patience must be a positive number of epochs or None, got {self.patience}")
+        for name in ("pretrain_drops", "adversarial_drops"):
+            if not all(0 < factor < math.inf for factor in getattr(self, name)):
+                raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
+        if self.harmony not in ("paper", "above_chance"):
+            raise ValueError(f"harmony must be paper or above_chance, got {self.harmony!r}")
+
+    @classmethod
+    def paper(cls) -> TrainParams:
+        """Section 5.2, number by number."""
+        return cls()
+
+    @classmethod
+    def recommended(cls) -> TrainParams:
+        """The loss that gains alignment at natural movement (notebook 09)."""
+        return cls(
+            mse_weight=2e-3,
+            feature_weight=1e-2,
+            harmony_weight=0.5,
+            gan_weight=0.1,
+            cross_domain_weight=0.0,
+            smoothness_weight=0.5,
+            foot_weight=1.0,
+            energy_weight=2.0,
+            harmony="above_chance",
+            count_weight=3.0,
+            rollout=True,
+            adversarial_drops=(1.0,),
+        )

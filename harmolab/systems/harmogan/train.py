@@ -1,0 +1,262 @@
+"""HarmoGAN's training: two phases, pretraining and adversarial epochs (paper Sec. 5.2), in a folder of its own.
+
+==========================  ==================================================================
+settings.json               every setting, and what it was trained on
+split.json                  which motion groups and units are for training, validation, test
+pose_net.safetensors/.json  the network behind the feature loss and the Frechet distance
+history.csv, events.*       losses and validation, epoch by epoch (a table; TensorBoard)
+state.safetensors           everything needed to go on after a kill
+pretrained.safetensors/...  the generator before its adversarial epochs
+model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes it
+==========================  ==================================================================
+"""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+from itertools import cycle, islice
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning_fabric import Fabric
+
+from harmolab.io.files import PathLike, plain
+from harmolab.params import HarmonyParams
+from harmolab.systems.common.checkpoints import check_pretrained, open_folder
+from harmolab.systems.common.history import Report
+from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
+from harmolab.systems.common.pose_network import PoseNet, load_pose_net, train_pose_net
+from harmolab.systems.common.poses_bank import pose_bank, poses_path, save_poses
+from harmolab.systems.common.shards import Batching, Tensors, check_shards
+from harmolab.systems.common.soft_harmony import anneal
+from harmolab.systems.common.splits import Split
+from harmolab.systems.common.units import UnitSet
+from harmolab.systems.common.weights import save_weights
+from harmolab.systems.harmogan.networks import (
+    CrossDomainDiscriminator,
+    Generator,
+    SpatialTemporalDiscriminator,
+    Statistics,
+    load_generator,
+)
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.steps import (
+    Networks,
+    danced,
+    discriminator_terms,
+    generator_terms,
+    motion_error,
+    pose_terms,
+    score_batch,
+)
+
+MODEL, POSE_NET, PRETRAINED = "model", "pose_net", "pretrained"
+VALIDATE_EVERY = 5  # pretraining epochs; adversarial epochs are all validated
+HARD = 1e-8  # softness at which the relaxed score is the hard one
+
+
+def train_harmogan(
+    split: Split,
+    folder: PathLike,
+    *,
+    model: ModelParams,
+    params: TrainParams,
+    resume: bool = False,
+    pretrained: PathLike | None = None,
+    fabric: Fabric | None = None,
+    report: Report = lambda row, end: None,
+) -> Generator:
+    """Train a generator and keep everything about it in `folder`.
+
+    Parameters
+    ----------
+    split : Split of units by motion group
+    folder : created; must be new or empty unless `resume`
+    model : sizes
+    params : schedule and loss weights
+    resume : go on where the run in `folder` stopped; start it when there is none
+    pretrained : folder of another run on the same data, whose pretraining and pose network are taken over
+    fabric : from `make_fabric`
+    report : called with each epoch's row of the history and the epoch that its phase ends at; before them with those of
+        the pose network: phase ("pose network"), epoch, train, validation
+
+    Raises
+    ------
+    ValueError
+        If `folder` holds something and `resume` is off, holds a run with other settings or a damaged one, or another
+        process trains in it; if `pretrained` is a run on other data; if a batch cannot be shared by so many processes.
+    """
+    fabric, folder = fabric or make_fabric(), Path(folder)
+    batching = Batching(params.batch_size, params.shards, params.seed)
+    check_shards(len(split.train), batching, fabric.world_size)
+    if pretrained is not None:
+        pretrained, params = Path(pretrained), replace(params, pretrain_epochs=0)
+    records = {"model": model, "train": params, "features": split.train.features, "data": split.train.source}
+    settings = plain(records | {"pretrained": pretrained is not None})
+    if pretrained is not None:
+        check_pretrained(pretrained, settings, split)
+    first = fabric.is_global_zero
+    with open_folder(folder, settings, split, resume=resume) if first else nullcontext():
+        if first and not poses_path(folder / MODEL).is_file():
+            save_poses(folder / MODEL, pose_bank(split.train, seed=params.seed))
+        fabric.barrier()
+        pose_net = _pose_net(fabric, split, folder, params, pretrained, report)
+        train, validation = (Tensors.of(units, fabric.device) for units in (split.train, split.validation))
+        networks = _networks(split.train, train, model, pose_net, params.seed)
+        if pretrained is not None:
+            networks.generator.load_state_dict(load_generator(pretrained / PRETRAINED).state_dict())
+        for part in (*networks.modules().values(), pose_net):
+            fabric.to_device(part)
+        steps = phases(networks, validation, params, folder, settings)
+        fit(fabric, steps, train, batching, folder, settings=settings, resume=resume, report=report)
+        if first:
+            about = {"settings": settings, "source": split.train.source, "units": len(split.train)}
+            save_weights(folder / MODEL, networks.generator, about)
+    return networks.generator
+
+
+def _pose_net(
+    fabric: Fabric, split: Split, folder: Path, params: TrainParams, pretrained: Path | None, report: Report
+) -> PoseNet:
+    """The pose network, from `pretrained` or trained once by the first process."""
+    if fabric.is_global_zero and not (folder / f"{POSE_NET}.json").is_file():
+        if pretrained is None:
+            net = train_pose_net(
+                split.train, split.validation, seed=params.seed, epochs=params.pose_epochs,
+                progress=lambda row: report({"phase": "pose network", **row}, params.pose_epochs),
+            )  # fmt: skip
+        else:
+            net = load_pose_net(pretrained / POSE_NET)
+        save_weights(folder / POSE_NET, net, {"seed": params.seed})
+    fabric.barrier()
+    return load_pose_net(folder / POSE_NET).requires_grad_(False)
+
+
+def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: PoseNet, seed: int) -> Networks:
+    """Fresh networks that know the training split's statistics; the same for the same seed."""
+    n_audio, skeleton = units.features.n_audio, units.skeleton
+    lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
+        cross = CrossDomainDiscriminator(model, n_audio, skeleton)
+        temporal = SpatialTemporalDiscriminator(model, skeleton)
+    statistics = Statistics.of(train.audio, train.motion, train.mask)
+    for part in (generator, cross, temporal):
+        part.set_statistics(statistics)
+    return Networks(generator, cross, temporal, pose_net)
+
+
+def phases(
+    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+) -> list[Phase]:
+    """Pretraining of the generator alone, then discriminators and generator in turn.
+
+    Parameters
+    ----------
+    networks : Networks, on the device
+    validation : units on the device
+    params : schedule and loss weights
+    folder : of the run; ``pretrained.safetensors`` and ``.json`` are kept in it
+    settings : JSON-able; kept beside those weights
+    """
+    return [_pretraining(networks, validation, params, folder, settings), _adversarial(networks, validation, params)]
+
+
+def _pretraining(
+    networks: Networks, validation: Tensors, params: TrainParams, folder: Path, settings: dict[str, Any]
+) -> Phase:
+    """L_pretrain = 0.1 L_kl + L_mse; ends with the best epoch."""
+    generator = networks.generator
+    learner = Player(
+        "generator",
+        [*generator.parameters()],
+        lambda output, shard, row: pose_terms(generator, output, shard.own, params),
+        {"kl": params.pretrain_kl_weight, "mse": 1.0},
+    )
+    return Phase(
+        "pretrain",
+        params.pretrain_epochs,
+        rate=lambda number: pretrain_rate(number, params),
+        modules={"generator": generator},
+        players=[learner],
+        forward=lambda shard, last: generator(shard.own.audio, shard.own.initial),
+        schedule=lambda number: {"tau": ""},
+        validate=lambda: validate(generator, validation, params),
+        validate_every=VALIDATE_EVERY,
+        patience=params.patience,
+        keep=lambda: save_weights(folder / PRETRAINED, generator, {"settings": settings}),
+        recall=lambda: generator.load_state_dict(load_generator(folder / PRETRAINED).state_dict()),
+    )
+
+
+def _adversarial(networks: Networks, validation: Tensors, params: TrainParams) -> Phase:
+    """Discriminators and generator in turn on every batch (Eq. 28-32)."""
+    generator = networks.generator
+    discriminators = Player(
+        "discriminators",
+        networks.discriminators(params),
+        lambda output, shard, row: discriminator_terms(networks, output, shard.own, params),
+        {"critic_st": 1.0, "critic_cd": 1.0},
+        params.discriminator_decay,
+    )
+    dancer = Player(
+        "generator",
+        [*generator.parameters()],
+        lambda output, shard, row: generator_terms(networks, output, shard.own, params, row["tau"]),
+        {name.removesuffix("_weight"): getattr(params, name) for name in vars(params) if name.endswith("_weight")},
+        params.generator_decay,
+    )
+    return Phase(
+        "adversarial",
+        params.adversarial_epochs,
+        rate=lambda number: adversarial_rate(number, params),
+        modules=networks.modules(),
+        players=[discriminators, dancer] if params.gan_weight else [dancer],
+        forward=lambda shard, last: danced(generator, shard.own, shard.others if params.rollout else None, last),
+        schedule=lambda number: {"tau": anneal(number, params.adversarial_epochs, params.tau_start, params.tau_end)},
+        validate=lambda: validate(generator, validation, params),
+    )
+
+
+def pretrain_rate(epoch: int, params: TrainParams) -> float:
+    """Adam's learning rate in pretraining epoch `epoch` (from 0): one factor after every 50 epochs, then it stays.
+
+    >>> [pretrain_rate(epoch, TrainParams.paper()) for epoch in (0, 50, 100)]
+    [0.001, 0.0005, 0.0001]
+    """
+    drops = params.pretrain_drops[: epoch // params.pretrain_drop_epochs]
+    return params.pretrain_rate * prod(drops)
+
+
+def adversarial_rate(epoch: int, params: TrainParams) -> float:
+    """Learning rate of all networks in adversarial epoch `epoch` (from 0): divided by 2 and 5 in turn every 5 epochs.
+
+    >>> [adversarial_rate(epoch, TrainParams.paper()) for epoch in (0, 5, 10)]
+    [0.0001, 5e-05, 1e-05]
+    """
+    drops = islice(cycle(params.adversarial_drops), epoch // params.adversarial_drop_epochs)
+    return params.adversarial_rate * prod(drops)
+
+
+@torch.no_grad()
+def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[str, float]:
+    """Means over units: error, the paper's harmony and hit rate, harmony above chance, beats M per beat N.
+
+    Returns
+    -------
+    dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_count_ratio (valleys within 0.1 s)
+    """
+    motion = generator(units.audio, units.initial).motion
+    paper = score_batch(generator, motion, units, HARD, HarmonyParams.paper())
+    valleys = score_batch(generator, motion, units, HARD, HarmonyParams.valleys())
+    return {
+        "val_mse": float(motion_error(generator, motion, units, params.epsilon)),
+        "val_harmony": float(paper.harmony.mean()),
+        "val_hit_rate": float(paper.hit_rate.mean()),
+        "val_above_chance": float(valleys.above_chance.mean()),
+        "val_count_ratio": float(valleys.n_visual.sum() / valleys.n_audio.sum().clamp(min=1.0)),
+    }

@@ -1,1 +1,0 @@
-"""Drawing: every function draws on the axes it is given and returns them."""

@@ -1,1 +1,0 @@
-"""Controls and pictures for notebooks; static viewers show the picture."""

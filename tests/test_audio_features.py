@@ -1,0 +1,143 @@
+"""What the generator hears: MFCC at given moments, onsets and beat position; the cache of the analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import librosa
+import numpy as np
+import pytest
+
+from harmolab.beats.audio import HOP
+from harmolab.systems.common import audio_features as heard
+from harmolab.systems.common.audio_features import audio_features, beat_phase, mfcc
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.types import Audio, BeatTrack
+from tests.builders import track
+
+RATE = 22050.0
+TICK = HOP / RATE  # seconds between two analyses
+NO_BEATS = BeatTrack([], [], 100.0, 10.0)
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HARMOLAB_CACHE", "off")
+
+
+@pytest.fixture
+def song(click_track: Callable[..., Audio]) -> Audio:
+    """Three seconds of clicks at 120 beats per minute."""
+    return click_track(120, seconds=3.0)
+
+
+def test_at_the_moments_of_the_analysis_features_are_librosas_mfcc(song: Audio):
+    table = librosa.feature.mfcc(y=song.samples.astype(np.float32), sr=22050, n_mfcc=20, hop_length=HOP).T
+    features = audio_features(song, NO_BEATS, np.arange(10, 20) * TICK, FeatureParams())
+    assert features.dtype == np.float32
+    np.testing.assert_allclose(features, table[10:20], rtol=1e-4, atol=1e-3)
+
+
+def test_between_two_moments_features_are_interpolated(song: Audio):
+    table = mfcc(song, 13)
+    features = audio_features(song, NO_BEATS, np.array([10.25 * TICK]), FeatureParams(n_mfcc=13))
+    np.testing.assert_allclose(features[0], 0.75 * table[10] + 0.25 * table[11], rtol=1e-4, atol=1e-3)
+
+
+def test_before_and_after_the_music_its_ends_hold(song: Audio):
+    features = audio_features(song, NO_BEATS, np.array([-5.0, 0.0, 60.0]), FeatureParams())
+    np.testing.assert_array_equal(features[0], features[1])
+    np.testing.assert_array_equal(features[2], mfcc(song, 20)[-1])
+
+
+def test_music_at_another_rate_sounds_the_same():
+    def tone(rate: float) -> Audio:
+        time = np.arange(round(2 * rate)) / rate
+        return Audio(0.3 * np.sin(2 * np.pi * 440 * time) * (1 + np.sin(2 * np.pi * 2 * time)), rate)
+
+    moments = np.linspace(0.2, 1.8, 9)
+    here = audio_features(tone(RATE), NO_BEATS, moments, FeatureParams(n_mfcc=5))
+    there = audio_features(tone(44100.0), NO_BEATS, moments, FeatureParams(n_mfcc=5))
+    assert np.abs(here - there).max() < 0.02 * np.abs(here).max()
+
+
+def test_a_sound_of_a_few_milliseconds_has_features():
+    features = audio_features(Audio(np.ones(40), RATE), NO_BEATS, np.zeros(3), FeatureParams())
+    assert features.shape == (3, 20)
+    assert np.isfinite(features).all()
+
+
+def test_silence_has_finite_features():
+    silence = Audio(np.zeros(22050), RATE)
+    features = audio_features(silence, NO_BEATS, np.linspace(0, 1, 5), FeatureParams(beat_channels=True))
+    assert np.isfinite(features).all()
+    np.testing.assert_array_equal(features[:, -3:], 0.0)
+
+
+def test_beat_channels_are_onset_strength_and_beat_position(song: Audio):
+    params = FeatureParams(n_mfcc=4, beat_channels=True)
+    moments = np.arange(0, 3, TICK)
+    features = audio_features(song, track([0.5, 1.0, 1.5, 2.0]), moments, params)
+    assert features.shape == (len(moments), params.n_audio)
+    onsets = features[:, 4]
+    assert (onsets.min(), onsets.max()) == (pytest.approx(0.0, abs=0.05), pytest.approx(1.0))
+    # The strongest moment lies at a click.
+    assert abs(moments[onsets.argmax()] * 2 - round(moments[onsets.argmax()] * 2)) < 4 * TICK
+    np.testing.assert_allclose(features[:, 5:], beat_phase(track([0.5, 1.0, 1.5, 2.0]), moments), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("moment", "position"),
+    [(1.0, 0.0), (1.25, 0.25), (2.0, 0.0), (2.5, 0.25), (3.0, 0.5), (4.0, 0.0), (0.75, -0.25), (0.0, -1.0), (5.5, 1.5)],
+)
+def test_beat_position_is_linear_between_beats_and_goes_on_by_the_median_interval(moment: float, position: float):
+    # Intervals 1, 2, 1: the median is 1.
+    phase = beat_phase(track([1.0, 2.0, 4.0, 5.0]), np.array([moment]))
+    expected = [[np.sin(2 * np.pi * position), np.cos(2 * np.pi * position)]]
+    np.testing.assert_allclose(phase, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("track", [NO_BEATS, track([1.0])])
+def test_fewer_than_two_beats_make_no_position(track: BeatTrack):
+    np.testing.assert_array_equal(beat_phase(track, np.arange(3.0)), np.zeros((3, 2)))
+
+
+def test_a_song_is_analysed_once(song: Audio, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path))
+    first = mfcc(song, 20)
+    monkeypatch.setattr(heard, "_analyse", lambda audio, count: pytest.fail("analysed again"))
+    np.testing.assert_array_equal(mfcc(song, 20), first)
+
+
+def test_other_music_or_another_number_of_coefficients_is_analysed_anew(
+    song: Audio, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path))
+    louder = Audio(song.samples * 2, song.sample_rate)
+    assert mfcc(song, 20).shape[1] == 20
+    assert mfcc(song, 13).shape[1] == 13
+    assert (mfcc(louder, 20)[:, 0] > mfcc(song, 20)[:, 0]).any()
+    assert len(list(tmp_path.glob("*.npz"))) == 3
+
+
+@pytest.mark.parametrize("damage", [b"", b"no zip", None])
+def test_a_damaged_cache_file_is_written_anew(
+    song: Audio, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: bytes | None
+):
+    monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path))
+    right = mfcc(song, 20)
+    (path,) = tmp_path.glob("*.npz")
+    if damage is None:
+        np.savez(path, mfcc=np.full_like(right, np.nan))
+    else:
+        path.write_bytes(damage)
+    np.testing.assert_array_equal(mfcc(song, 20), right)
+    with np.load(path) as content:
+        np.testing.assert_array_equal(content["mfcc"], right)
+
+
+def test_a_cache_that_cannot_be_written_is_no_error(song: Audio, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path / "file"))
+    assert mfcc(song, 20).shape[1] == 20

@@ -1,0 +1,518 @@
+"""Runs that stop and go on, folders that hold something else: the same end, or one clear line and nothing touched."""
+
+from __future__ import annotations
+
+import ast
+import json
+import pickle
+import shutil
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from filelock import FileLock
+from lightning_fabric import Fabric
+from safetensors.torch import save_file
+from tensorboardX.proto.event_pb2 import Event
+
+from harmolab.systems.common import phases as loop
+from harmolab.systems.common.checkpoints import STATE, check_folder, load_state, restore, save_state
+from harmolab.systems.common.history import EventLog, history_text
+from harmolab.systems.common.phases import make_fabric
+from harmolab.systems.common.splits import Split
+from harmolab.systems.harmogan.networks import Generator
+from harmolab.systems.harmogan.params import TrainParams
+from harmolab.systems.harmogan.train import train_harmogan
+from tests import tiny_training as tiny
+
+PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
+# Few and large batches: here it matters what is on disk, not what is learnt.
+PAPER: TrainParams = replace(tiny.PAPER, pretrain_epochs=2, adversarial_epochs=2, batch_size=13)
+EPOCHS = PAPER.pretrain_epochs + PAPER.adversarial_epochs
+
+
+class Stopped(Exception):
+    """Stands for whatever ends a training before its time."""
+
+
+@pytest.fixture(scope="module")
+def split() -> Split:
+    return tiny.tiny_split()
+
+
+@pytest.fixture(scope="module")
+def fabric() -> Fabric:
+    return make_fabric(accelerator="cpu")
+
+
+Train = Callable[..., Generator]
+
+
+@pytest.fixture(scope="module")
+def train(split: Split, fabric: Fabric) -> Train:
+    """`train(folder, stop_after=None, params=PAPER, ...)`; a run that stops raises Stopped."""
+
+    def run(folder: Path, *, stop_after: int | None = None, params: TrainParams = PAPER, **more: Any) -> Generator:
+        def report(row: dict[str, Any], end: int) -> None:
+            if row["phase"] != "pose network" and row["epoch"] == stop_after:
+                raise Stopped
+
+        given = {"model": tiny.MODEL, "fabric": fabric, "split": split, "report": report} | more
+        return train_harmogan(folder=folder, params=params, **given)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def undisturbed(train: Train, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "undisturbed"
+    train(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def stopped(train: Train, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "stopped"
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(Stopped):
+        patch.setattr(loop, "SAVING_SHARE", float("inf"))
+        train(folder, stop_after=PAPER.pretrain_epochs)
+    return folder
+
+
+@pytest.fixture
+def half(stopped: Path, tmp_path: Path) -> Path:
+    """A run that stopped after its first adversarial epoch."""
+    return shutil.copytree(stopped, tmp_path / "half")
+
+
+@pytest.fixture
+def begun(undisturbed: Path, tmp_path: Path) -> Path:
+    """A run that has only its pose network so far."""
+    folder = tmp_path / "begun"
+    folder.mkdir()
+    for name in ("settings.json", "split.json", "pose_net.safetensors", "pose_net.json"):
+        shutil.copy(undisturbed / name, folder)
+    return folder
+
+
+@pytest.fixture
+def save_every_epoch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(loop, "SAVING_SHARE", float("inf"))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def assert_same_run(folder: Path, other: Path) -> None:
+    for name in ("model.safetensors", "pretrained.safetensors", "pose_net.safetensors", "history.csv"):
+        assert (folder / name).read_bytes() == (other / name).read_bytes(), name
+
+
+def events(folder: Path) -> list[tuple[int, str, float]]:
+    """(step, tag, value) of all events below a folder; a record is its length, a checksum, the event, a checksum."""
+    found = []
+    for path in folder.glob("events.out.tfevents.*"):
+        data, place = path.read_bytes(), 0
+        while place < len(data):
+            (length,) = struct.unpack_from("<Q", data, place)
+            event = Event.FromString(data[place + 12 : place + 12 + length])
+            found += [(event.step, value.tag, value.simple_value) for value in event.summary.value]
+            place += 16 + length
+    return found
+
+
+# The state itself
+
+
+def learner() -> tuple[torch.nn.Module, torch.optim.Optimizer]:
+    """A layer after two steps of Adam."""
+    torch.manual_seed(0)
+    layer = torch.nn.Linear(3, 2)
+    optimiser = torch.optim.Adam(layer.parameters(), lr=0.1)
+    for _ in range(2):
+        step(layer, optimiser)
+    return layer, optimiser
+
+
+def step(layer: torch.nn.Module, optimiser: torch.optim.Optimizer) -> None:
+    optimiser.zero_grad()
+    layer(torch.ones(1, 3)).square().sum().backward()
+    optimiser.step()
+
+
+def test_a_restored_optimiser_takes_the_same_next_step(tmp_path: Path):
+    layer, optimiser = learner()
+    about = {"history": [{"phase": "pretrain", "mse": 0.1 + 0.2}]}
+    save_state(tmp_path, {"layer": layer}, {"adam": optimiser}, about)
+    other = torch.nn.Linear(3, 2)
+    fresh = torch.optim.Adam(other.parameters(), lr=0.1)
+    saved = load_state(tmp_path)
+    assert saved is not None and saved[1] == about  # numbers to the last bit
+    restore(saved[0], {"layer": other}, {"adam": fresh})
+    step(layer, optimiser)
+    step(other, fresh)
+    assert torch.equal(layer.weight, other.weight) and torch.equal(layer.bias, other.bias)
+
+
+def test_there_is_no_state_before_the_first(tmp_path: Path):
+    assert load_state(tmp_path) is None
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-40])
+
+
+def flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[-9] ^= 4
+    path.write_bytes(data)
+
+
+def retell(path: Path) -> None:
+    """Other words of the same length in the header."""
+    data = path.read_bytes()
+    assert b"pretrain" in data
+    path.write_bytes(data.replace(b"pretrain", b"preTrain"))
+
+
+def foreign(path: Path) -> None:
+    path.unlink()
+    save_file({"weight": torch.ones(3)}, path, metadata={"format": "pt"})
+
+
+def bare(path: Path) -> None:
+    path.unlink()
+    save_file({"weight": torch.ones(3)}, path)
+
+
+def folder_instead(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+DAMAGE = {
+    "cut": (cut, "is damaged or no safetensors file"),
+    "flipped": (flip, "is damaged"),
+    "retold": (retell, "is damaged"),
+    "foreign": (foreign, "is no training state"),
+    "bare": (bare, "is no training state"),
+    "text": (lambda path: path.write_text("weights"), "is damaged or no safetensors file"),
+    "pickle": (lambda path: path.write_bytes(pickle.dumps({"w": 1})), "is damaged or no safetensors file"),
+    "empty": (lambda path: path.write_bytes(b""), "the file is empty"),
+    "folder": (folder_instead, "is a folder"),
+}
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_a_damaged_state_is_told_in_one_line_and_kept(kind: str, half: Path, train: Train):
+    damage, message = DAMAGE[kind]
+    damage(half / STATE)
+    before = contents(half)
+    with pytest.raises(ValueError, match=message) as caught:
+        train(half, resume=True)
+    assert str(caught.value).startswith(str(half / STATE)) and "\n" not in str(caught.value)
+    assert contents(half) == before
+
+
+# Going on
+
+
+@pytest.mark.parametrize("stop", range(EPOCHS))
+@pytest.mark.usefixtures("save_every_epoch")
+def test_a_run_that_stops_after_any_epoch_ends_the_same(stop: int, undisturbed: Path, train: Train, begun: Path):
+    with pytest.raises(Stopped):
+        train(begun, stop_after=stop, resume=True)
+    saved = load_state(begun)
+    assert saved is not None and len(saved[1]["history"]) == stop + 1
+    train(begun, resume=True)
+    assert_same_run(begun, undisturbed)
+
+
+def test_a_run_whose_last_state_is_old_ends_the_same(
+    undisturbed: Path, train: Train, begun: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(loop, "SAVING_SHARE", 1e-9)  # only the first epoch and the last of each phase are kept
+    with pytest.raises(Stopped):
+        train(begun, stop_after=EPOCHS - 2, resume=True)
+    saved = load_state(begun)
+    assert saved is not None and len(saved[1]["history"]) == PAPER.pretrain_epochs
+    train(begun, resume=True)
+    assert_same_run(begun, undisturbed)
+
+
+def test_a_stop_between_state_and_history_does_no_harm(half: Path, undisturbed: Path, train: Train):
+    rows = (half / "history.csv").read_text().splitlines(keepends=True)
+    (half / "history.csv").write_text("".join(rows[:-1]))
+    train(half, resume=True)
+    assert_same_run(half, undisturbed)
+
+
+def test_a_stop_before_the_first_history_does_no_harm(half: Path, undisturbed: Path, train: Train):
+    (half / "history.csv").unlink()
+    train(half, resume=True)
+    assert_same_run(half, undisturbed)
+
+
+def test_a_stop_within_any_file_does_no_harm(half: Path, undisturbed: Path, train: Train):
+    for name in (STATE, "history.csv", "settings.json"):
+        (half / f".{name}.1.2.tmp").write_bytes(b"half a fi")
+    train(half, resume=True)
+    assert_same_run(half, undisturbed)
+    assert not list(half.glob(".*.tmp"))
+
+
+def test_a_stop_between_the_two_files_of_the_pose_network_does_no_harm(undisturbed: Path, train: Train, tmp_path: Path):
+    run = tmp_path / "run"
+    run.mkdir()
+    for name in ("settings.json", "pose_net.safetensors"):
+        shutil.copy(undisturbed / name, run)
+    train(run, resume=True)
+    assert_same_run(run, undisturbed)
+
+
+def test_a_stop_between_the_pretrained_weights_and_the_state_does_no_harm(
+    undisturbed: Path, train: Train, begun: Path, save_every_epoch: None
+):
+    with pytest.raises(Stopped):
+        train(begun, stop_after=PAPER.pretrain_epochs - 2, resume=True)
+    for name in ("pretrained.json", "pretrained.safetensors"):
+        shutil.copy(undisturbed / name, begun)
+    train(begun, resume=True)
+    assert_same_run(begun, undisturbed)
+
+
+def test_a_stop_before_the_last_weights_does_no_harm(undisturbed: Path, train: Train, tmp_path: Path):
+    run = tmp_path / "run"
+    shutil.copytree(undisturbed, run)
+    (run / "model.json").unlink()
+    train(run, resume=True)
+    assert_same_run(run, undisturbed)
+    assert (run / "model.json").is_file()
+
+
+def test_resuming_a_finished_run_changes_nothing(undisturbed: Path, train: Train, tmp_path: Path):
+    run = tmp_path / "run"
+    shutil.copytree(undisturbed, run)
+    before = contents(run)
+    train(run, resume=True)
+    after = contents(run)
+    logs = [name for name in before | after if name.startswith("events")]  # bear the time in their names
+    assert {k: v for k, v in after.items() if k not in logs} == {k: v for k, v in before.items() if k not in logs}
+
+
+def test_resume_starts_what_has_not_begun(undisturbed: Path, train: Train, tmp_path: Path):
+    train(tmp_path / "new", resume=True)
+    assert_same_run(tmp_path / "new", undisturbed)
+
+
+# TensorBoard
+
+
+def test_tensorboard_sees_each_epoch_once_after_a_stop(half: Path, undisturbed: Path, train: Train):
+    train(half, resume=True)
+    found, expected = events(half), events(undisturbed)
+    assert len(list(half.glob("events.*"))) == 1
+    assert found == expected
+    assert len({(step, tag) for step, tag, _ in found}) == len(found)
+
+
+def test_tensorboard_groups_losses_scores_and_schedule(undisturbed: Path):
+    found = {tag: (step, value) for step, tag, value in events(undisturbed)}
+    assert {"loss/kl", "loss/harmony", "loss/critic_cd", "validation/harmony", "schedule/rate"} <= set(found)
+    assert found["schedule/tau"] == (EPOCHS - 1, pytest.approx(0.05))
+
+
+def test_stale_events_are_replaced_and_nothing_else(tmp_path: Path):
+    (tmp_path / "events.out.tfevents.1.old").write_bytes(b"stale")
+    (tmp_path / "events.txt").write_text("mine")
+    log = EventLog(tmp_path, [{"phase": "pretrain", "epoch": 0, "mse": 2.0, "tau": ""}])
+    log.add({"phase": "pretrain", "epoch": 1, "mse": 1.0, "val_mse": 3.0, "tau": ""})
+    log.close()
+    assert events(tmp_path) == [(0, "loss/mse", 2.0), (1, "loss/mse", 1.0), (1, "validation/mse", 3.0)]
+    assert not (tmp_path / "events.out.tfevents.1.old").exists() and (tmp_path / "events.txt").read_text() == "mine"
+
+
+def test_history_leaves_out_what_an_epoch_does_not_have():
+    text = history_text([{"epoch": 0, "mse": 0.5}, {"epoch": 1, "mse": 0.25, "gan": 1.0}])
+    assert text == "epoch,mse,gan\n0,0.5,\n1,0.25,1.0\n"
+
+
+# Folders that hold something else
+
+
+def refused(folder: Path, call: Callable[[], Any]) -> str:
+    """The message of the ValueError that a call raises without touching `folder`."""
+    before = contents(folder)
+    with pytest.raises(ValueError) as caught:
+        call()
+    assert contents(folder) == before
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_folder_that_is_not_empty_is_not_trained_in(half: Path, train: Train):
+    assert refused(half, lambda: train(half)).startswith(f"{half}: is not empty; use --resume to go on")
+
+
+def test_somebody_elses_folder_is_no_run_to_resume(train: Train, tmp_path: Path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    message = refused(tmp_path, lambda: train(tmp_path, resume=True))
+    assert message.startswith(f"{tmp_path}: holds thesis.tex but no settings.json, so no run to resume")
+
+
+def test_a_file_is_no_folder(tmp_path: Path):
+    (tmp_path / "run").write_text("")
+    with pytest.raises(ValueError, match="run: is a file; a run needs a folder of its own"):
+        check_folder(tmp_path / "run", resume=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"harmony_weight": 0.5}, "train.harmony_weight is 1.0, but 0.5 is asked for"),
+        ({"seed": 3}, "train.seed is 1, but 3 is asked for"),
+        ({"pretrain_epochs": 9}, "train.pretrain_epochs is 2, but 9 is asked for"),
+    ],
+)
+def test_a_run_with_other_settings_is_not_resumed(changes: dict[str, Any], told: str, half: Path, train: Train):
+    message = refused(half, lambda: train(half, params=replace(PAPER, **changes), resume=True))
+    assert message.startswith(f"{half / 'settings.json'}: {told}")
+
+
+def test_a_run_of_another_size_is_not_resumed(half: Path, train: Train):
+    other = replace(tiny.MODEL, hidden=8)
+    assert "model.hidden is 16, but 8 is asked for" in refused(half, lambda: train(half, model=other, resume=True))
+
+
+def test_a_run_on_another_split_is_not_resumed(half: Path, train: Train):
+    other = tiny.tiny_split(n_train=12)
+    message = refused(half, lambda: train(half, split=other, resume=True))
+    assert message.startswith(f"{half / 'split.json'}: units.test is ")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", "\0\1"])
+def test_damaged_settings_are_told_by_file(text: str, half: Path, train: Train):
+    (half / "settings.json").write_text(text)
+    assert refused(half, lambda: train(half, resume=True)).startswith(str(half / "settings.json"))
+
+
+def test_a_state_of_other_settings_is_not_resumed(half: Path, train: Train, tmp_path: Path):
+    other = tmp_path / "other"
+    with pytest.raises(Stopped):
+        train(other, stop_after=0, params=replace(PAPER, harmony_weight=0.5))
+    shutil.copy(other / STATE, half / STATE)
+    assert refused(half, lambda: train(half, resume=True)).startswith(f"{half}: was trained with other settings")
+
+
+@pytest.mark.parametrize("name", ["pose_net.safetensors", "pose_net.json"])
+def test_a_damaged_pose_network_is_told_by_file(name: str, half: Path, train: Train):
+    (half / name).write_bytes(b"nonsense")
+    assert str(half / "pose_net") in refused(half, lambda: train(half, resume=True))
+
+
+def test_two_processes_do_not_train_in_one_folder(half: Path, train: Train):
+    with FileLock(half / ".lock"):
+        message = refused(half, lambda: train(half, resume=True))
+    assert message == f"{half}: another process is training there"
+
+
+# Pretraining of another run
+
+
+def test_pretraining_on_other_data_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
+    other = tiny.tiny_split(n_train=12)  # its validation unit was trained on there
+    message = refused(undisturbed, lambda: train(tmp_path / "new", split=other, pretrained=undisturbed))
+    assert message.startswith(f"{undisturbed / 'split.json'}: ") and not (tmp_path / "new").exists()
+
+
+def test_pretraining_of_another_size_is_not_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
+    other = replace(tiny.MODEL, hidden=8)
+    message = refused(undisturbed, lambda: train(tmp_path / "new", model=other, pretrained=undisturbed))
+    assert message.startswith(f"{undisturbed / 'settings.json'}: model.hidden is 16, but 8 is asked for")
+
+
+def test_pretraining_that_is_not_there_is_missed_by_name(train: Train, tmp_path: Path):
+    with pytest.raises(FileNotFoundError, match=r"nowhere/settings.json: no such file"):
+        train(tmp_path / "new", pretrained=tmp_path / "nowhere")
+    assert not (tmp_path / "new").exists()
+
+
+def test_pretraining_of_an_earlier_version_is_taken_over(undisturbed: Path, train: Train, tmp_path: Path):
+    """It calls discriminators critics, and rollout "goes_on"."""
+    old = shutil.copytree(undisturbed, tmp_path / "old")
+    for name in ("settings.json", "pretrained.json"):
+        text = (old / name).read_text().replace('"discriminator', '"critic').replace('"rollout"', '"goes_on"')
+        (old / name).write_text(text)
+    assert '"critic": 4' in text and '"system": "harmogan"' in text
+    (old / name).write_text(text.replace('"system": "harmogan",', ""))
+    for run, source in ((tmp_path / "one", undisturbed), (tmp_path / "two", old)):
+        train(run, pretrained=source)
+    assert (tmp_path / "one" / "history.csv").read_bytes() == (tmp_path / "two" / "history.csv").read_bytes()
+
+
+def test_a_run_on_taken_over_pretraining_can_stop_too(undisturbed: Path, train: Train, tmp_path: Path):
+    at_once, stopped = tmp_path / "at_once", tmp_path / "stopped"
+    train(at_once, pretrained=undisturbed)
+    with pytest.raises(Stopped):
+        train(stopped, pretrained=undisturbed, stop_after=1)
+    train(stopped, pretrained=undisturbed, resume=True)
+    for name in ("model.safetensors", "history.csv"):
+        assert (stopped / name).read_bytes() == (at_once / name).read_bytes()
+
+
+# Nothing is unpickled
+
+
+def unpicklings(tree: ast.AST) -> Iterator[int]:
+    """Lines that could load a pickle."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = {alias.name for alias in node.names} | {getattr(node, "module", None)}
+            if names & {"joblib", "dill", "cloudpickle", "shelve"}:
+                yield node.lineno
+            if getattr(node, "module", None) in ("pickle", "torch") and names & {"load", "loads", "Unpickler"}:
+                yield node.lineno
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            if (node.value.id, node.attr) in {
+                ("torch", "load"), ("pickle", "load"), ("pickle", "loads"), ("pickle", "Unpickler"),
+                ("pd", "read_pickle"), ("torch", "package"),
+            }:  # fmt: skip
+                yield node.lineno
+        elif isinstance(node, ast.keyword) and node.arg == "allow_pickle" and ast.unparse(node.value) != "False":
+            yield node.value.lineno
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "torch.load(path)", "pickle.load(file)", "pickle.loads(data)", "import joblib", "from joblib import load",
+        "from torch import load", "np.load(path, allow_pickle=True)", "np.load(path, allow_pickle=yes)",
+        "pickle.Unpickler(file)", "pd.read_pickle(path)",
+    ],
+)  # fmt: skip
+def test_the_search_for_pickles_finds(line: str):
+    assert list(unpicklings(ast.parse(line))) == [1]
+
+
+# The reader of AIST++ lets only opcodes through that build plain values, and calls none of the functions named.
+CHECKED_READER = {"io/aist.py"}
+
+
+def test_no_pickle_is_loaded_anywhere():
+    found = {
+        f"{path.relative_to(PACKAGE)}:{line}"
+        for path in PACKAGE.rglob("*.py")
+        if str(path.relative_to(PACKAGE)) not in CHECKED_READER
+        for line in unpicklings(ast.parse(path.read_text("utf-8")))
+    }
+    assert not found
+
+
+def test_settings_are_readable_by_people(undisturbed: Path):
+    settings = json.loads((undisturbed / "settings.json").read_text())
+    assert settings["train"]["pretrain_epochs"] == 2 and settings["features"]["fps"] == 15

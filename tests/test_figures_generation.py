@@ -1,0 +1,300 @@
+"""Figures of notebooks 07 and 08: what is on the axes. Answers are planted; pixels are not looked at."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.offsetbox import AnnotationBbox
+
+from harmolab.lab.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
+from harmolab.lab.figures.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times
+from harmolab.lab.figures.style import COLOURS
+from harmolab.lab.figures.training import GUESSING, TERMS, draw_term, draw_validated, losses_figure, validation_figure
+from harmolab.lab.figures.variants import LOOKS
+from harmolab.systems.harmogan.params import TrainParams
+from harmolab.types import Motion, Skeleton
+
+
+@pytest.fixture
+def ax() -> Iterator[Axes]:
+    """Axes that a notebook might draw on."""
+    yield Figure(figsize=(8, 4)).subplots()
+
+
+def texts(ax: Axes) -> list[str]:
+    return [text.get_text() for text in ax.texts]
+
+
+# Fig. 7
+
+
+NETWORKS = {
+    "generator": "audio initial hearing encoder seeing decoder flat_head depth_head path_head motion flat",
+    "cross_domain": "audio motion hearing seeing both verdict output",
+    "spatial_temporal": "motion seeing joining.0 joining.1 joining.2 joining.3 verdict output",
+}
+SIGNALS = ("audio", "initial", "motion", "flat", "output")
+PARTS = [
+    {
+        "network": network,
+        "name": name,
+        "layers": "input" if name in SIGNALS else "GRU",
+        "parameters": 0 if name in SIGNALS else 1_100,
+        "shape": f"of {name}",
+    }
+    for network, names in NETWORKS.items()
+    for name in names.split()
+]
+BOTH = {"paper": TrainParams.paper(), "ours": TrainParams.recommended()}
+
+
+def test_every_measured_part_has_a_box_with_its_layers_size_and_shape():
+    (ax,) = networks_figure(PARTS).axes
+    assert sum(patch.get_gid() == "box" for patch in ax.patches) == len(PARTS) + 3  # three in the legend
+    for part in PARTS:
+        assert (part["shape"] if part["name"] in SIGNALS else f"to {part['shape']}") in texts(ax)
+    assert texts(ax).count("GRU, 1.1 k") == sum(part["parameters"] > 0 for part in PARTS)
+    assert "generator $G$: 7.7 k parameters" in texts(ax)
+
+
+@pytest.mark.parametrize("figure", [networks_figure(PARTS), framework_figure(PARTS, BOTH)])
+def test_nothing_in_the_drawing_is_left_to_measure_and_all_of_it_is_on_the_paper(figure: Figure):
+    (ax,) = figure.axes
+    assert not [text for text in texts(ax) if re.search(r"(?<!_)\{", text)]
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    for text in ax.texts:
+        x, y = text.get_position()
+        assert left <= x <= right and bottom <= y <= top
+
+
+def test_boxes_do_not_overlap():
+    for figure in (networks_figure(PARTS), framework_figure(PARTS, BOTH)):
+        boxes = [patch.get_window_extent() for patch in figure.axes[0].patches if patch.get_gid() == "box"]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def test_training_shows_each_loss_with_its_equation_and_both_weights():
+    (ax,) = framework_figure(PARTS, BOTH).axes
+    for equation in (23, 24, 25, 26, 27, 32):
+        assert any(f"Eq. {equation}" in line for line in texts(ax))
+    assert f"weight: paper 0.001, ours {BOTH['ours'].mse_weight:g}" in texts(ax)
+    assert f"weight: paper 0, ours {BOTH['ours'].smoothness_weight:g}" in texts(ax)
+    assert "7.7 k parameters" in texts(ax)
+    assert any("4.4 k" in line and "6.6 k" in line for line in texts(ax))  # discriminators of 4 and 6 parts
+
+
+def test_every_loss_weight_of_the_settings_is_in_the_picture():
+    weights = {name.removesuffix("_weight") for name in vars(TrainParams.paper()) if name.endswith("_weight")}
+    parts_of_terms = {"pretrain_kl", "count", "cross_domain"}
+    assert set(re.findall(r"\{weight\.(\w+)\}", DRAWING.read_text("utf-8"))) == weights - parts_of_terms
+
+
+def test_a_discriminator_that_is_not_heard_is_named_in_the_picture():
+    params = {"paper": TrainParams.paper(), "ours": replace(TrainParams.paper(), gan_weight=0.1, cross_domain_weight=0)}
+    (ax,) = framework_figure(PARTS, params).axes
+    assert "weight: paper 0.001, ours 0.1 ($D_{st}$ alone)" in texts(ax)
+
+
+def test_box_is_as_high_as_its_lines_need(ax: Axes):
+    draw_diagram(ax, {"parts": [[1, 1, 1, "both", "a"], [1, 3, 1, "audio", "a", "b\nc"]]})
+    one, three = (patch.get_bbox().height for patch in ax.patches)
+    assert three - one == pytest.approx(2 * 0.155)
+    assert texts(ax) == ["a", "a", "b", "c"]
+    assert [to_hex(patch.get_facecolor()) for patch in ax.patches] == [
+        TINTS[name].lower() for name in ("both", "audio")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("count", "text"), [(0, "0"), (999, "999"), (1000, "1.0 k"), (99_960, "100 k"), (7.25e6, "7.2 M")]
+)
+def test_counts_are_short(count: int, text: str):
+    assert count_text(count) == text
+
+
+# training
+
+
+def course(variant: str, *, harmony: float | None) -> list[dict[str, Any]]:
+    """Ten epochs of pretraining, validated at the fifth and the tenth, and three adversarial ones."""
+    rows: list[dict[str, Any]] = []
+    for epoch in range(10):
+        due = epoch in (4, 9)
+        rows.append({"variant": variant, "phase": "pretrain", "epoch": epoch, "mse": 10.0 - epoch})
+        rows[-1] |= {"val_harmony": 0.2 if due else np.nan, "val_above_chance": 0.0 if due else np.nan, "gan": np.nan}
+    for epoch in range(3):
+        rows.append({"variant": variant, "phase": "adversarial", "epoch": epoch, "mse": 1.0, "gan": 1.3})
+        rows[-1] |= {"val_harmony": 0.3 + 0.1 * epoch, "val_above_chance": -0.1, "val_count_ratio": 1.2}
+        rows[-1] |= {} if harmony is None else {"harmony": harmony}
+    return rows
+
+
+COURSES = course("paper, without", harmony=None) + course("paper", harmony=-0.5) + course("recommended", harmony=2.0)
+
+
+def bands(ax: Axes) -> list[tuple[float, float]]:
+    found = [patch for patch in ax.patches if patch.get_gid() == "pretraining"]
+    return [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in found]
+
+
+def test_term_is_drawn_over_both_phases_and_pretraining_is_marked(ax: Axes):
+    draw_term(ax, COURSES, "mse", ["paper"])
+    (line,) = ax.lines
+    np.testing.assert_array_equal(line.get_xdata(), np.arange(1, 14))
+    np.testing.assert_array_equal(line.get_ydata(), [*(10.0 - np.arange(10)), 1.0, 1.0, 1.0])
+    assert bands(ax) == [(0.5, 10.5)]
+
+
+def test_term_that_only_adversarial_epochs_have_is_drawn_there_beside_the_line_of_guessing(ax: Axes):
+    draw_term(ax, COURSES, "gan", ["paper"])
+    line, guess = ax.lines
+    np.testing.assert_array_equal(line.get_xdata(), [11, 12, 13])
+    assert guess.get_ydata()[0] == pytest.approx(GUESSING) == pytest.approx(1.3863, abs=1e-4)
+    assert bands(ax) == []
+
+
+def test_lines_look_as_their_variant_everywhere_and_are_dashed_without_harmony(ax: Axes):
+    draw_term(ax, COURSES, "mse", ["paper, without", "paper"])
+    without, with_it = ax.lines
+    assert without.get_color() == with_it.get_color() == LOOKS["paper"].colour
+    assert (without.is_dashed(), with_it.is_dashed()) == (True, False)
+
+
+def test_the_two_harmony_losses_never_share_a_scale():
+    figure = losses_figure(COURSES)
+    panels = {ax.get_title(loc="left"): ax for ax in figure.axes}
+    ours, theirs = panels["our harmony"], panels["paper's harmony (Eq. 27)"]
+    np.testing.assert_array_equal(ours.lines[0].get_ydata(), [2.0] * 3)
+    np.testing.assert_array_equal(theirs.lines[0].get_ydata(), [-0.5] * 3)
+    assert len(ours.lines) == len(theirs.lines) == 1
+
+
+def test_every_term_has_its_panel():
+    figure = losses_figure(COURSES)
+    assert [ax.get_title(loc="left") for ax in figure.axes[: len(TERMS)]] == [title for title, *_ in TERMS]
+
+
+def test_validation_starts_at_the_end_of_pretraining(ax: Axes):
+    draw_validated(ax, COURSES, "val_harmony")
+    assert len(ax.lines) == 3
+    np.testing.assert_array_equal(ax.lines[0].get_xdata(), [0, 1, 2, 3])
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), [0.2, 0.3, 0.4, 0.5])
+    assert ax.get_ylim() == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(("column", "level"), [("val_above_chance", 0.0), ("val_count_ratio", 1.0)])
+def test_chance_and_one_beat_for_one_are_dotted(ax: Axes, column: str, level: float):
+    draw_validated(ax, COURSES, column)
+    assert list(ax.lines[-1].get_ydata()) == [level, level]
+    assert ax.lines[-1].get_color() == COLOURS["chance"]
+
+
+def test_validation_has_the_papers_scores_and_what_they_do_not_tell():
+    figure = validation_figure(COURSES)
+    assert [ax.get_title(loc="left") for ax in figure.axes] == [
+        "paper's harmony h",
+        "paper's hit rate",
+        "harmony above chance",
+        "beats danced / heard",
+    ]
+
+
+# quality
+
+
+def distance(
+    variant: str, mean: float, low: float = np.nan, high: float = np.nan, corpus: str = "some"
+) -> dict[str, Any]:
+    base = {"corpus": corpus, "variant": variant, "low": low, "high": high}
+    return {**base, "measure": "fid", "mean": mean}
+
+
+MEASURED = [
+    distance("paper, without", 20.0),
+    distance("paper", 25.0, 22.0, 28.0),
+    distance("recorded, halves", -0.02, -1.0, 1.0),
+    distance("recorded, other figures", 3.0, 2.0, 4.0),
+]
+
+
+def test_bars_are_distances_with_those_between_recordings_at_the_bottom(ax: Axes):
+    draw_distances(ax, MEASURED, measure="fid")
+    assert [label.get_text() for label in ax.get_yticklabels()] == [
+        "recorded, half and half",
+        "recorded, other figures",
+        LOOKS["paper"].label,
+        LOOKS["paper, without"].label,
+    ]
+    assert [bar.get_width() for bar in ax.patches] == [-0.02, 3.0, 25.0, 20.0]
+    assert [bool(bar.get_hatch()) for bar in ax.patches] == [True, True, False, False]
+    assert texts(ax) == ["0.0", "3.0", "25.0", "20.0"]
+
+
+def test_intervals_are_drawn_where_there_are_some_and_lie_inside_the_axes(ax: Axes):
+    draw_distances(ax, MEASURED, measure="fid")
+    spans = [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == "interval"]
+    assert spans == [(-1.0, 1.0), (2.0, 4.0), (22.0, 28.0)]
+    low, high = ax.get_xlim()
+    assert low < -1.0 < 28.0 < high
+
+
+def test_bar_of_a_training_without_harmony_is_hollow(ax: Axes):
+    draw_distances(ax, MEASURED, measure="fid")
+    with_it, without = ax.patches[2], ax.patches[3]
+    assert to_hex(with_it.get_facecolor()) == LOOKS["paper"].colour.lower()
+    assert to_hex(without.get_facecolor()) == "#ffffff"
+    assert to_hex(without.get_edgecolor()) == LOOKS["paper"].colour.lower()
+
+
+def test_distances_have_a_row_for_each_corpus_and_a_panel_for_each_kind_of_features():
+    rows = [{**row, "corpus": corpus} for corpus in ("one", "two") for row in MEASURED]
+    rows += [{**row, "measure": "fid_kinetic"} for row in rows]
+    titles = [ax.get_title(loc="left") for ax in distances_figure(rows).axes]
+    assert [title.split(":")[0] for title in titles] == ["one", "one", "two", "two"]
+
+
+def standing(n_frames: int = 31, fps: float = 15.0) -> Motion:
+    skeleton = Skeleton(("hips", "head"), (-1, 0))
+    pose = np.array([[0.0, 1.0, 0.0], [0.0, 1.7, 0.0]])
+    return Motion(np.repeat(pose[None], n_frames, axis=0), fps, skeleton)
+
+
+def test_shots_are_as_far_apart_as_they_can_be_at_equal_steps():
+    np.testing.assert_allclose(shot_times(standing(31), 4) * 15, [0, 10, 20, 30])
+    np.testing.assert_allclose(shot_times(standing(33), 4) * 15, [0, 10, 20, 30])
+    np.testing.assert_array_equal(shot_times(standing(), 1), [0.0])
+
+
+@pytest.mark.parametrize("shots", [0, 32])
+def test_more_shots_than_frames_are_refused(shots: int):
+    with pytest.raises(ValueError, match=r"shots must be from 1 to the number of frames \(31\), got"):
+        shot_times(standing(31), shots)
+
+
+def figures_at(ax: Axes) -> list[float]:
+    return [artist.xy[0] for artist in ax.get_children() if isinstance(artist, AnnotationBbox)]
+
+
+def test_sequence_has_a_figure_at_each_shot_and_shades_what_was_given(ax: Axes):
+    draw_sequence(ax, standing(31), shots=4, start=1.0)
+    np.testing.assert_allclose(figures_at(ax), np.array([0, 10, 20, 30]) / 15)
+    (shade,) = [patch for patch in ax.patches if patch.get_gid() == "given"]
+    assert shade.get_x() + shade.get_width() == pytest.approx(1.0)
+    low, high = ax.get_xlim()
+    assert low < 0.0 < 2.0 < high
+
+
+def test_recorded_and_generated_stand_under_each_other_at_the_same_moments():
+    figure = sequences_figure({"recorded": standing(), "paper": standing()}, shots=4, start=1.0, title="waltz")
+    assert [ax.get_title(loc="left") for ax in figure.axes] == [LOOKS["recorded"].label, LOOKS["paper"].label]
+    assert figures_at(figure.axes[0]) == figures_at(figure.axes[1])
+    assert figure.axes[-1].get_xlabel() == "time (s)"

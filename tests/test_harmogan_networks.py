@@ -1,0 +1,282 @@
+"""models.harmogan: what the generator gives, what it may know, and what the discriminators look at."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from harmolab.corpora.tang2018 import TANG_23
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import bone_lengths, encode_motion
+from harmolab.systems.common.torch_code import local_joints
+from harmolab.systems.harmogan.networks import (
+    CrossDomainDiscriminator,
+    Generator,
+    Normaliser,
+    SpatialTemporalDiscriminator,
+    Statistics,
+    parameter_count,
+    segments,
+)
+from harmolab.systems.harmogan.params import ModelParams
+from harmolab.types import Skeleton
+
+TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
+ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
+LENGTHS = torch.tensor([0.0, 0.3, 0.25])
+
+
+@pytest.fixture(autouse=True)
+def seeded() -> None:
+    """The same numbers whichever tests run."""
+    torch.manual_seed(0)
+
+
+def arm_generator(fps: float = 15.0) -> Generator:
+    """A tiny generator of arms that hears four channels."""
+    return Generator(TINY, 4, ARM, LENGTHS, fps=fps)
+
+
+def noise(*shape: int) -> torch.Tensor:
+    return torch.randn(*shape)
+
+
+@pytest.mark.parametrize(
+    ("params", "least", "most"), [(ModelParams.paper(), 7e6, 9e6), (ModelParams.small(), 0.8e6, 1.2e6)]
+)
+@pytest.mark.parametrize("n_audio", [20, 23])
+def test_presets_have_as_many_parameters_as_they_say(params: ModelParams, least: float, most: float, n_audio: int):
+    generator = Generator(params, n_audio, TANG_23, torch.ones(23), fps=15.0)
+    assert least <= generator.parameter_count() <= most
+
+
+def test_parameters_are_counted():
+    assert parameter_count(torch.nn.Linear(3, 2)) == 3 * 2 + 2
+
+
+def test_an_untrained_generator_returns_nearly_the_initial_poses(rng: np.random.Generator):
+    positions = np.cumsum(rng.normal(scale=0.02, size=(40, 1, 3)), axis=0) + np.array(
+        [[0, 1, 0], [0, 1, 0.3], [0, 1, 0.55]]
+    )
+    code = torch.from_numpy(encode_motion(positions, 15.0, ARM))[None]
+    generator = Generator(TINY, 4, ARM, torch.from_numpy(bone_lengths(positions, ARM)), fps=15.0)
+    audio, mask = noise(1, 40, 4), torch.ones(1, 40)
+    generator.set_statistics(Statistics.of(audio, code, mask))
+    made = generator(audio, code)
+    torch.testing.assert_close(made.motion, code, atol=0.01, rtol=0)
+    torch.testing.assert_close(made.flat, local_joints(code)[..., :2], atol=0.01, rtol=0)
+
+
+def test_generated_bones_have_the_reference_lengths():
+    made = arm_generator()(noise(2, 20, 4), noise(2, 20, 12))
+    joints = local_joints(made.motion)
+    lengths = (joints[..., 1:, :] - joints[..., :-1, :]).norm(dim=-1)
+    torch.testing.assert_close(lengths, LENGTHS[1:].expand(2, 20, 2), atol=1e-5, rtol=0)
+
+
+def test_the_world_positions_follow_the_root():
+    generator = arm_generator(fps=10.0)
+    motion = torch.zeros(1, 3, 12)
+    motion[..., -2] = 1.0  # forward, metres per second
+    torch.testing.assert_close(generator.positions(motion)[0, :, 0, 2], torch.tensor([0.0, 0.1, 0.2]))
+
+
+def test_depth_is_lifted_from_the_2d_poses():
+    generator, audio, initial = arm_generator(), noise(1, 6, 4), torch.zeros(1, 6, 12)
+    before = generator(audio, initial)
+    with torch.no_grad():
+        generator.flat_head[-1].bias[2] += 5.0  # x of the elbow
+    after = generator(audio, initial)
+    moved = (after.flat - before.flat)[0, 0]
+    torch.testing.assert_close(moved, torch.tensor([[0.0, 0], [5, 0], [0, 0]]), atol=1e-5, rtol=0)
+    depth = [local_joints(made.motion)[0, 0, 0, 2] for made in (before, after)]
+    assert depth[0] != depth[1]
+
+
+def test_music_is_heard_seven_tenths_of_a_second_ahead_and_no_further():
+    generator, audio, initial = arm_generator(fps=10.0), noise(1, 30, 4), noise(1, 30, 12)
+    other = audio.clone()
+    other[:, 20] += 1.0
+    changed = (generator(audio, initial).motion != generator(other, initial).motion).any(dim=2)[0]
+    assert not changed[:13].any()
+    assert changed[13:].all()
+
+
+def test_padding_with_the_last_frame_changes_nothing():
+    generator, audio, initial = arm_generator(), noise(2, 20, 4), noise(2, 20, 12)
+    longer = [torch.cat([values, values[:, -1:].expand(-1, 9, -1)], dim=1) for values in (audio, initial)]
+    for alone, padded in zip(generator(audio, initial), generator(*longer), strict=True):
+        torch.testing.assert_close(padded[:, :20], alone)
+
+
+def test_every_parameter_learns():
+    generator = arm_generator()
+    made = generator(noise(2, 12, 4), noise(2, 12, 12))
+    (made.motion.square().sum() + made.flat.square().sum()).backward()
+    idle = [name for name, values in generator.named_parameters() if values.grad is None or not values.grad.any()]
+    assert idle == []
+
+
+def test_one_batch_can_be_learnt_by_heart():
+    generator = Generator(ModelParams(32, 1, 16, 4), 4, ARM, LENGTHS, fps=15.0)
+    audio, initial = noise(2, 16, 4), torch.zeros(2, 16, 12)
+    target = noise(2, 16, 3)
+    optimiser = torch.optim.Adam(generator.parameters(), lr=0.02)
+    losses = []
+    for _ in range(80):
+        loss = (generator(audio, initial).motion[..., -3:] - target).square().mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < 0.3 * losses[0]
+
+
+@pytest.mark.parametrize("fps", [4.0, 60.0])
+def test_any_skeleton_and_frame_rate_will_do(fps: float):
+    generator = Generator(TINY, 1, Skeleton.unnamed(5), torch.zeros(5), fps=fps)
+    assert generator(noise(1, 3, 1), noise(1, 3, 18)).motion.shape == (1, 3, 18)
+
+
+def test_centimetres_survive_mixed_precision():
+    generator, audio, initial = arm_generator(), noise(1, 8, 4), noise(1, 8, 12) + 3.0
+    initial[..., 0], initial[..., 2] = 3.0011, 3.0022  # bfloat16 would round to 3 and 3.015625
+    with torch.no_grad():
+        for head in (generator.flat_head, generator.depth_head):
+            head[-1].weight.zero_()
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        made = generator(audio, initial)
+    assert made.motion.dtype == torch.float32
+    torch.testing.assert_close(made.motion[0, 0, [0, 2]], torch.tensor([3.0011, 3.0022]), atol=1e-5, rtol=0)
+
+
+def test_generator_computes_in_double_precision_too():
+    made = arm_generator().double()(noise(1, 5, 4).double(), noise(1, 5, 12).double())
+    assert made.motion.dtype == torch.float64
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"bone_lengths": torch.ones(2)}, "bone_lengths must be 3 lengths in metres"),
+        ({"bone_lengths": torch.tensor([0.0, -1.0, 1.0])}, "bone_lengths must be 3 lengths in metres"),
+        ({"bone_lengths": torch.tensor([0.0, float("nan"), 1.0])}, "bone_lengths must be 3 lengths in metres"),
+        ({"fps": 0.0}, "n_audio and fps must be positive, got 4 and 0.0"),
+        ({"n_audio": 0}, "n_audio and fps must be positive, got 0 and 15.0"),
+        ({"features": FeatureParams(n_mfcc=5)}, "features must have 4 audio channels at 15.0 Hz"),
+        ({"skeleton": Skeleton(("a", "b", "c"), (1, 0, -1))}, "parents must form a tree"),
+    ],
+)
+def test_what_does_not_fit_a_generator_is_refused(changes: dict[str, object], message: str):
+    given = {"params": TINY, "n_audio": 4, "skeleton": ARM, "bone_lengths": LENGTHS, "fps": 15.0} | changes
+    with pytest.raises(ValueError, match=message):
+        Generator(**given)  # type: ignore[arg-type]
+
+
+def test_statistics_count_real_frames_only():
+    audio = torch.tensor([[[1.0], [3.0], [99.0]]])
+    known = Statistics.of(audio, 10 * audio, torch.tensor([[1.0, 1.0, 0.0]]))
+    assert [values.tolist() for values in known] == [[2.0], [1.0], [20.0], [10.0]]
+
+
+def test_statistics_of_nothing_are_refused():
+    with pytest.raises(ValueError, match="mask must keep at least one frame"):
+        Statistics.of(torch.ones(1, 2, 1), torch.ones(1, 2, 1), torch.zeros(1, 2))
+
+
+def test_normalising_takes_mean_and_deviation_off():
+    scale = Normaliser(2)
+    scale.set(torch.tensor([1.0, 5.0]), torch.tensor([2.0, 0.0]))
+    # The second channel never varied: it is divided by 0.001, not by 0.
+    torch.testing.assert_close(scale(torch.tensor([[5.0, 5.001]])), torch.tensor([[2.0, 1.0]]), atol=1e-3, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("mean", "std", "message"),
+    [
+        ([0.0], [1.0, 1.0], r"mean must have shape \(2,\), got \(1,\)"),
+        ([0.0, 0.0], [1.0, float("nan")], "standard deviation must be finite"),
+        ([0.0, 0.0], [1.0, -1.0], "standard deviation must be zero or more, got -1.0"),
+    ],
+)
+def test_statistics_that_cannot_be_are_refused(mean: list[float], std: list[float], message: str):
+    with pytest.raises(ValueError, match=message):
+        Normaliser(2).set(torch.tensor(mean), torch.tensor(std))
+
+
+def test_segments_are_even_and_hold_real_frames_only():
+    values, mask = torch.arange(14.0).reshape(2, 7, 1), torch.ones(2, 7)
+    mask[1, 5:] = 0
+    pieces, inside = segments(values, mask)
+    found = [
+        [piece[real > 0, 0].tolist() for piece, real in zip(*clip, strict=True)]
+        for clip in zip(pieces, inside, strict=True)
+    ]
+    assert found == [[[0], [1], [2, 3], [4], [5, 6]], [[7], [8], [9], [10], [11]]]
+
+
+def discriminators() -> tuple[CrossDomainDiscriminator, SpatialTemporalDiscriminator]:
+    """Both, with statistics of random motion."""
+    cross, temporal = CrossDomainDiscriminator(TINY, 4, ARM), SpatialTemporalDiscriminator(TINY, ARM)
+    known = Statistics.of(noise(3, 30, 4), noise(3, 30, 12) + 2.0, torch.ones(3, 30))
+    cross.set_statistics(known)
+    temporal.set_statistics(known)
+    return cross, temporal
+
+
+@pytest.mark.parametrize("length", [1, 3, 17, 20])
+def test_discriminators_do_not_see_padding(length: int):
+    cross, temporal = discriminators()
+    audio, motion, mask = noise(1, length, 4), noise(1, length, 12), torch.ones(1, length)
+    padded = [torch.cat([values, noise(1, 7, values.shape[2])], dim=1) for values in (audio, motion)]
+    longer = torch.cat([mask, torch.zeros(1, 7)], dim=1)
+    torch.testing.assert_close(cross(*padded, longer), cross(audio, motion, mask))
+    torch.testing.assert_close(temporal(padded[1], longer), temporal(motion, mask))
+
+
+def test_discriminators_see_every_real_frame():
+    cross, temporal = discriminators()
+    audio, motion, mask = noise(2, 23, 4), noise(2, 23, 12).requires_grad_(), torch.ones(2, 23)
+    mask[0, 18:] = 0
+    for logits in (cross(audio, motion, mask), temporal(motion, mask)):
+        assert logits.shape == (2,)
+        (gradient,) = torch.autograd.grad(logits.sum(), motion)
+        assert torch.equal(gradient.abs().sum(dim=2) > 0, mask > 0)
+
+
+def test_cross_domain_discriminator_hears_whose_music_it_is():
+    cross, _ = discriminators()
+    audio, motion, mask = noise(2, 20, 4), noise(2, 20, 12), torch.ones(2, 20)
+    assert not torch.allclose(cross(audio, motion, mask), cross(audio.flip(0), motion, mask))
+
+
+def test_cross_domain_discriminator_hears_when_music_and_motion_are_out_of_step():
+    cross, _ = discriminators()
+    beat, mask = torch.zeros(1, 40, 1), torch.ones(1, 40)
+    beat[:, ::8] = 5.0
+    together = cross(beat.expand(-1, -1, 4), beat.expand(-1, -1, 12), mask)
+    apart = cross(beat.expand(-1, -1, 4).roll(4, dims=1), beat.expand(-1, -1, 12), mask)
+    assert (together - apart).abs() > 1e-3
+
+
+def test_spatial_temporal_discriminator_sees_the_order_of_segments():
+    _, temporal = discriminators()
+    motion, mask = noise(1, 20, 12), torch.ones(1, 20)
+    swapped = torch.cat([motion[:, 16:], motion[:, 4:16], motion[:, :4]], dim=1)
+    assert (temporal(motion, mask) - temporal(swapped, mask)).abs() > 1e-4
+
+
+def test_discriminators_learn_to_tell_two_kinds_of_motion_apart():
+    cross, temporal = discriminators()
+    audio, mask = noise(8, 20, 4), torch.ones(8, 20)
+    shaking = noise(8, 20, 12) + 2.0
+    smooth = shaking.mean(dim=1, keepdim=True).expand(-1, 20, -1)
+    optimiser = torch.optim.Adam([*cross.parameters(), *temporal.parameters()], lr=0.01)
+    for _ in range(30):
+        pairs = [(cross(audio, kind, mask), temporal(kind, mask)) for kind in (shaking, smooth)]
+        loss = sum(torch.nn.functional.softplus(fake - real).mean() for real, fake in zip(*pairs, strict=True))
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    assert all((real > fake).all() for real, fake in zip(*pairs, strict=True))

@@ -1,0 +1,492 @@
+"""What training teaches, batch by batch and epoch by epoch: rates, order, terms, weights, losses that fall."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from lightning_fabric import Fabric
+
+from harmolab.systems.common.phases import fit, make_fabric
+from harmolab.systems.common.pose_network import PoseNet, load_pose_net
+from harmolab.systems.common.shards import Batching, Tensors, epoch_order, total_loss
+from harmolab.systems.common.splits import Split
+from harmolab.systems.common.weights import read_about
+from harmolab.systems.harmogan import train as harmogan
+from harmolab.systems.harmogan.networks import GeneratorOutput, load_generator
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.steps import (
+    Danced,
+    Networks,
+    danced,
+    discriminator_terms,
+    generator_terms,
+    meter_span,
+    pose_terms,
+)
+from harmolab.systems.harmogan.terms import discriminator_loss
+from harmolab.systems.harmogan.train import _networks, adversarial_rate, phases, pretrain_rate, train_harmogan, validate
+from tests import tiny_training as tiny
+
+PAPER: TrainParams = tiny.PAPER
+RECOMMENDED: TrainParams = tiny.RECOMMENDED
+OTHERS = [f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot")]  # beside pose and harmony
+MODEL: ModelParams = tiny.MODEL
+
+
+@pytest.fixture(scope="module")
+def split() -> Split:
+    return tiny.tiny_split()
+
+
+@pytest.fixture(scope="module")
+def fabric() -> Fabric:
+    return make_fabric(accelerator="cpu")
+
+
+@pytest.fixture
+def networks(split: Split) -> Networks:
+    torch.manual_seed(0)
+    pose_net = PoseNet(split.train.skeleton, fps=split.train.features.fps).eval().requires_grad_(False)
+    return _networks(split.train, Tensors.of(split.train), MODEL, pose_net, seed=1)
+
+
+@pytest.fixture(scope="module")
+def batch(split: Split) -> Tensors:
+    return Tensors.of(split.train).take(torch.arange(4))
+
+
+def weights(module: torch.nn.Module) -> torch.Tensor:
+    return torch.cat([part.detach().flatten() for part in module.parameters()])
+
+
+# Schedule
+
+
+@pytest.mark.parametrize(
+    ("epoch", "rate"),
+    [(0, 1e-3), (49, 1e-3), (50, 5e-4), (99, 5e-4), (100, 1e-4), (150, 2e-5), (200, 1e-5), (224, 1e-5), (400, 1e-5)],
+)
+def test_pretraining_rate_falls_every_50_epochs(epoch: int, rate: float):
+    # 0.001, times 0.5, 0.2, 0.2, 0.5 in this order; the last one stays.
+    assert pretrain_rate(epoch, TrainParams.paper()) == pytest.approx(rate)
+
+
+@pytest.mark.parametrize(
+    ("epoch", "rate"),
+    [(0, 1e-4), (4, 1e-4), (5, 5e-5), (10, 1e-5), (15, 5e-6), (20, 1e-6), (25, 5e-7), (40, 1e-8), (44, 1e-8)],
+)
+def test_adversarial_rate_is_divided_by_2_and_5_in_turn(epoch: int, rate: float):
+    assert adversarial_rate(epoch, TrainParams.paper()) == pytest.approx(rate)
+
+
+@pytest.mark.parametrize(("n_units", "sizes"), [(20, [10, 10]), (23, [8, 8, 7]), (11, [6, 5]), (7, [7]), (1, [1])])
+def test_an_epoch_shows_every_unit_once_in_batches_of_like_size(n_units: int, sizes: list[int]):
+    batches = epoch_order(n_units, 3, Batching(10))
+    assert [len(batch) for batch in batches] == sizes
+    assert sorted(torch.cat(batches).tolist()) == list(range(n_units))
+
+
+def test_the_order_is_drawn_anew_each_epoch_and_by_the_seed():
+    def order(epoch: int, seed: int) -> list[int]:
+        return torch.cat(epoch_order(30, epoch, Batching(10, seed=seed))).tolist()
+
+    assert order(0, 1) == order(0, 1)
+    assert len({tuple(order(epoch, seed)) for epoch in (0, 1) for seed in (1, 2)}) == 4
+
+
+# Patience
+
+
+def test_pretraining_ends_when_nothing_is_gained_and_goes_back_to_the_best_epoch(
+    networks: Networks, split: Split, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    errors = iter([3.0, 1.0, 2.0, 2.0, 2.0])
+    monkeypatch.setattr(harmogan, "validate", lambda *_: {"val_mse": next(errors)})
+    monkeypatch.setattr(harmogan, "VALIDATE_EVERY", 1)
+    kept: list[torch.Tensor] = []
+    patient = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=2)
+    rows = run(
+        make_fabric(accelerator="cpu"), networks, split, patient, tmp_path,
+        report=lambda row, end: kept.append(weights(networks.generator)),
+    )  # fmt: skip
+    assert [row["epoch"] for row in rows] == [0, 1, 2, 3]
+    assert torch.equal(weights(networks.generator), kept[1])
+    assert not torch.equal(kept[1], kept[3])
+
+
+def test_patience_shorter_than_the_way_to_the_first_validation_waits_for_it(
+    networks: Networks, split: Split, fabric: Fabric, tmp_path: Path
+):
+    hasty = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=1)
+    rows = run(fabric, networks, split, hasty, tmp_path)
+    assert len(rows) > harmogan.VALIDATE_EVERY and "val_mse" in rows[harmogan.VALIDATE_EVERY - 1]
+    stored = load_generator(tmp_path / "pretrained")
+    assert torch.equal(weights(stored), weights(networks.generator))
+
+
+def test_without_patience_every_epoch_is_run_and_the_last_one_stays(
+    networks: Networks, split: Split, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    errors = iter([1.0, 2.0, 3.0])
+    monkeypatch.setattr(harmogan, "validate", lambda *_: {"val_mse": next(errors)})
+    monkeypatch.setattr(harmogan, "VALIDATE_EVERY", 1)
+    before = weights(networks.generator)
+    stubborn = replace(PAPER, pretrain_epochs=3, adversarial_epochs=0, patience=None)
+    rows = run(make_fabric(accelerator="cpu"), networks, split, stubborn, tmp_path)
+    assert len(rows) == 3
+    stored = load_generator(tmp_path / "pretrained")
+    assert torch.equal(weights(stored), weights(networks.generator))
+    assert not torch.equal(weights(stored), before)
+
+
+# Batches
+
+
+def test_shares_of_a_batch_are_padded_as_the_whole(split: Split):
+    units = Tensors.of(split.train)
+    chosen = torch.tensor([3, 0, 5, 9, 2])
+    whole, shares = units.take(chosen), [units.take(chosen, rank, 2) for rank in range(2)]
+    assert [len(share) for share in shares] == [3, 2]
+    for name in vars(whole):
+        torch.testing.assert_close(getattr(shares[0], name), getattr(whole, name)[[0, 2, 4]])
+        torch.testing.assert_close(getattr(shares[1], name), getattr(whole, name)[[1, 3]])
+
+
+def test_a_batch_is_as_long_as_its_longest_unit(split: Split):
+    lengths = torch.tensor([unit.n_frames for unit in split.train.units])
+    short = (lengths == 24).nonzero().flatten()  # eight beats of three frames; others have four
+    assert lengths.max() == 32 and Tensors.of(split.train).take(short).motion.shape[1] == 24
+
+
+def test_the_span_of_a_unit_is_its_meter(split: Split):
+    units = split.train.units[:4]
+    expected = [[unit.n_prior / 15, unit.n_frames / 15] for unit in units]
+    torch.testing.assert_close(meter_span(Tensors.of(split.train).take(torch.arange(4)), 15.0), torch.tensor(expected))
+
+
+# Terms
+
+
+def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
+    made = danced(networks.generator, batch)
+    assert set(generator_terms(networks, made, batch, PAPER, 0.5)) == {"kl", "mse", "feature", "gan", "harmony"}
+    assert set(pose_terms(networks.generator, made.own, batch, PAPER)) == {"kl", "mse"}
+    assert set(discriminator_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
+
+
+def test_the_ablation_has_no_harmony_term_and_ours_has_three_more(networks: Networks, batch: Tensors):
+    made = danced(networks.generator, batch)
+    without = generator_terms(networks, made, batch, replace(PAPER, harmony_weight=0.0), 0.5)
+    assert set(without) == {"kl", "mse", "feature", "gan"}
+    ours = generator_terms(networks, made, batch, RECOMMENDED, 0.5)
+    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
+
+
+def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
+    skeleton = networks.generator.skeleton
+    networks.generator.skeleton = replace(skeleton, joints=tuple(f"joint{joint}" for joint in range(5)))
+    made = danced(networks.generator, batch)
+    assert "foot" not in generator_terms(networks, made, batch, RECOMMENDED, 0.5)
+
+
+def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
+    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
+    later = others.continued_from(batch.motion, batch.mask)
+    own = generator_terms(networks, danced(networks.generator, batch), batch, PAPER, 0.5)
+    after = generator_terms(networks, danced(networks.generator, later), later, PAPER, 0.5)
+    both = generator_terms(networks, danced(networks.generator, batch, others), batch, PAPER, 0.5)
+    for name in ("gan", "harmony"):
+        torch.testing.assert_close(both[name], (own[name] + after[name]) / 2)
+    for name in ("kl", "mse", "feature"):
+        torch.testing.assert_close(both[name], own[name])
+
+
+def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks, batch: Tensors, split: Split):
+    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
+    first = danced(networks.generator, batch, others)
+    small, few = (Tensors.of(split.train).take(torch.tensor(numbers)) for numbers in ([0, 1], [2, 3]))
+    second = danced(networks.generator, small, few, first)
+    later, _ = second.later
+    expected = few.continued_from(first.later[1][:2], first.later[0].mask[:2])
+    torch.testing.assert_close(later.initial, expected.initial)
+    assert not later.initial.requires_grad
+
+
+def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
+    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
+    both = danced(networks.generator, batch, others)
+    alone, seen = (discriminator_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
+    later, after = both.later
+    judge = networks.spatial_temporal
+    more = discriminator_loss(judge(batch.motion, batch.mask), judge(after, later.mask))
+    torch.testing.assert_close(seen, {**alone, "critic_st": (alone["critic_st"] + more) / 2})
+    assert not torch.equal(more, alone["critic_st"])
+
+
+def test_a_discriminator_that_is_not_heard_is_not_trained(networks: Networks, batch: Tensors):
+    made = danced(networks.generator, batch)
+    assert set(discriminator_terms(networks, made, batch, RECOMMENDED)) == {"critic_st"}
+    heard = {id(parameter) for parameter in networks.discriminators(RECOMMENDED)}
+    assert heard == {id(parameter) for parameter in networks.spatial_temporal.parameters()}
+    assert len(networks.discriminators(PAPER)) > len(heard)
+
+
+def test_going_on_begins_with_the_last_frames_and_then_their_mean():
+    motion = torch.arange(12.0).reshape(1, 12, 1)
+    mask = (torch.arange(12) < 10).float()[None]  # frames 10 and 11 are padding
+    index = torch.tensor([[1.0] * 3 + [0.0] * 5])
+    none = torch.zeros(1, 8, 1)
+    units = Tensors(none, none, none, index, torch.ones(1, 8), torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
+    initial = units.continued_from(motion, mask).initial[0, :, 0]
+    assert initial.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
+
+
+@pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
+def test_going_on_from_less_than_the_beats_before_is_finite(params: TrainParams, networks: Networks, split: Split):
+    batch = Tensors.of(split.train).take(torch.arange(2))
+    short = replace(batch, mask=(torch.arange(batch.mask.shape[1]) < 9).float().expand_as(batch.mask))
+    harmony = generator_terms(networks, danced(networks.generator, short, short), short, params, 0.5)["harmony"]
+    gradients = torch.autograd.grad(harmony, list(networks.generator.parameters()))
+    assert harmony.isfinite() and all(bool(gradient.isfinite().all()) for gradient in gradients)
+
+
+def test_every_term_has_a_gradient_in_the_generator(networks: Networks, batch: Tensors):
+    names = generator_terms(networks, danced(networks.generator, batch), batch, RECOMMENDED, 0.5)
+    # A tremor gives the terms for jerk and feet something to say.
+    torch.manual_seed(0)
+    noise = 0.05 * torch.randn_like(batch.motion)
+    for name in names:
+        networks.generator.zero_grad()
+        made = danced(networks.generator, batch)
+        made = Danced(GeneratorOutput(made.own.motion + noise, made.own.flat))
+        generator_terms(networks, made, batch, RECOMMENDED, 0.5)[name].backward()
+        used = [part.grad.abs().max() for part in networks.generator.parameters() if part.grad is not None]
+        assert used and torch.stack(used).max() > 0, name
+
+
+def test_total_is_the_terms_by_the_weights_of_section_5_2(
+    split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
+):
+    rows = run(
+        fabric, networks, split, replace(PAPER, pretrain_epochs=1, adversarial_epochs=1, batch_size=13), tmp_path
+    )
+    pretrain, row = rows
+    assert pretrain["total"] == pytest.approx(0.1 * pretrain["kl"] + pretrain["mse"], rel=1e-5)
+    lambdas = {"kl": 1e-4, "mse": 1e-3, "feature": 1e-3, "harmony": 1.0, "gan": 1e-3}
+    expected = sum(weight * row[name] for name, weight in lambdas.items())
+    assert row["total"] == pytest.approx(expected, rel=1e-5)
+
+
+# Learning
+
+
+def run(fabric: Fabric, networks: Networks, split: Split, params: TrainParams, folder: Path, **more: Any) -> list[Any]:
+    batching = Batching(params.batch_size, params.shards, params.seed)
+    steps = phases(networks, Tensors.of(split.validation), params, folder, {})
+    return fit(fabric, steps, Tensors.of(split.train), batching, folder, **more)
+
+
+def test_two_steps_change_generator_and_both_discriminators(
+    split: Split, networks: Networks, fabric: Fabric, tmp_path: Path
+):
+    before = {name: weights(part) for name, part in networks.modules().items()}
+    run(fabric, networks, split, replace(PAPER, pretrain_epochs=0, adversarial_epochs=1, batch_size=7), tmp_path)
+    for name, part in networks.modules().items():
+        changed = (weights(part) != before[name]).float().mean()
+        assert changed > 0.95, name
+
+
+def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor]):
+    # 13 units in shards of 5, 4 and 4; rounding differs.
+    one, three = trained("one"), trained("three", shards=3)
+    assert not torch.equal(one, three)
+    torch.testing.assert_close(one, three, rtol=1e-4, atol=1e-5)
+
+
+def test_pretraining_leaves_the_discriminators_alone(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
+    before = {name: weights(part) for name, part in networks.modules().items()}
+    run(fabric, networks, split, replace(PAPER, pretrain_epochs=1, adversarial_epochs=0), tmp_path)
+    same = {name: torch.equal(weights(part), before[name]) for name, part in networks.modules().items()}
+    assert same == {"generator": False, "cross_domain": True, "spatial_temporal": True}
+
+
+def test_nobody_trains_the_pose_network(split: Split, networks: Networks, fabric: Fabric, tmp_path: Path):
+    before = weights(networks.pose_net)
+    run(fabric, networks, split, replace(RECOMMENDED, pretrain_epochs=1, adversarial_epochs=1), tmp_path)
+    assert torch.equal(weights(networks.pose_net), before)
+
+
+@pytest.mark.slow
+def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batch: Tensors):
+    generator = _networks(
+        split.train, Tensors.of(split.train), replace(MODEL, hidden=64, pose_features=64), networks.pose_net, seed=1
+    ).generator
+    optimiser = torch.optim.Adam(generator.parameters(), lr=5e-3)
+    losses = []
+    for _ in range(100):
+        output = generator(batch.audio, batch.initial)
+        loss = total_loss(pose_terms(generator, output, batch, PAPER), {"kl": 0.1, "mse": 1.0})
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(float(loss.detach()))
+    assert losses[-1] < 0.1 * losses[0]
+
+
+@pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
+def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, batch: Tensors):
+    alone = replace(params, **dict.fromkeys(OTHERS, 0.0))
+    optimiser = torch.optim.Adam(networks.generator.parameters(), lr=3e-3)
+    losses = []
+    for _ in range(40):
+        made = danced(networks.generator, batch)
+        loss = generator_terms(networks, made, batch, alone, 0.3)["harmony"]
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(float(loss.detach()))
+    assert np.mean(losses[-5:]) < np.mean(losses[:5]) - 0.2
+
+
+# Validation
+
+
+class _Echo(torch.nn.Module):
+    """Stands for a generator that dances as recorded."""
+
+    def __init__(self, networks: Networks, motion: torch.Tensor) -> None:
+        super().__init__()
+        self.known = networks.generator
+        self.motion = motion
+        self.fps, self.motion_scale, self.positions = self.known.fps, self.known.motion_scale, self.known.positions
+
+    def forward(self, audio: torch.Tensor, initial: torch.Tensor) -> GeneratorOutput:
+        return GeneratorOutput(self.motion, self.motion[..., :2])
+
+
+def test_recorded_motion_is_validated_without_error(split: Split, networks: Networks):
+    units = Tensors.of(split.validation)
+    found = validate(_Echo(networks, units.motion), units, PAPER)
+    # Nothing differs, so every frame adds epsilon.
+    assert found["val_mse"] == pytest.approx(1e-3 * float(units.mask.sum()) / len(units), rel=1e-3)
+    assert set(found) == {"val_mse", "val_harmony", "val_hit_rate", "val_above_chance", "val_count_ratio"}
+    assert 0 < found["val_hit_rate"] <= 1 and found["val_count_ratio"] > 0
+
+
+def test_validation_goes_on_in_training_mode(split: Split, networks: Networks):
+    networks.generator.train()
+    validate(networks.generator, Tensors.of(split.validation), PAPER)
+    assert networks.generator.training
+
+
+# A whole run
+
+
+@pytest.fixture(scope="module")
+def finished(
+    split: Split, fabric: Fabric, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, list[dict[str, Any]]]:
+    folder, rows = tmp_path_factory.mktemp("runs") / "deep" / "run", []
+    train_harmogan(
+        split, folder, model=MODEL, params=RECOMMENDED, fabric=fabric, report=lambda row, end: rows.append(row)
+    )
+    return folder, rows
+
+
+def test_a_run_leaves_what_its_folder_promises(finished: tuple[Path, list[Any]]):
+    folder, _ = finished
+    names = {path.name for path in folder.iterdir() if not path.name.startswith(("events.out.tfevents.", "."))}
+    weights_of = {f"{stem}.{kind}" for stem in ("model", "pretrained", "pose_net") for kind in ("safetensors", "json")}
+    others = {"settings.json", "split.json", "history.csv", "state.safetensors", "model_poses.safetensors"}
+    assert names == weights_of | others
+    assert len(list(folder.glob("events.out.tfevents.*"))) == 1
+
+
+def test_everybody_may_read_what_the_umask_allows(finished: tuple[Path, list[Any]], tmp_path: Path):
+    (tmp_path / "plain").touch()
+    allowed = (tmp_path / "plain").stat().st_mode
+    for name in ("settings.json", "split.json", "history.csv", "state.safetensors"):
+        assert (finished[0] / name).stat().st_mode == allowed, name
+
+
+def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
+    folder, _ = finished
+    rows = list(csv.DictReader((folder / "history.csv").read_text().splitlines()))
+    assert [(row["phase"], row["epoch"]) for row in rows] == [
+        *(("pretrain", str(epoch)) for epoch in range(3)),
+        *(("adversarial", str(epoch)) for epoch in range(3, 6)),
+    ]
+    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
+    terms |= {"critic_st", "total"}
+    assert "critic_cd" not in rows[-1]  # its weight is 0
+    assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})
+    assert rows[0]["harmony"] == rows[0]["val_mse"] == "" and rows[2]["val_mse"]  # the last pretraining epoch is
+
+
+def test_tau_falls_geometrically_over_the_adversarial_epochs(finished: tuple[Path, list[Any]]):
+    softness = [row["tau"] for row in finished[1] if row["phase"] == "adversarial"]
+    assert softness == pytest.approx([0.5, (0.5 * 0.05) ** 0.5, 0.05])
+
+
+def test_every_epoch_is_reported_the_pose_network_first(finished: tuple[Path, list[Any]]):
+    phases = [row["phase"] for row in finished[1]]
+    assert phases == ["pose network"] + 3 * ["pretrain"] + 3 * ["adversarial"]
+
+
+def test_the_trained_generator_can_be_loaded(finished: tuple[Path, list[Any]], split: Split):
+    generator = load_generator(finished[0] / "model")
+    assert generator.features == split.train.features
+    assert read_about(finished[0] / "model")["meta"]["units"] == 13
+    assert load_pose_net(finished[0] / "pose_net").fps == 15.0
+    before = load_generator(finished[0] / "pretrained")
+    assert not torch.equal(weights(generator), weights(before))
+
+
+@pytest.fixture
+def trained(split: Split, fabric: Fabric, tmp_path: Path) -> Callable[..., torch.Tensor]:
+    """`trained(name, **settings)`: weights after a run of two epochs."""
+
+    def train(name: str, **changes: Any) -> torch.Tensor:
+        params = replace(PAPER, **{"pretrain_epochs": 1, "adversarial_epochs": 1, "batch_size": 13, **changes})
+        return weights(train_harmogan(split, tmp_path / name, model=MODEL, params=params, fabric=fabric))
+
+    return train
+
+
+def test_the_seed_alone_decides_about_chance(trained: Callable[..., torch.Tensor]):
+    torch.manual_seed(5)
+    first = trained("first")
+    torch.manual_seed(6)
+    state = torch.random.get_rng_state()
+    assert torch.equal(trained("again"), first)
+    assert torch.equal(torch.random.get_rng_state(), state)  # others' random numbers are left alone
+    assert not torch.equal(trained("other", seed=2), first)
+
+
+def test_pretraining_taken_over_gives_the_same_as_pretraining_at_once(
+    split: Split, fabric: Fabric, tmp_path: Path, trained: Callable[..., torch.Tensor]
+):
+    # The order of the units follows the epoch's number within a run, so only a run without more pretraining can agree.
+    only = replace(PAPER, pretrain_epochs=2, adversarial_epochs=0)
+    at_once = train_harmogan(split, tmp_path / "only", model=MODEL, params=only, fabric=fabric)
+    over = replace(PAPER, adversarial_epochs=0)
+    taken = train_harmogan(
+        split, str(tmp_path / "over"), model=MODEL, params=over, pretrained=str(tmp_path / "only"), fabric=fabric
+    )
+    assert torch.equal(weights(taken), weights(at_once))
+    nets = [load_pose_net(tmp_path / name / "pose_net") for name in ("only", "over")]
+    assert torch.equal(weights(nets[0]), weights(nets[1]))
+
+
+def test_a_machine_without_gpu_says_so():
+    if torch.cuda.is_available():
+        pytest.skip("this machine has a GPU")
+    with pytest.raises(ValueError, match="accelerator cuda: this machine has no GPU that torch can use"):
+        make_fabric(accelerator="cuda")

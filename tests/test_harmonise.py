@@ -1,0 +1,168 @@
+"""Harmonising a given motion: harmony rises, no joint leaves its reach, bones keep their lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from harmolab.beats.visual import visual_beats
+from harmolab.corpora.synthetic import synthetic_motion
+from harmolab.harmony import score_harmony
+from harmolab.lab.timing.harmonise import _Body, _Splines, harmonise
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack, Motion, Skeleton
+from tests.builders import bone_lengths
+
+VALLEYS = HarmonyParams.valleys()
+TREE = Skeleton(("hip", "knee", "ankle", "spine", "head", "prop"), (-1, 0, 1, 0, 3, -1))
+
+
+def dance(seed: int, *, fps: float = 15.0, seconds: float = 8.0, jitter: float = 0.12) -> tuple[Motion, BeatTrack]:
+    """A dance whose movements end around the beats, as far off as the jitter says."""
+    beats = np.arange(0.4, seconds - 0.1, 0.5 + 0.02 * seed)
+    motion = synthetic_motion(beats, seconds=seconds, fps=fps, seed=seed, jitter=jitter)
+    return motion, BeatTrack(beats, np.ones(beats.size), fps, motion.duration)
+
+
+def above_chance(motion: Motion, beats: BeatTrack) -> float:
+    return score_harmony(
+        beats, visual_beats(motion, params=VALLEYS), n_rotations=0, params=VALLEYS
+    ).harmony_above_chance
+
+
+def jerk(motion: Motion) -> float:
+    return float(np.sqrt(np.mean(np.diff(motion.positions, n=3, axis=0) ** 2)))
+
+
+@pytest.mark.parametrize(("seed", "fps", "seconds"), [(2, 15.0, 6.0), (2, 60.0, 4.0)])
+def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(seed: int, fps: float, seconds: float):
+    motion, beats = dance(seed, fps=fps, seconds=seconds)
+    result = harmonise(motion, beats, steps=120)
+    assert above_chance(motion, beats) < 0.5
+    assert above_chance(result, beats) > above_chance(motion, beats) + 0.35
+    assert np.linalg.norm(result.positions - motion.positions, axis=2).max() <= 0.1 + 1e-9
+    np.testing.assert_allclose(bone_lengths(result), bone_lengths(motion), atol=1e-6)
+    assert jerk(result) < 1.25 * jerk(motion)
+    assert (result.fps, result.skeleton, result.n_frames) == (motion.fps, motion.skeleton, motion.n_frames)
+
+
+def test_a_small_reach_is_kept_and_gains_less():
+    motion, beats = dance(2, seconds=6.0)
+    near, far = harmonise(motion, beats, steps=60, reach=0.03), harmonise(motion, beats, steps=60, reach=0.1)
+    assert 0 < np.linalg.norm(near.positions - motion.positions, axis=2).max() <= 0.03 + 1e-9
+    assert above_chance(motion, beats) < above_chance(near, beats) < above_chance(far, beats)
+
+
+def test_a_perfect_dance_is_left_alone():
+    motion, _ = dance(0, jitter=0.0)
+    visual = visual_beats(motion, params=VALLEYS)
+    beats = BeatTrack(visual.times, np.ones(len(visual)), 15.0, motion.duration)
+    assert harmonise(motion, beats, steps=5) is motion
+
+
+def test_without_beats_nothing_moves():
+    motion, _ = dance(0)
+    assert harmonise(motion, BeatTrack([], [], 15.0, motion.duration), steps=5) is motion
+    later = BeatTrack([9.0, 10.0], [1.0, 1.0], 15.0, 12.0)  # after the motion's end
+    assert harmonise(motion, later, steps=5) is motion
+
+
+def test_a_dance_that_cannot_be_bettered_comes_back_as_it_was():
+    motion, beats = dance(0)
+    assert harmonise(motion, beats, steps=1, reach=1e-6) is motion
+
+
+def test_the_seed_decides():
+    motion, beats = dance(2, seconds=4.0)
+    first, again, other = (harmonise(motion, beats, steps=20, seed=seed).positions for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 1e-6
+
+
+def test_frames_that_are_not_valid_stay_marked():
+    motion, beats = dance(2, seconds=4.0)
+    valid = np.arange(motion.n_frames) >= 20
+    result = harmonise(replace(motion, valid=valid), beats, steps=20)
+    np.testing.assert_array_equal(result.valid, valid)
+    assert result.positions.shape == motion.positions.shape
+
+
+def test_a_flat_picture_without_bones_can_be_harmonised():
+    motion, beats = dance(2, seconds=6.0)
+    flat = Motion(100 * motion.positions[..., :2], 15.0, Skeleton.unnamed(motion.positions.shape[1]))
+    result = harmonise(flat, beats, steps=100, reach=10.0)
+    assert above_chance(result, beats) > above_chance(flat, beats) + 0.3
+    assert np.linalg.norm(result.positions - flat.positions, axis=2).max() <= 10 + 1e-9
+
+
+def test_the_steps_are_reported():
+    motion, beats = dance(2, seconds=4.0)
+    seen: list[tuple[int, str]] = []
+
+    def watch(turns: Iterable[int], label: str) -> Iterable[int]:
+        for turn in turns:
+            seen.append((turn, label))
+            yield turn
+
+    harmonise(motion, beats, steps=4, progress=watch)
+    assert seen == [(turn, "harmonising") for turn in range(4)]
+
+
+@pytest.mark.parametrize("size", [0.0, 0.02, 1.0, 1e3])
+def test_reach_and_bones_hold_for_any_offsets(size: float, rng: np.random.Generator):
+    motion = Motion(rng.normal(size=(40, 6, 3)), 15.0, TREE)
+    offsets = torch.tensor(size * rng.normal(size=(40, 6, 3)))
+    moved = replace(motion, positions=_Body.of(motion).moved(offsets, 0.07).numpy())
+    distance = np.linalg.norm(moved.positions - motion.positions, axis=2)
+    assert distance.max() <= 0.07 + 1e-12
+    np.testing.assert_allclose(bone_lengths(moved), bone_lengths(motion), atol=1e-12)
+    if size >= 1:
+        assert distance.max() > 0.05  # the bound is nearly used up, not far too careful
+
+
+def test_small_offsets_arrive_almost_whole():
+    # One bone, pointing up: a sideways push of the root carries both, one of the tip only the tip.
+    positions = np.tile([[0.0, 0, 0], [0, 1.0, 0]], (2, 1, 1))
+    body = _Body.of(Motion(positions, 15.0, Skeleton(("a", "b"), (-1, 0))))
+    offsets = torch.tensor([[[0.01, 0, 0], [0, 0, 0]], [[0, 0, 0], [0.01, 0.5, 0]]], dtype=torch.float64)
+    moved = body.moved(offsets, 0.1).numpy() - positions
+    np.testing.assert_allclose(moved[0], [[0.01, 0, 0], [0.01, 0, 0]], atol=1e-6)
+    np.testing.assert_allclose(moved[1], [[0, 0, 0], [0.01, -5e-5, 0]], atol=1e-6)  # no stretch
+
+
+def test_a_bone_without_length_stays_without():
+    positions = np.zeros((2, 2, 3))
+    body = _Body.of(Motion(positions, 15.0, Skeleton(("a", "b"), (-1, 0))))
+    offsets = torch.ones(2, 2, 3, dtype=torch.float64, requires_grad=True)
+    moved = body.moved(offsets, 0.1)
+    torch.testing.assert_close(moved[:, 1], moved[:, 0])
+    moved.sum().backward()
+    assert torch.isfinite(offsets.grad).all()
+
+
+def test_splines_add_up_to_one_and_meet_a_straight_line():
+    motion, _ = dance(0, seconds=4.0)
+    splines = _Splines.of(motion)
+    torch.testing.assert_close(splines.weights.sum(dim=1), torch.ones(60, dtype=torch.float64))
+    knots = torch.arange(splines.n_knots, dtype=torch.float64)[:, None, None]
+    expected = torch.arange(60, dtype=torch.float64) / (15 * 0.15) + 1  # the second of four knots lies at the frame
+    torch.testing.assert_close(splines.at(knots)[:, 0, 0], expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"reach": 0.0}, "reach must be positive, got 0.0"),
+        ({"reach": float("nan")}, "reach must be positive, got nan"),
+        ({"steps": 0}, "steps must be at least 1, got 0"),
+        ({"params": HarmonyParams.recommended()}, "only measure = 'hits' has a relaxation"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_by_name(options: dict[str, object], message: str):
+    motion, beats = dance(0, seconds=4.0)
+    with pytest.raises(ValueError, match=message):
+        harmonise(motion, beats, **options)

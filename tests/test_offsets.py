@@ -1,0 +1,245 @@
+"""The offset between sound and motion, found again where it was planted; attacks of the music's beats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import soxr
+from scipy.signal import butter, sosfilt
+
+from harmolab.beats.audio import audio_beats
+from harmolab.beats.visual import visual_beats
+from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.lab.render.stick import render_skeleton
+from harmolab.lab.timing.movement import attack_beats, find_offset, rest_at_beats
+from harmolab.lab.timing.pictures import picture_motion
+from harmolab.lab.timing.sound import find_sound_offset
+from harmolab.params import DANCES, HarmonyParams
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+
+SECONDS = 12.0
+
+
+def cut(dance: str, seed: int) -> tuple[Clip, float]:
+    """A clip whose motion starts at a random frame of the first two seconds, and the audio time of that frame."""
+    clip = synthetic_clip(dance, seconds=SECONDS, seed=seed)
+    frame = int(np.random.default_rng([seed, *dance.encode()]).integers(0, 121))
+    start = frame / clip.motion.fps
+    motion = clip.motion.span(start, SECONDS - start)
+    return Clip(clip.name, clip.audio, motion, start, "synthetic", clip.beats), start
+
+
+def miss(found: float, start: float, beats: BeatTrack) -> float:
+    """Distance from the planted offset, modulo the planted beat."""
+    period = float(np.diff(beats.times).mean())
+    return abs((found - start + period / 2) % period - period / 2)
+
+
+@pytest.mark.slow
+def test_offset_is_found_within_40_ms_modulo_the_beat_in_95_of_100_clips():
+    tracked, planted = [], []
+    for dance in DANCES:
+        for seed in range(10):
+            clip, start = cut(dance, seed)
+            tracked.append(miss(find_offset(clip.audio, clip.motion).seconds, start, clip.beats))
+            planted.append(miss(find_offset(clip.audio, clip.motion, music=clip.beats).seconds, start, clip.beats))
+    assert len(tracked) == 70
+    assert np.mean(np.array(tracked) <= 0.04) >= 0.95
+    assert np.mean(np.array(planted) <= 0.02) >= 0.95
+
+
+@pytest.mark.parametrize("dance", ["cha-cha", "waltz"])
+def test_planted_offset_is_one_of_the_candidates(dance: str):
+    clip, start = cut(dance, 3)
+    offset = find_offset(clip.audio, clip.motion, music=clip.beats)
+    assert min(abs(candidate - start) for candidate in (offset.seconds, *offset.alternatives)) < 0.02
+    assert offset.period == pytest.approx(np.diff(clip.beats.times).mean(), rel=0.01)
+    assert offset.confidence >= 0.95
+
+
+def test_candidate_is_the_one_nearest_to_the_guess():
+    clip, start = cut("cha-cha", 3)
+    offset = find_offset(clip.audio, clip.motion, music=clip.beats, guess=start + 0.1, search=1.0)
+    assert offset.seconds == pytest.approx(start, abs=0.02)
+
+
+def test_alternatives_are_whole_beats_away_and_inside_the_search():
+    clip, _ = cut("cha-cha", 3)
+    offset = find_offset(clip.audio, clip.motion, music=clip.beats, guess=0.5, search=1.5)
+    beats = (np.array(offset.alternatives) - offset.seconds) / offset.period
+    np.testing.assert_allclose(beats, beats.round(), atol=1e-9)
+    assert 0 not in beats.round()
+    assert all(-1.0 <= candidate <= 2.0 for candidate in offset.alternatives)
+
+
+def test_motion_that_started_before_the_music_has_a_negative_offset():
+    clip = synthetic_clip("rumba", seconds=SECONDS, seed=2)
+    audio = clip.audio.span(1.5, SECONDS)
+    music = clip.beats.span(1.5, audio.duration)
+    offset = find_offset(audio, clip.motion, music=music, guess=-1.45)
+    assert offset.seconds == pytest.approx(-1.5, abs=0.02)
+
+
+def test_lag_of_the_dancer_is_taken_off():
+    clip = synthetic_clip("waltz", seconds=SECONDS, seed=2, lateness=0.1)
+    params = HarmonyParams(**{**vars(HarmonyParams.recommended()), "lag": 0.1})
+    assert find_offset(clip.audio, clip.motion, music=clip.beats, params=params).seconds == pytest.approx(0, abs=0.02)
+    assert find_offset(clip.audio, clip.motion, music=clip.beats).seconds == pytest.approx(-0.1, abs=0.02)
+
+
+def test_dancer_at_another_tempo_gives_no_confidence():
+    clip = synthetic_clip("cha-cha", seconds=20.0, tempo=120.0, seed=4)
+    other = synthetic_clip("cha-cha", seconds=20.0, tempo=105.0, seed=5)
+    assert find_offset(clip.audio, other.motion, music=clip.beats).confidence < 0.95
+
+
+def test_evidence_is_the_slowness_at_the_beats():
+    times = np.arange(0.0, 6.0, 0.01)
+    beats = np.arange(6) + 0.5
+    curve = rest_at_beats(times, np.abs(np.sin(np.pi * times)), beats, np.array([0.0, 0.25, 0.5]))
+    np.testing.assert_allclose(curve, [-1.0, -np.sqrt(0.5), 0.0], atol=1e-3)
+
+
+def test_lags_at_which_few_beats_fall_into_the_motion_have_no_evidence():
+    times = np.arange(0.0, 5.0, 0.01)
+    curve = rest_at_beats(times, np.cos(times), np.arange(8.0), np.array([0.0, 6.0]))
+    assert np.isfinite(curve).tolist() == [True, False]
+
+
+def test_motion_that_stands_still_is_refused():
+    still = Motion(np.zeros((600, 2, 3)), 60.0, Skeleton.unnamed(2))
+    clip = synthetic_clip("waltz", seed=1)
+    with pytest.raises(ValueError, match="nothing moves in this motion"):
+        find_offset(clip.audio, still, music=clip.beats)
+
+
+def test_silence_is_refused():
+    clip = synthetic_clip("waltz", seed=1)
+    with pytest.raises(ValueError, match="fewer than 4 music beats"):
+        find_offset(Audio(np.zeros(22050 * 6), 22050), clip.motion)
+
+
+@pytest.mark.parametrize("search", [0.0, -1.0, float("nan"), 1e9])
+def test_impossible_search_is_refused(search: float):
+    clip = synthetic_clip("waltz", seed=1)
+    with pytest.raises(ValueError, match="search must lie between 0 and 600 s"):
+        find_offset(clip.audio, clip.motion, music=clip.beats, search=search)
+
+
+@pytest.mark.parametrize("sample_rate", [22050, 44100])
+def test_beats_are_moved_to_the_attack_of_clicks(click_track: Callable[..., Audio], sample_rate: int):
+    audio = click_track(113.0, seconds=12.0, sample_rate=sample_rate)
+    planted = np.arange(0.0, 12.0, 60 / 113)
+
+    def lateness(track: BeatTrack) -> float:
+        late = track.times[:, None] - planted
+        return float(np.median(late[np.arange(len(track)), np.abs(late).argmin(axis=1)]))
+
+    assert lateness(audio_beats(audio)) > 0.005
+    assert abs(lateness(attack_beats(audio))) < 0.006
+
+
+def test_silence_has_no_attacks():
+    assert len(attack_beats(Audio(np.zeros(22050), 22050))) == 0
+
+
+# A video
+
+
+@pytest.mark.parametrize("fps", [25.0, 50.0])
+def test_picture_rests_when_the_skeleton_does(planted_clip: Clip, fps: float):
+    motion = picture_motion(render_skeleton(planted_clip.motion, height=120, fps=fps), fps)
+    assert motion.duration == pytest.approx(planted_clip.motion.duration, abs=2 / fps)
+    seen = visual_beats(motion, params=HarmonyParams.recommended())
+    skeleton = visual_beats(planted_clip.motion, params=HarmonyParams.recommended())
+    late = seen.times[:, None] - skeleton.times
+    late = late[np.arange(len(seen)), np.abs(late).argmin(axis=1)]
+    assert len(seen) >= 0.8 * len(skeleton)
+    assert abs(np.median(late)) < 0.015
+
+
+def test_offset_of_a_video_is_found_modulo_the_beat():
+    clip, start = cut("tango", 3)
+    motion = picture_motion(render_skeleton(clip.motion, height=120, fps=25.0), 25.0)
+    found = find_offset(clip.audio, motion, music=clip.beats)
+    assert miss(found.seconds, start, clip.beats) < 0.03
+    assert found.confidence >= 0.95
+
+
+def test_video_of_a_few_frames_is_refused():
+    with pytest.raises(ValueError, match="a video of 3 frames is too short"):
+        picture_motion(np.zeros((3, 32, 32), np.uint8), 25.0)
+
+
+def test_still_video_has_no_offset():
+    still = picture_motion(np.zeros((250, 32, 32), np.uint8), 25.0)
+    with pytest.raises(ValueError, match="nothing moves in this motion"):
+        find_offset(synthetic_clip("waltz", seed=1).audio, still, music=synthetic_clip("waltz", seed=1).beats)
+
+
+# Sound
+
+
+@pytest.fixture(scope="module")
+def song() -> Audio:
+    """Chords that never come back, and notes at random: no two places sound alike."""
+    rng = np.random.default_rng(8)
+    time = np.arange(round(30.0 * 22050)) / 22050
+    samples = np.zeros(time.size)
+    for start in np.sort(rng.uniform(0, 29.5, 120)):
+        inside = (time >= start) & (time < start + 0.4)
+        envelope = np.exp(-(time[inside] - start) / 0.1)
+        for hertz in rng.uniform(100, 3500, 3):
+            samples[inside] += 0.1 * envelope * np.sin(2 * np.pi * hertz * time[inside])
+    return Audio(samples, 22050)
+
+
+def recorded(song: Audio, start: float, seconds: float, rate: int, *, snr: float, seed: int = 0) -> Audio:
+    """What a phone makes of a song: another rate, no bass and no treble, too loud, and noise (decibels below it)."""
+    part = song.span(start, seconds).samples.astype(np.float64)
+    part = soxr.resample(part, song.sample_rate, rate)
+    part = sosfilt(butter(2, [200, min(5000, 0.45 * rate)], "band", fs=rate, output="sos"), part)
+    noise = np.random.default_rng(seed).normal(0, part.std() * 10 ** (-snr / 20), part.size)
+    return Audio(np.tanh(2 * (part + noise) / part.std()), rate)
+
+
+@pytest.mark.parametrize("rate", [8000, 22050, 48000])
+@pytest.mark.parametrize("snr", [30.0, 0.0])
+def test_recording_is_found_in_its_song_through_noise_filter_and_another_rate(song: Audio, rate: int, snr: float):
+    for start in (0.0, 7.123, 17.9):
+        found = find_sound_offset(recorded(song, start, 10.0, rate, snr=snr), song)
+        assert found.seconds == pytest.approx(start, abs=0.01)
+        assert found.is_clear
+        assert found.is_unique
+
+
+def test_recording_that_begins_before_the_song_has_a_negative_offset(song: Audio):
+    samples = np.concatenate([np.zeros(2 * 22050), song.samples[: 8 * 22050]])
+    samples = samples + np.random.default_rng(1).normal(0, 0.01, samples.size)
+    assert find_sound_offset(Audio(samples, 22050), song).seconds == pytest.approx(-2.0, abs=0.01)
+
+
+def test_recording_of_something_else_is_not_clear(song: Audio):
+    backwards = Audio(song.samples[::-1], song.sample_rate)
+    assert not find_sound_offset(recorded(backwards, 5.0, 10.0, 22050, snr=30.0), song).is_clear
+    noise = Audio(np.random.default_rng(2).normal(0, 0.1, 10 * 22050), 22050)
+    assert not find_sound_offset(noise, song).is_clear
+
+
+def test_song_that_repeats_itself_to_the_note_is_found_but_not_unique(song: Audio):
+    twice = Audio(np.tile(song.samples[: 12 * 22050], 2), 22050)
+    found = find_sound_offset(twice.span(2.0, 6.0), twice)
+    assert found.seconds % 12 == pytest.approx(2.0, abs=0.01)
+    assert found.is_clear
+    assert not found.is_unique
+
+
+def test_short_and_silent_sound_are_refused(song: Audio):
+    with pytest.raises(ValueError, match=r"the recording lasts 2\.0 s; 3 s at least"):
+        find_sound_offset(song.span(0, 2.0), song)
+    with pytest.raises(ValueError, match=r"the song lasts 1\.0 s"):
+        find_sound_offset(song, song.span(0, 1.0))
+    with pytest.raises(ValueError, match="the recording is silent"):
+        find_sound_offset(Audio(np.zeros(22050 * 5), 22050), song)

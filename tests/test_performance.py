@@ -1,0 +1,237 @@
+"""Your own dance: where it begins, what is told, and the page."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harmolab.corpora.synthetic import synthetic_clip, synthetic_motion
+from harmolab.io.motion import save_motion
+from harmolab.io.video import write_video
+from harmolab.io.video_sound import load_sound
+from harmolab.lab.render.stick import render_skeleton
+from harmolab.lab.timing.page import dance_page, dance_player, save_page
+from harmolab.lab.timing.performance import (
+    OwnDance,
+    Placement,
+    explain_performance,
+    load_performance,
+    place_performance,
+)
+from harmolab.types import Audio, Clip, Motion
+from tests.builders import planted_dance, write_song
+
+SECONDS, START = 20.0, 0.4
+
+
+@pytest.fixture(scope="module")
+def clip() -> Clip:
+    return planted_dance(seconds=SECONDS)
+
+
+def danced(clip: Clip, late: Callable[[np.ndarray], np.ndarray]) -> Motion:
+    """The dance from 0.4 s on, its movements late by `late(beats)`."""
+    beats = clip.beats.times + late(clip.beats.times)
+    motion = synthetic_motion(beats, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1)
+    return motion.span(START, SECONDS - START)
+
+
+@pytest.fixture(scope="module")
+def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A song; a dance 80 ms late in its second half, as motion, as video with the song's sound, and as silent video."""
+    folder = tmp_path_factory.mktemp("own")
+    write_song(folder / "song.wav", clip)
+    motion = danced(clip, lambda beats: 0.08 * (beats > SECONDS / 2 + START / 2))
+    save_motion(folder / "dance.npz", motion)
+    heard = clip.audio.span(START, SECONDS - START)
+    noise = np.random.default_rng(0).normal(0, 0.02, heard.samples.size)
+    room = Audio(0.3 * heard.samples + noise, heard.sample_rate)
+    for name, sound in (("film.mp4", room), ("silent.mp4", None)):
+        write_video(folder / name, render_skeleton(motion, fps=25.0, height=96), 25.0, audio=sound)
+    return folder
+
+
+def told_of(folder: Path, dance: str, **more: Any) -> OwnDance:
+    return explain_performance(folder / "song.wav", load_performance(folder / dance), n_rotations=50, **more)
+
+
+@pytest.fixture(scope="module")
+def late(folder: Path) -> OwnDance:
+    return told_of(folder, "dance.npz", offset=START)
+
+
+@pytest.fixture(scope="module")
+def filmed(folder: Path) -> OwnDance:
+    return told_of(folder, "film.mp4")
+
+
+def test_known_offset_tells_what_was_planted(late: OwnDance):
+    last = late.words.findings[-1]
+    assert last.kind == "change"
+    assert last.value == pytest.approx(0.08, abs=0.01)
+    words = r"You keep time with this song\. You are \d\d ms late on the second half and on time on the first\."
+    assert re.fullmatch(words, late.verdict)
+
+
+def test_offset_found_by_movement_says_nothing_about_late_throughout(folder: Path, clip: Clip):
+    told = told_of(folder, "dance.npz")
+    period = float(np.diff(clip.beats.times).mean())
+    assert told.placement.source == "movement"
+    assert told.placement.period == pytest.approx(period, abs=0.01)
+    # The lateness of one half is shared out between both: 40 ms.
+    assert (told.placement.seconds - START + 0.04 + period / 2) % period == pytest.approx(period / 2, abs=0.02)
+    assert re.search(r"In the second half you are \d\d ms later than in the first\.", told.verdict)
+    assert "on time" not in str(told.words)
+    assert "not which beat" in str(told.placement)
+
+
+@pytest.mark.parametrize(("shift", "words"), [(0.08, "late throughout"), (-0.06, "early throughout"), (0.0, "on time")])
+def test_constant_shift_is_told_only_where_the_offset_is_known(
+    folder: Path, clip: Clip, tmp_path: Path, shift: float, words: str
+):
+    save_motion(tmp_path / "shifted.npz", danced(clip, lambda beats: np.full(beats.shape, shift)))
+    recording = load_performance(tmp_path / "shifted.npz")
+    assert words in explain_performance(folder / "song.wav", recording, offset=START, n_rotations=0).verdict
+    found = explain_performance(folder / "song.wav", recording, n_rotations=0)
+    assert found.verdict.endswith("You keep the same place in its beat throughout.")
+    assert "cannot be told from your movement alone" in found.words.sentences[-1]
+
+
+def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path: Path):
+    times = np.sort(np.random.default_rng(3).uniform(0, SECONDS, len(clip.beats)))
+    save_motion(tmp_path / "lost.npz", synthetic_motion(times, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1))
+    told = explain_performance(folder / "song.wav", load_performance(tmp_path / "lost.npz"), offset=0.0, n_rotations=50)
+    assert not told.is_together
+    assert told.verdict == "There is no evidence here that you move with the beats of this song."
+
+
+def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
+    assert filmed.placement.source == "sound"
+    assert filmed.placement.seconds == pytest.approx(START, abs=0.01)
+    first, second = (part.mean for part in filmed.words.halves)
+    assert first == pytest.approx(0.0, abs=0.02)
+    assert second == pytest.approx(0.08, abs=0.02)
+
+
+def test_silent_video_is_placed_by_its_movement(folder: Path):
+    recording = load_performance(folder / "silent.mp4")
+    assert recording.sound is None
+    told = explain_performance(folder / "song.wav", recording, n_rotations=0)
+    assert told.placement.source == "movement"
+    assert "later than in the first" in told.verdict
+
+
+def test_video_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
+    other = synthetic_clip("waltz", seconds=SECONDS, seed=9).audio
+    recording = load_performance(folder / "film.mp4")
+    assert (
+        place_performance(recording, other, synthetic_clip("waltz", seconds=SECONDS, seed=9).beats).source == "movement"
+    )
+
+
+def test_video_can_be_its_own_song(folder: Path):
+    told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), n_rotations=0)
+    assert told.placement == Placement(0.0, "same")
+    first, second = (part.mean for part in told.words.halves)
+    assert first == pytest.approx(0.0, abs=0.02)
+    assert second == pytest.approx(0.08, abs=0.02)
+
+
+def test_dance_that_begins_before_the_song_is_heard_from_the_first_note(folder: Path, clip: Clip):
+    told = told_of(folder, "dance.npz", offset=-3.0)
+    assert told.skipped == pytest.approx(3.0)
+    assert told.motion.duration == pytest.approx(SECONDS - START - 3.0, abs=0.02)
+    np.testing.assert_allclose(told.audio.samples, load_sound(folder / "song.wav").samples[: told.audio.samples.size])
+
+
+def test_offset_outside_the_song_is_refused_by_name(folder: Path):
+    with pytest.raises(ValueError, match=r"dance\.npz: .*does not overlap"):
+        told_of(folder, "dance.npz", offset=500.0)
+
+
+def test_numbers_are_plain_enough_for_json(late: OwnDance):
+    plain = late.to_dict()
+    assert plain["verdict"] == late.verdict
+    assert plain["offset"]["source"] == "given"
+    assert plain["interval"][0] < plain["harmony_above_chance"] < plain["interval"][1]
+    assert [finding["kind"] for finding in plain["findings"]] == ["score", "hits", "rate", "change"]
+
+
+# The page
+
+
+def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance):
+    page = dance_page(late)
+    text = html.unescape(page)
+    assert late.verdict in text
+    assert all(sentence in text for sentence in late.words.sentences)
+    assert page.count("data:image/png;base64,") == 2
+    inside = html.unescape(re.search(r' srcdoc="([^"]*)"', page)[1])
+    # The sound's stream has a random number, so two players differ there.
+    assert inside[:1000] == dance_player(late).page[:1000]
+    assert "harmolabPlayer" in inside
+    assert "What may be wrong" in page
+    assert "0.40 s of the song, as you said" in text
+
+
+def test_page_asks_the_network_for_nothing(late: OwnDance, filmed: OwnDance):
+    for told in (late, filmed):
+        page = re.sub(r' srcdoc="[^"]*"', "", dance_page(told))
+        assert not re.search(r"https?:|<script|<link|@import|url\(", page)
+
+
+def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: OwnDance):
+    page = dance_page(filmed)
+    assert page.count("data:image/jpeg;base64,") == 8
+    assert "srcdoc" not in page
+    assert "there is no stick figure to play" in page
+    with pytest.raises(ValueError, match=r"film\.mp4: is a video"):
+        dance_player(filmed)
+
+
+def test_names_of_files_are_only_text(folder: Path, tmp_path: Path):
+    name = "<img src=x onerror=alert(1)>\"'&amp;.npz"
+    (tmp_path / name).write_bytes((folder / "dance.npz").read_bytes())
+    told = explain_performance(folder / "song.wav", load_performance(tmp_path / name), offset=START, n_rotations=0)
+    page = dance_page(told)
+    assert "<img src=x" not in page
+    assert f"<h1>{html.escape(name).replace('&quot;', '&#34;').replace('&#x27;', '&#39;')} to song.wav</h1>" in page
+
+
+def test_failed_page_leaves_the_old_one(late: OwnDance, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = tmp_path / "page.html"
+    path.write_text("old")
+
+    def fail(*_args: object, **_named: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        save_page(path, late)
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_page_fits_the_screen_and_plays(late: OwnDance, chromium: Any, tmp_path: Path, width: int):
+    save_page(tmp_path / "page.html", late)
+    page = chromium.new_page(viewport={"width": width, "height": 900})
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("request", lambda request: faults.append(request.url) if request.url.startswith("http") else None)
+    page.goto((tmp_path / "page.html").as_uri())
+    page.locator("iframe").scroll_into_view_if_needed()
+    frame = page.frame_locator("iframe")
+    frame.locator("#play").click()
+    page.wait_for_function("document.querySelector('iframe').contentWindow.harmolabPlayer.time() > 0.3")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator("figure img").first.evaluate("image => image.naturalWidth > 0")
+    assert faults == []
+    page.close()

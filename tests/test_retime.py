@@ -1,0 +1,322 @@
+"""Retiming by time-warp: harmony rises, speed stays in bounds, bones and ends stay, a second run changes nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from harmolab.beats.visual import visual_beats
+from harmolab.corpora.synthetic import ClipSettings, planted_clip
+from harmolab.io.video import video_frames, write_video
+from harmolab.params import HarmonyParams
+from harmolab.retime.beats import METHODS, beat_warp, lee_warp
+from harmolab.retime.retime import motion_at, retime, warp_video, warped_frames
+from harmolab.retime.warps import TimeWarp
+from harmolab.types import BeatTrack, Motion, Skeleton
+from tests.builders import bone_lengths, track
+
+SEEDS = range(6)
+SECONDS = 16.0
+VALLEYS = HarmonyParams.valleys()
+
+
+def frame_times(motion: Motion) -> np.ndarray:
+    return np.arange(motion.n_frames) / motion.fps
+
+
+def jittered(seed: int, *, dance: str = "jive", fps: float = 60.0) -> tuple[Motion, BeatTrack]:
+    """A dance whose beats were moved by a random walk of 150 ms standard deviation that forgets 40 % a beat."""
+    clip = planted_clip(ClipSettings(dance, seconds=SECONDS, seed=seed, fps=fps)).clip
+    assert clip.motion is not None
+    assert clip.beats is not None
+    last = (clip.motion.n_frames - 1) / fps
+    beats = clip.beats.times[(clip.beats.times > 0.3) & (clip.beats.times < last - 0.3)]
+    shifts = np.random.default_rng(seed).normal(0.0, 0.15, beats.size)
+    for beat in range(1, beats.size):
+        shifts[beat] = 0.6 * shifts[beat - 1] + 0.8 * shifts[beat]
+    moved = np.maximum.accumulate(np.clip(beats + shifts, 0.1, last - 0.1) - 0.1 * np.arange(beats.size))
+    moved += 0.1 * np.arange(beats.size)  # in order, and a tenth of a second apart
+    inside = moved < last - 0.05
+    warp = TimeWarp(np.r_[0.0, beats[inside], last], np.r_[0.0, moved[inside], last])
+    return motion_at(clip.motion, warp.inverse(frame_times(clip.motion))), clip.beats
+
+
+def swinging(n_frames: int = 240, *, dimensions: int = 3, fps: float = 30.0) -> Motion:
+    """An arm of a metre that swings once in two seconds, so that it stands still every second; its root walks."""
+    angle = np.cos(np.pi * np.arange(n_frames) / fps)
+    hand = np.stack([np.sin(angle), -np.cos(angle), np.zeros(n_frames)], axis=1)
+    root = np.stack([0.1 * np.arange(n_frames) / fps, np.ones(n_frames), np.zeros(n_frames)], axis=1)
+    positions = np.stack([root + hand, root], axis=1)  # the child comes before its parent
+    return Motion(positions[..., :dimensions], fps, Skeleton(("hand", "root"), (1, -1)))
+
+
+@pytest.fixture(scope="module")
+def dances() -> list[tuple[Motion, BeatTrack]]:
+    return [jittered(seed) for seed in SEEDS]
+
+
+def test_a_warp_maps_its_knots_onto_each_other_and_back():
+    warp = TimeWarp([0.0, 1.2, 3.0, 5.0], [0.0, 1.0, 3.3, 5.0])
+    np.testing.assert_allclose(warp([0.0, 1.2, 3.0, 5.0]), [0.0, 1.0, 3.3, 5.0], atol=1e-12)
+    times = np.linspace(-1, 6, 701)
+    np.testing.assert_allclose(warp(warp.inverse(times)), times, atol=1e-12)
+    np.testing.assert_allclose(warp.inverse(times)[times > 5], times[times > 5])
+
+
+def test_the_speed_range_is_that_of_a_dense_grid():
+    warp = TimeWarp([0.0, 1.2, 3.0, 5.0], [0.0, 1.0, 3.3, 5.0])
+    speeds = np.diff(warp.inverse(np.linspace(0, 5, 100_001))) / (5 / 100_000)
+    np.testing.assert_allclose(warp.speed_range(), [speeds.min(), speeds.max()], atol=1e-3)
+
+
+def test_the_mean_shift_is_counted_without_its_sign():
+    assert TimeWarp([0.0, 2.1, 3.9, 6.0], [0.0, 2.0, 4.0, 6.0]).bent == pytest.approx(0.06, abs=0.02)
+    assert TimeWarp.identity(3.0).bent == 0
+    assert TimeWarp.identity(3.0).speed_range() == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "message"),
+    [
+        ([0.0], [0.0], "two or more times"),
+        ([0.0, 1.0], [0.0, 0.5, 1.0], "as many source as target"),
+        ([0.0, 2.0, 1.0], [0.0, 0.5, 1.0], "source knots must be finite and increase"),
+        ([0.0, 0.5, 1.0], [0.0, 0.0, 1.0], "target knots must be finite and increase"),
+        ([0.0, np.nan, 1.0], [0.0, 0.5, 1.0], "source knots must be finite"),
+        ([0.0, 0.5, 1.0], [0.0, 0.5, 1.1], "keeps its ends"),
+    ],
+)
+def test_knots_that_make_no_warp_are_refused(source: list[float], target: list[float], message: str):
+    with pytest.raises(ValueError, match=message):
+        TimeWarp(source, target)
+
+
+def test_late_beats_are_brought_forward_within_the_bounds():
+    late = track(np.arange(1.09, 9.5, 1.0))
+    music = track(np.arange(1.0, 9.5, 1.0))
+    warp = beat_warp(late, music, 10.0)
+    np.testing.assert_allclose(warp(late.times), music.times, atol=0.02)
+    assert np.all(np.diff(warp.source) > 0)
+    low, high = warp.speed_range()
+    assert 0.7 <= low < high <= 1.4
+    assert warp([0.0, 10.0]).tolist() == [0.0, 10.0]
+
+
+def test_a_visual_beat_too_many_and_a_music_beat_too_many_are_left_out():
+    visual = track([1.09, 2.09, 2.6, 3.09, 4.09, 6.09, 7.09])  # 2.6 is redundant; nothing is near 5
+    music = track([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    warp = beat_warp(visual, music, 8.0)
+    np.testing.assert_allclose(warp([1.09, 2.09, 3.09, 4.09, 6.09, 7.09]), [1, 2, 3, 4, 6, 7], atol=0.02)
+
+
+def test_beats_out_of_reach_of_the_bounds_do_not_break_them():
+    visual = track(np.arange(1.15, 12.5, 1.0), duration=14.0)
+    music = track(np.arange(1.0, 12.5, 1.0), duration=14.0)
+    warp = beat_warp(visual, music, 14.0, slowest=0.9, fastest=1.05)
+    low, high = warp.speed_range()
+    assert 0.9 <= low < 1 < high <= 1.05
+    assert warp(1.15) > 1.09  # a twentieth of a second is all that can be won in the first one
+    np.testing.assert_allclose(warp(np.arange(5.15, 11.0)), np.arange(5.0, 10.9), atol=0.02)
+
+
+def test_bounds_of_one_leave_no_freedom():
+    warp = beat_warp(track([1.2, 2.2, 3.2]), track([1.0, 2.0, 3.0]), 5.0, slowest=1.0, fastest=1.0)
+    assert warp.is_identity
+
+
+def test_a_phase_of_a_half_lands_between_the_beats():
+    music = track(np.arange(1.0, 9.5, 1.0))
+    warp = beat_warp(track(np.arange(1.3, 9.5, 1.0)), music, 10.0, phase=0.5)
+    np.testing.assert_allclose(warp(np.arange(2.3, 8.5)), np.arange(2.5, 8.6), atol=0.02)
+
+
+def test_a_lag_is_kept():
+    music = track(np.arange(1.0, 9.5, 1.0))
+    visual = track(np.arange(1.3, 9.5, 1.0))
+    warp = beat_warp(visual, music, 10.0, params=replace(VALLEYS, lag=0.05))
+    np.testing.assert_allclose(warp(np.arange(2.3, 8.5)), np.arange(2.05, 8.1), atol=0.02)
+
+
+def test_beats_already_in_time_are_left_alone():
+    music = track([1.0, 2.0, 3.0, 4.0])
+    assert beat_warp(track([1.03, 1.97, 3.02, 4.0]), music, 5.0).is_identity
+
+
+@pytest.mark.parametrize(("visual", "music"), [((), (1.0, 2.0)), ((1.0, 2.0), ()), ((), ())])
+def test_without_beats_on_one_side_nothing_is_bent(visual: tuple[float, ...], music: tuple[float, ...]):
+    for method in METHODS:
+        assert beat_warp(track(visual), track(music), 10.0, method=method).is_identity
+
+
+def test_the_warper_of_2019_stretches_between_nearest_beats():
+    warp = lee_warp(track([1.2, 1.3, 3.9]), track([1.0, 2.0, 4.0]), 5.0)  # 1.3 is further from 1 than 1.2
+    np.testing.assert_allclose(warp([1.2, 3.9]), [1.0, 4.0], atol=1e-9)
+    np.testing.assert_allclose(warp.inverse([2.0, 3.0]), [2.1, 3.0], atol=1e-9)  # a straight line between
+    np.testing.assert_allclose(warp.speed_range(), [0.9, 1.2], rtol=0.08)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"strength": 1.2}, "strength must lie"),
+        ({"strength": float("nan")}, "strength must lie"),
+        ({"phase": 2.0}, "phase must lie"),
+        ({"slowest": 0.0}, "slowest must lie"),
+        ({"slowest": 1.1}, "slowest must lie"),
+        ({"fastest": 0.9}, "fastest must be 1 or more"),
+        ({"fastest": float("inf")}, "fastest must be 1 or more"),
+        ({"method": "nearest"}, "method must be one of dp, lee2019"),
+        ({"params": HarmonyParams(reaction_delay=0.0)}, "reaction_delay above 0"),
+        ({"params": HarmonyParams(clock=1.013)}, "own clock"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(setting: dict[str, object], message: str):
+    with pytest.raises(ValueError, match=message):
+        retime(swinging(), track([1.0, 2.0]), **setting)  # type: ignore[arg-type]
+
+
+def test_jittered_dances_come_into_harmony(dances: list[tuple[Motion, BeatTrack]]):
+    retimed = [retime(*dance) for dance in dances]
+    assert np.mean([r.before.harmony_above_chance for r in retimed]) < 0.2
+    assert np.mean([r.after.harmony_above_chance for r in retimed]) > 0.8
+
+
+def test_jitter_of_each_movement_by_itself_is_mended_too():
+    dances = ("cha-cha", "jive", "rumba", "tango", "waltz")
+    clips = [
+        planted_clip(ClipSettings(dance, seconds=SECONDS, jitter=0.15, seed=seed)).clip
+        for dance in dances
+        for seed in range(2)
+    ]
+    retimed = [retime(clip.motion, clip.beats) for clip in clips]
+    lost = [one for one in retimed if one.before.harmony_above_chance < 0.2]
+    assert len(lost) >= 3  # many a dance has beats in time by luck
+    assert np.mean([one.after.harmony_above_chance for one in lost]) > 0.8
+    assert np.mean([one.after.harmony_above_chance for one in retimed]) > 0.8
+
+
+def test_the_speed_stays_in_bounds_everywhere(dances: list[tuple[Motion, BeatTrack]]):
+    for motion, music in dances:
+        warp = retime(motion, music).warp
+        low, high = warp.speed_range()
+        assert 0.7 <= low < high <= 1.4
+        speeds = np.diff(warp.inverse(frame_times(motion))) * motion.fps
+        assert 0.7 - 1e-9 <= speeds.min() < speeds.max() <= 1.4 + 1e-9
+        dense = np.linspace(0.0, warp.target[-1], 200_001)
+        speeds = np.diff(warp.inverse(dense)) / np.diff(dense)
+        assert 0.7 - 1e-6 <= speeds.min() < speeds.max() <= 1.4 + 1e-6
+
+
+def test_bones_and_both_ends_stay(dances: list[tuple[Motion, BeatTrack]]):
+    for motion, music in dances:
+        bent = retime(motion, music).motion
+        still = bone_lengths(motion).mean(axis=0)
+        assert np.abs(bone_lengths(motion) - still).max() < 1e-9
+        assert np.abs(bone_lengths(bent) - still).max() < 1e-9
+        np.testing.assert_allclose(bent.positions[[0, -1]], motion.positions[[0, -1]], atol=1e-9)
+        assert (bent.n_frames, bent.fps, bent.skeleton) == (motion.n_frames, motion.fps, motion.skeleton)
+
+
+def test_a_second_run_changes_nothing(dances: list[tuple[Motion, BeatTrack]]):
+    for motion, music in dances:
+        once = retime(motion, music)
+        twice = retime(once.motion, music)
+        assert not once.warp.is_identity
+        assert twice.warp.is_identity
+        assert twice.motion is once.motion
+
+
+def test_strength_is_the_share_of_every_shift(dances: list[tuple[Motion, BeatTrack]]):
+    motion, music = dances[0]
+    full, half = retime(motion, music).warp, retime(motion, music, strength=0.5).warp
+    np.testing.assert_allclose(half.shifts(), 0.5 * full.shifts(), atol=1e-4)
+    assert retime(motion, music, strength=0.0).motion is motion
+
+
+def test_a_dance_at_fifteen_frames_a_second_is_mended(dances: list[tuple[Motion, BeatTrack]]):
+    retimed = [retime(*jittered(seed, fps=15.0)) for seed in (1, 2, 3)]
+    assert np.mean([r.after.harmony_above_chance - r.before.harmony_above_chance for r in retimed]) > 0.4
+
+
+def test_the_warper_of_2019_wins_harmony_and_breaks_the_bounds(dances: list[tuple[Motion, BeatTrack]]):
+    retimed = [retime(*dance, method="lee2019") for dance in dances]
+    assert np.mean([r.after.harmony_above_chance for r in retimed]) > 0.5
+    assert min(r.warp.speed_range()[0] for r in retimed) < 0.5
+    assert max(r.warp.speed_range()[1] for r in retimed) > 1.6
+
+
+def test_flat_motion_is_retimed_and_its_bone_keeps_its_length():
+    motion = swinging(dimensions=2)
+    music = track(np.arange(1.2, 7.5, 1.0), duration=8.0)
+    retimed = retime(motion, music)
+    assert retimed.after.harmony_above_chance > retimed.before.harmony_above_chance + 0.5
+    np.testing.assert_allclose(bone_lengths(retimed.motion), 1.0, atol=1e-9)
+
+
+def test_a_motion_that_stands_still_or_has_two_frames_comes_back_itself():
+    still = Motion(np.ones((60, 2, 3)), 30.0, Skeleton(("a", "b"), (-1, 0)))
+    for motion in (still, still.span(0.0, 2 / 30)):
+        assert retime(motion, track([0.5, 1.0], duration=2.0)).motion is motion
+
+
+def test_times_between_frames_show_poses_between():
+    motion = swinging()
+    between = motion_at(motion, np.array([0.05, 0.55]))
+    angle = np.cos(np.pi * np.array([0.05, 0.55]))
+    np.testing.assert_allclose(between.positions[:, 0, 0] - between.positions[:, 1, 0], np.sin(angle), atol=1e-4)
+    np.testing.assert_allclose(between.positions[:, 1, 0], [0.005, 0.055], atol=1e-12)
+
+
+def test_a_bone_that_grows_is_interpolated_linearly():
+    grown = np.zeros((3, 2, 3))
+    grown[:, 1, 1] = [1.0, 2.0, 5.0]
+    motion = Motion(grown, 1.0, Skeleton(("a", "b"), (-1, 0)))
+    np.testing.assert_allclose(motion_at(motion, np.array([0.5, 1.5])).positions[:, 1, 1], [1.5, 3.5])
+
+
+def test_a_bone_that_flips_over_and_one_of_no_length_stay_finite():
+    flipping = np.zeros((2, 3, 3))
+    flipping[:, 1, 1] = [1.0, -1.0]
+    motion = Motion(flipping, 1.0, Skeleton(("a", "b", "none"), (-1, 0, 0)))
+    middle = motion_at(motion, np.array([0.5, 1.0]))
+    np.testing.assert_allclose(np.abs(middle.positions[0, :, 1]), [0.0, 1.0, 0.0])
+
+
+def test_filler_frames_stay_filler():
+    motion = replace(swinging(60), valid=np.arange(60) < 30)
+    assert motion_at(motion, np.array([0.5, 1.5])).valid.tolist() == [True, False]
+
+
+def test_a_ring_of_bones_is_refused():
+    motion = Motion(swinging().positions, 30.0, Skeleton(("a", "b"), (1, 0)))
+    with pytest.raises(ValueError, match="form a ring"):
+        motion_at(motion, np.array([0.5]))
+
+
+def test_frames_of_a_video_come_at_warped_times():
+    warp = TimeWarp([0.0, 1.0, 2.9], [0.0, 2.0, 2.9])
+    shown = list(warped_frames(iter(np.arange(30, dtype=np.uint8)), 10.0, warp))
+    wanted = np.floor(warp.inverse(np.arange(30) / 10) * 10 + 0.5).astype(int)
+    assert len(shown) == 30
+    assert np.abs(np.array(shown, int) - wanted).max() <= 1  # a moment half way between two frames may show either
+    assert (shown[0], shown[20], shown[29]) == (0, 10, 29)
+
+
+def test_a_video_keeps_its_colours_and_its_length(tmp_path):
+    red = np.zeros((48, 64, 3), np.uint8)
+    red[..., 0] = 200
+    write_video(tmp_path / "in.mp4", [red] * 30, 10.0)
+    warp_video(tmp_path / "in.mp4", tmp_path / "out.mp4", TimeWarp([0.0, 1.0, 2.9], [0.0, 1.5, 2.9]))
+    frames = list(video_frames(tmp_path / "out.mp4", colour=True))
+    assert len(frames) == 30
+    np.testing.assert_allclose(frames[10].mean(axis=(0, 1)), [200, 0, 0], atol=6)
+
+
+def test_the_beats_seen_after_are_where_the_warp_says():
+    motion = swinging()
+    music = track(np.arange(1.2, 7.5, 1.0), duration=8.0)
+    retimed = retime(motion, music)
+    seen = visual_beats(retimed.motion, params=VALLEYS).times
+    np.testing.assert_allclose(seen, retimed.warp(np.arange(1.0, 7.5)), atol=0.02)
