@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-import harmolab
+from harmolab import systems
 from harmolab.kinematics import resample_motion
 from harmolab.metrics.quality import foot_skating
 from harmolab.systems.common.borders import FADE, continued
@@ -271,8 +271,8 @@ def test_generator_that_does_not_know_its_features_is_refused():
         synthesize_dance(generator, noise(), beats=beat_track())
 
 
-def test_package_offers_it_by_name():
-    assert harmolab.synthesize_dance is synthesize_dance
+def test_the_door_of_systems_offers_it_by_name():
+    assert systems.synthesize_dance is synthesize_dance
 
 
 # Beats and meters
