@@ -9,7 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from harmolab import systems
+import harmolab
+import harmolab.systems
 from harmolab.kinematics import resample_motion
 from harmolab.metrics.quality import foot_skating
 from harmolab.systems.common.borders import FADE, continued
@@ -272,7 +273,7 @@ def test_generator_that_does_not_know_its_features_is_refused():
 
 
 def test_the_door_of_systems_offers_it_by_name():
-    assert systems.synthesize_dance is synthesize_dance
+    assert harmolab.systems.synthesize_dance is synthesize_dance
 
 
 # Beats and meters
