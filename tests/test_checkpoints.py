@@ -260,10 +260,10 @@ def test_a_stop_before_the_first_history_does_no_harm(half: Path, undisturbed: P
 
 def test_a_stop_within_any_file_does_no_harm(half: Path, undisturbed: Path, train: Train):
     for name in (STATE, "history.csv", "settings.json"):
-        (half / f".{name}.part").write_bytes(b"half a fi")
+        (half / f".{name}.1.2.tmp").write_bytes(b"half a fi")
     train(half, resume=True)
     assert_same_run(half, undisturbed)
-    assert not list(half.glob("*.part"))
+    assert not list(half.glob(".*.tmp"))
 
 
 def test_a_stop_between_the_two_files_of_the_pose_network_does_no_harm(undisturbed: Path, train: Train, tmp_path: Path):

@@ -13,10 +13,9 @@ import pytest
 import torch
 from lightning_fabric import Fabric
 
-from harmolab.systems.common.batches import Tensors
 from harmolab.systems.common.phases import fit, make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
-from harmolab.systems.common.shards import Batching, epoch_order, total_loss
+from harmolab.systems.common.shards import Batching, Tensors, epoch_order, total_loss
 from harmolab.systems.common.splits import Split
 from harmolab.systems.common.weights import read_about
 from harmolab.systems.harmogan import train as harmogan
@@ -240,13 +239,13 @@ def test_a_discriminator_that_is_not_heard_is_not_trained(networks: Networks, ba
 
 
 def test_going_on_begins_with_the_last_frames_and_then_their_mean():
-    made = torch.arange(12.0).reshape(1, 12, 1)
+    motion = torch.arange(12.0).reshape(1, 12, 1)
     mask = (torch.arange(12) < 10).float()[None]  # frames 10 and 11 are padding
     index = torch.tensor([[1.0] * 3 + [0.0] * 5])
     none = torch.zeros(1, 8, 1)
-    units = Tensors(none, none, index, torch.ones(1, 8), none, torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
-    found = units.continued_from(made, mask).initial[0, :, 0]
-    assert found.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
+    units = Tensors(none, none, none, index, torch.ones(1, 8), torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
+    initial = units.continued_from(motion, mask).initial[0, :, 0]
+    assert initial.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
 
 
 @pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])

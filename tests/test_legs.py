@@ -7,8 +7,7 @@ import pytest
 
 from harmolab.metrics.quality import foot_skating
 from harmolab.skeletons import foot_joints
-from harmolab.systems.common.grounding import planted_feet
-from harmolab.systems.common.legs import Leg, find_leg, moved_foot
+from harmolab.systems.common.grounding import Leg, find_leg, moved_foot, planted_feet
 from harmolab.systems.common.motion_code import bone_lengths
 from harmolab.types import Motion, Skeleton
 

@@ -13,7 +13,6 @@ from harmolab.systems.common.motion_code import (
     decode_motion,
     encode_motion,
     n_channels,
-    pose_of_root,
     root_path,
 )
 from harmolab.types import Clip, Skeleton
@@ -130,11 +129,6 @@ def test_where_left_and_right_coincide_the_heading_stays():
     path = root_path(np.stack([lying, facing_right, lying, lying]), 1 / 60, flat)
     np.testing.assert_allclose(path[:, 2], np.pi / 2)
     np.testing.assert_array_equal(root_path(np.stack([lying, lying]), FPS, flat)[:, 2], 0.0)
-
-
-def test_the_pose_of_a_frame_is_where_it_stands_and_faces():
-    frame = placed(np.array([2.0]), np.array([-1.0]), np.array([0.7]))[0]
-    assert pose_of_root(frame, BODY) == pytest.approx((2.0, -1.0, 0.7))
 
 
 def test_bone_lengths_are_means_over_time_and_zero_at_the_root():

@@ -30,13 +30,12 @@ from harmolab.kinematics import resample_motion
 from harmolab.systems import System, find, load, names
 from harmolab.systems.common import phases as training_loop
 from harmolab.systems.common.audio_features import audio_features
-from harmolab.systems.common.batches import Tensors
 from harmolab.systems.common.checkpoints import load_state, open_folder
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.motion_code import bone_lengths, decode_motion, encode_motion
 from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
 from harmolab.systems.common.poses_bank import PoseBank
-from harmolab.systems.common.shards import Batching
+from harmolab.systems.common.shards import Batching, Tensors
 from harmolab.systems.common.splits import split_units
 from harmolab.systems.common.unit_corpus import load_units
 from harmolab.systems.common.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton

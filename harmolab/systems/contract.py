@@ -1,7 +1,7 @@
 """Systems that dance, and the one door to all of them.
 
 A system is a class that fulfils `System`. Its name is that of its module here (``harmogan`` is
-`harmolab.systems.harmogan`, class `HarmoGAN`); a class of somebody else's is called ``package.module:Class``. Weights
+`harmolab.systems.harmogan`, class `HarmoGAN`); a class outside harmolab is called ``package.module:Class``. Weights
 name the system that made them: ``"system"`` in ``model.json``. Because of what a file says, nothing outside this
 package is imported.
 """
@@ -20,7 +20,7 @@ from harmolab.types import Audio, BeatTrack, Motion
 
 
 class System(Protocol):
-    """What every system can do. Each may take more keywords than these; all of them have defaults."""
+    """The methods that all systems have. Each may take more keywords than these; all of them have defaults."""
 
     def generate(
         self,
@@ -81,7 +81,7 @@ def find(name: str) -> type[System]:
     ValueError
         If there is no such system.
     """
-    module, outside, wanted = name.partition(":")
+    module, outside, class_name = name.partition(":")
     if not outside and name not in names():
         raise ValueError(f"unknown system {name!r}; there are {', '.join(names())}, and others as package.module:Class")
     try:
@@ -91,9 +91,9 @@ def find(name: str) -> type[System]:
             raise
         raise ValueError(f"system {name}: there is no module {module}; put its folder on PYTHONPATH") from None
     for key, value in content.items():
-        if isinstance(value, type) and (key == wanted if outside else key.lower() == name):
+        if isinstance(value, type) and (key == class_name if outside else key.lower() == name):
             return value
-    raise ValueError(f"system {name}: {module} has no class {wanted or name}")
+    raise ValueError(f"system {name}: {module} has no class {class_name or name}")
 
 
 def load(folder: PathLike, *, system: str | None = None) -> System:

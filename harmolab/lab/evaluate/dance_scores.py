@@ -1,4 +1,4 @@
-"""Scores of a dance that a system made, for a table beside it: harmony, beats, jerk, skating."""
+"""Scores of a generated dance, for a table beside it: harmony, beats, jerk, skating."""
 
 from __future__ import annotations
 

@@ -17,12 +17,12 @@ import pandas as pd
 from filelock import FileLock
 
 from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.files import cache_folder
+from harmolab.io.files import cache_folder, plain
 from harmolab.lab.experiments.study import corpus_folders, data_root
 from harmolab.lab.profile import RunProfile
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.history import HISTORY
-from harmolab.systems.common.phases import make_fabric, settings_of
+from harmolab.systems.common.phases import make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
 from harmolab.systems.common.splits import Split, split_units
 from harmolab.systems.common.unit_corpus import load_units
@@ -142,7 +142,7 @@ def _pretraining(params: TrainParams) -> TrainParams:
 def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
     """Folder of a finished training of these settings; waits for a process that is at it."""
     model = _model(profile)
-    about = settings_of(model=model, params=params, features=split.train.features, split=split.to_dict())
+    about = plain({"model": model, "params": params, "features": split.train.features, "split": split.to_dict()})
     name = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
     folder = _home() / "runs" / f"{'pretrained' if pretrained is None else 'run'}-{name}"
     folder.parent.mkdir(parents=True, exist_ok=True)

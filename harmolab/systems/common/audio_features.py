@@ -1,4 +1,4 @@
-"""What the generator hears: MFCC at the motion's rate (paper Sec. 4.1, A_f), and where in the beat each frame is."""
+"""Audio features of the generator: MFCC at the motion's rate (paper Sec. 4.1, A_f), and each frame's beat position."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from harmolab.beats.audio import HOP, onset_envelope
 from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import frames_at
 from harmolab.types import Audio, BeatTrack, FloatArray
 
 SingleArray = NDArray[np.float32]
@@ -24,7 +25,7 @@ SHORTEST = 2048  # samples in one analysis window
 
 
 def audio_features(audio: Audio, beats: BeatTrack, times: FloatArray, params: FeatureParams) -> SingleArray:
-    """A_f: what is heard at given moments, (T, params.n_audio) array, not normalised.
+    """A_f, audio features at given moments: (T, params.n_audio) array, not normalised.
 
     Parameters
     ----------
@@ -86,18 +87,14 @@ def _analyse(audio: Audio, count: int) -> SingleArray:
     if audio.sample_rate != RATE:
         samples = soxr.resample(np.asarray(samples), audio.sample_rate, RATE, quality="HQ")
     samples = np.pad(samples, (0, max(0, SHORTEST - samples.size))).astype(np.float32)
-    # More mel bands than coefficients, however many are asked for.
-    bands = max(128, count)
-    table = librosa.feature.mfcc(y=samples, sr=RATE, n_mfcc=count, hop_length=HOP, n_mels=bands)
+    # At least as many mel bands as coefficients.
+    table = librosa.feature.mfcc(y=samples, sr=RATE, n_mfcc=count, hop_length=HOP, n_mels=max(128, count))
     return np.ascontiguousarray(table.T, dtype=np.float32)
 
 
 def _sampled(table: NDArray[np.floating], rate: float, times: FloatArray) -> FloatArray:
-    """Rows of `table` (F, K) at `rate` hertz, linearly interpolated at `times`: (T, K) array."""
-    at = np.clip(times * rate, 0.0, len(table) - 1)
-    left = np.minimum(at.astype(np.int64), max(len(table) - 2, 0))
-    right = np.minimum(left + 1, len(table) - 1)
-    return table[left] + (at - left)[:, None] * (table[right] - table[left])
+    """Rows of `table` (F, K) at `rate` hertz, linearly interpolated at `times`: (T, K) array; the ends hold."""
+    return frames_at(table, np.clip(times * rate, 0.0, len(table) - 1))
 
 
 def _key(audio: Audio, count: int) -> str:
@@ -108,12 +105,9 @@ def _key(audio: Audio, count: int) -> str:
 
 
 def _sound(arrays: Mapping[str, NDArray[Any]] | None, count: int) -> SingleArray | None:
-    """What was kept; None when it is something else."""
-    if arrays is None:
-        return None
+    """The cached MFCC; None without or where they are no finite table of `count` columns."""
     try:
-        table: SingleArray = arrays["mfcc"].astype(np.float32)
+        table: SingleArray = (arrays or {})["mfcc"].astype(np.float32)
     except (KeyError, ValueError):
         return None
-    whole = table.ndim == 2 and len(table) > 0 and table.shape[1] == count and bool(np.isfinite(table).all())
-    return table if whole else None
+    return table if table.ndim == 2 and len(table) and table.shape[1] == count and np.isfinite(table).all() else None

@@ -1,15 +1,14 @@
-"""The folder of a run, and its state in one file, from which it goes on as if it had never stopped.
+"""The folder of a run, and its state in one file, from which training resumes as if it had never stopped.
 
 Tensors are safetensors; everything else (history, settings) is JSON in the same file's header, so that one rename
-publishes both. Nothing is ever unpickled. ``settings.json`` and ``split.json`` tell whether what lies in a folder
-belongs to what is asked for.
+publishes both. Nothing is ever unpickled. A run is resumed only with the settings of ``settings.json`` and the split
+of ``split.json``.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,29 +16,16 @@ from typing import Any
 
 import torch
 from filelock import FileLock, Timeout
-from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from harmolab.io.files import MAX_JSON_BYTES, read_json, reading
+from harmolab.io.files import MAX_JSON_BYTES, atomic_write, plain, read_json, reading, write_json
 from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import renamed
+from harmolab.systems.common.weights import read_tensors, renamed, write_synced
 
 STATE = "state.safetensors"
-PART = ".part"  # ends the name of a file that is not finished
 FORMAT = "harmolab training state 2"
 SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
-OTHERWISE = "ask for the same, or choose another folder"
-
-
-def write_aside(path: Path, content: str | bytes) -> None:
-    """Replace a file in one step: whoever reads sees the old content or the new one."""
-    aside = path.with_name(f".{path.name}{PART}")
-    with aside.open("wb") as file:
-        file.write(content.encode() if isinstance(content, str) else content)
-        file.flush()
-        os.fsync(file.fileno())
-    aside.replace(path)
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
@@ -54,7 +40,7 @@ def save_state(
     optimisers: Mapping[str, torch.optim.Optimizer],
     about: Mapping[str, Any],
 ) -> None:
-    """Write ``state.safetensors`` aside, then rename it over the last one.
+    """Replace ``state.safetensors`` by an atomic write.
 
     Parameters
     ----------
@@ -71,7 +57,8 @@ def save_state(
     }
     text = json.dumps(about)
     metadata = {"format": FORMAT, "about": text, "sha256": _digest(tensors, text)}
-    write_aside(folder / STATE, save(tensors, metadata))
+    with atomic_write(folder / STATE) as part:
+        write_synced(part, save(tensors, metadata))
 
 
 def load_state(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
@@ -86,7 +73,7 @@ def load_state(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
     if not path.exists():
         return None
     with reading(path, "the state of a training; start anew with another --out", max_bytes=None):
-        tensors, metadata = _opened(path)
+        tensors, metadata = read_tensors(path)
         if metadata.get("format") != FORMAT:
             raise ValueError("is no training state of this version of harmolab; start anew with another --out")
         if metadata["sha256"] != _digest(tensors, metadata["about"]):
@@ -94,22 +81,13 @@ def load_state(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
         return tensors, json.loads(metadata["about"])
 
 
-def _opened(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """Tensors and metadata of a safetensors file."""
-    try:
-        with safe_open(path, framework="pt") as file:
-            return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
-    except SafetensorError as error:
-        raise ValueError(f"is damaged or no safetensors file ({error}); start anew with another --out") from None
-
-
 def _digest(tensors: Mapping[str, Tensor], text: str) -> str:
     """SHA-256 over the text and the tensors, in the order of their names."""
-    found = hashlib.sha256(text.encode())
+    digest = hashlib.sha256(text.encode())
     for name in sorted(tensors):
-        found.update(name.encode())
-        found.update(tensors[name].reshape(-1).view(torch.uint8).numpy().data)
-    return found.hexdigest()
+        digest.update(name.encode())
+        digest.update(tensors[name].reshape(-1).view(torch.uint8).numpy().data)
+    return digest.hexdigest()
 
 
 def restore(
@@ -134,13 +112,7 @@ def _below(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 
 def check_folder(folder: Path, *, resume: bool) -> None:
-    """See that a run may be kept in `folder`: it is new or empty or, with `resume`, holds a run.
-
-    Raises
-    ------
-    ValueError
-        Otherwise; nothing was written.
-    """
+    """ValueError unless `folder` is new or empty or, with `resume`, holds a run; nothing is written."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"{folder}: is a file; a run needs a folder of its own")
     held = sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")) if folder.is_dir() else []
@@ -152,7 +124,7 @@ def check_folder(folder: Path, *, resume: bool) -> None:
 
 @contextmanager
 def open_folder(folder: Path, settings: dict[str, Any], split: Split, *, resume: bool) -> Iterator[None]:
-    """Keep `folder` for this process; settings.json and split.json are in it, and are what was asked for.
+    """Lock `folder` for this process and write settings.json and split.json, or check those that are there.
 
     Parameters
     ----------
@@ -171,60 +143,45 @@ def open_folder(folder: Path, settings: dict[str, Any], split: Split, *, resume:
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with FileLock(folder / LOCK, timeout=0):
-            for unfinished in folder.glob(f".*{PART}"):
+            for unfinished in folder.glob(".*.tmp"):
                 unfinished.unlink()
-            _agree(folder / SETTINGS, settings)
-            _agree(folder / SPLIT, _plain(split.to_dict()))
+            for path, content in ((folder / SETTINGS, settings), (folder / SPLIT, plain(split.to_dict()))):
+                if path.exists():
+                    _compare(path, _read(path), content)
+                else:
+                    write_json(path, content)
             yield
     except Timeout:
         raise ValueError(f"{folder}: another process is training there") from None
 
 
 def check_pretrained(folder: Path, settings: dict[str, Any], split: Split) -> None:
-    """See that the run in `folder` learnt from the very units of `split`, with a model of the same size.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        Otherwise.
-    """
-    shared = ("model", "features", "data")
-    found = _read(folder / SETTINGS)
-    _compare(folder / SETTINGS, {name: found.get(name) for name in shared}, {name: settings[name] for name in shared})
-    _compare(folder / SPLIT, _read(folder / SPLIT), _plain(split.to_dict()))
-
-
-def _agree(path: Path, wanted: dict[str, Any]) -> None:
-    """Write `wanted` unless the file is there; then it must hold the same."""
-    if path.exists():
-        _compare(path, _read(path), wanted)
-    else:
-        write_aside(path, json.dumps(wanted, indent=1))
+    """FileNotFoundError or ValueError unless the run in `folder` learnt from the units of `split`, at the same size."""
+    stored = _read(folder / SETTINGS)
+    old, new = ({name: each.get(name) for name in ("model", "features", "data")} for each in (stored, settings))
+    _compare(folder / SETTINGS, old, new)
+    _compare(folder / SPLIT, _read(folder / SPLIT), plain(split.to_dict()))
 
 
 def _read(path: Path) -> dict[str, Any]:
     with reading(path, "JSON", max_bytes=MAX_JSON_BYTES):
-        found = read_json(path)
-        if not isinstance(found, dict):
+        content = read_json(path)
+        if not isinstance(content, dict):
             raise ValueError("holds no settings of a run")
-    return renamed(found)
+    return renamed(content)
 
 
-def _compare(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
     """ValueError naming the first entry in which two dictionaries differ."""
-    for name in sorted(found.keys() | wanted.keys()):
-        here, asked = found.get(name), wanted.get(name)
-        if isinstance(here, dict) and isinstance(asked, dict):
-            _compare(path, {f"{name}.{key}": here[key] for key in here}, {f"{name}.{key}": asked[key] for key in asked})
-        elif here != asked:
-            raise ValueError(f"{path}: {name} is {_short(here)}, but {_short(asked)} is asked for; {OTHERWISE}")
+    for name in sorted(stored.keys() | settings.keys()):
+        old, new = stored.get(name), settings.get(name)
+        if isinstance(old, dict) and isinstance(new, dict):
+            _compare(path, {f"{name}.{key}": old[key] for key in old}, {f"{name}.{key}": new[key] for key in new})
+        elif old != new:
+            fault = f"{name} is {_short(old)}, but {_short(new)} is asked for"
+            raise ValueError(f"{path}: {fault}; ask for the same, or choose another folder")
 
 
 def _short(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 40 else f"{text[:40]}..."
-
-
-def _plain(content: dict[str, Any]) -> dict[str, Any]:
-    """A dictionary as it comes back from JSON."""
-    return json.loads(json.dumps(content))

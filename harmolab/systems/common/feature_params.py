@@ -1,4 +1,4 @@
-"""Settings of what a system hears and sees: frame rate, audio features, length of a training unit (paper Sec. 4.1)."""
+"""Settings of the input of a system: frame rate, audio features, length of a training unit (paper Sec. 4.1)."""
 
 from __future__ import annotations
 
@@ -10,17 +10,15 @@ from typing import Any
 
 def check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = ()) -> None:
     """ValueError, with name and value, for a number out of range."""
-    for name in positive:
-        if not 0 < getattr(settings, name) < math.inf:
-            raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
-    for name in not_negative:
-        if not 0 <= getattr(settings, name) < math.inf:
-            raise ValueError(f"{name} must be zero or more, got {getattr(settings, name)}")
+    for name in (*positive, *not_negative):
+        number = getattr(settings, name)
+        if not 0 <= number < math.inf or (number == 0 and name in positive):
+            raise ValueError(f"{name} must be {'positive' if name in positive else 'zero or more'}, got {number}")
 
 
 @dataclass(frozen=True)
 class FeatureParams:
-    """What the generator is given of music and motion (Sec. 4.1, 5.1).
+    """Input of the generator from music and motion (Sec. 4.1, 5.1).
 
     Parameters
     ----------

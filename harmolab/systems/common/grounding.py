@@ -1,17 +1,19 @@
-"""What makes a generated dancer stand on the floor: its height, and feet that do not slide while they carry.
+"""A generated dancer put on the floor: its height, feet that do not slide while they carry, and legs that allow it.
 
-A network predicts joints one by one; that the lowest of them should neither float nor sink, and that a standing foot
-stays where it is, is known without any learning.
+A network predicts joints one by one. That the lowest of them neither floats nor sinks, and that a standing foot stays
+in its place, needs no learning. Legs of two bones, hip to knee to ankle, follow by inverse kinematics.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from harmolab.kinematics import smooth
-from harmolab.skeletons import foot_joints
-from harmolab.systems.common.legs import find_leg, moved_foot
+from harmolab.skeletons import foot_joints, subtree
 from harmolab.types import FloatArray, Skeleton
 
 FLOOR_WINDOW = 1.2  # seconds; a jump is shorter
@@ -19,12 +21,15 @@ FLOOR_SMOOTHING = 0.6  # seconds
 RESTING_PERCENTILE = 5.0
 CONTACT_HEIGHT = 0.02  # metres above its resting height at which a foot carries little
 CONTACT_SPEED = 1.0  # metres per second at which it is rather swung than slides
-AIR = 0.02  # weight of "no foot carries"; against it the feet have to make their case
+AIR = 0.02  # weight of "no foot carries" beside the weights of the feet, each 0 to 1
 BODY_SMOOTHING = 0.5  # seconds, about a beat
 BODY_SHARE = 0.5  # of the feet's slide that the body takes back
 LEG_SMOOTHING = 0.04  # seconds
 HOLD_TIME, FREE_TIME = 2.0, 0.15  # seconds in which a foot that carries, or does not, returns to its own way
 FARTHEST = 0.25  # metres that a foot is held back
+STRETCHED = 0.99  # of its length: a leg is not pulled further, since a knee snaps where a leg becomes straight
+FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not show
+TINY = 1e-9  # metres
 
 
 def on_floor(positions: FloatArray, fps: float) -> FloatArray:
@@ -44,9 +49,9 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
     """Positions (T, J, 3) with feet that do not slide while they carry: the body goes with them, the legs do the rest.
 
     A foot carries as far as one of its joints is near its resting height (low) and slow, which falls off smoothly. The
-    body is moved against the mean slide of the feet, but slowly, and only half as far: more would undo what the dancer
-    does on the beat. What is left is done by the legs: a foot that carries is held back, one that does not returns to
-    where it would have been. No bone changes. If a foot has no knee and hip above it, the body goes all the way; a
+    body is moved against the mean slide of the feet, but slowly, and only half as far: more would undo the movement on
+    the beat. The legs do the rest: a foot that carries is held back, one that does not returns to its own way. No bone
+    changes. If a foot has no knee and hip above it, the body goes all the way; a
     skeleton without joints called toe, heel, ankle or foot is left alone.
     """
     try:
@@ -58,15 +63,15 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
     legs = [find_leg(skeleton, foot) for foot in feet]
     slide, _ = _slide(positions, fps, [joint for foot in feet for joint in foot])
     way = np.cumsum(smooth(slide, BODY_SMOOTHING, fps), axis=0) / fps * (BODY_SHARE if all(legs) else 1.0)
-    planted = positions - _level(np.concatenate([np.zeros((1, 2)), way]))[:, None]
+    planted = positions - np.insert(np.concatenate([np.zeros((1, 2)), way]), 1, 0.0, axis=1)[:, None]
     for foot, leg in zip(feet, legs, strict=True):
         if leg is not None:
-            planted = moved_foot(planted, leg, _level(_held_back(planted, fps, list(foot))))
+            planted = moved_foot(planted, leg, np.insert(_held_back(planted, fps, list(foot)), 1, 0.0, axis=1))
     return planted
 
 
 def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatArray, FloatArray]:
-    """Horizontal velocity (T - 1, 2) of these joints as far as they carry, and how far that is (T - 1,), 0 to 1."""
+    """Horizontal velocity (T - 1, 2) of joints, weighted by their load, and that load (T - 1,), from 0 to 1."""
     height = positions[:, joints, 1] - np.percentile(positions[:, joints, 1], RESTING_PERCENTILE, axis=0)
     height = np.maximum(np.maximum(height[1:], height[:-1]), 0.0)
     velocity = np.diff(positions[:, joints][..., [0, 2]], axis=0) * fps  # (T-1, F, 2)
@@ -77,7 +82,7 @@ def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatA
 
 
 def _held_back(positions: FloatArray, fps: float, foot: list[int]) -> FloatArray:
-    """How far (T, 2) to move a foot so that it stands while it carries.
+    """Shift (T, 2) of a foot that makes it stand while it carries.
 
     A shift that starts at 0 where the foot lands is largest where it leaves, and the other way round backwards in time:
     their mean has the same velocity and is half as far off.
@@ -89,14 +94,67 @@ def _held_back(positions: FloatArray, fps: float, foot: list[int]) -> FloatArray
 
 def _added_up(slide: FloatArray, load: FloatArray, fps: float) -> FloatArray:
     """The slide (T - 1, 2) taken back step by step, (T, 2); forgotten quickly where there is no load."""
-    kept = np.exp(-((1 - load) / FREE_TIME + load / HOLD_TIME) / fps)
+    decays = np.exp(-((1 - load) / FREE_TIME + load / HOLD_TIME) / fps)
     shift = np.zeros((len(slide) + 1, 2))
-    for frame, (velocity, keep) in enumerate(zip(slide, kept, strict=True)):
-        moved = keep * shift[frame] - velocity / fps
+    for frame, (velocity, decay) in enumerate(zip(slide, decays, strict=True)):
+        moved = decay * shift[frame] - velocity / fps
         shift[frame + 1] = moved * (FARTHEST / max(float(np.hypot(*moved)), FARTHEST))
     return shift
 
 
-def _level(way: FloatArray) -> FloatArray:
-    """(T, 3) of horizontal (T, 2)."""
-    return np.stack([way[:, 0], np.zeros(len(way)), way[:, 1]], axis=1)
+@dataclass(frozen=True)
+class Leg:
+    """Joints of a leg by number; `foot` is the ankle and all that hangs on it."""
+
+    hip: int
+    knee: int
+    ankle: int
+    foot: tuple[int, ...]
+
+
+def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
+    """The leg above the joints of one foot (`harmolab.skeletons.foot_joints`).
+
+    None where they hang on more than one joint, where no knee and hip are above them, or where the knee carries more
+    than this foot.
+    """
+    tops = [joint for joint in foot if skeleton.parents[joint] not in foot]
+    if len(tops) != 1:
+        return None
+    ankle = tops[0]
+    knee = skeleton.parents[ankle]
+    hip = skeleton.parents[knee] if knee >= 0 else -1
+    below = subtree(skeleton.parents, ankle)
+    if hip < 0 or subtree(skeleton.parents, knee) != (*sorted({knee, *below}),):
+        return None
+    return Leg(hip, knee, ankle, below)
+
+
+def moved_foot(positions: FloatArray, leg: Leg, shift: FloatArray) -> FloatArray:
+    """Positions (T, J, 3) with the foot of one leg moved by `shift` (T, 3), as far as the leg reaches.
+
+    The hip stays, thigh and shank keep their lengths, and the knee stays on the side that it was bent to.
+    """
+    hip, knee, ankle = (positions[:, joint] for joint in (leg.hip, leg.knee, leg.ankle))
+    thigh, shank = _lengths(knee - hip), _lengths(ankle - knee)
+    towards = ankle + shift - hip
+    longest = np.maximum(STRETCHED * (thigh + shank), _lengths(ankle - hip))
+    reach = np.clip(_lengths(towards), np.abs(thigh - shank) + TINY, longest)
+    towards = towards / _lengths(towards)
+    along = (thigh**2 - shank**2 + reach**2) / (2 * reach)
+    sideways = np.sqrt(np.maximum(thigh**2 - along**2, 0.0))
+    bent = _across(knee - hip, towards) + FORWARD * _across(positions[:, leg.foot].mean(axis=1) - ankle, towards)
+    changed = positions.copy()
+    changed[:, leg.knee] = hip + along * towards + sideways * bent / _lengths(bent)
+    changed[:, leg.foot] += (hip + reach * towards - ankle)[:, None]
+    return changed
+
+
+def _lengths(vectors: FloatArray) -> FloatArray:
+    """(T, 1) lengths of vectors (T, 3), never 0."""
+    return np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), TINY)
+
+
+def _across(vectors: FloatArray, directions: FloatArray) -> FloatArray:
+    """The part of vectors (T, 3) at a right angle to unit vectors `directions` (T, 3)."""
+    return vectors - (vectors * directions).sum(axis=1, keepdims=True) * directions

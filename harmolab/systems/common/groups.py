@@ -1,4 +1,4 @@
-"""Motion groups of recordings, so that nothing is tested on movement it was trained on.
+"""Motion groups of recordings, so that no movement is in both training and test.
 
 The recordings reuse choreography, so a random split of clips leaks. A motion group is an annotated figure, or, without
 annotation, all stretches between splices whose motion is nearly the same. Stretches are compared after each was
@@ -76,17 +76,26 @@ def outline(recording: Recording) -> Outline:
     ValueError
         If it has no motion in three dimensions.
     """
-    clip = recording.clip
-    if clip.motion is None or clip.motion.positions.shape[2] != 3:
-        raise ValueError(f"{recording.folder}: needs a motion in three dimensions")
-    edges, figures = _annotated_stretches(recording, clip.motion)
+    clip, motion = recording.clip, motion_in_space(recording)
+    edges, figures = _annotated_stretches(recording, motion)
     if not figures:
-        edges = clip.offset + _between_splices(clip.motion)
+        edges = clip.offset + _between_splices(motion)
         figures = ("",) * (len(edges) - 1)
+    return Outline(sequence_name(recording), clip.dance, edges, figures, _poses(motion, edges - clip.offset))
+
+
+def motion_in_space(recording: Recording) -> Motion:
+    """The motion of a recording; ValueError without one in three dimensions."""
+    motion = recording.clip.motion
+    if motion is None or motion.positions.shape[2] != 3:
+        raise ValueError(f"{recording.folder}: needs a motion in three dimensions")
+    return motion
+
+
+def sequence_name(recording: Recording) -> str:
+    """Corpus folder and folder of the recording."""
     folder = recording.folder.resolve()
-    return Outline(
-        f"{folder.parent.name}/{folder.name}", clip.dance, edges, figures, _poses(clip.motion, edges - clip.offset)
-    )
+    return f"{folder.parent.name}/{folder.name}"
 
 
 def _annotated_stretches(recording: Recording, motion: Motion) -> tuple[FloatArray, tuple[str, ...]]:

@@ -10,8 +10,6 @@ from typing import Any
 
 from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 
-from harmolab.systems.common.checkpoints import write_aside
-
 HISTORY = "history.csv"
 EVENTS = "events.out.tfevents.*"
 Row = dict[str, Any]
@@ -28,15 +26,10 @@ def history_text(rows: list[Row]) -> str:
     return text.getvalue()
 
 
-def write_history(folder: Path, rows: list[Row]) -> None:
-    """Put ``history.csv`` into a run's folder, in one step."""
-    write_aside(folder / HISTORY, history_text(rows))
-
-
 class EventLog:
-    """The same history for TensorBoard, in an events file inside the run's folder.
+    """The history for TensorBoard, in an events file inside the run's folder.
 
-    A run that resumes writes the file anew from the epochs it goes on from, so that no epoch is there twice.
+    A run that resumes replaces the file by the history so far, so that no epoch is there twice.
 
     Parameters
     ----------
@@ -49,24 +42,21 @@ class EventLog:
             stale.unlink()
         self._logger = TensorBoardLogger(folder.resolve(), name="", version="")
         for row in rows:
-            self._log(row)
+            self.add(row)
 
     def add(self, row: Row) -> None:
         """One more epoch, on disk when this returns."""
-        self._log(row)
+        values = {_tag(name): value for name, value in row.items() if isinstance(value, float)}
+        self._logger.log_metrics(values, step=row["epoch"])
         self._logger.save()
 
     def close(self) -> None:
         """No more epochs."""
         self._logger.finalize("success")
 
-    def _log(self, row: Row) -> None:
-        values = {_tag(name): value for name, value in row.items() if isinstance(value, float)}
-        self._logger.log_metrics(values, step=row["epoch"])
-
 
 def _tag(name: str) -> str:
-    """TensorBoard groups curves by what stands before the stroke."""
+    """Name of a column with its group before the stroke, as TensorBoard shows it."""
     if name in ("rate", "tau"):
         return f"schedule/{name}"
     return f"validation/{name.removeprefix('val_')}" if name.startswith("val_") else f"loss/{name}"

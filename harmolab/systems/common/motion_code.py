@@ -1,4 +1,4 @@
-"""Motion as a model sees it: root-relative poses in a canonical heading, and the root's own path as channels.
+"""Motion code of the models: root-relative poses in a canonical heading, and the root's own path as channels.
 
 A code has C = 3 J + 3 channels, frame by frame:
 
@@ -13,6 +13,8 @@ pi / 2 faces +x: a pose that faces heading a is the canonical one turned by a ab
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,13 +48,17 @@ def encode_motion(positions: FloatArray, fps: float, skeleton: Skeleton) -> NDAr
     ValueError
         If the shape does not fit the skeleton, or fps is not positive.
     """
-    positions = _checked(positions, fps, skeleton)
-    path = root_path(positions, fps, skeleton)
-    local = positions - np.stack([path[:, 0], np.zeros(len(path)), path[:, 1]], axis=1)[:, None]
-    local = turned(local, -path[:, 2, None])
+    _check_fps(fps)
+    positions = np.asarray(positions, dtype=np.float64)
+    if positions.ndim != 3 or positions.shape[1:] != (len(skeleton.joints), 3) or not len(positions):
+        expected = f"(frames, {len(skeleton.joints)}, 3)"
+        raise ValueError(f"positions must be {expected} for this skeleton, got shape {positions.shape}")
+    path = np.insert(root_path(positions, fps, skeleton), 1, 0.0, axis=1)  # x, 0, z, heading
+    facing = path[:, 3]
+    local = turned(positions - path[:, None, :3], -facing[:, None])
     steps = np.diff(path, axis=0)
-    steps[:, :2] = _turned_plane(steps[:, :2], -path[1:, 2])
-    rates = np.concatenate([steps[:1], steps]) * fps if len(steps) else np.zeros((len(path), 3))
+    steps[:, :3] = turned(steps[:, :3], -facing[1:])
+    rates = np.concatenate([steps[:1], steps])[:, [0, 2, 3]] * fps if len(steps) else np.zeros((1, 3))
     return np.concatenate([local.reshape(len(local), -1), rates], axis=1).astype(np.float32)
 
 
@@ -66,8 +72,7 @@ def decode_motion(
     code : (T, 3 J + 3) array
     fps : float, hertz
     skeleton : Skeleton
-    start : (x, z, heading) of the root at frame 0: metres, metres, radians
-        A row of `root_path`, or what `pose_of_root` says of a frame.
+    start : (x, z, heading) of the root at frame 0: metres, metres, radians; a row of `root_path`
 
     Returns
     -------
@@ -85,11 +90,8 @@ def decode_motion(
     steps = code[:, -3:] / fps
     steps[:1] = 0.0
     facing = start[2] + np.cumsum(steps[:, 2])
-    way = np.array(start[:2]) + np.cumsum(_turned_plane(steps[:, :2], facing), axis=0)
-    world = turned(code[:, :-3].reshape(len(code), -1, 3), facing[:, None])
-    world[..., 0] += way[:, :1]
-    world[..., 2] += way[:, 1:]
-    return world
+    path = np.array([start[0], 0.0, start[1]]) + np.cumsum(turned(np.insert(steps[:, :2], 1, 0.0, axis=1), facing), 0)
+    return turned(code[:, :-3].reshape(len(code), -1, 3), facing[:, None]) + path[:, None]
 
 
 def root_path(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArray:
@@ -108,22 +110,6 @@ def root_path(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArr
     return np.column_stack([root_position(positions, skeleton)[:, [0, 2]], heading(positions, fps, skeleton)])
 
 
-def pose_of_root(positions: FloatArray, skeleton: Skeleton) -> tuple[float, float, float]:
-    """Place and heading of the root of a single frame, so that a dance can go on from there.
-
-    Parameters
-    ----------
-    positions : (J, 3) array, metres, y up
-
-    Returns
-    -------
-    (x, z, heading): metres, metres, radians; the heading of this frame alone, not smoothed
-    """
-    frame = np.asarray(positions, dtype=np.float64)[None]
-    x, _, z = root_position(frame, skeleton)[0]
-    return float(x), float(z), float(heading(frame, 1.0, skeleton, smoothing=0.0)[0])
-
-
 def bone_lengths(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
     """Mean length of the bone from each joint to its parent, (J,) array in metres; 0 where there is no parent.
 
@@ -136,23 +122,13 @@ def bone_lengths(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
     return np.where(parents < 0, 0.0, lengths)
 
 
-def _turned_plane(points: FloatArray, angle: FloatArray) -> FloatArray:
-    """The same for points (..., 2) on the floor: x and z."""
-    x, z = points[..., 0], points[..., 1]
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.stack([x * cosine + z * sine, z * cosine - x * sine], axis=-1)
+def frames_at(values: NDArray[Any], places: FloatArray) -> FloatArray:
+    """Values (T, C) at frame numbers (K,) that may lie between frames, linearly interpolated: (K, C) array."""
+    before = np.minimum(places.astype(np.int64), max(len(values) - 2, 0))
+    after = np.minimum(before + 1, len(values) - 1)
+    return values[before] + (places - before)[:, None] * (values[after] - values[before])
 
 
 def _check_fps(fps: float) -> None:
     if not 0 < fps < np.inf:
         raise ValueError(f"fps must be positive and finite, got {fps}")
-
-
-def _checked(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArray:
-    """`positions` in double precision; ValueError unless they are (T, J, 3) for the skeleton."""
-    _check_fps(fps)
-    positions = np.asarray(positions, dtype=np.float64)
-    if positions.ndim != 3 or positions.shape[1:] != (len(skeleton.joints), 3) or not len(positions):
-        expected = f"(frames, {len(skeleton.joints)}, 3)"
-        raise ValueError(f"positions must be {expected} for this skeleton, got shape {positions.shape}")
-    return positions

@@ -7,11 +7,10 @@ killed goes on from there.
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,9 @@ import torch
 from lightning_fabric import Fabric
 from torch import Tensor, nn
 
+from harmolab.io.files import write_text
 from harmolab.systems.common.checkpoints import load_state, restore, save_state
-from harmolab.systems.common.history import EventLog, Report, Row, write_history
+from harmolab.systems.common.history import HISTORY, EventLog, Report, Row, history_text
 from harmolab.systems.common.shards import Batching, Means, Shard, Terms, Units, epoch_shards, step, total_loss
 
 SAVING_SHARE = 0.05  # of the time may be spent on writing the state; a kill costs the epochs since the last time
@@ -52,7 +52,7 @@ class Player:
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """A part of a training: its epochs, and what happens in each.
+    """A part of a training: its epochs, networks, players and schedules.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Phase:
     modules : networks by name, as they are kept in the state
     players : in the order of their steps on each batch
         The terms of all of them are in the history; "total" there is the last one's loss.
-    forward : function(shard, last) -> what the players' terms are of
+    forward : function(shard, last) -> output that the players' terms are computed from
         `last` is its own output for the shard of that number in the batch before; None in an epoch's first batch, so
         that an epoch that is resumed goes on the same.
     schedule : function(number of the epoch in the phase) -> further columns of its row
@@ -71,7 +71,7 @@ class Phase:
     patience : int or None
         The phase ends earlier when `error` has not fallen for so many epochs, and the best epoch is kept. None: all
         epochs, and the last one is kept.
-    error : column that tells the best epoch
+    error : column with the smallest value in the best epoch
     keep : function(), called on the first process after each validated epoch that is the one to keep so far
     recall : function(), called on every process after the phase's last epoch: goes back to the epoch that was kept
     """
@@ -93,7 +93,7 @@ class Phase:
 
 @dataclass(eq=False)
 class _Run:
-    """What all phases share. `rows` is the history so far, one row an epoch."""
+    """State that all phases share. `rows` is the history so far, one row an epoch."""
 
     fabric: Fabric
     units: Units
@@ -106,13 +106,12 @@ class _Run:
     saving: tuple[float, float] = (0.0, 0.0)  # seconds that the last state took to write, and when that was
 
 
-def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
-    """Fabric for this process: alone, or one of those that torchrun started.
+def make_fabric(*, accelerator: str = "auto") -> Fabric:
+    """Fabric for this process, alone or one of torchrun's; bf16 where a GPU computes in it, else 32 bit.
 
     Parameters
     ----------
     accelerator : "auto", "cpu" or "cuda"
-    precision : "32-true" or "bf16-mixed"; None is bf16 where a GPU computes in it, else 32 bit
 
     Raises
     ------
@@ -124,15 +123,13 @@ def make_fabric(*, accelerator: str = "auto", precision: Any = None) -> Fabric:
     world, local = (int(os.environ.get(name, 1)) for name in ("WORLD_SIZE", "LOCAL_WORLD_SIZE"))
     if accelerator == "cuda" and not torch.cuda.is_available():
         raise ValueError("accelerator cuda: this machine has no GPU that torch can use; choose cpu or auto")
-    if precision is None:
-        gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
-        precision = "bf16-mixed" if gpu else "32-true"
+    gpu = accelerator != "cpu" and torch.cuda.is_available() and torch.cuda.is_bf16_supported()
     fabric = Fabric(
         accelerator=accelerator,
         devices=local,
         num_nodes=max(world // local, 1),
         strategy="ddp" if world > 1 else "auto",
-        precision=precision,
+        precision="bf16-mixed" if gpu else "32-true",
     )
     fabric.launch()
     return fabric
@@ -168,10 +165,13 @@ def fit(
         If the state in `folder` is damaged or belongs to other settings.
     """
     run = _Run(fabric, units, batching, folder, settings or {}, report)
-    tensors = _saved(run) if resume else None
+    tensors, about = (load_state(folder) if resume else None) or (None, {"settings": run.settings, "history": []})
+    if about["settings"] != run.settings:
+        raise ValueError(f"{folder}: was trained with other settings; resume with those, or choose another folder")
+    run.rows += about["history"]
     if fabric.is_global_zero:
         run.events = EventLog(folder, run.rows)
-        write_history(folder, run.rows)  # a kill may have come after epochs that no state knows of
+        write_text(folder / HISTORY, history_text(run.rows))  # a kill may have come after epochs that no state knows of
     current = [phase.name for phase in phases].index(run.rows[-1]["phase"]) if run.rows else 0
     try:
         for phase in phases[current:]:
@@ -181,18 +181,6 @@ def fit(
         if run.events is not None:
             run.events.close()
     return run.rows
-
-
-def _saved(run: _Run) -> dict[str, Tensor] | None:
-    """The tensors of the state in the folder, if there is one; its history becomes the run's."""
-    saved = load_state(run.folder)
-    if saved is None:
-        return None
-    tensors, about = saved
-    if about["settings"] != run.settings:
-        raise ValueError(f"{run.folder}: was trained with other settings; resume with those, or choose another folder")
-    run.rows += about["history"]
-    return tensors
 
 
 def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
@@ -207,7 +195,9 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
     for epoch in range(len(run.rows), first + phase.epochs):
         if phase.patience is not None and epoch > _best_epoch(run.rows, phase) + phase.patience:
             break
-        rate = _set_rate(optimisers, phase.rate(epoch - first))
+        rate = phase.rate(epoch - first)
+        for group in (group for optimiser in optimisers.values() for group in optimiser.param_groups):
+            group["lr"] = rate
         row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
         row |= _epoch_means(run, phase, optimisers, row)
         _end_epoch(run, phase, row, optimisers, first)
@@ -237,29 +227,22 @@ def _batch(
     """One step of each player; all terms, and the forward pass, of each shard."""
     with run.fabric.autocast():
         outputs = [phase.forward(shard, before) for shard, before in zip(shards, last, strict=True)]
-    shown: list[Terms] = [{} for _ in shards]
+    all_terms: list[Terms] = [{} for _ in shards]
     for player in phase.players:
         with run.fabric.autocast():
             terms = [_with_total(player, output, shard, row) for output, shard in zip(outputs, shards, strict=True)]
         step(run.fabric, terms, shards, optimisers[player.name])
-        for earlier, own in zip(shown, terms, strict=True):
+        for earlier, own in zip(all_terms, terms, strict=True):
             earlier.pop("total", None)
             earlier |= own
-    return shown, outputs
+    return all_terms, outputs
 
 
 def _with_total(player: Player, output: Any, shard: Shard, row: Row) -> Terms:
     """A player's terms of a shard, and "total": their weighted sum."""
     terms = player.terms(output, shard, row)
     weights = {name: weight for name, weight in player.weights.items() if name in terms}
-    return {**terms, "total": total_loss(terms, weights)}
-
-
-def _set_rate(optimisers: Optimisers, rate: float) -> float:
-    for optimiser in optimisers.values():
-        for group in optimiser.param_groups:
-            group["lr"] = rate
-    return rate
+    return terms | {"total": total_loss(terms, weights)}
 
 
 def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first: int) -> None:
@@ -279,15 +262,6 @@ def _end_epoch(run: _Run, phase: Phase, row: Row, optimisers: Optimisers, first:
     if number == phase.epochs or start - when >= cost / SAVING_SHARE:
         save_state(run.folder, phase.modules, optimisers, {"settings": run.settings, "history": run.rows})
         run.saving = time.monotonic() - start, time.monotonic()
-    write_history(run.folder, run.rows)
+    write_text(run.folder / HISTORY, history_text(run.rows))
     run.events.add(row)
     run.report(row, end)
-
-
-def settings_of(**parts: Any) -> dict[str, Any]:
-    """Settings as they come back from JSON, so that saved and asked-for ones can be compared."""
-    plain = {
-        name: asdict(part) if is_dataclass(part) and not isinstance(part, type) else part
-        for name, part in parts.items()
-    }
-    return json.loads(json.dumps(plain))

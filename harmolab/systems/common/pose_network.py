@@ -27,7 +27,7 @@ from harmolab.types import Skeleton
 
 # Frames that every clip is brought to, whatever its length and frame rate.
 FRAMES = 32
-# Numbers that `PoseNet.embed` sums a motion up in.
+# Size of the embedding of a motion (`PoseNet.embed`).
 EMBEDDING = 32
 # Seconds by which velocities are multiplied, to be about as large as normalised positions.
 _VELOCITY_SPAN = 0.2
@@ -90,11 +90,10 @@ class PoseNet(nn.Module):
         return maps
 
     def embed(self, motion: Tensor, mask: Tensor) -> Tensor:
-        """(N, 32): each motion (N, T, C) summed up; what the Frechet distance compares."""
+        """(N, 32) embeddings of motions (N, T, C), for the Frechet distance."""
         last = self.features(motion, mask)[-1]
         over_time = torch.cat([last.mean(dim=2), last.amax(dim=2)], dim=1)  # (N, 2 c, columns)
-        embedding: Tensor = self.summary(over_time.flatten(1))
-        return embedding
+        return self.summary(over_time.flatten(1))
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
@@ -127,13 +126,13 @@ def train_pose_net(
     *,
     seed: int = 0,
     epochs: int = 40,
-    progress: Callable[[dict[str, float]], None] | None = None,
+    progress: Callable[[dict[str, float]], None] = lambda row: None,
 ) -> PoseNet:
-    """A pose network that learnt three things of the training units, on the CPU, in evaluation mode.
+    """A pose network that learnt three tasks on the training units, on the CPU, in evaluation mode.
 
-    Which motion groups and which dance (of the training split only; no other has been seen), whether the motion is
-    intact or was damaged (shaking, standing still between steps, limbs of another dancer), and what it looks like at
-    eight moments. The state of the epoch that does best in the last two on the validation units is kept.
+    The tasks: motion groups and dance (of the training split only); intact or damaged motion (shaking, standing still
+    between steps, limbs of another dancer); poses at eight moments. The state of the epoch with the least loss of the
+    last two on the validation units is kept.
 
     Parameters
     ----------
@@ -153,13 +152,14 @@ def train_pose_net(
         raise ValueError(f"a pose network needs units, validation units and epochs, got {sizes}")
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        (motion, mask), (test_motion, test_mask) = (_tensors(units.units) for units in (train, validation))
+        pairs = ((batch.motion, batch.mask) for batch in (collate(train.units), collate(validation.units)))
+        motion, mask, test_motion, test_mask = (torch.from_numpy(array) for pair in pairs for array in pair)
         labels = _labels(train.units)
         net = PoseNet(train.skeleton, fps=train.features.fps)
         net.motion_scale.set(*channel_statistics(motion, mask))
         lesson = _Lesson(net, labels.shape[1])
         test = lesson.damaged(test_motion, test_mask)  # the same damage in every epoch
-        best, kept = float("inf"), copy.deepcopy(net.state_dict())
+        least, state = float("inf"), copy.deepcopy(net.state_dict())
         optimiser = torch.optim.Adam(lesson.parameters(), lr=1e-3)
         schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, epochs)
         for epoch in range(epochs):
@@ -167,25 +167,18 @@ def train_pose_net(
             schedule.step()
             with torch.no_grad():
                 tested = float(sum(lesson.losses(test_motion, test, test_mask, None)))
-            if tested < best:
-                best, kept = tested, copy.deepcopy(net.state_dict())
-            if progress is not None:
-                progress({"epoch": epoch, "train": loss, "validation": tested})
-        net.load_state_dict(kept)
+            if tested < least:
+                least, state = tested, copy.deepcopy(net.state_dict())
+            progress({"epoch": epoch, "train": loss, "validation": tested})
+        net.load_state_dict(state)
     return net.eval()
-
-
-def _tensors(units: Sequence[DanceUnit]) -> tuple[Tensor, Tensor]:
-    """Motion (N, T, C) and mask (N, T)."""
-    batch = collate(units)
-    return torch.from_numpy(batch.motion), torch.from_numpy(batch.mask)
 
 
 def _labels(units: Sequence[DanceUnit]) -> Tensor:
     """(N, L), 1 where a unit belongs to a motion group or a dance."""
-    known = [unit.groups | {f"dance {unit.dance}"} for unit in units]
-    names = sorted(frozenset().union(*known))
-    return torch.tensor([[float(name in has) for name in names] for has in known])
+    labels = [unit.groups | {f"dance {unit.dance}"} for unit in units]
+    names = sorted(frozenset().union(*labels))
+    return torch.tensor([[float(name in own) for name in names] for own in labels])
 
 
 def _epoch(lesson: _Lesson, optimiser: torch.optim.Optimizer, motion: Tensor, mask: Tensor, labels: Tensor) -> float:
@@ -193,28 +186,28 @@ def _epoch(lesson: _Lesson, optimiser: torch.optim.Optimizer, motion: Tensor, ma
     passes = -(-_EPOCH_UNITS // len(motion))
     order = torch.cat([torch.randperm(len(motion)) for _ in range(passes)])[:_EPOCH_UNITS]
     total = 0.0
-    for chosen in order.split(_BATCH):
-        intact, real = _cut(motion[chosen], mask[chosen])
-        loss = torch.stack(lesson.losses(intact, lesson.damaged(intact, real), real, labels[chosen])).sum()
+    for rows in order.split(_BATCH):
+        intact, real = _cut(motion[rows], mask[rows])
+        loss = torch.stack(lesson.losses(intact, lesson.damaged(intact, real), real, labels[rows])).sum()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        total += float(loss.detach()) * len(chosen)
+        total += float(loss.detach()) * len(rows)
     return total / len(order)
 
 
 def _cut(motion: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     """A random stretch of each clip, 60 to 100 % of it, at the same speed."""
     lengths = mask.sum(dim=1, keepdim=True)
-    kept = (lengths * (0.6 + 0.4 * torch.rand_like(lengths))).ceil()
-    first = ((lengths - kept) * torch.rand_like(lengths)).floor()
+    cut_lengths = (lengths * (0.6 + 0.4 * torch.rand_like(lengths))).ceil()
+    first = ((lengths - cut_lengths) * torch.rand_like(lengths)).floor()
     frames = torch.arange(mask.shape[1], dtype=mask.dtype)
-    real = (frames < kept).to(mask.dtype)
+    real = (frames < cut_lengths).to(mask.dtype)
     return sampled(motion, (first + frames).clamp(max=mask.shape[1] - 1)), real
 
 
 class _Lesson(nn.Module):
-    """The network and the heads that answer for it while it learns; the heads are thrown away."""
+    """The network and the heads that it learns with; the heads are not kept."""
 
     def __init__(self, net: PoseNet, n_labels: int) -> None:
         super().__init__()
@@ -236,14 +229,14 @@ class _Lesson(nn.Module):
         return torch.where(kind == 0, shaken, torch.where(kind == 1, held, mixed))
 
     def losses(self, intact: Tensor, damaged: Tensor, mask: Tensor, labels: Tensor | None) -> list[Tensor]:
-        """How badly the questions are answered; without labels the one for groups is left out."""
-        seen = self.net.embed(torch.cat([intact, damaged]), mask.repeat(2, 1))
-        truth = torch.arange(len(seen)) < len(intact)
-        verdict = self.intact_head(seen).squeeze(-1)
-        losses = [functional.binary_cross_entropy_with_logits(verdict, truth.to(seen.dtype))]
-        drawn = self.drawing_head(seen[: len(intact)]).unflatten(1, (_MOMENTS, -1))
+        """Losses of the heads: intact or damaged, drawing, and, with labels, motion groups."""
+        embeddings = self.net.embed(torch.cat([intact, damaged]), mask.repeat(2, 1))
+        truth = torch.arange(len(embeddings)) < len(intact)
+        verdict = self.intact_head(embeddings).squeeze(-1)
+        losses = [functional.binary_cross_entropy_with_logits(verdict, truth.to(embeddings.dtype))]
+        drawn = self.drawing_head(embeddings[: len(intact)]).unflatten(1, (_MOMENTS, -1))
         losses.append(functional.mse_loss(drawn, resample(self.net.motion_scale(intact), mask, _MOMENTS)))
         if labels is not None:
-            answers = self.group_head(seen[: len(intact)])
+            answers = self.group_head(embeddings[: len(intact)])
             losses.append(functional.binary_cross_entropy_with_logits(answers, labels))
         return losses

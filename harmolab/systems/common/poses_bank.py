@@ -9,18 +9,18 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from safetensors import SafetensorError, safe_open
+from numpy.typing import ArrayLike
 from safetensors.numpy import save
 
 from harmolab.io.files import PathLike, atomic_write, reading
-from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import frames_at
 from harmolab.systems.common.torch_code import PATH_CHANNELS
 from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.systems.common.weights import DEFAULT_STEM
+from harmolab.systems.common.weights import read_tensors, weights_stem
 from harmolab.types import FloatArray
 
 _BEATS_OF_METER = 4  # the shortest meter, so that its unit has the most beats before it
@@ -55,12 +55,12 @@ class PoseBank:
 
     def of(self, dance: str | None) -> FloatArray:
         """The clips (K', T0, C) of a dance; all of them for None, and where no clip is of that dance."""
-        chosen = [place for place, name in enumerate(self.dances) if name == dance]
-        return self.poses[chosen] if chosen else self.poses
+        rows = [row for row, name in enumerate(self.dances) if name == dance]
+        return self.poses[rows] if rows else self.poses
 
 
 def pose_bank(units: UnitSet, *, count: int = 48, seed: int = 0) -> PoseBank:
-    """A bank of what was danced before `count` meters of the units (give those of the training split), dance by dance.
+    """A bank of the movements before `count` meters of units (those of the training split), dance by dance.
 
     Only units with a meter of four are taken, so that all clips are equally many beats long; each is brought to the
     median number of frames. Dances share the places evenly, as far as they have units.
@@ -73,32 +73,22 @@ def pose_bank(units: UnitSet, *, count: int = 48, seed: int = 0) -> PoseBank:
     if count < 1:
         raise ValueError(f"count must be positive, got {count}")
     before = units.features.unit_beats - _BEATS_OF_METER
-    usable = [unit for unit in units.units if _beats_before(unit, units.features) == before]
+    # A beat between two frames belongs to the frame before it.
+    ends = [(unit, (unit.n_prior - 1e-3) / units.features.fps) for unit in units.units]
+    usable = [unit for unit, end in ends if (unit.beats < end).sum() == before]
     if not usable:
         raise ValueError(f"no unit has a meter of {_BEATS_OF_METER} beats to take starting poses from")
-    chosen = _spread(usable, count, np.random.default_rng(seed))
-    frames = round(float(np.median([unit.n_prior for unit in chosen])))
-    clips = [retimed(unit.motion[: unit.n_prior], frames) for unit in chosen]
-    return PoseBank(np.stack(clips), tuple(unit.dance for unit in chosen))
-
-
-def _beats_before(unit: DanceUnit, features: FeatureParams) -> int:
-    """How many of a unit's beats come before its meter."""
-    # A beat between two frames is given to the frame before it.
-    return int((unit.beats < (unit.n_prior - 1e-3) / features.fps).sum())
+    sample = _spread(usable, count, np.random.default_rng(seed))
+    frames = round(float(np.median([unit.n_prior for unit in sample])))
+    clips = [retimed(unit.motion[: unit.n_prior], frames) for unit in sample]
+    return PoseBank(np.stack(clips), tuple(unit.dance for unit in sample))
 
 
 def _spread(units: Sequence[DanceUnit], count: int, rng: np.random.Generator) -> list[DanceUnit]:
     """Up to `count` units at random, the dances in turn."""
-    waiting: dict[str, list[DanceUnit]] = {}
-    for place in rng.permutation(len(units)):
-        waiting.setdefault(units[place].dance, []).append(units[place])
-    chosen: list[DanceUnit] = []
-    while len(chosen) < count and any(waiting.values()):
-        for dance in sorted(waiting):
-            if waiting[dance] and len(chosen) < count:
-                chosen.append(waiting[dance].pop())
-    return chosen
+    shuffled = [units[row] for row in reversed(rng.permutation(len(units)))]
+    queues = [[unit for unit in shuffled if unit.dance == dance] for dance in sorted({unit.dance for unit in units})]
+    return [unit for turn in zip_longest(*queues) for unit in turn if unit is not None][:count]
 
 
 def retimed(code: ArrayLike, n_frames: int) -> FloatArray:
@@ -110,26 +100,22 @@ def retimed(code: ArrayLike, n_frames: int) -> FloatArray:
            [1.        , 0.66666667]])
     """
     code = np.asarray(code, dtype=np.float64)
-    at = np.linspace(0, len(code) - 1, n_frames)
-    left = np.minimum(at.astype(np.int64), max(len(code) - 2, 0))
-    right = np.minimum(left + 1, len(code) - 1)
-    danced = code[left] + (at - left)[:, None] * (code[right] - code[left])
-    danced[:, -PATH_CHANNELS:] *= len(code) / n_frames
-    return danced
+    stretched = frames_at(code, np.linspace(0, len(code) - 1, n_frames))
+    stretched[:, -PATH_CHANNELS:] *= len(code) / n_frames
+    return stretched
 
 
 def poses_path(weights: PathLike) -> Path:
-    """Where the bank of some weights lies: beside `<weights>.safetensors`; a folder stands for "model" in it."""
-    stem = Path(weights) / DEFAULT_STEM if Path(weights).is_dir() else Path(weights)
-    return stem.with_name(f"{stem.name.removesuffix('.safetensors').removesuffix('.json')}_poses.safetensors")
+    """The file of the bank of some weights: beside `<weights>.safetensors`; a folder stands for "model" in it."""
+    stem = weights_stem(weights)
+    return stem.with_name(f"{stem.name}_poses.safetensors")
 
 
 def save_poses(weights: PathLike, bank: PoseBank) -> None:
     """Write a bank beside the weights of that name; the file appears whole or not at all."""
-    path = poses_path(weights)
     about = {"format": _FORMAT, "dances": json.dumps(bank.dances)}
-    with atomic_write(path) as aside:
-        aside.write_bytes(save({"poses": bank.poses.astype(np.float16)}, metadata=about))
+    with atomic_write(poses_path(weights)) as part:
+        part.write_bytes(save({"poses": bank.poses.astype(np.float16)}, metadata=about))
 
 
 def load_poses(weights: PathLike, *, n_channels: int | None = None) -> PoseBank:
@@ -147,14 +133,10 @@ def load_poses(weights: PathLike, *, n_channels: int | None = None) -> PoseBank:
         Both name the file.
     """
     with reading(poses_path(weights), "a bank of poses", max_bytes=_MAX_BYTES) as path:
-        try:
-            with safe_open(path, framework="numpy") as file:
-                about = file.metadata() or {}
-                if about.get("format") != _FORMAT or list(file.keys()) != ["poses"]:
-                    raise ValueError("is no bank of poses; write one with save_poses")
-                poses: NDArray[np.floating] = file.get_tensor("poses")
-        except SafetensorError as error:
-            raise ValueError(f"cannot be read as a bank of poses ({error}); it is damaged") from None
+        tensors, about = read_tensors(path)
+        if about.get("format") != _FORMAT or list(tensors) != ["poses"]:
+            raise ValueError("is no bank of poses; write one with save_poses")
+        poses = tensors["poses"].double().numpy()
         if n_channels is not None and poses.shape[-1:] != (n_channels,):
             raise ValueError(f"holds poses of shape {poses.shape}; this generator needs {n_channels} channels")
-        return PoseBank(poses.astype(np.float64), tuple(json.loads(about["dances"])))
+        return PoseBank(poses, tuple(json.loads(about["dances"])))

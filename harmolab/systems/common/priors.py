@@ -1,4 +1,4 @@
-"""Temporal index TI and initial poses V_f: what the generator knows of the meter before (paper Sec. 4.1, Eq. 23)."""
+"""Temporal index TI and initial poses V_f: the generator's input from the meter before (paper Sec. 4.1, Eq. 23)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def temporal_index(n_frames: int, n_prior: int) -> NDArray[np.float32]:
     Parameters
     ----------
     n_frames : int, frames T of the unit
-    n_prior : int, how many of them, at its start, belong to the last meter
+    n_prior : int, number of them, at its start, that belong to the last meter
 
     Raises
     ------
@@ -35,7 +35,7 @@ def initial_poses(motion_code: NDArray[np.float32], index: NDArray[np.float32]) 
     Parameters
     ----------
     motion_code : (T, C) array, V
-        Frames with TI 0 are not looked at; they may hold anything that is finite.
+        Frames with TI 0 are not read; they may hold any finite numbers.
     index : (T,) array of 0 and 1, TI
 
     Returns
@@ -47,10 +47,10 @@ def initial_poses(motion_code: NDArray[np.float32], index: NDArray[np.float32]) 
     ValueError
         If no frame belongs to the last meter, or the lengths differ.
     """
-    known = np.asarray(index) > 0.5
-    if known.shape != (len(motion_code),):
-        raise ValueError(f"index must have one entry per frame ({len(motion_code)}), got shape {known.shape}")
-    if not known.any():
+    prior = np.asarray(index) > 0.5
+    if prior.shape != (len(motion_code),):
+        raise ValueError(f"index must have one entry per frame ({len(motion_code)}), got shape {prior.shape}")
+    if not prior.any():
         raise ValueError("index is 0 everywhere: without a frame of the last meter there is no initial pose (Eq. 23)")
-    mean = motion_code[known].mean(axis=0, dtype=np.float64)
-    return np.where(known[:, None], motion_code, mean).astype(np.float32)
+    mean = motion_code[prior].mean(axis=0, dtype=np.float64)
+    return np.where(prior[:, None], motion_code, mean).astype(np.float32)

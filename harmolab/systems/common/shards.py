@@ -1,4 +1,4 @@
-"""A batch in parts, for one process or several: the same gradients whoever computes them.
+"""Units on a device, and batches of them in parts: the same gradients from one process as from several.
 
 Gradients and means are added up over all shards of a batch in the order of the shards. So the same shards give the same
 result to the last bit, whether one process computes them one after the other or each process some of them.
@@ -7,29 +7,74 @@ result to the last bit, whether one process computes them one after the other or
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol, Self
 
 import torch
 from lightning_fabric import Fabric
 from torch import Tensor
 
+from harmolab.systems.common.units import Batch, UnitSet, collate
+
 Terms = dict[str, Tensor]  # by name, "total" is what the gradient is of
 
 
 class Units(Protocol):
-    """Training units as tensors, all of a set or a batch of them (`batches.Tensors` is one kind)."""
+    """Training units as tensors, all of a set or a batch of them (`Tensors` is one kind)."""
 
     def __len__(self) -> int:
-        """How many units."""
+        """Number of units."""
 
     def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Self:
         """The units at every `world`-th of `indices`, from number `rank` on."""
 
 
+class Tensors(Batch[Tensor]):
+    """A batch of units (or all of a set) on a device."""
+
+    def __len__(self) -> int:
+        return len(self.audio)
+
+    @classmethod
+    def of(cls, units: UnitSet, device: torch.device | str = "cpu") -> Tensors:
+        """All units of a set as one padded batch on `device`."""
+        batch = collate(units.units)
+        return cls(**{field.name: torch.as_tensor(getattr(batch, field.name)).to(device) for field in fields(cls)})
+
+    def continued_from(self, motion: Tensor, mask: Tensor) -> Tensors:
+        """These units with V_f of Eq. 23 from the last frames of another motion instead of the recorded one.
+
+        So a song is danced, meter by meter (Fig. 7b). There is no recording of it to compare with; but harmony needs
+        music alone, and a discriminator of movement needs no recording of the same dance.
+
+        Parameters
+        ----------
+        motion : (N, T, C) motion codes
+        mask : (N, T), 1 where `motion` is real
+        """
+        lengths, prior = mask.sum(dim=1).long(), self.index.sum(dim=1).long()
+        frames = torch.arange(self.index.shape[1], device=motion.device)
+        at = ((lengths - prior)[:, None] + frames).clamp(min=0).minimum(lengths[:, None] - 1)
+        tail = motion.gather(1, at[..., None].expand(-1, -1, motion.shape[2]))
+        index = self.index[..., None]
+        mean = (tail * index).sum(dim=1, keepdim=True) / prior[:, None, None].clamp(min=1)
+        return Tensors(**vars(self) | {"initial": torch.where(index > 0, tail, mean)})
+
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Tensors:
+        """The units at `indices` that fall to process `rank` of `world`, padded to the longest of all of `indices`.
+
+        Padding thus never depends on how a batch is shared among processes.
+        """
+        frames = int(self.mask[indices].sum(dim=1).max())
+        beats = max(int(self.beat_mask[indices].sum(dim=1).max()), 1)
+        ends = {"beats": beats, "strengths": beats, "beat_mask": beats}
+        rows = indices[rank::world].to(self.audio.device)
+        return Tensors(**{f.name: getattr(self, f.name)[rows, : ends.get(f.name, frames)] for f in fields(self)})
+
+
 @dataclass(frozen=True)
 class Batching:
-    """How units are put into batches.
+    """Sizes and order of batches.
 
     Parameters
     ----------
@@ -44,7 +89,7 @@ class Batching:
 
 
 class Shard(NamedTuple):
-    """A part of a batch: its units, the units next to them in the batch, and what share of the batch it is."""
+    """A part of a batch: its units, the units next to them in the batch, and its share of the batch."""
 
     own: Any
     others: Any
@@ -107,11 +152,11 @@ def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Ten
 def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: torch.optim.Optimizer) -> None:
     """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch."""
     parameters = [part for group in optimiser.param_groups for part in group["params"]]
-    found = []
+    gradients = []
     for each, shard in zip(terms, shards, strict=True):
-        gradients = torch.autograd.grad(each["total"] * shard.share, parameters)
-        found.append(torch.cat([gradient.flatten() for gradient in gradients]))
-    pieces = _added(fabric, torch.stack(found)).split([part.numel() for part in parameters])
+        parts = torch.autograd.grad(each["total"] * shard.share, parameters)
+        gradients.append(torch.cat([part.flatten() for part in parts]))
+    pieces = _added(fabric, torch.stack(gradients)).split([part.numel() for part in parameters])
     for part, piece in zip(parameters, pieces, strict=True):
         part.grad = piece.view_as(part)
     optimiser.step()

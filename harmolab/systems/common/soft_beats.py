@@ -53,7 +53,7 @@ def soft_beats(curve: Tensor, mask: Tensor, *, fps: float, tau: float, detector:
 
     ``u = tanh(D / (tau mean |D|))`` is the soft sign of a step D of the curve. A weak step leaves the sign before it
     standing, as far as it is weak: ``s(t) = (1 - |u(t)|) s(t-1) + u(t)``, the soft form of the carried sign of
-    `kinematics.step_signs`; without it a turn half way between two frames would not be seen. A turn is worth
+    `kinematics.step_signs`; without it a turn half way between two frames would be missed. A turn is worth
     ``relu(-s(t-1) u(t))``; a valley or a peak is one half of that.
 
     Parameters
@@ -78,12 +78,9 @@ def soft_beats(curve: Tensor, mask: Tensor, *, fps: float, tau: float, detector:
     signs = torch.tanh(steps * (fps / RATE) / (tau * scale)).masked_fill(ties, 0.0)
     before, after = _last_values(1 - signs.abs(), signs)[:, :-1], signs[:, 1:]
     if detector == "turns":
-        weights = relu(-before * after)
-    elif detector == "valleys":
-        weights = relu(-before) * relu(after)
-    else:
-        weights = relu(before) * relu(-after)
-    return pad(weights, (1, 1)) * mask
+        return pad(relu(-before * after), (1, 1)) * mask
+    sign = 1 if detector == "valleys" else -1
+    return pad(relu(-sign * before) * relu(sign * after), (1, 1)) * mask
 
 
 def soft_salience(weights: Tensor, curve: Tensor, *, tau: float, params: HarmonyParams) -> Tensor:
@@ -129,7 +126,7 @@ def _last_values(decay: Tensor, inputs: Tensor) -> Tensor:
 
 
 def parabola_shift(curve: Tensor) -> Tensor:
-    """How far between frames the extremum at each frame lies, -0.5 to 0.5 frames (`kinematics.refine_extrema`)."""
+    """Offset of the extremum at each frame from the frame, -0.5 to 0.5 frames (`kinematics.refine_extrema`)."""
     before, here, after = curve[:, :-2], curve[:, 1:-1], curve[:, 2:]
     bend = before - 2 * here + after
     flat = bend.abs() <= 1e-12 * here.abs() + 1e-30

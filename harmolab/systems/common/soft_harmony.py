@@ -62,11 +62,13 @@ class SoftHarmony:
 
 @dataclass(frozen=True, eq=False)
 class _SoftTrack:
-    """Soft visual beats: weight and time (seconds) of each frame's beat, (N, T) both, and the rate."""
+    """Soft visual beats: weight and time (seconds) of each frame's beat, (N, T) both; rate, softness, limits (N, 2)."""
 
     weights: Tensor
     times: Tensor
     fps: float
+    tau: float
+    limits: Tensor
 
 
 def anneal(epoch: int, epochs: int, start: float, end: float) -> float:
@@ -131,11 +133,10 @@ def soft_harmony(
     duration = frames_before_end(mask).sum(dim=1) / fps
     limits = torch.stack([torch.zeros_like(duration), duration], dim=1) if span is None else span.to(curve.dtype)
     track = _visual_track(curve, mask, limits, fps=fps, tau=tau, params=params)
-    beats = beats.to(curve.dtype)
-    heard = beat_mask.bool()
+    beats, counted = beats.to(curve.dtype), beat_mask.bool()
     if span is not None:
-        heard = heard & (beats >= limits[:, :1]) & (beats < limits[:, 1:])
-    return _score(track, beats, _audio_strengths(strengths.to(curve.dtype), heard, params), heard, limits, tau, params)
+        counted = counted & (beats >= limits[:, :1]) & (beats < limits[:, 1:])
+    return _score(track, beats, _audio_strengths(strengths.to(curve.dtype), counted, params), counted, params)
 
 
 def _visual_track(
@@ -147,44 +148,36 @@ def _visual_track(
     frames = torch.arange(curve.shape[1], device=curve.device, dtype=curve.dtype).expand_as(curve)
     times = (frames + parabola_shift(curve) - 0.5 if params.subframe else frames) / fps - params.lag
     inside = (times >= limits[:, :1] - params.lag) & (times < limits[:, 1:] - params.lag)
-    return _SoftTrack(weights * inside, times, fps)
+    return _SoftTrack(weights * inside, times, fps, tau, limits)
 
 
-def _score(
-    track: _SoftTrack,
-    beats: Tensor,
-    strengths: Tensor,
-    heard: Tensor,
-    limits: Tensor,
-    tau: float,
-    params: HarmonyParams,
-) -> SoftHarmony:
+def _score(track: _SoftTrack, beats: Tensor, strengths: Tensor, counted: Tensor, params: HarmonyParams) -> SoftHarmony:
     """Eq. 17-21 and the chance level; `strengths` are 0 at beats that are not attentional."""
-    nodes, lengths = _chance_nodes(track, limits, params)
-    reached = _reached(track, torch.cat([beats, nodes], dim=1), tau=tau, params=params)
-    hits, covered = reached[:, : beats.shape[1]] * heard, reached[:, beats.shape[1] :]
+    nodes, lengths = _chance_nodes(track, params)
+    reached = _reached(track, torch.cat([beats, nodes], dim=1), params)
+    hits, covered = reached[:, : beats.shape[1]] * counted, reached[:, beats.shape[1] :]
     chance = (covered * lengths).sum(dim=1) / lengths.sum(dim=1).clamp(min=1e-12)
     score, total = (hits * strengths).sum(dim=1), strengths.sum(dim=1)
     n_audio, n_visual = (strengths > 0).sum(dim=1).to(score.dtype), track.weights.sum(dim=1)
     share = score / torch.where(total > 0, total, torch.ones_like(total))
-    counted = (n_audio * params.beta**2 + n_visual).clamp(min=1e-12)
+    n_beats = (n_audio * params.beta**2 + n_visual).clamp(min=1e-12)
     return SoftHarmony(
-        harmony=(1 + params.beta**2) * score / counted,
+        harmony=(1 + params.beta**2) * score / n_beats,
         hitting_score=score,
         chance=chance,
         above_chance=torch.where(total > 0, (share - chance) / (1 - chance).clamp(min=1e-6), torch.zeros_like(share)),
-        hit_rate=hits.sum(dim=1) / heard.sum(dim=1).clamp(min=1),
+        hit_rate=hits.sum(dim=1) / counted.sum(dim=1).clamp(min=1),
         n_visual=n_visual,
         n_audio=n_audio,
     )
 
 
-def _reached(track: _SoftTrack, moments: Tensor, *, tau: float, params: HarmonyParams) -> Tensor:
+def _reached(track: _SoftTrack, moments: Tensor, params: HarmonyParams) -> Tensor:
     """(N, G) soft truth that a visual beat lies within the delay of each of the (N, G) moments (Eq. 17-18).
 
     One minus the product of (1 - b k) over the frames around the moment, with k a sigmoid edge at the delay.
     """
-    width = tau * (params.reaction_delay or 1 / track.fps)
+    width = track.tau * (params.reaction_delay or 1 / track.fps)
     n_frames = track.weights.shape[1]
     radius = min(int((params.reaction_delay + REACH * width) * track.fps) + 2, n_frames)
     around = torch.arange(2 * radius + 1, device=moments.device)
@@ -201,10 +194,10 @@ def _reached(track: _SoftTrack, moments: Tensor, *, tau: float, params: HarmonyP
 
 
 @torch.no_grad()
-def _chance_nodes(track: _SoftTrack, limits: Tensor, params: HarmonyParams) -> tuple[Tensor, Tensor]:
+def _chance_nodes(track: _SoftTrack, params: HarmonyParams) -> tuple[Tensor, Tensor]:
     """Moments (N, G) at which chance is looked up, and the length of time (N, G) that each stands for.
 
-    With beats on frames, what lies within the delay of a beat changes only a delay before and after each frame: one
+    With beats on frames, the set of beats within the delay changes only a delay before and after each frame: one
     moment between any two such times makes the sum exact at small tau.
     """
     weights, period = track.weights, 1 / track.fps
@@ -215,21 +208,22 @@ def _chance_nodes(track: _SoftTrack, limits: Tensor, params: HarmonyParams) -> t
         ends = (params.reaction_delay, -params.reaction_delay)
         phases = sorted(((end - params.lag) * track.fps) % 1.0 for end in ends)
     edges = torch.stack([(frames + phase) * period for phase in phases], dim=1).flatten()
-    cut = torch.maximum(torch.minimum(edges, limits[:, 1:]), limits[:, :1])
+    cut = torch.maximum(torch.minimum(edges, track.limits[:, 1:]), track.limits[:, :1])
     return (cut[:, 1:] + cut[:, :-1]) / 2, cut.diff(dim=1)
 
 
 @torch.no_grad()
-def _audio_strengths(strengths: Tensor, heard: Tensor, params: HarmonyParams) -> Tensor:
+def _audio_strengths(strengths: Tensor, counted: Tensor, params: HarmonyParams) -> Tensor:
     """Normalised strengths of the attentional music beats, 0 at all others (Eq. 11; exact: nothing here is soft)."""
-    count = heard.sum(dim=1, keepdim=True).clamp(min=1)
-    known = torch.where(heard, strengths, torch.zeros_like(strengths))
-    if params.normalisation != "raw" and known.shape[1]:
-        scale = known.amax(dim=1, keepdim=True) if params.normalisation == "max" else known.sum(1, True) / count
-        known = known / torch.where(scale > 0, scale, torch.ones_like(scale))
-    deviations = torch.where(heard, known - known.sum(dim=1, keepdim=True) / count, torch.zeros_like(known))
+    count = counted.sum(dim=1, keepdim=True).clamp(min=1)
+    strengths = strengths.masked_fill(~counted, 0.0)
+    if params.normalisation != "raw" and strengths.shape[1]:
+        mean = strengths.sum(dim=1, keepdim=True) / count
+        scale = strengths.amax(dim=1, keepdim=True) if params.normalisation == "max" else mean
+        strengths = strengths / scale.masked_fill(scale <= 0, 1.0)
+    deviations = (strengths - strengths.sum(dim=1, keepdim=True) / count).masked_fill(~counted, 0.0)
     spread = (deviations.square().sum(dim=1, keepdim=True) / count).sqrt()
-    return torch.where(known > params.audio_threshold * spread, known, torch.zeros_like(known))
+    return strengths.masked_fill(strengths <= params.audio_threshold * spread, 0.0)
 
 
 def _check_tensors(

@@ -13,7 +13,7 @@ from harmolab.types import BoolArray, IntArray
 
 SIDES = ("train", "validation", "test")
 TRAIN, VALIDATION, TEST = range(3)
-N_CANDIDATES = 400  # ways to deal the groups out, of which the one that wastes least is taken
+N_CANDIDATES = 400  # ways to deal the groups out; the one that wastes least is the split
 # Most of the groups that a candidate puts on the test and on the validation side, as multiples of the share of units
 # asked for: a unit touches several groups and stays only where all of them do, so more groups than units are needed.
 SPREAD = 3.0
@@ -39,13 +39,8 @@ class Split:
 
     def to_dict(self) -> dict[str, Any]:
         """Settings, groups and names of the units, ready for JSON: enough to repeat the split."""
-        sides = {"train": self.train, "validation": self.validation, "test": self.test}
-        return {
-            **self.settings,
-            "source": self.train.source,
-            "groups": self.groups,
-            "units": {side: [unit.name for unit in units.units] for side, units in sides.items()},
-        }
+        units = {side: [unit.name for unit in getattr(self, side).units] for side in SIDES}
+        return {**self.settings, "source": self.train.source, "groups": self.groups, "units": units}
 
 
 def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: float = 0.1, seed: int = 0) -> Split:
@@ -89,8 +84,8 @@ def split_units(units: UnitSet, *, test_share: float = 0.15, validation_share: f
                 "more recordings, or other shares, are needed"
             )
     groups = {name: sorted(group for group, at in sides.items() if at == side) for side, name in enumerate(SIDES)}
-    train, validation, test = (units.select(names[side]) for side in range(3))
     settings = {"seed": seed, "test_share": test_share, "validation_share": validation_share}
+    train, validation, test = (units.select(names[side]) for side in range(3))
     return Split(train, validation, test, groups, settings)
 
 
@@ -108,8 +103,7 @@ class _Table:
         groups = sorted({group for unit in units for group in unit.groups})
         touches = np.array([[group in unit.groups for group in groups] for unit in units], dtype=bool)
         meters = np.array([[group in unit.meter_groups for group in groups] for unit in units], dtype=bool)
-        shape = (len(units), len(groups))
-        return cls(units, groups, touches.reshape(shape), meters.reshape(shape))
+        return cls(units, groups, touches, meters)
 
     def members(self, sides: IntArray) -> tuple[list[int], list[int], list[int]]:
         """Rows of the units on each side when group g is on the side `sides[g]`."""
@@ -119,12 +113,12 @@ class _Table:
 
     def _apart(self, rows: IntArray) -> list[int]:
         """As many of some rows as have meters that do not overlap: the ordinary units, then additional ones."""
-        taken: dict[str, list[tuple[float, float]]] = {}
+        meters: dict[str, list[tuple[float, float]]] = {}
         kept = []
         for row in sorted(rows.tolist(), key=lambda row: (self.units[row].extra, self.units[row].start)):
             unit = self.units[row]
             start, end = unit.meter_start, unit.end
-            others = taken.setdefault(unit.sequence, [])
+            others = meters.setdefault(unit.sequence, [])
             if all(end <= first + ROUNDING or start >= last - ROUNDING for first, last in others):
                 others.append((start, end))
                 kept.append(row)
@@ -134,11 +128,11 @@ class _Table:
 def _deal(table: _Table, fixed: dict[str, int], shares: tuple[float, float], rng: np.random.Generator) -> IntArray:
     """The side of each group of one dance, (G,); groups of `fixed` keep theirs.
 
-    Of many random ways that one is taken that comes closest to the target numbers of units and loses least training.
+    Of many random ways the best one comes closest to the target numbers of units and loses least training.
     """
     ordinary = sum(not unit.extra for unit in table.units)
     targets = [max(1.0, share * ordinary) for share in shares]
-    best, most = np.zeros(len(table.groups), dtype=np.int64), -np.inf
+    best, best_gain = np.zeros(len(table.groups), dtype=np.int64), -np.inf
     for _ in range(N_CANDIDATES):
         edges = np.cumsum(rng.uniform(0, SPREAD, 2) * shares)
         dealt = np.array([VALIDATION, TEST, TRAIN])[np.searchsorted(edges, rng.random(len(table.groups)))]
@@ -146,6 +140,6 @@ def _deal(table: _Table, fixed: dict[str, int], shares: tuple[float, float], rng
         train, validation, test = table.members(dealt)
         gain = 2 * len(train) / len(table.units)
         gain += min(len(validation) / targets[0], 1.0) + 2 * min(len(test) / targets[1], 1.0)
-        if gain > most:
-            best, most = dealt, gain
+        if gain > best_gain:
+            best, best_gain = dealt, gain
     return best

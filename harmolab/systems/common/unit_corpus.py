@@ -1,4 +1,4 @@
-"""Recordings cut into meter units with the beats before them: what a generator is trained on (paper Sec. 4.1, Fig. 6).
+"""Training units of a generator: recordings cut into meters with the beats before them (paper Sec. 4.1, Fig. 6).
 
 A unit is a meter of 4 to 6 beats (Eq. 22) preceded by as many beats as fill up the unified length; its motion is coded
 as in `harmolab.systems.common.motion_code`. Everything is numpy, at the rate of `FeatureParams.fps`.
@@ -21,11 +21,19 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.systems.common.audio_features import audio_features
 from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.groups import Outline, Segment, group_outlines, motion_groups, outline
+from harmolab.systems.common.groups import (
+    Outline,
+    Segment,
+    group_outlines,
+    motion_groups,
+    motion_in_space,
+    outline,
+    sequence_name,
+)
 from harmolab.systems.common.motion_code import bone_lengths, encode_motion
 from harmolab.systems.common.priors import temporal_index
 from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
+from harmolab.types import BeatTrack, Clip, Motion
 
 METERS = (4, 5, 6)  # beats in the categories of Eq. 22
 EXTRA_METER = 4  # beats in the meter of an additional training unit
@@ -76,20 +84,18 @@ def _tiling(total: int, meters: set[tuple[int, int]]) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, eq=False)
 class _Coded:
-    """A recording ready to be cut: its beats within the motion, features of every frame, its offset and rate."""
+    """A recording ready to be cut: its clip, its beats within the motion, features and motion code of all frames."""
 
     name: str
-    dance: str
+    clip: Clip
+    movement: Motion  # at the rate of the features
     track: BeatTrack
     audio: NDArray[np.float32]
-    motion: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    offset: float
-    fps: float
+    code: NDArray[np.float32]
 
     def frame(self, time: float) -> int:
         """The last frame at or before a moment of audio time."""
-        return int(np.clip(np.floor((time - self.offset) * self.fps + 1e-6), 0, len(self.motion)))
+        return int(np.clip(np.floor((time - self.clip.offset) * self.movement.fps + 1e-6), 0, len(self.code)))
 
 
 def recording_units(
@@ -124,50 +130,28 @@ def recording_units(
         raise ValueError(f"step must be a positive number of beats, got {step}")
     coded = _coded(recording, params)
     spans = meter_spans(coded.track, params)
-    extras = _extra_spans(coded.track, params, step) - set(spans) if step else set()
+    starts = range(0, len(coded.track) - params.unit_beats, step) if step else ()
+    extras = {(start + params.unit_beats - EXTRA_METER, EXTRA_METER) for start in starts} - set(spans)
     units = [_unit(coded, span, params, extra=False) for span in spans]
     units += [_unit(coded, span, params, extra=True) for span in sorted(extras)]
-    labelled = motion_groups([recording])[0] if segments is None else segments
-    return [_grouped(unit, labelled) for unit in units if unit is not None]
-
-
-def _extra_spans(track: BeatTrack, params: FeatureParams, step: int) -> set[tuple[int, int]]:
-    """(first beat, beats) of the meters of units that begin at every `step`-th beat."""
-    before = params.unit_beats - EXTRA_METER
-    return {(start + before, EXTRA_METER) for start in range(0, len(track) - params.unit_beats, step)}
-
-
-def _resampled(recording: Recording, params: FeatureParams) -> Motion:
-    """The motion of a recording at the rate of the features; ValueError without one in three dimensions."""
-    motion = recording.clip.motion
-    if motion is None or motion.positions.shape[2] != 3:
-        raise ValueError(f"{recording.folder}: needs a motion in three dimensions")
-    return resample_motion(motion, params.fps)
+    segments = motion_groups([recording])[0] if segments is None else segments
+    return [_grouped(unit, segments) for unit in units if unit is not None]
 
 
 def _coded(recording: Recording, params: FeatureParams) -> _Coded:
     """Features and motion code of every frame of a recording, and the beats that fall into the motion."""
-    clip, annotation, motion = recording.clip, recording.annotation, _resampled(recording, params)
+    clip, annotation = recording.clip, recording.annotation
+    motion = resample_motion(motion_in_space(recording), params.fps)
     track = music_beats(recording, "annotated" if annotation is not None and annotation.times.size else "tracked")
     # Half a frame of grace: recordings start on a frame, not on the beat.
     start, end = clip.offset - 0.5 / motion.fps, clip.offset + (motion.n_frames + 0.5) / motion.fps
     times = clip.offset + np.arange(motion.n_frames) / motion.fps
-    return _Coded(
-        _name(recording),
-        clip.dance,
-        track.select((track.times >= start) & (track.times <= end)),
+    inside = track.select((track.times >= start) & (track.times <= end))
+    audio, code = (
         audio_features(clip.audio, track, times, params),
         encode_motion(motion.positions, motion.fps, motion.skeleton),
-        motion.valid,
-        clip.offset,
-        motion.fps,
     )
-
-
-def _name(recording: Recording) -> str:
-    """Corpus folder and folder of the recording."""
-    folder = recording.folder.resolve()
-    return f"{folder.parent.name}/{folder.name}"
+    return _Coded(sequence_name(recording), clip, motion, inside, audio, code)
 
 
 def _unit(coded: _Coded, span: tuple[int, int], params: FeatureParams, *, extra: bool) -> DanceUnit | None:
@@ -176,27 +160,27 @@ def _unit(coded: _Coded, span: tuple[int, int], params: FeatureParams, *, extra:
     start = first - (params.unit_beats - count)
     if start < 0 or count >= params.unit_beats:
         return None
-    times = coded.track.times
+    times, motion = coded.track.times, coded.movement
     begin, meter, end = (coded.frame(times[beat]) for beat in (start, first, first + count))
-    if not begin < meter < end or end - begin > LONGEST_UNIT * coded.fps:
+    if not begin < meter < end or end - begin > LONGEST_UNIT * motion.fps:
         return None
-    if coded.valid[begin:end].mean() < VALID_SHARE:
+    if motion.valid[begin:end].mean() < VALID_SHARE:
         return None
-    at = coded.offset + begin / coded.fps
+    at = coded.clip.offset + begin / motion.fps
     return DanceUnit(
         name=f"{coded.name}:{start}+{first - start}+{count}",
         sequence=coded.name,
-        dance=coded.dance,
+        dance=coded.clip.dance,
         groups=frozenset(),
         meter_groups=frozenset(),
         start=at,
         audio=coded.audio[begin:end],
-        motion=coded.motion[begin:end],
+        motion=coded.code[begin:end],
         index=temporal_index(end - begin, meter - begin),
         # A beat up to half a frame before the first frame counts as on it.
         beats=np.maximum(times[start : first + count] - at, 0.0),
         strengths=coded.track.strengths[start : first + count],
-        fps=coded.fps,
+        fps=motion.fps,
         extra=extra,
     )
 
@@ -241,52 +225,38 @@ def load_units(
     contents: list[_Contents] = []
     for folder in progress(folders, "reading sequences"):
         try:
-            contents.append(_contents(load_recording(folder), params, step))
+            recording = load_recording(folder)
+            units = recording_units(recording, params, step=step, segments=())
+            motion = resample_motion(motion_in_space(recording), params.fps)
+            contents.append(_Contents(folder, units, outline(recording), motion))
         except (ValueError, FileNotFoundError) as error:
             notes.append(str(error))
-    _check_bodies(contents)
+    for item in contents[1:]:
+        body, first = item.motion.skeleton, contents[0].motion.skeleton
+        if body != first:
+            raise ValueError(
+                f"{item.folder}: has another skeleton ({len(body.joints)} joints) than {contents[0].folder} "
+                f"({len(first.joints)} joints); train on one body"
+            )
     segments = group_outlines([item.outline for item in contents])
-    units = [_grouped(unit, labelled) for item, labelled in zip(contents, segments, strict=True) for unit in item.units]
+    units = [_grouped(unit, spans) for item, spans in zip(contents, segments, strict=True) for unit in item.units]
     if not units:
-        why = "every sequence is too short" if folders else "there is no sequence (see `harmolab data check`)"
-        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else why}")
-    lengths = np.average([item.bones for item in contents], axis=0, weights=[item.n_frames for item in contents])
+        reason = "every sequence is too short" if folders else "there is no sequence (see `harmolab data check`)"
+        raise ValueError(f"no unit to train on below {', '.join(map(str, roots))}: {notes[0] if notes else reason}")
+    motions = [item.motion for item in contents]
+    bones = [bone_lengths(motion.positions[motion.valid], motion.skeleton) for motion in motions]
+    lengths = np.average(bones, axis=0, weights=[motion.n_frames for motion in motions])
     source = ", ".join(dict.fromkeys(item.outline.name.rpartition("/")[0] for item in contents))
-    return UnitSet(tuple(units), contents[0].skeleton, lengths, params, source, tuple(notes))
+    return UnitSet(tuple(units), motions[0].skeleton, lengths, params, source, tuple(notes))
 
 
 class _Contents(NamedTuple):
-    """The parts of a recording that a set of units is made from; the recording itself is not kept."""
+    """The parts of a recording that a set of units needs; its sound is not kept."""
 
     folder: Path
     units: list[DanceUnit]  # not yet grouped
     outline: Outline
-    skeleton: Skeleton
-    bones: FloatArray
-    n_frames: int
-
-
-def _contents(recording: Recording, params: FeatureParams, step: int | None) -> _Contents:
-    """The contents of one recording."""
-    motion = _resampled(recording, params)
-    return _Contents(
-        recording.folder,
-        recording_units(recording, params, step=step, segments=()),
-        outline(recording),
-        motion.skeleton,
-        bone_lengths(motion.positions[motion.valid], motion.skeleton),
-        motion.n_frames,
-    )
-
-
-def _check_bodies(contents: Sequence[_Contents]) -> None:
-    """ValueError, naming two folders, unless all skeletons are equal."""
-    for item in contents[1:]:
-        if item.skeleton != contents[0].skeleton:
-            raise ValueError(
-                f"{item.folder}: has another skeleton ({len(item.skeleton.joints)} joints) than {contents[0].folder} "
-                f"({len(contents[0].skeleton.joints)} joints); train on one body"
-            )
+    motion: Motion  # at the rate of the features
 
 
 def _folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
@@ -296,8 +266,7 @@ def _folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
     for root in roots:
         paths, problems = find_recordings(root)
         notes += [problem.message for problem in problems]
-        for path in paths:
-            folders.setdefault(path.resolve(), path)
+        folders |= {path.resolve(): path for path in paths if path.resolve() not in folders}
     fast = [path for path in folders if path.name == TOO_FAST and not (path / "beats.json").is_file()]
     notes += [f"{folders.pop(path)}: left out, its motion is 2.2 times too fast" for path in fast]
     return list(folders.values()), notes

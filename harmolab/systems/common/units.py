@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from harmolab.systems.common.priors import initial_poses
 from harmolab.types import FloatArray, Skeleton
 
 SingleArray = NDArray[np.float32]
+A = TypeVar("A")  # array or tensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,15 +126,16 @@ class UnitSet:
                 raise ValueError(f"the mask must have one entry per unit ({len(self)}), got shape {names.shape}")
             return replace(self, units=tuple(unit for unit, keep in zip(self.units, names, strict=True) if keep))
         selected = {str(name) for name in names}
-        missing = sorted(selected - {unit.name for unit in self.units})
-        if missing:
+        if missing := sorted(selected - {unit.name for unit in self.units}):
             raise ValueError(f"no unit is called {missing[0]!r}")
         return replace(self, units=tuple(unit for unit in self.units if unit.name in selected))
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
-    """Units padded to the longest of them, single precision. Padding repeats the last frame; its mask is 0.
+class Batch(Generic[A]):
+    """Units padded to the longest of them, arrays or tensors of single precision.
+
+    Padding repeats the last frame; its mask is 0.
 
     Parameters
     ----------
@@ -142,17 +144,17 @@ class Batch:
     beats, strengths, beat_mask : (N, B), seconds from frame 0, strengths, 1 where there is a beat
     """
 
-    audio: SingleArray
-    motion: SingleArray
-    initial: SingleArray
-    index: SingleArray
-    mask: SingleArray
-    beats: SingleArray
-    strengths: SingleArray
-    beat_mask: SingleArray
+    audio: A
+    motion: A
+    initial: A
+    index: A
+    mask: A
+    beats: A
+    strengths: A
+    beat_mask: A
 
 
-def collate(units: Sequence[DanceUnit]) -> Batch:
+def collate(units: Sequence[DanceUnit]) -> Batch[SingleArray]:
     """A batch of units, padded to the longest.
 
     Raises
@@ -162,11 +164,10 @@ def collate(units: Sequence[DanceUnit]) -> Batch:
     """
     if not units:
         raise ValueError("a batch needs at least one unit")
-    initial = [initial_poses(unit.motion, unit.index) for unit in units]
     return Batch(
         _stacked([unit.audio for unit in units]),
         _stacked([unit.motion for unit in units]),
-        _stacked(initial),
+        _stacked([initial_poses(unit.motion, unit.index) for unit in units]),
         _stacked([unit.index for unit in units], fill=0.0),
         _stacked([np.ones(unit.n_frames) for unit in units], fill=0.0),
         _stacked([unit.beats for unit in units], fill=0.0),

@@ -20,10 +20,10 @@ from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
 import safetensors.torch
 import torch
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 
-from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, reading
+from harmolab.io.files import MAX_TEXT_BYTES, PathLike, atomic_write, read_json, reading
 from harmolab.types import Skeleton
 
 FORMAT = 1
@@ -40,7 +40,7 @@ _OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay", 
 
 @runtime_checkable
 class Stored(Protocol):
-    """A torch network that says of itself what it takes to build it again."""
+    """A torch network that describes itself, so that it can be built again."""
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
@@ -56,7 +56,7 @@ N = TypeVar("N", bound=nn.Module)
 def save_weights(
     path: PathLike, module: nn.Module, meta: Mapping[str, Any] | None = None, *, half: bool = False
 ) -> None:
-    """Write a network to ``<path>.safetensors`` and ``<path>.json``, aside and then renamed.
+    """Write a network to ``<path>.safetensors`` and ``<path>.json``; both appear whole or not at all.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def save_weights(
     """
     if not isinstance(module, Stored):
         raise ValueError(f"weights of networks that describe themselves can be stored, got {type(module).__name__}")
-    stem = _stem(path)
+    stem = weights_stem(path)
     tensors = {name: _stored(name, values, half=half) for name, values in module.state_dict().items()}
     _check_finite(stem, tensors)
     data = safetensors.torch.save(tensors)
@@ -89,11 +89,14 @@ def save_weights(
         "meta": dict(meta or {}),
     }
     text = json.dumps(about, indent=1, allow_nan=False)
-    _publish({_tensor_file(stem): data, _json_file(stem): text.encode()})
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(_json_file(stem)) as text_part, atomic_write(_tensor_file(stem)) as tensor_part:
+        write_synced(text_part, text.encode())
+        write_synced(tensor_part, data)
 
 
-def load_weights(path: PathLike, wanted: type[N]) -> N:
-    """The network of class `wanted` stored at `path`, on the CPU, in single precision and evaluation mode.
+def load_weights(path: PathLike, network: type[N]) -> N:
+    """The network of class `network` stored at `path`, on the CPU, in single precision and evaluation mode.
 
     Everything is checked on the way: description, hash, names and shapes, values.
 
@@ -101,7 +104,7 @@ def load_weights(path: PathLike, wanted: type[N]) -> N:
     ----------
     path : str or path
         As in `save_weights`.
-    wanted : class of torch modules that are `Stored`
+    network : class of torch modules that are `Stored`
 
     Raises
     ------
@@ -111,28 +114,28 @@ def load_weights(path: PathLike, wanted: type[N]) -> N:
         It is damaged, foreign, of another size than its description says, holds NaN, lacks its JSON, or is a pickle;
         the message names the file and the fault.
     """
-    stem = _stem(path)
+    stem = weights_stem(path)
     file = _tensor_file(stem)
     with reading(file, _WHAT):
         data = file.read_bytes()
         if not _json_file(stem).is_file():
             raise ValueError(f"lacks its description {_json_file(stem).name}, which must lie beside it")
         about = read_about(stem)
-        if about.get("class") != wanted.__name__:
-            raise ValueError(f"holds a {about.get('class')}, not a {wanted.__name__}")
-        tensors = _tensors(data)
+        if about.get("class") != network.__name__:
+            raise ValueError(f"holds a {about.get('class')}, not a {network.__name__}")
+        tensors, _ = read_tensors(file)
         if hashlib.sha256(data).hexdigest() != about.get("sha256"):
             raise ValueError(f"is not the file that {_json_file(stem).name} describes (SHA-256 differs)")
         _check_finite(stem, tensors)
         # Without memory of its own ("meta" device): a false description cannot fill the machine.
         with torch.device("meta"):
-            module = wanted.built(about["build"], tensors)  # type: ignore[attr-defined]
+            module = network.built(about["build"], tensors)  # type: ignore[attr-defined]
         return _filled(module, tensors)
 
 
 def read_about(path: PathLike) -> dict[str, Any]:
-    """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as it was given on saving."""
-    file = _json_file(_stem(path))
+    """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as passed to `save_weights`."""
+    file = _json_file(weights_stem(path))
     with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
         about = read_json(file)
         if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
@@ -142,8 +145,8 @@ def read_about(path: PathLike) -> dict[str, Any]:
     return about
 
 
-def _stem(path: PathLike) -> Path:
-    """The path without the suffix of either file; ValueError for a pickle."""
+def weights_stem(path: PathLike) -> Path:
+    """The path without the suffix of either file, "model" inside a folder; ValueError for a pickle."""
     path = Path(path)
     if path.suffix.lower() in _PICKLES:
         raise ValueError(f"{path}: pickled weights are never loaded, they can run any code; convert to safetensors")
@@ -174,26 +177,19 @@ def _check_finite(stem: Path, tensors: Mapping[str, Tensor]) -> None:
             raise ValueError(f"{_tensor_file(stem)}: {name} holds NaN or infinity")
 
 
-def _publish(files: Mapping[Path, bytes]) -> None:
-    """Write every file aside, then rename all of them."""
-    asides = {path: path.with_name(f".{path.name}.{os.getpid()}.part") for path in files}
-    try:
-        for path, data in files.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with asides[path].open("wb") as aside:
-                aside.write(data)
-                aside.flush()
-                os.fsync(aside.fileno())
-        for path, part in asides.items():
-            part.replace(path)
-    finally:
-        for part in asides.values():
-            part.unlink(missing_ok=True)
+def write_synced(path: Path, data: bytes) -> None:
+    """Write a file, on disk when this returns: not even a power failure after a rename leaves half of it."""
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
-def _tensors(data: bytes) -> dict[str, Tensor]:
+def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """Tensors and metadata of a safetensors file; call it inside `reading`, which names the file in errors."""
     try:
-        return safetensors.torch.load(data)
+        with safe_open(path, framework="pt") as file:
+            return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"is damaged or no safetensors file ({error})") from None
 

@@ -1,4 +1,4 @@
-"""What a network is made of, measured by running it once: parts that learn, their layers, sizes and shapes (Fig. 7)."""
+"""Parts of a network measured by running it once: their layers, sizes and shapes (Fig. 7)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from harmolab.systems.common.units import Batch
+from harmolab.systems.common.layers import parameter_count
+from harmolab.systems.common.units import Batch, SingleArray
 from harmolab.systems.harmogan.networks import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
 
 
@@ -22,10 +23,10 @@ class Part:
     Parameters
     ----------
     network : "generator", "cross_domain" or "spatial_temporal"
-    name : argument of ``forward``, attribute of the network ("joining.0" inside a list), or field of what it returns
+    name : argument of ``forward``, attribute of the network ("joining.0" inside a list), or field of its output
     layers : "input", "output", or the layers inside, such as "GRU" or "3 Conv1d"
     parameters : int, values that training changes
-    shape : shape of one unit's share of what comes out; units that are cut have the number of pieces in front
+    shape : shape of the output for one unit; units that are cut have the number of pieces in front
     """
 
     network: str
@@ -35,7 +36,7 @@ class Part:
     shape: str
 
 
-def anatomy(generator: Generator, batch: Batch) -> list[Part]:
+def anatomy(generator: Generator, batch: Batch[SingleArray]) -> list[Part]:
     """Parts of a generator and of the two discriminators of its size, by running them on a batch.
 
     Parameters
@@ -44,7 +45,7 @@ def anatomy(generator: Generator, batch: Batch) -> list[Part]:
     batch : Batch of units for it
     """
     audio, initial, motion, mask = map(torch.from_numpy, (batch.audio, batch.initial, batch.motion, batch.mask))
-    with torch.random.fork_rng(devices=[]):  # looking must not change what is trained afterwards
+    with torch.random.fork_rng(devices=[]):  # measuring must not change a training that follows
         cross = CrossDomainDiscriminator(generator.params, generator.n_audio, generator.skeleton)
         temporal = SpatialTemporalDiscriminator(generator.params, generator.skeleton)
     return [
@@ -67,8 +68,7 @@ def parts_of(title: str, network: nn.Module, **inputs: Tensor) -> list[Part]:
 
     def note(name: str, module: nn.Module, _: Any, result: Any) -> None:
         shape = (result[0] if isinstance(result, tuple) else result).shape
-        count = sum(weights.numel() for weights in module.parameters())
-        parts.append(Part(title, name, layers_of(module), count, shape_text(shape, n_units)))
+        parts.append(Part(title, name, layers_of(module), parameter_count(module), shape_text(shape, n_units)))
 
     hooks = [module.register_forward_hook(partial(note, name)) for name, module in _learning_parts(network)]
     try:
@@ -97,7 +97,7 @@ def layers_of(module: nn.Module) -> str:
 
 
 def shape_text(shape: tuple[int, ...], n_units: int) -> str:
-    """The shape of one unit's share in a batch; units that were cut into several pieces have their number in front.
+    """The shape of one unit in a batch; units that were cut into several pieces have their number in front.
 
     >>> shape_text((10, 60), 10), shape_text((50, 128), 10), shape_text((10,), 10)
     ('60', '5 of 128', '1')

@@ -1,18 +1,15 @@
 """Dances of any length: meter by meter, each from the end of the last (paper Sec. 4.1, Fig. 7b).
 
 For every meter the generator is given its music and the beats before it, and as initial poses what was danced in those
-beats (Eq. 23). What it makes of the beats before (TI = 1) is thrown away; its meter goes on from where the last one
-ended. The first meter follows a movement from the bank of poses, brought to the music's tempo.
+beats (Eq. 23). Its output for the beats before (TI = 1) is thrown away; its meter is continued from the end of the
+last one. The first meter follows a movement from the bank of poses, brought to the music's tempo.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from harmolab.beats.audio import audio_beats
 from harmolab.io.files import Progress, silent
@@ -38,7 +35,7 @@ def synthesize_dance(
     seconds: float | None = None,
     start: float = 0.0,
     seed: int = 0,
-    poses: PoseBank | ArrayLike | None = None,
+    poses: PoseBank | None = None,
     initial: Motion | None = None,
     dance: str | None = None,
     plant_feet: bool = True,
@@ -55,8 +52,8 @@ def synthesize_dance(
     seconds : float, length of the dance; to the end of the music when left out or longer
     start : float, seconds of audio time
     seed : int
-        Chooses the movement that the dance starts from: another seed, another dance.
-    poses : PoseBank or (K, T0, C) array of motion codes to start from
+        Draws the movement that the dance starts from: another seed, another dance.
+    poses : PoseBank of movements to start from
         Left out: the mean pose at rest, which makes the same dance for every seed.
     initial : Motion of the generator's skeleton that the dance goes on from; then `seed` draws nothing
     dance : name of a dance; starts from a movement of that dance if the bank has one
@@ -83,17 +80,17 @@ def synthesize_dance(
     n_frames = _length(audio, start, seconds, generator.fps)
     if generator.features is None:
         raise ValueError("this generator does not say which audio features it hears; build it with features=...")
-    clip = _first_movement(generator, poses, dance, seed) if initial is None else _coded(generator, initial)
+    code = _first_movement(generator, poses, dance, seed) if initial is None else _coded(generator, initial)
     track = audio_beats(audio, tempo=dance if dance in DANCES else None) if beats is None else beats
     meters = meter_frames(track, generator.features, start=start, n_frames=n_frames, fps=generator.fps)
     first, last = meters[0].begin, meters[-1].end
     times = start + np.arange(first, last) / generator.fps
     music = audio_features(audio, track, times, generator.features)
     if initial is None:  # a movement of the bank fills the beats before a meter of four
-        taken = max(1, round(meters[0].share * len(clip)))
-        prior = retimed(clip[-taken:], meters[0].meter - first)
-    else:  # what was danced before keeps its speed, and ends where the dance begins: the meter may be under way
-        prior = retimed(clip[first:], -first)
+        length = max(1, round(meters[0].share * len(code)))
+        prior = retimed(code[-length:], meters[0].meter - first)
+    else:  # `initial` keeps its speed, and ends where the dance begins, which may be inside a meter
+        prior = retimed(code[first:], -first)
     code = _danced(generator, music, meters, prior, progress)[-first : n_frames - first]
     positions = decode_motion(_with_bones(generator, code), generator.fps, generator.skeleton)
     positions = on_floor(positions, generator.fps)
@@ -115,17 +112,19 @@ def _length(audio: Audio, start: float, seconds: float | None, fps: float) -> in
     return n_frames
 
 
-def _first_movement(
-    generator: Generator, poses: PoseBank | ArrayLike | None, dance: str | None, seed: int
-) -> FloatArray:
-    """The motion code (T0, C) that a dance starts from, drawn by `seed`."""
-    if dance and dance not in DANCES and not (isinstance(poses, PoseBank) and dance in poses.dances):
-        known = sorted({*DANCES, *(poses.dances if isinstance(poses, PoseBank) else ())} - {""})
-        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(known)}")
-    clips = _clips(generator, poses, dance)
-    if clips.ndim != 3 or 0 in clips.shape or clips.shape[2] != generator.n_motion:
+def _first_movement(generator: Generator, poses: PoseBank | None, dance: str | None, seed: int) -> FloatArray:
+    """The motion code (T0, C) that a dance starts from, drawn by `seed`; without a bank the mean pose, at rest."""
+    names = {*DANCES, *(() if poses is None else poses.dances)} - {""}
+    if dance and dance not in names:
+        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted(names))}")
+    if poses is None:
+        mean = generator.motion_scale.mean.detach().cpu().double().numpy().copy()
+        mean[-PATH_CHANNELS:] = 0.0
+        return mean[None]
+    clips = poses.of(dance)
+    if clips.shape[2] != generator.n_motion:
         raise ValueError(f"poses must be motion codes (K, T0, {generator.n_motion}), got shape {clips.shape}")
-    # Seeds that follow one another choose different movements, until all have had their turn.
+    # Consecutive seeds draw different movements, until each was drawn once.
     return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
 
 
@@ -138,60 +137,32 @@ def _coded(generator: Generator, motion: Motion) -> FloatArray:
     return encode_motion(motion.positions, motion.fps, motion.skeleton).astype(np.float64)
 
 
-def _clips(generator: Generator, poses: PoseBank | ArrayLike | None, dance: str | None) -> FloatArray:
-    """The motion codes to choose from; without any, the mean pose, at rest."""
-    if isinstance(poses, PoseBank):
-        return poses.of(dance)
-    if poses is not None:
-        return np.asarray(poses, dtype=np.float64)
-    mean = generator.motion_scale.mean.detach().cpu().double().numpy().copy()
-    mean[-PATH_CHANNELS:] = 0.0
-    return mean[None, None]
-
-
+@torch.inference_mode()
 def _danced(
-    generator: Generator,
-    music: NDArray[np.float32],
-    meters: list[MeterFrames],
-    prior: FloatArray,
-    progress: Progress,
+    generator: Generator, music: NDArray[np.float32], meters: list[MeterFrames], prior: FloatArray, progress: Progress
 ) -> FloatArray:
     """The motion code (T, C) of all meters, one after the other, from the end of `prior` (P, C), its first frames."""
     origin = meters[0].begin
     code = np.zeros((meters[-1].end - origin, generator.n_motion))
     code[: len(prior)] = prior
-    with _evaluating(generator):
-        for meter in progress(meters, "dancing"):
-            begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
-            motion = _meter(generator, music[begin:end], code[begin:end], now - begin)
-            new = max(now, len(prior))
-            code[new:end] = continued(code[:new], motion[new - now :], generator.fps)
+    for meter in progress(meters, "dancing"):
+        begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
+        motion = _meter(generator, music[begin:end], code[begin:end], now - begin)
+        new = max(now, len(prior))
+        code[new:end] = continued(code[:new], motion[new - now :], generator.fps)
     return code
 
 
 def _meter(generator: Generator, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
-    """Motion code of one meter, (T - n_prior, C), from its music (T, F) and what was danced before."""
+    """Motion code of one meter, (T - n_prior, C), from its music (T, F) and the code (T, C) danced so far."""
     initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
     device = generator.bone_lengths.device
     motion = generator(torch.from_numpy(music[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
     return motion[0, n_prior:].double().cpu().numpy()
 
 
-@contextmanager
-def _evaluating(generator: Generator) -> Iterator[None]:
-    """Without gradients, and with the generator in the mode for use; then as it was."""
-    training = generator.training
-    generator.eval()
-    try:
-        with torch.inference_mode():
-            yield
-    finally:
-        generator.train(training)
-
-
 def _with_bones(generator: Generator, code: FloatArray) -> FloatArray:
-    """The code (T, C) with every bone at the generator's length: what fades at a border changes lengths a little."""
-    with torch.inference_mode():
-        local = local_joints(torch.from_numpy(code)[None])
-        fixed = fix_bones(local, generator.skeleton.parents, generator.bone_lengths.cpu().double())
+    """The code (T, C) with every bone at the generator's length, which fading at a border has changed a little."""
+    local = local_joints(torch.from_numpy(code)[None])
+    fixed = fix_bones(local, generator.skeleton.parents, generator.bone_lengths.cpu().double())
     return np.concatenate([fixed[0].flatten(1).numpy(), code[:, -PATH_CHANNELS:]], axis=1)

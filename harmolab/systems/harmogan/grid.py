@@ -25,7 +25,7 @@ class MeterFrames:
     begin, meter, end : int
         First frame of the beats before, first frame of the meter, frame after its last. `begin` may be negative.
     share : float
-        How much of the longest possible prior (before a meter of four beats) the beats before make up.
+        Length of the beats before, as a share of the longest possible prior (before a meter of four beats).
     """
 
     begin: int
@@ -93,11 +93,11 @@ def meter_frames(
     shifted = times - times[0]  # a beat track has no negative times
     spans = meter_spans(BeatTrack(shifted, strengths, track.fps, float(shifted[-1]) + 1.0), features)
     frames = np.floor((times - start) * fps + EDGE).astype(np.int64)
-    found = []
+    meters = []
     for first, count in spans:
         meter, end = int(frames[first]), int(frames[first + count])
         before = min(max(longest - count, 1), first)
         if end > max(meter, 0) and meter < n_frames and before:
             begin = min(int(frames[first - before]), meter - 1)
-            found.append(MeterFrames(begin, meter, end, min(before / (longest - 4), 1.0)))
-    return found
+            meters.append(MeterFrames(begin, meter, end, min(before / (longest - 4), 1.0)))
+    return meters

@@ -25,7 +25,7 @@ from harmolab.types import Skeleton
 
 # Parts in time that the spatial-temporal discriminator looks at (Sec. 4.2).
 SEGMENTS = 5
-# Seconds before and after a moment that the encoder hears at once: a dancer must know of a beat before it comes.
+# Seconds before and after a moment in the reach of the encoder: a dancer must know of a beat before it comes.
 _HORIZON = 0.7
 # Size of the last layers' first weights: an untrained generator returns the initial poses, nearly.
 _FIRST_CORRECTION = 0.01
@@ -65,7 +65,17 @@ def _perceptron(n_in: int, n_hidden: int, n_out: int, *, first: float = 1.0) -> 
     return nn.Sequential(nn.Linear(n_in, n_hidden), nn.LeakyReLU(_SLOPE), last)
 
 
-class Generator(nn.Module):
+class _Normalised(nn.Module):
+    """A network with a `Normaliser` of motion, and maybe one of audio."""
+
+    def set_statistics(self, statistics: Statistics) -> None:
+        """Normalise by the training split from now on."""
+        for name, scale in self.named_children():
+            if isinstance(scale, Normaliser):
+                scale.set(*(statistics[:2] if name == "audio_scale" else statistics[2:]))
+
+
+class Generator(_Normalised):
     """G(A_f, V_f) = V' (Sec. 4.2, Fig. 7c): music and initial poses in, motion out, all frames of a unit at once.
 
     A GRU encodes the music; the features of the initial poses are concatenated with it; a GRU decodes both into poses.
@@ -73,7 +83,7 @@ class Generator(nn.Module):
     (x, y), a second lifts them to 3-D, a third moves the root. Where the paper is silent, we chose:
 
     * Heads give corrections to the initial poses V_f, in standard deviations, not poses. Training starts from V_f.
-    * The encoder hears 0.7 s around each moment through a convolution, so that movement can be prepared.
+    * A convolution over 0.7 s around each moment precedes the encoder, so that movement can be prepared.
     * Bones are set to their reference lengths at the end (`fix_bones`).
     * No noise: other initial poses give another dance.
 
@@ -87,7 +97,7 @@ class Generator(nn.Module):
     bone_lengths : (J,) tensor, metres, 0 at roots
     fps : float, hertz
     features : FeatureParams, optional
-        How the audio features are made; kept with the weights, so that a song can be danced to.
+        Settings of the audio features; kept with the weights, so that the generator can dance to a song.
     """
 
     system = "harmogan"
@@ -122,36 +132,32 @@ class Generator(nn.Module):
 
     def _build(self, params: ModelParams, n_joints: int) -> None:
         """The layers of Fig. 7c."""
-        hidden, seen = params.hidden, params.pose_features
+        hidden, channels = params.hidden, params.pose_features
         reach = max(1, round(_HORIZON * self.fps))
-        heard = max(1, hidden // 4)
-        self.hearing = nn.Conv1d(self.n_audio, heard, 2 * reach + 1, padding=reach, padding_mode="replicate")
-        self.encoder = nn.GRU(heard, hidden, params.layers, batch_first=True)
-        self.seeing = _perceptron(self.n_motion, seen, seen)
-        self.decoder = nn.GRU(hidden + seen, hidden, params.layers, batch_first=True)
-        joined = hidden + hidden + seen
-        self.flat_head = _perceptron(joined, seen, 2 * n_joints, first=_FIRST_CORRECTION)
-        self.depth_head = _perceptron(joined + 2 * n_joints, seen, n_joints, first=_FIRST_CORRECTION)
-        self.path_head = _perceptron(joined, seen, PATH_CHANNELS, first=_FIRST_CORRECTION)
-
-    def set_statistics(self, statistics: Statistics) -> None:
-        """Normalise by the training split from now on."""
-        self.audio_scale.set(statistics.audio_mean, statistics.audio_std)
-        self.motion_scale.set(statistics.motion_mean, statistics.motion_std)
+        self.hearing = nn.Conv1d(
+            self.n_audio, max(1, hidden // 4), 2 * reach + 1, padding=reach, padding_mode="replicate"
+        )
+        self.encoder = nn.GRU(max(1, hidden // 4), hidden, params.layers, batch_first=True)
+        self.seeing = _perceptron(self.n_motion, channels, channels)
+        self.decoder = nn.GRU(hidden + channels, hidden, params.layers, batch_first=True)
+        joined = hidden + hidden + channels
+        self.flat_head = _perceptron(joined, channels, 2 * n_joints, first=_FIRST_CORRECTION)
+        self.depth_head = _perceptron(joined + 2 * n_joints, channels, n_joints, first=_FIRST_CORRECTION)
+        self.path_head = _perceptron(joined, channels, PATH_CHANNELS, first=_FIRST_CORRECTION)
 
     def forward(self, audio: Tensor, initial: Tensor) -> GeneratorOutput:
         """Motion for music (N, T, F) and initial poses (N, T, C), both as they are (not normalised)."""
-        heard = self.hearing(self.audio_scale(audio).transpose(1, 2)).transpose(1, 2)
-        encoded, _ = self.encoder(nn.functional.leaky_relu(heard, _SLOPE))  # (N, T, hidden)
-        known = torch.cat([encoded, self.seeing(self.motion_scale(initial))], dim=-1)
-        decoded, _ = self.decoder(known)
-        joined = torch.cat([decoded, known], dim=-1)
+        music = self.hearing(self.audio_scale(audio).transpose(1, 2)).transpose(1, 2)
+        encoded, _ = self.encoder(nn.functional.leaky_relu(music, _SLOPE))  # (N, T, hidden)
+        features = torch.cat([encoded, self.seeing(self.motion_scale(initial))], dim=-1)
+        decoded, _ = self.decoder(features)
+        joined = torch.cat([decoded, features], dim=-1)
         flat = self.flat_head(joined)  # corrections to x and y, (N, T, 2 J)
         depth = self.depth_head(torch.cat([joined, flat], dim=-1))
         return self._assembled(initial, flat, depth, self.path_head(joined))
 
     def _assembled(self, initial: Tensor, flat: Tensor, depth: Tensor, path: Tensor) -> GeneratorOutput:
-        """Corrections in standard deviations, put onto the initial poses; bones get their lengths."""
+        """The output: corrections in standard deviations added to the initial poses, bones set to their lengths."""
         # Centimetres need more digits than the 8 bits of bfloat16.
         with torch.autocast(initial.device.type, enabled=False):
             pieces = (flat.unflatten(-1, (-1, 2)), depth[..., None])
@@ -198,7 +204,7 @@ def load_generator(path: PathLike) -> Generator:
 
 
 class _MaskedConvolution(nn.Module):
-    """Convolution over time that never sees padding: (N, T, in), (N, T) -> (N, T', out), (N, T')."""
+    """Convolution over time that leaves padding out: (N, T, in), (N, T) -> (N, T', out), (N, T')."""
 
     def __init__(self, n_in: int, n_out: int, *, stride: int = 1) -> None:
         super().__init__()
@@ -233,10 +239,10 @@ def _mean_over_time(values: Tensor, mask: Tensor) -> Tensor:
     return (values * mask[:, None]).sum(dim=2) / mask.sum(dim=1, keepdim=True).clamp(min=1.0)
 
 
-class CrossDomainDiscriminator(nn.Module):
+class CrossDomainDiscriminator(_Normalised):
     """D_cd: does this motion belong to this music? Two branches, features concatenated, one logit per clip (Sec. 4.2).
 
-    The features are concatenated moment by moment, so that it can hear whether both agree in time.
+    The features are concatenated moment by moment, so that agreement in time is an input.
     """
 
     def __init__(self, params: ModelParams, n_audio: int, skeleton: Skeleton) -> None:
@@ -247,46 +253,37 @@ class CrossDomainDiscriminator(nn.Module):
         self.both = _MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
         self.verdict = _perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
 
-    def set_statistics(self, statistics: Statistics) -> None:
-        """Normalise by the training split from now on."""
-        self.audio_scale.set(statistics.audio_mean, statistics.audio_std)
-        self.motion_scale.set(statistics.motion_mean, statistics.motion_std)
-
     def forward(self, audio: Tensor, motion: Tensor, mask: Tensor) -> Tensor:
         """Logits (N,), high for a true pair: audio (N, T, F), motion code (N, T, C), mask (N, T) of ones where real."""
-        heard, _ = self.hearing(self.audio_scale(audio).transpose(1, 2), mask)
-        seen, reduced = self.seeing(self.motion_scale(motion).transpose(1, 2), mask)
-        both, reduced = self.both(torch.cat([heard, seen], dim=1), reduced)
+        music, _ = self.hearing(self.audio_scale(audio).transpose(1, 2), mask)
+        movement, reduced = self.seeing(self.motion_scale(motion).transpose(1, 2), mask)
+        both, reduced = self.both(torch.cat([music, movement], dim=1), reduced)
         return self.verdict(_mean_over_time(both, reduced)).squeeze(-1)
 
 
-class SpatialTemporalDiscriminator(nn.Module):
+class SpatialTemporalDiscriminator(_Normalised):
     """D_st: is this how people move? Five even segments, their features concatenated one after the other (Sec. 4.2).
 
-    Segment k's features are joined to what is known of segments 1 to k - 1. Every clip is cut by its own length.
+    Segment k's features are joined to those of segments 1 to k - 1. Every clip is cut by its own length.
     """
 
     def __init__(self, params: ModelParams, skeleton: Skeleton) -> None:
         super().__init__()
-        n_motion, known = 3 * len(skeleton.joints) + PATH_CHANNELS, 4 * params.discriminator
+        n_motion, size = 3 * len(skeleton.joints) + PATH_CHANNELS, 4 * params.discriminator
         self.motion_scale = Normaliser(n_motion)
         self.seeing = _Branch(n_motion, params.discriminator)
-        self.joining = nn.ModuleList(nn.Linear(2 * known, known) for _ in range(SEGMENTS - 1))
-        self.verdict = _perceptron(known, 2 * params.discriminator, 1)
-
-    def set_statistics(self, statistics: Statistics) -> None:
-        """Normalise by the training split from now on."""
-        self.motion_scale.set(statistics.motion_mean, statistics.motion_std)
+        self.joining = nn.ModuleList(nn.Linear(2 * size, size) for _ in range(SEGMENTS - 1))
+        self.verdict = _perceptron(size, 2 * params.discriminator, 1)
 
     def forward(self, motion: Tensor, mask: Tensor) -> Tensor:
         """Logits (N,), high for recorded motion: motion code (N, T, C), mask (N, T) of ones where real."""
         pieces, masks = segments(self.motion_scale(motion), mask)  # (N, 5, W, C), (N, 5, W)
-        seen, reduced = self.seeing(pieces.flatten(0, 1).transpose(1, 2), masks.flatten(0, 1))
-        features = _mean_over_time(seen, reduced).unflatten(0, (-1, SEGMENTS))  # (N, 5, known)
-        known = features[:, 0]
+        movement, reduced = self.seeing(pieces.flatten(0, 1).transpose(1, 2), masks.flatten(0, 1))
+        features = _mean_over_time(movement, reduced).unflatten(0, (-1, SEGMENTS))  # (N, 5, size)
+        joined = features[:, 0]
         for step, join in enumerate(self.joining, start=1):
-            known = nn.functional.leaky_relu(join(torch.cat([known, features[:, step]], dim=-1)), 0.2)
-        return self.verdict(known).squeeze(-1)
+            joined = nn.functional.leaky_relu(join(torch.cat([joined, features[:, step]], dim=-1)), 0.2)
+        return self.verdict(joined).squeeze(-1)
 
 
 def segments(values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:

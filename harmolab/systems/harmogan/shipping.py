@@ -1,4 +1,4 @@
-"""Weights that may be given to others: 16 bits, and no recorded movement in them.
+"""Weights for publication: 16 bits, and no recorded movement in them.
 
 A run keeps a bank of recorded movements for its dances to start from. Recordings are not ours to publish, so a
 published bank holds movements that the generator itself danced, to synthetic music.
@@ -18,7 +18,6 @@ from harmolab.systems.common.poses_bank import PoseBank, load_poses, retimed, sa
 from harmolab.systems.common.weights import read_about, save_weights
 from harmolab.systems.harmogan.generate import synthesize_dance
 from harmolab.systems.harmogan.networks import Generator, load_generator
-from harmolab.types import FloatArray
 
 SECONDS = 24.0  # of each dance
 SETTLED = 10.0  # seconds after which nothing of the movement it started from is left: several meters
@@ -49,21 +48,16 @@ def ship(run: Path, out: Path, *, per_dance: int = 8, seed: int = 0) -> None:
 
 
 def danced_bank(generator: Generator, bank: PoseBank, *, per_dance: int, seed: int) -> PoseBank:
-    """A bank like `bank`, of movements that the generator makes: each from the settled part of a dance of its own."""
+    """A bank like `bank`, of generated movements: each from the settled part of another dance to synthetic music."""
     names = sorted({name for name in bank.dances if name in DANCES}) or sorted(DANCES)
     frames = bank.poses.shape[1]
     rng = np.random.default_rng(seed)
-    asked = [(name, number) for name in names for number in range(per_dance)]
-    made = [_movement(generator, bank, name, number, frames, rng) for name, number in asked]
-    return PoseBank(np.stack(made), tuple(name for name, _ in asked))
-
-
-def _movement(
-    generator: Generator, bank: PoseBank, name: str, number: int, frames: int, rng: np.random.Generator
-) -> FloatArray:
-    """A motion code (frames, C) out of a dance to synthetic music."""
-    clip = synthetic_clip(name, seconds=SECONDS, seed=int(rng.integers(2**31)))
-    motion = synthesize_dance(generator, clip.audio, beats=clip.beats, seed=number, poses=bank, dance=name)
-    first = int(rng.integers(round(SETTLED * motion.fps), motion.n_frames - frames))
-    code = encode_motion(motion.positions, motion.fps, motion.skeleton)
-    return retimed(code[first : first + frames], frames)
+    codes, dances = [], [name for name in names for _ in range(per_dance)]
+    for number, name in enumerate(dances):
+        clip = synthetic_clip(name, seconds=SECONDS, seed=int(rng.integers(2**31)))
+        seed = number % per_dance
+        motion = synthesize_dance(generator, clip.audio, beats=clip.beats, seed=seed, poses=bank, dance=name)
+        first = int(rng.integers(round(SETTLED * motion.fps), motion.n_frames - frames))
+        code = encode_motion(motion.positions, motion.fps, motion.skeleton)
+        codes.append(retimed(code[first : first + frames], frames))
+    return PoseBank(np.stack(codes), tuple(dances))

@@ -117,9 +117,9 @@ class HarmoGAN:
         from harmolab.systems.common.phases import make_fabric
         from harmolab.systems.harmogan.train import train_harmogan
 
-        for name, value, known in (("preset", preset, PRESETS), ("params", params, LOSSES)):
-            if value not in known:
-                raise ValueError(f"{name} must be {' or '.join(known)}, got {value!r}")
+        for name, value, choices in (("preset", preset, PRESETS), ("params", params, LOSSES)):
+            if value not in choices:
+                raise ValueError(f"{name} must be {' or '.join(choices)}, got {value!r}")
         settings: TrainParams = replace(getattr(TrainParams, params)(), **changes)
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume)  # before the recordings are read, which takes minutes

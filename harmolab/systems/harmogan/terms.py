@@ -44,14 +44,7 @@ def kl_loss(flat: Tensor, target: Tensor, mask: Tensor, *, spread: float = 0.1) 
     return _means(divergence, mask.to(flat.dtype)).mean()
 
 
-def charbonnier_mse(
-    motion: Tensor,
-    target: Tensor,
-    index: Tensor,
-    mask: Tensor,
-    *,
-    epsilon: float = 1e-3,
-) -> Tensor:
+def charbonnier_mse(motion: Tensor, target: Tensor, index: Tensor, mask: Tensor, *, epsilon: float = 1e-3) -> Tensor:
     """Distance of every frame from the recorded one, prior frames counting half, added up over time (Eq. 25).
 
     ``sum_t sqrt(W_tp(t) |V(t) - G(t)|^2 + epsilon^2)`` with ``W_tp = (2 - TI) / 2``; the square is that of the whole
@@ -90,11 +83,9 @@ def feature_loss(maps: Sequence[Tensor], targets: Sequence[Tensor], *, epsilon: 
     if not maps or [each.shape for each in maps] != [each.shape for each in targets]:
         shapes = [tuple(each.shape) for each in maps], [tuple(each.shape) for each in targets]
         raise ValueError(f"feature maps must be two equal lists of layers, got shapes {shapes[0]} and {shapes[1]}")
-    distances = []
-    for ours, theirs in zip(maps, targets, strict=True):
-        square = (ours - theirs).square().movedim(2, 1).flatten(2).mean(dim=-1)  # (N, T')
-        distances.append(torch.sqrt(square + epsilon**2).sum(dim=1).mean())
-    return torch.stack(distances).mean()
+    differences = (ours - theirs for ours, theirs in zip(maps, targets, strict=True))
+    squares = [each.square().movedim(2, 1).flatten(2).mean(dim=-1) for each in differences]  # (N, T') a layer
+    return torch.stack([torch.sqrt(square + epsilon**2).sum(dim=1).mean() for square in squares]).mean()
 
 
 def literal_harmony_loss(score: HarmonyScore) -> float:
@@ -121,9 +112,9 @@ def above_chance_loss(soft: SoftHarmony, *, count_weight: float = 1.0) -> Tensor
     Chance grows with every visual beat, so more beats alone win nothing; the count term keeps M near N from both sides
     alike. Clips without music beats count 0.
     """
-    heard = (soft.n_audio > 0).to(soft.above_chance.dtype)
+    has_beats = (soft.n_audio > 0).to(soft.above_chance.dtype)
     count = torch.log((soft.n_visual + 1) / (soft.n_audio + 1)).square()
-    return (heard * (count_weight * count - soft.above_chance)).mean()
+    return (has_beats * (count_weight * count - soft.above_chance)).mean()
 
 
 def adversarial_value(real: Tensor, fake: Tensor) -> Tensor:
@@ -137,7 +128,7 @@ def adversarial_value(real: Tensor, fake: Tensor) -> Tensor:
 
 
 def discriminator_loss(real: Tensor, fake: Tensor) -> Tensor:
-    """What D_cd and D_st minimise: the negative of the values they are to maximise (Eq. 29-30).
+    """The loss of D_cd and D_st: the negative of the values they are to maximise (Eq. 29-30).
 
     Parameters
     ----------
@@ -154,14 +145,14 @@ def generator_gan_loss(
     Parameters
     ----------
     cross_domain, spatial_temporal : (N,) logits; None for the first leaves it out
-    cross_domain_weight : float, w; what other weights are for: `harmolab.params.TrainParams`
+    cross_domain_weight : float, w; reasons for other weights: `harmolab.params.TrainParams`
     """
     movement = softplus(-spatial_temporal).mean()
     return movement if cross_domain is None else cross_domain_weight * softplus(-cross_domain).mean() + movement
 
 
 def jerk_loss(positions: Tensor, target: Tensor, mask: Tensor, *, fps: float) -> Tensor:
-    """How far the jerk exceeds that of the recorded motion: ``max(0, ratio of their root mean squares - 1)``.
+    """Excess of the jerk over that of the recorded motion: ``max(0, ratio of their root mean squares - 1)``.
 
     Parameters
     ----------
@@ -181,9 +172,9 @@ def jerk_loss(positions: Tensor, target: Tensor, mask: Tensor, *, fps: float) ->
 
 
 def energy_loss(positions: Tensor, target: Tensor, mask: Tensor) -> Tensor:
-    """How far the dance is livelier or calmer than the recorded one: ``|log ratio of their root mean square speeds|``.
+    """Difference in speed from the recorded dance: ``|log ratio of their root mean square speeds|``.
 
-    An answer that is wrong less often is a calm one, so pose losses alone teach to move less than anybody does.
+    A calm dance has a smaller error, so pose losses alone teach to move less than any dancer does.
 
     Parameters
     ----------
@@ -203,8 +194,7 @@ def energy_loss(positions: Tensor, target: Tensor, mask: Tensor) -> Tensor:
 def _root_mean_square_jerk(positions: Tensor, real: Tensor, fps: float) -> Tensor:
     """(N,) root mean square over joints and real frames of the length of the third derivative."""
     square = (positions.diff(n=3, dim=1) * fps**3).square().sum(dim=-1).mean(dim=-1)
-    mean = (square * real).sum(dim=1) / real.sum(dim=1).clamp(min=1)
-    return torch.sqrt(mean + 1e-12)
+    return torch.sqrt(_means(square, real) + 1e-12)
 
 
 def foot_loss(
@@ -217,7 +207,7 @@ def foot_loss(
     height: float = 0.03,
     same_dance: bool = True,
 ) -> Tensor:
-    """How much faster the feet slide than the recorded ones.
+    """Excess of the speed at which feet slide over that of the recorded ones.
 
     A foot is on the floor from one frame to the next when it is within `height` of its lowest place in the clip in
     both.
@@ -230,9 +220,9 @@ def foot_loss(
     fps : float, hertz
     height : float, metres
     same_dance : bool
-        Whether the motion should do what the target does: then a foot has to stand where the recorded one is on the
-        floor, and may slide as that one does. If not, it has to stand where it is on the floor itself, and may slide
-        as the recorded ones do on average.
+        True if the motion should equal the target: then a foot has to stand where the recorded one is on the floor,
+        and may slide as that one does. If False, it has to stand where it is on the floor itself, and may slide as the
+        recorded ones do on average.
 
     Returns
     -------
@@ -241,8 +231,8 @@ def foot_loss(
     _check_shapes(positions, target, mask)
     if not feet:
         raise ValueError("foot_loss needs the indices of the feet, got none")
-    chosen = torch.as_tensor(list(feet), device=positions.device)
-    ours, theirs = positions.index_select(2, chosen), target.index_select(2, chosen)
+    joints = torch.as_tensor(list(feet), device=positions.device)
+    ours, theirs = positions.index_select(2, joints), target.index_select(2, joints)
     contact, allowed = _contact(theirs, mask, height), _sliding(theirs, fps)
     if not same_dance:
         allowed = _means(allowed, contact)[:, None, None]
@@ -271,15 +261,14 @@ def _means(values: Tensor, counted: Tensor) -> Tensor:
     Losses are means over clips: that does not depend on how a batch is shared among processes; one over all frames
     would.
     """
-    sums, counts = ((part.flatten(1)).sum(dim=1) for part in (values * counted, counted))
+    sums, counts = (part.flatten(1).sum(dim=1) for part in (values * counted, counted))
     return sums / counts.clamp(min=1)
 
 
 def _check_shapes(motion: Tensor, target: Tensor, mask: Tensor) -> None:
     """ValueError unless motion and target agree, and the mask has one entry per frame."""
     if motion.shape != target.shape or motion.ndim < 3:
-        raise ValueError(
-            f"motion and target must have one shape (N, T, ...), got {tuple(motion.shape)} and {tuple(target.shape)}"
-        )
+        shapes = f"{tuple(motion.shape)} and {tuple(target.shape)}"
+        raise ValueError(f"motion and target must have one shape (N, T, ...), got {shapes}")
     if mask.shape != motion.shape[:2]:
         raise ValueError(f"mask must be {tuple(motion.shape[:2])}, one entry per frame; got {tuple(mask.shape)}")

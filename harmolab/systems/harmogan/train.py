@@ -23,15 +23,14 @@ from typing import Any
 import torch
 from lightning_fabric import Fabric
 
-from harmolab.io.files import PathLike
+from harmolab.io.files import PathLike, plain
 from harmolab.params import HarmonyParams
-from harmolab.systems.common.batches import Tensors
 from harmolab.systems.common.checkpoints import check_pretrained, open_folder
 from harmolab.systems.common.history import Report
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric, settings_of
+from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net, train_pose_net
 from harmolab.systems.common.poses_bank import pose_bank, poses_path, save_poses
-from harmolab.systems.common.shards import Batching, check_shards
+from harmolab.systems.common.shards import Batching, Tensors, check_shards
 from harmolab.systems.common.soft_harmony import anneal
 from harmolab.systems.common.splits import Split
 from harmolab.systems.common.units import UnitSet
@@ -91,17 +90,12 @@ def train_harmogan(
         process trains in it; if `pretrained` is a run on other data; if a batch cannot be shared by so many processes.
     """
     fabric, folder = fabric or make_fabric(), Path(folder)
-    pretrained = None if pretrained is None else Path(pretrained)
     batching = Batching(params.batch_size, params.shards, params.seed)
     check_shards(len(split.train), batching, fabric.world_size)
-    params = params if pretrained is None else replace(params, pretrain_epochs=0)
-    settings = settings_of(
-        model=model,
-        train=params,
-        features=split.train.features,
-        data=split.train.source,
-        pretrained=pretrained is not None,
-    )
+    if pretrained is not None:
+        pretrained, params = Path(pretrained), replace(params, pretrain_epochs=0)
+    records = {"model": model, "train": params, "features": split.train.features, "data": split.train.source}
+    settings = plain(records | {"pretrained": pretrained is not None})
     if pretrained is not None:
         check_pretrained(pretrained, settings, split)
     first = fabric.is_global_zero
@@ -127,16 +121,13 @@ def train_harmogan(
 def _pose_net(
     fabric: Fabric, split: Split, folder: Path, params: TrainParams, pretrained: Path | None, report: Report
 ) -> PoseNet:
-    """The pose network: taken over, or trained once by the first process."""
+    """The pose network, from `pretrained` or trained once by the first process."""
     if fabric.is_global_zero and not (folder / f"{POSE_NET}.json").is_file():
         if pretrained is None:
             net = train_pose_net(
-                split.train,
-                split.validation,
-                seed=params.seed,
-                epochs=params.pose_epochs,
+                split.train, split.validation, seed=params.seed, epochs=params.pose_epochs,
                 progress=lambda row: report({"phase": "pose network", **row}, params.pose_epochs),
-            )
+            )  # fmt: skip
         else:
             net = load_pose_net(pretrained / POSE_NET)
         save_weights(folder / POSE_NET, net, {"seed": params.seed})
@@ -151,10 +142,8 @@ def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: Pose
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
-        cross, temporal = (
-            CrossDomainDiscriminator(model, n_audio, skeleton),
-            SpatialTemporalDiscriminator(model, skeleton),
-        )
+        cross = CrossDomainDiscriminator(model, n_audio, skeleton)
+        temporal = SpatialTemporalDiscriminator(model, skeleton)
     statistics = Statistics.of(train.audio, train.motion, train.mask)
     for part in (generator, cross, temporal):
         part.set_statistics(statistics)
@@ -261,9 +250,7 @@ def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[
     -------
     dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_count_ratio (valleys within 0.1 s)
     """
-    generator.eval()
     motion = generator(units.audio, units.initial).motion
-    generator.train()
     paper = score_batch(generator, motion, units, HARD, HarmonyParams.paper())
     valleys = score_batch(generator, motion, units, HARD, HarmonyParams.valleys())
     return {
