@@ -20,7 +20,7 @@ from harmolab.lab.figures.ablation import (
     draw_trade_off,
     trade_off_figure,
 )
-from harmolab.lab.figures.choices import draw_choices, forced_choice_figure
+from harmolab.lab.figures.results import draw_choices, forced_choice_figure
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.figures.variants import LOOKS
 

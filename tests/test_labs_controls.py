@@ -20,8 +20,7 @@ from harmolab.lab.widgets.labs.corpus import corpus_lab
 from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.lab.widgets.labs.lab import Lab, params_line
 from harmolab.lab.widgets.labs.meter import meter_lab
-from harmolab.lab.widgets.labs.saliency import saliency_lab
-from harmolab.lab.widgets.labs.scoring import scoring_lab
+from harmolab.lab.widgets.labs.scoring import saliency_lab, scoring_lab
 from harmolab.lab.widgets.quickdraw import plain
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton

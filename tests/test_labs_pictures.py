@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 from harmolab.beats.visual import visual_beats
 from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.harmony import score_harmony
-from harmolab.lab.compare.batch import BeatBatch, rescore
-from harmolab.lab.widgets.labs.clips import Corpus
-from harmolab.lab.widgets.labs.corpus import corpus_lab, draw_corpus_lab
+from harmolab.lab.compare.batch import BeatBatch
+from harmolab.lab.widgets.labs.corpus import Corpus, corpus_lab, corpus_scores, draw_corpus_lab
 from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.lab.widgets.labs.meter import Song, draw_meter_lab, meter_lab
-from harmolab.lab.widgets.labs.saliency import draw_saliency_lab, saliency_lab
+from harmolab.lab.widgets.labs.scoring import draw_saliency_lab, saliency_lab
 from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip
@@ -163,7 +162,7 @@ def test_moved_music_scores_as_score_harmony_says():
     params = replace(HarmonyParams.valleys(), audio_threshold=0.0)
     flat = replace(stage.music, times=moved, strengths=np.ones(moved.size))
     by_hand = score_harmony(flat, visual_beats(stage.motion, params=params), params=params, n_rotations=0)
-    assert rescore(corpus.late("valleys", 0.4), params).hit_rate[0] == pytest.approx(by_hand.hit_rate)
+    assert corpus_scores(corpus, "valleys", params, 0.4).hit_rate[0] == pytest.approx(by_hand.hit_rate)
 
 
 def test_mode_sets_the_sliders_and_the_chosen_clip_stays():
@@ -178,11 +177,9 @@ def test_lab_that_starts_in_a_mode_has_its_settings():
     assert corpus_lab(exact_corpus(), mode="valleys", lag=0.1).line.endswith("subframe=True, lag=0.1)")
 
 
-def test_chosen_clip_is_named_ringed_and_handed_on():
-    opened: list[str] = []
-    lab = corpus_lab(exact_corpus(), on_clip=opened.append, mode="valleys")
+def test_chosen_clip_is_named_over_the_dots():
+    lab = corpus_lab(exact_corpus(), mode="valleys")
     lab.controls["clip"].value = 1
-    assert opened == ["b"]
     right = lab._figure.axes[1]
     assert [text.get_text() for text in right.texts] == ["b: 1.00 true, 0.00 wrong"]
 

@@ -26,7 +26,7 @@ from harmolab.harmony import score_harmony
 from harmolab.io.motion import save_motion
 from harmolab.kinematics import resample_motion
 from harmolab.lab.report.templates import framed
-from harmolab.lab.widgets.player import Dancer, Player, blind_page, player_page
+from harmolab.lab.widgets.player import Dancer, Player, blind_page
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 from tests.builders import planted_dance, still, track, write_dance, write_song
@@ -47,6 +47,11 @@ def dancer_with(
     visual: BeatTrack, motion: Motion, music: BeatTrack, name: str = "", params: HarmonyParams = VALLEYS
 ) -> Dancer:
     return Dancer(name, motion, score_harmony(music, visual, params=params, n_rotations=0))
+
+
+def player_page(audio: Audio, dancers: list[Dancer], **options: Any) -> str:
+    """The page of a player."""
+    return Player(audio, dancers, **options).page
 
 
 def page_of(clip: Clip, **options: Any) -> str:

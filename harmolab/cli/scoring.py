@@ -67,7 +67,7 @@ def score(
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
         measures = other_measures(clip, clock=clock) if others else {}
         if plot:
-            from harmolab.lab.figures.scores import score_figure
+            from harmolab.lab.figures.beats import score_figure
             from harmolab.lab.figures.style import write_figure
 
             write_figure(score_figure(scores, title=clip.name), plot)

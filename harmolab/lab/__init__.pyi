@@ -128,9 +128,9 @@ from .figures.beats import (
 from .figures.beats import (
     draw_tolerances as draw_tolerances,
 )
+from .figures.beats import score_figure as score_figure
 from .figures.cheating import CHEAT_MEASURES as CHEAT_MEASURES
 from .figures.cheating import cheating_figure as cheating_figure
-from .figures.choices import forced_choice_figure as forced_choice_figure
 from .figures.dance import dance_figure as dance_figure
 from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure
@@ -148,13 +148,13 @@ from .figures.results import (
 from .figures.results import (
     disturbances_figure as disturbances_figure,
 )
+from .figures.results import forced_choice_figure as forced_choice_figure
 from .figures.results import (
     patterns_figure as patterns_figure,
 )
 from .figures.results import (
     picks_figure as picks_figure,
 )
-from .figures.scores import score_figure as score_figure
 from .figures.style import (
     COLOURS as COLOURS,
 )
@@ -214,7 +214,7 @@ from .timing.performance import load_performance as load_performance
 from .widgets.labs.corpus import corpus_lab as corpus_lab
 from .widgets.labs.detector import detector_lab as detector_lab
 from .widgets.labs.meter import meter_lab as meter_lab
-from .widgets.labs.saliency import saliency_lab as saliency_lab
+from .widgets.labs.scoring import saliency_lab as saliency_lab
 from .widgets.labs.scoring import scoring_lab as scoring_lab
 from .widgets.player import Dancer as Dancer
 from .widgets.player import Player as Player

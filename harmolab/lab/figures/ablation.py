@@ -1,4 +1,4 @@
-"""Pictures of what a harmony loss buys and what it costs (Fig. 11): measures by variant, and the trade-off curve."""
+"""Gain and cost of a harmony loss (Fig. 11): measures by variant, and the trade-off curve."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def draw_measure(ax: Axes, rows: Iterable[Record], *, measure: str, targets: Tar
     ax : Axes
     rows : records with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus
     measure : name in `MEASURES`
-    targets : variant -> (least, most) that is asked of it, a pale green band in its row; either may be infinite
+    targets : variant -> (least, most) as its target, a pale green band in its row; either may be infinite
     """
     places = rows_by_name(ax, GENERATED)
     by_variant = {row["variant"]: row for row in rows if row["measure"] == measure}
@@ -84,8 +84,8 @@ def _shade(ax: Axes, across: tuple[float, float], up: tuple[float, float]) -> No
     ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, zorder=0, **look))
 
 
-def _asked(targets: Targets, before: Record, recorded: Record) -> dict[str, tuple[float, float]]:
-    """Targets in the units of the axes: relative ones times what they are relative to.
+def _absolute(targets: Targets, before: Record, recorded: Record) -> dict[str, tuple[float, float]]:
+    """Targets in the units of the axes: relative ones times their reference.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def _asked(targets: Targets, before: Record, recorded: Record) -> dict[str, tupl
 
 
 def draw_printed(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
-    """What the paper prints for one measure: hatched grey bars, which none of our own numbers has.
+    """The paper's printed values of one measure: hatched grey bars, which none of our own numbers has.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def draw_printed(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
 
 
 def ablation_figure(rows: Iterable[Record], targets: Targets) -> Figure:
-    """A row of panels for each corpus, one panel a measure, and above them, apart, what the paper prints.
+    """A row of panels for each corpus, one panel a measure, and above them, apart, the values printed in the paper.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def ablation_figure(rows: Iterable[Record], targets: Targets) -> Figure:
     titles = {"paper_harmony": "ours: {corpus}", "above_chance": "what the paper leaves out"}
 
     def draw(ax: Axes, records: list[Record], measure: str) -> None:
-        draw_measure(ax, records, measure=measure, targets=_asked_of_losses(records, targets, measure))
+        draw_measure(ax, records, measure=measure, targets=_row_targets(records, targets, measure))
         ax.set_title(titles.get(measure, "").format(**records[0]))
 
     with figure_style():
@@ -141,13 +141,13 @@ def ablation_figure(rows: Iterable[Record], targets: Targets) -> Figure:
     return figure
 
 
-def _asked_of_losses(rows: Sequence[Record], targets: Targets, measure: str) -> dict[str, tuple[float, float]]:
+def _row_targets(rows: Sequence[Record], targets: Targets, measure: str) -> dict[str, tuple[float, float]]:
     """variant with the harmony term -> (least, most) of a measure in the units of the axes; empty without a target."""
     means: dict[str, dict[str, float]] = {}
     for row in rows:
         means.setdefault(row["variant"], {})[row["measure"]] = row["mean"]
     losses = [name for name in GENERATED if f"{name}, without" in means and measure in targets]
-    return {name: _asked(targets, means[f"{name}, without"], means[RECORDED])[measure] for name in losses}
+    return {name: _absolute(targets, means[f"{name}, without"], means[RECORDED])[measure] for name in losses}
 
 
 def _draw_printed_row(axes: Sequence[Axes], rows: Sequence[Record]) -> None:
@@ -176,7 +176,7 @@ def draw_trade_off(
     target: tuple[float, float],
     least: float,
 ) -> Axes:
-    """Harmony above chance against what it costs, as the weight of the harmony term grows; what is asked for is green.
+    """Harmony above chance against its cost, as the weight of the harmony term grows; the targets are a green region.
 
     Parameters
     ----------
@@ -184,8 +184,8 @@ def draw_trade_off(
     sweep : records with "harmony_weight", "above_chance" and the measure, in order of weight
     others : name in `LOOKS` -> a record with "above_chance" and the measure, to compare with
     measure : name in `MEASURES`, on the x axis
-    target : (least, most) of the measure that is asked for; either may be infinite
-    least : float, the harmony above chance that is asked for
+    target : (least, most) of the measure; either may be infinite
+    least : float, target of the harmony above chance
     """
     look = LOOKS[WEIGHTED]
     points = [(row[measure], row["above_chance"], row["harmony_weight"]) for row in sweep]
@@ -206,7 +206,7 @@ def draw_trade_off(
 
 
 def _set_limits(ax: Axes, heights: Sequence[float], target: tuple[float, float]) -> None:
-    """Room for every mark, for 0 and 1, and for the ends of the region that is asked for."""
+    """Room for every mark, for 0 and 1, and for the ends of the region of the targets."""
     ax.margins(x=0.12)
     left, right = ax.get_xlim()
     ax.set_xlim(min(left, 0.9 * target[0] if np.isfinite(target[0]) else 0.0), max(right, 1.08 * target[1]))
@@ -229,10 +229,10 @@ def trade_off_figure(
     with styled_axes((12.0, 3.5 * len(sweeps) + 0.5), len(sweeps), 3, sharey="row") as (figure, axes):
         for row, (corpus, sweep) in enumerate(sweeps.items()):
             line = axes[3 * row : 3 * row + 3]
-            asked = _asked(targets, sweep[0], others[corpus][RECORDED])
-            least = asked["above_chance"][0]
+            limits = _absolute(targets, sweep[0], others[corpus][RECORDED])
+            least = limits["above_chance"][0]
             for ax, measure in zip(line, ("jerk", "fid", "count_ratio"), strict=True):
-                draw_trade_off(ax, sweep, others[corpus], measure=measure, target=asked[measure], least=least)
+                draw_trade_off(ax, sweep, others[corpus], measure=measure, target=limits[measure], least=least)
             line[0].set(ylabel="harmony above chance", title=corpus)
         names = (WEIGHTED, *next(iter(others.values())))
         handles = [Line2D([], [], **LOOKS[name].mark, label=LOOKS[name].label) for name in names]

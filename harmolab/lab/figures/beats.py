@@ -1,4 +1,4 @@
-"""Pictures of beats: the curves they are read from, who meets whom, and what chance would reach.
+"""Pictures of beats and scores: the curves beats are read from, hits and misses, and the level of chance.
 
 Every function draws on the axes it is given and returns them. Music is blue and points up, the dance is orange and
 points down; a hit is a green circle, a miss a red cross.
@@ -6,20 +6,33 @@ points down; a hit is a green circle, a miss a red cross.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator
 from numpy.typing import ArrayLike
 
-from harmolab.lab.figures.style import COLOURS, MARKERS
-from harmolab.types import BeatTrack, FloatArray
+from harmolab.beats.visual import motion_curve
+from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack, FloatArray, HarmonyScore, Motion
 
 SIDES = MappingProxyType({"audio": 1.0, "visual": -1.0})
 NAMES = MappingProxyType({"audio": "music beat", "visual": "visual beat"})
+MARK_LOOKS: Mapping[str, dict[str, Any]] = MappingProxyType(
+    {
+        name: {
+            "linestyle": "none", "marker": MARKERS[name], "markersize": size, "markerfacecolor": "none",
+            "markeredgecolor": COLOURS[name], "markeredgewidth": width,
+        }
+        for name, size, width in (("hit", 9, 2.0), ("miss", 8, 2.2))
+    }
+)  # fmt: skip
 ROOM = 1.3  # a unit stem ends at 1; the marks need some space beyond
 
 
@@ -53,8 +66,21 @@ def draw_curve(
     return ax
 
 
+def timed_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArray]:
+    """Seconds and values of the curve that visual beats are read from."""
+    curve, fps = motion_curve(motion, params)
+    return (np.arange(curve.size, dtype=np.float64) - 0.5 * params.subframe) / fps, curve
+
+
+def draw_motion_curve(ax: Axes, motion: Motion, params: HarmonyParams, track: BeatTrack) -> Axes:
+    """`draw_curve` of a motion with the visual beats of `track`, labelled by the detector of `params`."""
+    draw_curve(ax, *timed_curve(motion, params), track)
+    ax.set_ylabel("change of direction (SD)" if params.detector == "direction" else "joint speed (m/s)")
+    return ax
+
+
 def _draw_lines(ax: Axes, times: FloatArray, bottom: ArrayLike, top: ArrayLike, **look: Any) -> None:
-    """A vertical line at each time. `Axes.vlines` takes four times as long, most of it to find limits we know."""
+    """A vertical line at each time. `Axes.vlines` takes four times as long, most of it to find limits."""
     low, high = np.broadcast_to(bottom, times.shape), np.broadcast_to(top, times.shape)
     ends = [[(time, start), (time, end)] for time, start, end in zip(times, low, high, strict=True)]
     ax.add_collection(LineCollection(ends, **look))
@@ -83,7 +109,7 @@ def draw_stems(
     heights : (B,) array, optional
         Lengths of the stems, not negative; all 1 when left out.
     ignored : bool
-        Beats that nobody would notice (Eq. 11-13) are thin, grey and dotted.
+        Beats that are not salient (Eq. 11-13) are thin, grey and dotted.
     """
     lengths = np.ones(len(track)) if heights is None else np.asarray(heights, np.float64)
     look: dict[str, Any] = {"color": COLOURS[kind], "linewidth": 2.2}
@@ -96,7 +122,7 @@ def draw_stems(
 
 
 def draw_threshold(ax: Axes, level: float, *, kind: str) -> Axes:
-    """How strong a beat must be to be noticed (Eq. 11, 13): a thin line on the side of the beats."""
+    """The strength above which beats are salient (Eq. 11, 13): a thin line on the side of the beats."""
     ax.axhline(SIDES[kind] * level, color=COLOURS[kind], linestyle=":", linewidth=1.2, zorder=1)
     return ax
 
@@ -122,7 +148,7 @@ def draw_hits(
         The visual beat that hits each music beat, -1 for none, as in a `HarmonyScore`. Visual beats that
         it does not name are redundant and get a cross too.
     delay : float, seconds, T_delay
-    lag : float, seconds; where visual beats are expected after the music's, so the fields are drawn that much later
+    lag : float, seconds from the music's beats to the expected visual ones; the fields are drawn that much later
     audio_heights, visual_heights : (N,) and (M,) arrays, optional
         Lengths of the stems; 1 when left out, as in Fig. 1.
     """
@@ -139,9 +165,14 @@ def draw_hits(
     draw_marks(ax, times, tips, good)
     ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
     ax.set(xlim=(0.0, audio_track.duration), ylim=(-ROOM, ROOM), xlabel="time (s)")
-    ax.yaxis.set_major_locator(FixedLocator([-0.65, 0.65]))
-    ax.yaxis.set_major_formatter(FixedFormatter(["dance", "music"]))
-    ax.tick_params(axis="y", length=0)
+    return name_heights(ax, {-0.65: "dance", 0.65: "music"})
+
+
+def name_heights(ax: Axes, names: Mapping[float, str], *, length: float = 0) -> Axes:
+    """Ticks of that length (points) at some heights, with their names."""
+    ax.yaxis.set_major_locator(FixedLocator(list(names)))
+    ax.yaxis.set_major_formatter(FixedFormatter(list(names.values())))
+    ax.tick_params(axis="y", length=length)
     return ax
 
 
@@ -153,7 +184,7 @@ def draw_marks(
     *,
     labels: tuple[str, str] = ("hit", "missed, or redundant"),
 ) -> Axes:
-    """Green circles where it went well, red crosses where it did not.
+    """Green circles for what is good, red crosses for the rest.
 
     Parameters
     ----------
@@ -163,19 +194,13 @@ def draw_marks(
     labels : names of circles and crosses in the legend
     """
     x, y, mask = np.asarray(times, np.float64), np.asarray(heights, np.float64), np.asarray(good, bool)
-    ax.plot(
-        x[mask], y[mask], linestyle="none", marker=MARKERS["hit"], markersize=9, markerfacecolor="none",
-        markeredgecolor=COLOURS["hit"], markeredgewidth=2.0, zorder=4, label=labels[0],
-    )  # fmt: skip
-    ax.plot(
-        x[~mask], y[~mask], linestyle="none", marker=MARKERS["miss"], markersize=8,
-        markeredgecolor=COLOURS["miss"], markeredgewidth=2.2, zorder=4, label=labels[1],
-    )  # fmt: skip
+    for members, kind, label in zip((mask, ~mask), ("hit", "miss"), labels, strict=True):
+        ax.plot(x[members], y[members], **MARK_LOOKS[kind], zorder=4, label=label)
     return ax
 
 
 def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float) -> Axes:
-    """How high each music beat ranks among all moments of the clip (measure "pattern"): 1 best, 0.5 chance.
+    """Percentile rank of each music beat among all moments of the clip (measure "pattern"): 1 best, 0.5 chance.
 
     Parameters
     ----------
@@ -194,21 +219,18 @@ def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float)
     ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.2, zorder=1, label="chance")
     draw_marks(ax, track.times, ranks, ranks > 0.5, labels=("above the median moment", "below it"))
     ax.set(xlim=(0.0, track.duration), ylim=(-0.08, 1.08), xlabel="time (s)")
-    ax.yaxis.set_major_locator(FixedLocator([0.0, 0.5, 1.0]))
-    ax.yaxis.set_major_formatter(FixedFormatter(["0", "0.5", "1"]))
-    ax.tick_params(axis="y", length=3)
-    return ax
+    return name_heights(ax, {0.0: "0", 0.5: "0.5", 1.0: "1"}, length=3)
 
 
 def draw_rotations(ax: Axes, shifts: ArrayLike, shares: ArrayLike, *, observed: float, chance: float) -> Axes:
-    """The same score after moving the music in time: is "where it is" better than anywhere else?
+    """The score against how far the music is moved in time, and the score of the music where it is.
 
     Parameters
     ----------
     ax : Axes
     shifts : (R,) array, seconds the music was moved by, increasing
-    shares : (R,) array, what was reached there
-    observed, chance : float; what is reached without a shift, and on average over the shifts
+    shares : (R,) array, the score at each shift
+    observed, chance : float; the score without a shift, and its mean over the shifts
     """
     moved = np.asarray(shifts, np.float64)
     ax.plot(moved, shares, color=COLOURS["chance"], linewidth=1.2, zorder=2, label="music moved in time")
@@ -244,3 +266,39 @@ def draw_tolerances(
     ax.set(xlim=(seconds.min(), seconds.max()), ylim=(0.0, 1.03), xlabel="tolerance T_delay (s)")
     ax.set_ylabel("share of music beats hit")
     return ax
+
+
+def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figure:
+    """A row a mode: hits and misses with tolerance fields, or each beat's rank where the mode is a pattern's.
+
+    Parameters
+    ----------
+    scores : mode -> the score of one motion with its music
+    title : str, above the first row
+    """
+    duration = max(score.music.duration for score in scores.values())
+    size = (min(max(8.0, 0.35 * duration), 24.0), 2.7 * len(scores))
+    with styled_axes(size, len(scores)) as (figure, axes):
+        for ax, (name, score) in zip(axes, scores.items(), strict=True):
+            draw_score(ax, score).set_title(f"{name}: {headline(score)}")
+            ax.set(xlim=(0, duration), xlabel="time (s)")
+        if title:
+            figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def draw_score(ax: Axes, score: HarmonyScore) -> Axes:
+    """The beats of one score: hit or missed, or ranked."""
+    params = score.params
+    if params.measure == "pattern":
+        return draw_shares(ax, score.music, score.shares, chance=score.chance)
+    return draw_hits(ax, score.music, score.visual, score.pairs, delay=params.reaction_delay, lag=params.lag)
+
+
+def headline(score: HarmonyScore) -> str:
+    """The verdict in one line."""
+    low, high = score.interval
+    return (
+        f"above chance {score.harmony_above_chance:+.2f} (95 % {low:+.2f} to {high:+.2f}, p = {score.p_value:.3f});  "
+        f"h = {score.harmony:.2f}, {score.hits.sum()} of {score.n_audio} beats, chance {score.chance:.0%}"
+    )

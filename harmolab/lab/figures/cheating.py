@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedFormatter, NullLocator
+from matplotlib.ticker import NullLocator
 
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.figures.variants import LOOKS, Look, Record, draw_mean, panels, rows_by_name, spread
@@ -31,7 +31,7 @@ TIMELESS = ("paper_count_ratio", "jerk")  # the same whatever the music
 
 
 def draw_dumbbells(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
-    """One measure of every trick: a mark with the true music, an arrow to where music half a beat late takes it.
+    """One measure of every trick: a mark with the true music, an arrow to its value with music half a beat late.
 
     Parameters
     ----------
@@ -72,8 +72,7 @@ def _set_limits(ax: Axes, low: float, high: float, measure: str) -> None:
         ax.set_xscale("log")
         ax.xaxis.set_minor_locator(NullLocator())
         powers = 10.0 ** np.arange(np.floor(np.log10(max(low, 1e-3))), np.ceil(np.log10(max(high, 1e-3))) + 1)
-        ax.set_xticks(powers)
-        ax.xaxis.set_major_formatter(FixedFormatter([f"{power:g}" for power in powers]))
+        ax.set_xticks(powers, [f"{power:g}" for power in powers])
         ax.set_xlim(0.7 * powers[0], 1.4 * powers[-1])
     elif measure == "above_chance":
         ax.set_xlim(min(-1.0, low - 0.05), max(1.0, high + 0.05))

@@ -1,9 +1,8 @@
-"""A dance frame by frame (Fig. 14): stick figures at even intervals, the music's beats, and the speed that met them."""
+"""A dance frame by frame (Fig. 14): stick figures at even intervals, the music's beats, and the joint speed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +12,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from harmolab.beats.visual import motion_curve
-from harmolab.lab.figures.beats import draw_marks, draw_tolerance
-from harmolab.lab.figures.motion import draw_poses
-from harmolab.lab.figures.style import COLOURS, MARKERS, figure_style
+from harmolab.lab.figures.beats import MARK_LOOKS, draw_marks, draw_tolerance, timed_curve
+from harmolab.lab.figures.motion import draw_film
+from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
 from harmolab.types import BeatTrack, HarmonyScore, Motion
 
 FRAMES = 4  # between two pictures of the paper's Fig. 14, at 15 frames per second
@@ -35,7 +34,7 @@ def sheet_times(motion: Motion, *, every: int = FRAMES) -> np.ndarray[tuple[int]
     return np.arange(0, motion.n_frames, every) / motion.fps
 
 
-def draw_sheet(ax: Axes, motion: Motion, beats: BeatTrack, *, every: int = FRAMES, turn: float = 0.0) -> Axes:
+def draw_sheet(ax: Axes, motion: Motion, beats: BeatTrack, *, every: int = FRAMES) -> Axes:
     """Stick figures along time, one every few frames, over bars at the music's beats.
 
     Parameters
@@ -44,20 +43,15 @@ def draw_sheet(ax: Axes, motion: Motion, beats: BeatTrack, *, every: int = FRAME
     motion : Motion, at 15 frames per second if it is to be compared with Fig. 14
     beats : BeatTrack on the motion's time line
     every : int, frames from one figure to the next
-    turn : float, degrees, as in `harmolab.lab.figures.motion.draw_poses`
     """
     for time in beats.times:
         ax.axvline(time, color=COLOURS["audio"], linewidth=3.5, alpha=0.55, zorder=0, gid="beat")
-    draw_poses(ax, motion, sheet_times(motion, every=every), 0.5, height=HEIGHT, turn=turn)
-    ax.set(xlim=(-0.5 * every / motion.fps, motion.duration), ylim=(0.0, 1.0), yticks=[])
-    ax.tick_params(axis="x", length=0, labelbottom=False)
-    for side in ("left", "bottom"):
-        ax.spines[side].set_visible(False)
-    return ax
+    span = (-0.5 * every / motion.fps, motion.duration)
+    return draw_film(ax, motion, sheet_times(motion, every=every), span, height=HEIGHT)
 
 
 def draw_speed(ax: Axes, motion: Motion, score: HarmonyScore, *, start: float = 0.0, top: float | None = None) -> Axes:
-    """The curve that visual beats are read from, those beats, and which of the music's beats were met.
+    """The curve that visual beats are read from, those beats, and the hits and misses of the music's beats.
 
     Parameters
     ----------
@@ -68,8 +62,7 @@ def draw_speed(ax: Axes, motion: Motion, score: HarmonyScore, *, start: float = 
     top : float, end of the y axis; one and a half times the highest speed when left out
     """
     params = score.params
-    curve, fps = motion_curve(motion, params)
-    seconds = (np.arange(curve.size) - 0.5 * params.subframe) / fps
+    seconds, curve = timed_curve(motion, params)
     top = top or 1.5 * max(float(curve.max(initial=0.0)), 1e-9)
     music, visual = score.music.times + start, score.visual.times + start
     draw_tolerance(ax, music + params.lag, params.reaction_delay, reach=top)
@@ -90,53 +83,40 @@ def dance_figure(
     scores: Mapping[str, HarmonyScore],
     *,
     start: float = 0.0,
-    every: int = FRAMES,
-    turn: float = 0.0,
     titles: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Several dances to the same music: frames over the music's beats, and under them the speed and who met the beat.
+    """Several dances to the same music: frames over the music's beats, and under them the speed with hits and misses.
 
     Parameters
     ----------
     motions : name -> Motion, all on the time line of the beats
     beats : BeatTrack
     scores : the same names -> HarmonyScore of the motion from `start` on
-    start : float, seconds; what comes before is shaded: it was given, and is not judged
-    every : int, frames from one stick figure to the next
-    turn : float, degrees, as in `harmolab.lab.figures.motion.draw_poses`
-    titles : name -> what to write above its frames; the name alone when left out
+    start : float, seconds; what comes before is shaded: it is input of the generator, and not judged
+    titles : name -> title above its frames; the name alone when left out
     """
     longest = max(motion.duration for motion in motions.values())
     top = 1.5 * max(float(motion_curve(motion, scores[name].params)[0].max()) for name, motion in motions.items())
-    with figure_style():
-        width = float(np.clip(2.7 * longest, 9.0, 20.0))
-        figure = Figure(figsize=(width, 2.05 * len(motions) + 0.8), layout="constrained")
-        axes = figure.subplots(2 * len(motions), 1, sharex=True, height_ratios=[1.25, 0.8] * len(motions))
+    size = (float(np.clip(2.7 * longest, 9.0, 20.0)), 2.05 * len(motions) + 0.8)
+    ratios = [1.25, 0.8] * len(motions)
+    with styled_axes(size, len(ratios), sharex=True, height_ratios=ratios) as (figure, axes):
         for (name, motion), sheet, speed in zip(motions.items(), axes[::2], axes[1::2], strict=True):
-            draw_sheet(sheet, motion, beats, every=every, turn=turn).set_title((titles or {}).get(name, name))
+            draw_sheet(sheet, motion, beats).set_title((titles or {}).get(name, name))
             draw_speed(speed, motion, scores[name], start=start, top=top).set_ylabel("m/s")
             for ax in (sheet, speed):
                 ax.axvspan(-1.0, start, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=-1)
-        axes[-1].set(xlabel="time (s)", xlim=(-0.5 * every / motion.fps, longest))
-        axes[-1].legend(handles=_legend(every / motion.fps), loc="upper center", bbox_to_anchor=(0.5, -0.6), ncols=3)
+        axes[-1].set(xlabel="time (s)", xlim=(-0.5 * FRAMES / motion.fps, longest))
+        axes[-1].legend(handles=_legend(FRAMES / motion.fps), loc="upper center", bbox_to_anchor=(0.5, -0.6), ncols=3)
     return figure
 
 
 def _legend(interval: float) -> list[Line2D | Patch]:
-    """What the marks mean."""
-    circle: dict[str, Any] = {
-        "linestyle": "none",
-        "marker": MARKERS["hit"],
-        "markerfacecolor": "none",
-        "markeredgewidth": 2.0,
-    }
+    """An entry for each kind of mark, and for poses `interval` seconds apart."""
     return [
         Line2D([], [], color=COLOURS["audio"], linewidth=3.5, alpha=0.55, label="music beat"),
         Line2D([], [], color=COLOURS["visual"], marker=MARKERS["visual"], label="joint speed, added up; its valleys"),
-        Line2D([], [], color=COLOURS["hit"], markersize=9, label="beat met", **circle),
-        Line2D(
-            [], [], linestyle="none", marker=MARKERS["miss"], color=COLOURS["miss"], markeredgewidth=2.2, label="missed"
-        ),
+        Line2D([], [], **MARK_LOOKS["hit"], label="beat met"),
+        Line2D([], [], **{**MARK_LOOKS["miss"], "markersize": 6}, label="missed"),
         Patch(facecolor=COLOURS["faint"], alpha=0.5, label="given (last meter)"),
         Line2D([], [], color=COLOURS["ink"], label=f"pose, one every {interval:.2f} s"),
     ]

@@ -1,6 +1,6 @@
-"""Fig. 7: how HarmoGAN is trained and dances a song (a, b), and its networks part by part (c).
+"""Fig. 7: HarmoGAN in training and dancing a song (a, b), and its networks part by part (c).
 
-Where boxes and arrows stand, and their words, is drawn once in ``fig07.json`` (inches from the lower left corner);
+Places and words of boxes and arrows are drawn once in ``fig07.json`` (inches from the lower left corner);
 sizes and weights in braces there are measured.
 """
 
@@ -48,7 +48,7 @@ def networks_figure(parts: Iterable[Record]) -> Figure:
 
 
 def _weight(params: TrainParams, name: str) -> str:
-    """A loss term's weight, and which discriminator it is for where only one counts."""
+    """A loss term's weight, and the discriminator it is for where only one counts."""
     weight = f"{getattr(params, f'{name}_weight'):g}"
     return f"{weight} ($D_{{st}}$ alone)" if name == "gan" and params.cross_domain_weight == 0 else weight
 

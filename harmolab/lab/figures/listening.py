@@ -1,20 +1,17 @@
-"""Listening studies: how often each rater was right; simulated raters are named as such."""
+"""Listening studies (user studies): share of right answers of each rater; simulated raters are named as such."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.lab.figures.variants import Look, draw_mean
-
-Row = Mapping[str, Any]
+from harmolab.lab.figures.variants import Look, Record, draw_mean
 
 
-def study_title(title: str, rows: Sequence[Row]) -> str:
+def study_title(title: str, rows: Sequence[Record]) -> str:
     """The title of a table or figure made from `rows`, which says "simulated" if any rater was.
 
     >>> study_title("Right answers", [{"rate": 0.8, "simulated": True}])
@@ -32,14 +29,14 @@ def study_title(title: str, rows: Sequence[Row]) -> str:
     return title
 
 
-def draw_rates(ax: Axes, rows: Sequence[Row], *, label: str, title: str = "") -> Axes:
+def draw_rates(ax: Axes, rows: Sequence[Record], *, label: str, title: str = "") -> Axes:
     """A share with its interval for each row: a filled dot if the interval leaves out guessing, else an open one.
 
     Parameters
     ----------
     ax : Axes
     rows : records with "rate", "low", "high", "n", "simulated", and "rater" or "version" as the name
-    label : str, what the share is a share of
+    label : str, name of the share
     title : str; `study_title` is added
     """
     for level, row in enumerate(rows[::-1]):
@@ -55,7 +52,7 @@ def draw_rates(ax: Axes, rows: Sequence[Row], *, label: str, title: str = "") ->
     return ax
 
 
-def rates_figure(rows: Sequence[Row], *, label: str, title: str) -> Figure:
+def rates_figure(rows: Sequence[Record], *, label: str, title: str) -> Figure:
     """`draw_rates` in a figure of its own."""
     with styled_axes((8.0, 1.4 + 0.35 * len(rows))) as (figure, (ax,)):
         draw_rates(ax, rows, label=label, title=title)

@@ -19,7 +19,7 @@ UNIT_COLOURS = MappingProxyType({"4/4 (2+2)": "#B0528C", "4/4": "#5B2A86", "5/4"
 
 
 def unit_label(unit: MeterUnit) -> str:
-    """The unit's signature; a 4/4 with a second accent in its middle is told from one without.
+    """The unit's signature; a 4/4 with a second accent in its middle has another than one without.
 
     >>> unit_label(MeterUnit(0.0, 2.0, [True, False, True, False], "4/4"))
     '4/4 (2+2)'

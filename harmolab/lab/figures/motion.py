@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +16,7 @@ from harmolab.lab.figures.style import COLOURS
 from harmolab.skeletons import turned
 from harmolab.types import FloatArray, Motion, Skeleton
 
+BOX: Mapping[str, Any] = MappingProxyType({"frameon": False, "pad": 0.0, "annotation_clip": False})
 GHOSTS = ("#C9C9C9", "#A8A8A8")  # oldest first
 
 
@@ -28,7 +31,7 @@ def draw_poses(
     turn: float = 0.0,
     colour: str = COLOURS["ink"],
 ) -> Axes:
-    """A stick figure at each time, with grey ghosts of where it was just before.
+    """A stick figure at each time, with grey ghosts of its poses just before.
 
     A figure in motion is smeared by its ghosts; one at rest covers them. The figures keep their proportions whatever
     the axes are, and are centred on the dancer.
@@ -40,41 +43,43 @@ def draw_poses(
     times : (P,) array, seconds of the motion
     y : float or (P,) array, where the figures stand on the y axis (their middle)
     height : float, points, of a picture as high as the dancer stretches anywhere in the motion
-    trail : seconds, how long ago each ghost was, oldest first; empty for none
+    trail : seconds from each ghost to the figure, oldest first; empty for none
     turn : float, degrees
         Turns a 3-D motion about the vertical axis; at 0 the camera looks from the positive z side.
     """
     moments = np.atleast_1d(np.asarray(times, np.float64))
     levels = np.broadcast_to(np.asarray(y, np.float64), moments.shape)
-    stretch = np.ptp(motion.positions[..., 1], axis=1).max()
-    places = _seen(motion, turn) * (height / max(float(stretch), 1e-9))
+    heights = np.ptp(motion.positions[..., 1], axis=1)
+    places = _projected(motion, turn) * (height / max(float(heights.max()), 1e-9))
+    shades = [GHOSTS[-min(len(trail) - place, len(GHOSTS))] for place in range(len(trail))]
+    looks = [*((age, shade, 1.2) for age, shade in zip(trail, shades, strict=True)), (0.0, colour, 1.8)]
     for moment, level in zip(moments, levels, strict=True):
+        pose = places[_frame_at(motion, moment)]
+        offset = height / 2 - (pose.min(axis=0) + pose.max(axis=0)) / 2
         box = DrawingArea(height, height, clip=False)
-        for line in _figures(places, motion, moment, trail, colour, middle=height / 2):
-            box.add_artist(line)
-        figure = AnnotationBbox(box, (moment, level), frameon=False, pad=0.0, annotation_clip=False)
-        figure.set_gid("pose")
-        ax.add_artist(figure)
+        for age, shade, width in looks:
+            earlier = places[_frame_at(motion, moment - age)]
+            box.add_artist(_pose_line(earlier + offset, motion.skeleton, shade, width))
+        ax.add_artist(AnnotationBbox(box, (moment, level), **BOX, gid="pose"))
     return ax
 
 
-def _seen(motion: Motion, turn: float) -> FloatArray:
+def draw_film(
+    ax: Axes, motion: Motion, times: ArrayLike, span: tuple[float, float], *, height: float, **look: Any
+) -> Axes:
+    """`draw_poses` along the middle of axes that show nothing else of a `span` of seconds; `look` as there."""
+    draw_poses(ax, motion, times, 0.5, height=height, **look)
+    ax.set(xlim=span, ylim=(0.0, 1.0), yticks=[])
+    ax.tick_params(axis="x", length=0, labelbottom=False)
+    ax.spines[["left", "bottom"]].set_visible(False)
+    return ax
+
+
+def _projected(motion: Motion, turn: float) -> FloatArray:
     """(T, J, 2): to the right and upwards, as a camera far away sees the motion."""
     if motion.positions.shape[2] == 2:
         return motion.positions * (1.0, -1.0)
     return turned(motion.positions, np.radians(turn))[..., :2]
-
-
-def _figures(
-    places: FloatArray, motion: Motion, moment: float, trail: Sequence[float], colour: str, *, middle: float
-) -> Iterator[Line2D]:
-    """The ghosts, then the pose, which is centred on (middle, middle)."""
-    now = places[_frame_at(motion, moment)]
-    offset = middle - (now.min(axis=0) + now.max(axis=0)) / 2
-    shades = [GHOSTS[-min(len(trail) - place, len(GHOSTS))] for place in range(len(trail))]
-    for age, shade in zip(trail, shades, strict=True):
-        yield _pose_line(places[_frame_at(motion, moment - age)] + offset, motion.skeleton, shade, 1.2)
-    yield _pose_line(now + offset, motion.skeleton, colour, 1.8)
 
 
 def _frame_at(motion: Motion, moment: float) -> int:
@@ -105,9 +110,7 @@ def draw_frames(
     """
     for frame, moment in zip(frames, np.atleast_1d(np.asarray(times, np.float64)), strict=True):
         picture = np.asarray(frame)
-        shown = np.repeat(picture[..., None], 3, axis=2) if picture.ndim == 2 else picture
-        image = OffsetImage(shown, zoom=width / shown.shape[1], interpolation="antialiased")
-        box = AnnotationBbox(image, (moment, y), frameon=False, pad=0.0, annotation_clip=False)
-        box.set_gid("frame")
-        ax.add_artist(box)
+        picture = np.repeat(picture[..., None], 3, axis=2) if picture.ndim == 2 else picture
+        image = OffsetImage(picture, zoom=width / picture.shape[1], interpolation="antialiased")
+        ax.add_artist(AnnotationBbox(image, (moment, y), **BOX, gid="frame"))
     return ax

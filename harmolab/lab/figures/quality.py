@@ -1,4 +1,4 @@
-"""Is it movement? Distances to recordings beside those between recordings (Fig. 9), and frames of both (Fig. 10)."""
+"""Distances of dances to recordings beside those between recordings (Fig. 9), and frames of both (Fig. 10)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from harmolab.lab.figures.motion import draw_poses
+from harmolab.lab.figures.motion import draw_film
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.lab.figures.variants import LOOKS, PRINTED, Record, panels, rows_by_name, spread
 from harmolab.types import FloatArray, Motion
@@ -20,10 +20,8 @@ from harmolab.types import FloatArray, Motion
 DISTANCES = MappingProxyType(
     {"fid": "FID on the pose network's features", "fid_kinetic": "FID on kinetic features (speeds)"}
 )
-# Recorded motion against recorded motion: what the bars above are to be compared with.
-_REFERENCES = MappingProxyType(
-    {"recorded, other figures": "recorded, other figures", "recorded, halves": "recorded, half and half"}
-)
+# Recorded motion against recorded motion, the reference of the bars above: name -> label.
+_REFERENCES = {"recorded, other figures": "recorded, other figures", "recorded, halves": "recorded, half and half"}
 HEIGHT = 74.0  # points, of a stick figure
 
 
@@ -97,15 +95,9 @@ def shot_times(motion: Motion, shots: int) -> FloatArray:
 
 
 def draw_sequence(
-    ax: Axes,
-    motion: Motion,
-    *,
-    shots: int = 12,
-    start: float = 0.0,
-    turn: float = 0.0,
-    colour: str = COLOURS["ink"],
+    ax: Axes, motion: Motion, *, shots: int = 12, start: float = 0.0, colour: str = COLOURS["ink"]
 ) -> Axes:
-    """Stick figures along time; what lies before `start` (seconds) was given and is shaded.
+    """Stick figures along time; what lies before `start` (seconds) is input of the generator and shaded.
 
     Parameters
     ----------
@@ -113,22 +105,15 @@ def draw_sequence(
     motion : Motion
     shots : int, number of figures
     start : float, seconds
-    turn, colour : as in `harmolab.lab.figures.motion.draw_poses`
+    colour : as in `harmolab.lab.figures.motion.draw_poses`
     """
     times = shot_times(motion, shots)
-    draw_poses(ax, motion, times, 0.5, height=HEIGHT, trail=(), turn=turn, colour=colour)
     half = times[-1] / max(shots - 1, 1) / 2 or 0.5
     ax.axvspan(-half, start, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=-1, gid="given")
-    ax.set(xlim=(-half, times[-1] + half), ylim=(0.0, 1.0), yticks=[])
-    ax.tick_params(axis="x", length=0, labelbottom=False)
-    for side in ("left", "bottom"):
-        ax.spines[side].set_visible(False)
-    return ax
+    return draw_film(ax, motion, times, (-half, times[-1] + half), height=HEIGHT, trail=(), colour=colour)
 
 
-def sequences_figure(
-    motions: Mapping[str, Motion], *, shots: int = 12, start: float = 0.0, turn: float = 0.0, title: str = ""
-) -> Figure:
+def sequences_figure(motions: Mapping[str, Motion], *, shots: int = 12, start: float = 0.0, title: str = "") -> Figure:
     """`draw_sequence` for several dances to the same music, under each other at the same moments.
 
     Parameters
@@ -138,7 +123,7 @@ def sequences_figure(
     with styled_axes((11.0, 1.5 * len(motions) + 0.9), len(motions), sharex=True) as (figure, axes):
         for ax, (name, motion) in zip(axes, motions.items(), strict=True):
             look = LOOKS[name]
-            draw_sequence(ax, motion, shots=shots, start=start, turn=turn, colour=look.colour).set_title(look.label)
+            draw_sequence(ax, motion, shots=shots, start=start, colour=look.colour).set_title(look.label)
         axes[-1].tick_params(axis="x", length=3, labelbottom=True)
         axes[-1].set_xlabel("time (s)")
         shade = Patch(facecolor=COLOURS["faint"], alpha=0.5, label="given: the beats before the meter")

@@ -1,8 +1,9 @@
-"""Results over a corpus: AUC of every score with its chance band, learnt bar patterns, what disturbs a score."""
+"""Results over a corpus: AUC of every score with its chance band, bar patterns, disturbances, pairwise choices."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 
 from harmolab.bar_pattern import evaluate_pattern
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.lab.figures.variants import rows_by_name
+from harmolab.lab.figures.variants import LOOKS, Record, rows_by_name
 from harmolab.params import BarPattern
 
 SCORE_LABELS = {
@@ -31,6 +32,8 @@ SCORE_LABELS = {
 # Lines for scores and dances; none of them has a meaning elsewhere (audio, visual, hit, miss).
 SCORE_COLOURS = ("#222222", "#CC79A7", "#56B4E9", "#8C6D31", "#7F7F7F", "#6A3D9A", "#B8A9C9")
 SCORE_MARKS = ("o-", "s--", "^-.", "x:", "d-", "v--", "P-.")
+# The scores that choose between two dances, in their colours above.
+JUDGES = MappingProxyType({"paper's harmony": ("^", SCORE_COLOURS[2]), "above chance": ("s", SCORE_COLOURS[1])})
 
 
 def draw_auc(ax: Axes, scores: Mapping[str, Mapping[str, Any]], *, title: str = "") -> Axes:
@@ -143,4 +146,41 @@ def disturbances_figure(tables: Sequence[pd.DataFrame], scores: Sequence[str]) -
         for ax, table in zip(axes, tables, strict=True):
             draw_disturbances(ax, table, scores)
         axes[-1].legend(loc="lower right", fontsize=9)
+    return figure
+
+
+def draw_choices(ax: Axes, rows: Sequence[Record]) -> Axes:
+    """Share of units on which each score prefers the right one of two variants; the grey band is a coin's (Fig. 13).
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records with "first", "second", "judge", "share" (of units on which the judge prefers the first), "n"
+    """
+    pairs = list(dict.fromkeys((row["first"], row["second"]) for row in rows))[::-1]
+    half = 1.96 * 0.5 / np.sqrt(max(row["n"] for row in rows))
+    ax.axvspan(0.5 - half, 0.5 + half, color=COLOURS["faint"], zorder=0, label="a coin, 95 % of the time")
+    ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1.5)
+    ax.hlines(range(len(pairs)), 0.0, 1.0, color=COLOURS["faint"], linewidth=1, zorder=1)
+    for place, (judge, (marker, colour)) in enumerate(JUDGES.items()):
+        choices = [row for row in rows if row["judge"] == judge]
+        levels = [pairs.index((row["first"], row["second"])) + 0.16 - 0.32 * place for row in choices]
+        shares = [1.0 - row["share"] for row in choices]
+        ax.plot(shares, levels, linestyle="none", marker=marker, markersize=10, color=colour, label=judge, zorder=3)
+    ax.set(yticks=range(len(pairs)), yticklabels=[LOOKS[first].label for first, _ in pairs])
+    ax.set(xlim=(-0.03, 1.03), ylim=(-0.6, len(pairs) - 0.4))
+    ax.set_xlabel("← prefers the left one      share of units      prefers the right one →")
+    other = ax.secondary_yaxis("right")
+    other.set_yticks(range(len(pairs)), [LOOKS[second].label for _, second in pairs])
+    for axis in (ax, other):
+        axis.tick_params(axis="y", length=0)
+    return ax
+
+
+def forced_choice_figure(tables: Mapping[str, Sequence[Record]]) -> Figure:
+    """`draw_choices` for each corpus, one above the other."""
+    with styled_axes((9.0, 3.6 * len(tables)), len(tables)) as (figure, axes):
+        for ax, (corpus, rows) in zip(axes, tables.items(), strict=True):
+            draw_choices(ax, rows).set_title(f"{corpus}: two scores as judges, {rows[0]['n']} units (no people)")
+        axes[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
     return figure

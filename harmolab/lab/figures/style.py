@@ -1,4 +1,4 @@
-"""How every figure looks, where it is saved, and the record of what it shows."""
+"""The look of all figures, the folder they are saved in, and the manifest beside them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, NotRequired, Protocol, TypedDict, Unpack
 
 import matplotlib as mpl
 from cycler import cycler
@@ -117,68 +117,59 @@ class Saved:
 
 
 def figures_folder(profile: RunProfile) -> Path:
-    """Where figures go: ``HARMOLAB_FIGURES``, or the project's ``figures/`` for a full run, ``figures/quick/`` else.
+    """The folder of figures: ``HARMOLAB_FIGURES``, or the project's ``figures/``; ``figures/quick/`` for a quick run.
 
     The published figures are those of the full profile, so a quick run must not replace them.
     """
-    named = os.environ.get("HARMOLAB_FIGURES")
-    if named:
-        return Path(named)
+    if folder := os.environ.get("HARMOLAB_FIGURES"):
+        return Path(folder)
     here = Path.cwd()
-    root = next((folder for folder in (here, *here.parents) if (folder / "pyproject.toml").is_file()), here)
+    root = next((parent for parent in (here, *here.parents) if (parent / "pyproject.toml").is_file()), here)
     return root / "figures" if profile.name == "full" else root / "figures" / profile.name
 
 
-def save_figure(
-    figure: Figure,
-    name: str,
-    *,
-    notebook: str,
-    source: str,
-    profile: RunProfile,
-    seed: int | None = None,
-    title: str = "",
-) -> Saved:
-    """The PNG just written; the manifest beside it says what it shows.
+class About(TypedDict):
+    """Description of a figure or table in the manifest.
+
+    notebook : name of the notebook that draws it
+    source : origin of the data: "synthetic", or the name of the recordings
+    seed : the profile's when left out
+    title : one line for the report's index
+    """
+
+    notebook: str
+    source: str
+    profile: RunProfile
+    seed: NotRequired[int | None]
+    title: NotRequired[str]
+
+
+def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
+    """The PNG just written, with its entry in the manifest beside it.
 
     Parameters
     ----------
-    figure : matplotlib Figure; marked "synthetic data" if `source` says so
+    figure : matplotlib Figure; marked "synthetic data" if the source says so
     name : str, file name without suffix, such as "fig01_harmony_distortion"
-    notebook : str, name of the notebook that draws it
-    source : str, what the data are: "synthetic", or the name of the recordings
-    profile : RunProfile
-    seed : int, optional; the profile's when left out
-    title : str, one line for the report's index
+    about : as in `About`
 
     Raises
     ------
     ValueError
         If the name is not a plain file name.
     """
-    if "synthetic" in source.lower():
-        _mark_synthetic(figure)
-    path = write_figure(figure, _output(name, ".png", profile))
-    _record(path, notebook, source, profile, seed, title)
+    with _recorded(name, ".png", **about) as path:
+        if "synthetic" in about["source"].lower():
+            _mark_synthetic(figure)
+        write_figure(figure, path)
     shown_by_pyplot = figure.canvas.manager is not None
     return Saved(path, None if shown_by_pyplot else path.read_bytes())
 
 
-def save_table(
-    frame: Frame,
-    name: str,
-    *,
-    notebook: str,
-    source: str,
-    profile: RunProfile,
-    seed: int | None = None,
-    title: str = "",
-) -> Saved:
+def save_table(frame: Frame, name: str, **about: Unpack[About]) -> Saved:
     """The CSV just written; arguments as for `save_figure`. The frame's index is left out."""
-    path = _output(name, ".csv", profile)
-    with atomic_write(path) as part:
+    with _recorded(name, ".csv", **about) as path, atomic_write(path) as part:
         frame.to_csv(part, index=False)
-    _record(path, notebook, source, profile, seed, title)
     return Saved(path)
 
 
@@ -214,16 +205,26 @@ def _mark_synthetic(figure: Figure) -> None:
     )
 
 
-def _output(name: str, suffix: str, profile: RunProfile) -> Path:
+@contextmanager
+def _recorded(
+    name: str,
+    suffix: str,
+    *,
+    notebook: str,
+    source: str,
+    profile: RunProfile,
+    seed: int | None = None,
+    title: str = "",
+) -> Iterator[Path]:
+    """Path of a figure to write; then adds or replaces its entry in the manifest.
+
+    Notebooks that run at the same time wait for each other.
+    """
     if not name or Path(name).name != name or name.startswith("."):
         raise ValueError(f"a figure's name must be a plain file name without folders, got {name!r}")
     folder = figures_folder(profile)
     folder.mkdir(parents=True, exist_ok=True)
-    return folder / f"{name}{suffix}"
-
-
-def _record(path: Path, notebook: str, source: str, profile: RunProfile, seed: int | None, title: str) -> None:
-    """Adds or replaces the manifest's entry for `path`; notebooks that run at the same time wait for each other."""
+    yield folder / f"{name}{suffix}"
     entry = {
         "notebook": f"{Path(notebook).stem}.ipynb",
         "profile": profile.name,
@@ -232,7 +233,7 @@ def _record(path: Path, notebook: str, source: str, profile: RunProfile, seed: i
         "title": title,
         "version": version("harmolab"),
     }
-    manifest = path.parent / MANIFEST
+    manifest = folder / MANIFEST
     with FileLock(manifest.with_name(f".{MANIFEST}.lock"), timeout=60):
         entries = json.loads(manifest.read_text("utf-8")) if manifest.is_file() else {}
-        write_json(manifest, dict(sorted({**entries, path.name: entry}.items())))
+        write_json(manifest, dict(sorted({**entries, f"{name}{suffix}": entry}.items())))

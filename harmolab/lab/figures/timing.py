@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harmolab.lab.figures.beats import draw_marks
-from harmolab.lab.figures.style import COLOURS, figure_style
+from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.types import FloatArray, HarmonyScore
 
 Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
@@ -51,12 +51,12 @@ def draw_timing(ax: Axes, score: HarmonyScore) -> Axes:
 
 
 def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
-    """The mean offset of each stretch of time as an orange line, with a pale field for its interval.
+    """The mean offset of each segment as an orange line, with a pale field for its interval.
 
     Parameters
     ----------
     ax : Axes with milliseconds on the y axis
-    means : (start, end, mean, (low, high)) for each stretch, seconds
+    means : (start, end, mean, (low, high)) for each segment, seconds
     """
     for place, (start, end, mean, (low, high)) in enumerate(means):
         field = "mean and 95 % interval" if place == 0 else None
@@ -82,9 +82,8 @@ def timing_figure(
     title : str
     size : (float, float), inches
     """
-    with figure_style():
-        figure = Figure(figsize=size)
-        ax = draw_means(draw_timing(figure.subplots(), score), means)
+    with styled_axes(size) as (figure, (ax,)):
+        draw_means(draw_timing(ax, score), means)
         ax.set_title(title)
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)
     return figure

@@ -1,4 +1,4 @@
-"""How a training went: every loss term epoch by epoch, and what the dance of unseen units scored meanwhile (Fig. 7)."""
+"""Course of a training: every loss term epoch by epoch, and the scores of validation units meanwhile (Fig. 7)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ VALIDATED = MappingProxyType(
         "val_count_ratio": "beats danced / heard",
     }
 )
-GUESSING = 2 * np.log(2.0)  # -log(1/2) - log(1/2): what Eq. 29-31 give while nobody can tell recorded from made
+GUESSING = 2 * np.log(2.0)  # -log(1/2) - log(1/2): of Eq. 29-31 while the discriminators guess
 _GUESSED = ("critic_cd", "critic_st", "gan")
 _STYLES = MappingProxyType({True: "-", False: (0, (4, 1.5))})  # with the harmony term, without
 
@@ -71,7 +71,7 @@ def draw_term(ax: Axes, rows: Sequence[Record], column: str, variants: Sequence[
 
 
 def draw_validated(ax: Axes, rows: Sequence[Record], column: str) -> Axes:
-    """What the validation units scored after each adversarial epoch; 0 is the end of the pretraining.
+    """Score of the validation units after each adversarial epoch; 0 is the end of the pretraining.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
     names = _named(table)
     with styled_axes((11.0, 8.2), 3, 4) as (figure, axes):
         for ax, (title, column, shared) in zip(axes, TERMS, strict=True):
-            has = [name for name in names if np.isfinite(_column(table, column, name)).any()]
-            draw_term(ax, table, column, [name for name in has if shared is None or name in shared]).set_title(title)
+            finite = [name for name in names if np.isfinite(_column(table, column, name)).any()]
+            draw_term(ax, table, column, [name for name in finite if name in (shared or names)]).set_title(title)
         figure.supxlabel("epoch", fontsize=10)
         figure.supylabel("mean over the epoch's batches, before the weight of the term", fontsize=10)
         band = Patch(facecolor=COLOURS["faint"], alpha=0.5, label="pretraining")
@@ -111,7 +111,7 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
 
 
 def validation_figure(rows: Iterable[Record]) -> Figure:
-    """`draw_validated` for the paper's two scores, and beside them what they do not tell."""
+    """`draw_validated` for the paper's two scores, beside two measures that they leave out."""
     table = list(rows)
     with styled_axes((11.0, 6.2), 2, 2) as (figure, axes):
         for ax, column in zip(axes, VALIDATED, strict=True):
@@ -139,7 +139,7 @@ def _named(rows: Sequence[Record]) -> list[str]:
 
 
 def _line(name: str, n_points: int) -> dict[str, Any]:
-    """How a variant's line looks; few points are marked one by one."""
+    """Look of a variant's line; few points are marked one by one."""
     look = LOOKS[name]
     mark = {"marker": look.marker, "markersize": 4.5, "markerfacecolor": look.colour if look.filled else "white"}
     return {"color": look.colour, "linestyle": _STYLES[look.filled], **(mark if n_points <= 20 else {})}

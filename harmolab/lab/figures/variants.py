@@ -1,4 +1,4 @@
-"""Means and intervals by variant: how each generator looks in every picture, rows of marks, a grid of panels.
+"""Means and intervals by variant: the look of each generator in all pictures, rows of marks, a grid of panels.
 
 Colour and mark name a generator's losses; hollow is without the harmony term.
 """
@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from harmolab.lab.figures.style import COLOURS, figure_style
+from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.types import FloatArray
 
 Record = Mapping[str, Any]
@@ -106,13 +106,12 @@ def panels(
     for row in rows:
         by_corpus.setdefault(row["corpus"], []).append(row)
     heights = [*([top] if top else []), *[size[1]] * len(by_corpus)]
-    with figure_style():
-        figure = Figure(figsize=(size[0], sum(heights) + 0.5), layout="constrained")
-        axes = figure.subplots(len(heights), len(measures), squeeze=False, height_ratios=heights)
-        for line, records in zip(axes[bool(top) :], by_corpus.values(), strict=True):
-            for ax, measure in zip(line, measures, strict=True):
-                draw(ax, records, measure)
-                ax.tick_params(axis="y", labelleft=ax is line[0])
+    columns = len(measures)
+    with styled_axes((size[0], sum(heights) + 0.5), len(heights), columns, height_ratios=heights) as (figure, axes):
+        cells = [(records, measure) for records in by_corpus.values() for measure in measures]
+        for place, (ax, cell) in enumerate(zip(axes[columns * bool(top) :], cells, strict=True)):
+            draw(ax, *cell)
+            ax.tick_params(axis="y", labelleft=place % columns == 0)
         if handles:
             figure.legend(handles=handles, loc=legend, ncols=len(handles))
     return figure

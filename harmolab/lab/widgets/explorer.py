@@ -6,10 +6,12 @@ import base64
 import html
 import inspect
 import struct
+import traceback
 import warnings
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import ipywidgets as widgets
@@ -24,6 +26,7 @@ from harmolab.lab.widgets.quickdraw import QuickDraw, plain
 
 NARROWEST, WIDEST = "640px", "900px"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+LOOK: Mapping[str, Any] = MappingProxyType({"style": {"description_width": "initial"}, "layout": {"width": "21em"}})
 
 
 class Explorer(widgets.VBox):
@@ -35,7 +38,7 @@ class Explorer(widgets.VBox):
         ``draw(**values)`` returns a matplotlib Figure. If it also takes ``figure=``, it is given the same Figure every
         time, the axes of the last drawing still on it but emptied. A draw that starts with
         ``axes = figure.axes or figure.subplots(2, 1)`` takes half the time of one that makes its axes anew, and
-        axis limits, labels and legends that stay as they were cost nothing.
+        axis limits and labels that stay as they were cost nothing; a legend is drawn anew each time.
     **controls
         One per argument of `draw`: a widget; True or False (checkbox); ``(low, high, step, value)`` (slider, of whole
         numbers if all four are); a list, or a dict of label -> value, of choices (menu, the first one chosen).
@@ -58,23 +61,23 @@ class Explorer(widgets.VBox):
         self._figure = _reusable_figure(draw)
         self._keeps_axes = True
         self._pixels = QuickDraw()
-        self._controls = {name: _control(name, spec) for name, spec in controls.items()}
+        self._controls = {name: control(name, spec, LOOK) for name, spec in controls.items()}
         self._drawing = self._stale = False
         self._message = widgets.HTML(layout={"display": "none"})
         self._image = self._picture(self._render())
-        # On a phone the picture goes on beyond the screen's edge, or nobody could read it.
+        # On a phone the picture goes on beyond the screen's edge: any narrower it could not be read.
         self._image.layout.min_width, self._image.layout.max_width = NARROWEST, "none"
         self._image.layout.width = "100%"
-        shown = widgets.Box([self._image], layout={"overflow": "auto", "max_width": WIDEST})
+        frame = widgets.Box([self._image], layout={"overflow": "auto", "max_width": WIDEST})
         panel = widgets.Box(list(self._controls.values()), layout={"flex_flow": "row wrap"})
-        super().__init__([panel, self._message, shown])
-        for control in self._controls.values():
-            control.observe(self._redraw, names="value")
+        super().__init__([panel, self._message, frame])
+        for widget in self._controls.values():
+            widget.observe(self._redraw, names="value")
 
     @property
     def values(self) -> dict[str, Any]:
-        """What the controls say now."""
-        return {name: control.value for name, control in self._controls.items()}
+        """Values of the controls by name."""
+        return {name: widget.value for name, widget in self._controls.items()}
 
     @property
     def controls(self) -> Mapping[str, Any]:
@@ -83,12 +86,12 @@ class Explorer(widgets.VBox):
 
     @property
     def png(self) -> bytes:
-        """The picture shown now."""
+        """The current picture."""
         return bytes(self._image.value)
 
     @property
     def error(self) -> str:
-        """What went wrong in the latest drawing; empty if nothing did."""
+        """Error of the latest drawing as text; empty if there was none."""
         return html.unescape(self._message.value.removeprefix("<pre>").removesuffix("</pre>"))
 
     def _picture(self, png: bytes) -> Any:
@@ -118,7 +121,7 @@ class Explorer(widgets.VBox):
             self._message.layout.display = "none"
 
     def _complain(self, error: Exception) -> None:
-        """Shows above the picture what went wrong."""
+        """Shows an error above the picture."""
         self._message.value = f"<pre>{html.escape(_where(error))}</pre>"
         self._message.layout.display = "block"
 
@@ -164,8 +167,8 @@ def _reusable_figure(draw: Callable[..., Figure]) -> Figure | None:
 def _empty_axes(figure: Figure) -> None:
     """Removes what was drawn and leaves axes, ticks and labels, which are slow to make."""
     for ax in figure.axes:
-        drawn = (*ax.lines, *ax.patches, *ax.collections, *ax.images, *ax.texts, *ax.artists, *ax.tables)
-        for artist in (*drawn, *filter(None, [ax.get_legend()])):
+        artists = (*ax.lines, *ax.patches, *ax.collections, *ax.images, *ax.texts, *ax.artists, *ax.tables)
+        for artist in (*artists, *filter(None, [ax.get_legend()])):
             artist.remove()
         ax.containers.clear()
         ax.relim()
@@ -207,22 +210,16 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 def _where(error: Exception) -> str:
     """The error with the place it came from, such as 'ValueError: delay must be positive (beats.py, line 41)'."""
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    place = "" if trace is None else f" ({Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno})"
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}: {error}{place}"
 
 
-def _control(name: str, spec: Any) -> Any:
-    """The widget that `spec` describes, labelled with `name`."""
-    look: dict[str, Any] = {
-        "description": name.replace("_", " "),
-        "style": {"description_width": "initial"},
-        "layout": {"width": "21em"},
-    }
+def control(name: str, spec: Any, look: Mapping[str, Any]) -> Any:
+    """The widget that `spec` describes as for `Explorer`, labelled with `name` unless `look` has a "description"."""
     if isinstance(spec, widgets.Widget):
         return spec
+    look = {"description": name.replace("_", " "), **look}
     if isinstance(spec, bool):
         return widgets.Checkbox(value=spec, indent=False, **look)
     if isinstance(spec, list | dict) and spec:
@@ -232,7 +229,7 @@ def _control(name: str, spec: Any) -> Any:
         if low < high and step > 0 and low <= value <= high:
             whole = all(isinstance(number, int) for number in spec)
             slider = widgets.IntSlider if whole else widgets.FloatSlider
-            return slider(min=low, max=high, step=step, value=value, continuous_update=True, **look)
+            return slider(min=low, max=high, step=step, value=value, **look)
     raise ValueError(
         f"control {name!r} must be a widget, True or False, a list or dict of choices, or (low, high, step, value) "
         f"with low <= value <= high; got {spec!r}"

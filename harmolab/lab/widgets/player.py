@@ -29,7 +29,6 @@ LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
 LEVELS = 65535  # steps of a number in the page
 BLOCK = 65536  # samples; libsndfile's Vorbis coder overflows its stack on long ones
-NO_FACTS: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +48,27 @@ class Dancer:
 
 
 class Player:
-    """A player that shows itself in a notebook and in the offline report; arguments are those of `player_page`.
+    """A player that shows itself in a notebook and in the offline report.
 
+    `page` is one HTML page that holds sound, movement and player, and asks the network for nothing. The sound is its
+    only clock. It is cut, or filled with silence, to the length of the longest motion, and coded as Ogg Vorbis, which
+    puts no delay before the first sample.
+
+    Parameters
+    ----------
+    audio : Audio that starts with the motions' first frame
+    dancers : one Dancer, or two side by side
+    music : BeatTrack on the same time line; beats after the last frame are left out
+    title : str
+    facts : name -> text, shown as a table
+
+    Raises
+    ------
+    ValueError
+        Unless there are one or two dancers, of ten minutes at most; for a sample rate outside 3 to 192 kHz.
+
+    Examples
+    --------
     >>> Player(audio, [Dancer("one", motion, score)], music=track, title="A cha-cha").save("x.html")  # doctest: +SKIP
     """
 
@@ -61,10 +79,20 @@ class Player:
         *,
         music: BeatTrack,
         title: str,
-        facts: Mapping[str, str] = NO_FACTS,
+        facts: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
+        duration = _duration([dancer.motion for dancer in dancers])
+        score = dancers[0].score
+        data = {
+            "duration": duration,
+            "sound": _sound(audio, duration),
+            "music": _music(music.span(0.0, duration), score),
+            "delay": score.params.reaction_delay,
+            "lag": score.params.lag,
+            "dancers": [_dancer(dancer) for dancer in dancers],
+        }
         self.title = title
-        self.page = player_page(audio, dancers, music=music, title=title, facts=facts)
+        self.page = rendered("player.html.j2", title=title, facts=facts, data=data)
 
     def _repr_html_(self) -> str:
         return framed(self.page, title=f"{self.title}: player", height=HEIGHT)
@@ -89,12 +117,12 @@ def player_of(
     clips : one Clip with a motion, or two that share sound and offset; the second is shown at the rate of the first
     start : float, seconds of audio time; the motions' first frame when left out
     seconds : float, length; to the end of the music when left out
-    title, facts : as in `player_page`; left out, the facts are what each dance scores by speed valleys
+    title, facts : as in `Player`; left out, the facts are what each dance scores by speed valleys
 
     Raises
     ------
     ValueError
-        As `player_page`; also where there is no music or no motion, or start and seconds are no times.
+        As `Player`; also where there is no music or no motion, or start and seconds are no times.
     """
     if start is not None and not np.isfinite(start):
         raise ValueError(f"start must be a finite number of seconds, got {start:g}")
@@ -128,47 +156,8 @@ def _fact(dancer: Dancer) -> tuple[str, str]:
     return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
 
 
-def player_page(
-    audio: Audio,
-    dancers: Sequence[Dancer],
-    *,
-    music: BeatTrack,
-    title: str,
-    facts: Mapping[str, str] = NO_FACTS,
-) -> str:
-    """One HTML page that holds sound, movement and player, and asks the network for nothing.
-
-    The sound is the page's only clock. It is cut, or filled with silence, to the length of the longest motion, and
-    coded as Ogg Vorbis, which puts no delay before the first sample.
-
-    Parameters
-    ----------
-    audio : Audio that starts with the motions' first frame
-    dancers : one Dancer, or two side by side
-    music : BeatTrack on the same time line; beats after the last frame are left out
-    title : str
-    facts : name -> text, shown as a table
-
-    Raises
-    ------
-    ValueError
-        Unless there are one or two dancers, of ten minutes at most; for a sample rate outside 3 to 192 kHz.
-    """
-    duration = _duration([dancer.motion for dancer in dancers])
-    score = dancers[0].score
-    data = {
-        "duration": duration,
-        "sound": _sound(audio, duration),
-        "music": _music(music.span(0.0, duration), score),
-        "delay": score.params.reaction_delay,
-        "lag": score.params.lag,
-        "dancers": [_dancer(dancer) for dancer in dancers],
-    }
-    return rendered("player.html.j2", title=title, facts=facts, data=data)
-
-
 def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
-    """The page of `player_page` for raters: dance, sound, play and position, and nothing that tells the answer.
+    """A page as of `Player` for raters: dance, sound, play and position, and nothing that gives the answer away.
 
     It takes neither names nor beats nor parameters, and computes no speed, beat or hit, so its source holds none. Two
     dancers are called "left" and "right".
@@ -181,7 +170,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     Raises
     ------
     ValueError
-        As `player_page`.
+        As `Player`.
     """
     duration = _duration(motions)
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
@@ -201,7 +190,7 @@ def _duration(motions: Sequence[Motion]) -> float:
 
 
 def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
-    """The music's beats: time, whether they are salient, and whether they begin a bar."""
+    """The music's beats: time, if they are salient, and if they begin a bar."""
     salient = set(score.music.times)
     places = np.full(len(music), -1) if music.bar_places is None else music.bar_places
     return [
@@ -222,16 +211,16 @@ def _dancer(dancer: Dancer) -> dict[str, Any]:
 
 
 def _movement(motion: Motion) -> dict[str, Any]:
-    """What the page has to know to draw a motion."""
+    """Data from which the page draws a motion."""
     skull, limbs = skull_and_limbs(motion.skeleton)
-    shown = resample_motion(upsample_motion(motion, SLOWEST), min(max(motion.fps, SLOWEST), FASTEST))
+    motion = resample_motion(upsample_motion(motion, SLOWEST), min(max(motion.fps, SLOWEST), FASTEST))
     flat = motion.positions.shape[2] == 2
-    positions, way, size = _on_wall(shown.positions) if flat else _on_floor(shown.positions, shown.fps)
+    positions, way, size = _on_wall(motion.positions) if flat else _on_floor(motion.positions, motion.fps)
     return {
         "flat": flat,
-        "front": 0.0 if flat else mean_heading(shown.positions, shown.fps, shown.skeleton),
-        "fps": shown.fps,
-        "frames": shown.n_frames,
+        "front": 0.0 if flat else mean_heading(motion.positions, motion.fps, motion.skeleton),
+        "fps": motion.fps,
+        "frames": motion.n_frames,
         "joints": len(motion.skeleton.joints),
         "bones": limbs,
         "skull": skull,
@@ -259,14 +248,14 @@ def _on_wall(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
 
 def _speed(motion: Motion, params: HarmonyParams) -> dict[str, Any]:
     """The curve that visual beats are read from, at a rate that shows it smooth."""
+    times = np.arange(0.0, motion.duration, 1.0 / FASTEST)
     curve, fps = motion_curve(motion, params)
     seconds = (np.arange(curve.size) - 0.5 * params.subframe) / fps
-    times = np.arange(0.0, motion.duration, 1.0 / FASTEST)
     return {"fps": FASTEST, **_quantised(np.interp(times, seconds, curve)[:, None])}
 
 
 def _marks(score: HarmonyScore) -> list[dict[str, float | None]]:
-    """Each salient music beat, and the dancer's beat that met it; None for a miss."""
+    """Each salient music beat, and the dancer's beat that hits it; None for a miss."""
     return [
         {"time": _seconds(time), "met": _seconds(score.visual.times[pair]) if pair >= 0 else None}
         for time, pair in zip(score.music.times, score.pairs, strict=True)
@@ -292,8 +281,8 @@ def _sound(audio: Audio, duration: float) -> dict[str, Any]:
     if not RATES[0] <= rate <= RATES[1]:  # above, the coder crashes; below, browsers refuse
         raise ValueError(f"the player takes sound of {RATES[0]} to {RATES[1]} Hz, got {rate}; load it at 44100 Hz")
     samples = np.zeros(max(round(duration * rate), 1), dtype=np.float32)
-    given = np.clip(audio.samples[: samples.size], -1.0, 1.0)
-    samples[: given.size] = given
+    sound = np.clip(audio.samples[: samples.size], -1.0, 1.0)
+    samples[: sound.size] = sound
     stream = io.BytesIO()
     with soundfile.SoundFile(stream, "w", rate, 1, format="OGG", subtype="VORBIS") as file:
         for first in range(0, samples.size, BLOCK):

@@ -1,4 +1,4 @@
-"""Draws a figure again and again, keeping the pixels of what rarely changes: axes, ticks, labels and legends.
+"""Draws a figure again and again, keeping the pixels of axes, ticks and labels, which rarely change.
 
 They take most of the time in which matplotlib draws a plot. Each is kept as a transparent picture of its own, which
 is laid down at its place in the drawing order, and drawn anew only when it would look different.
@@ -15,13 +15,7 @@ from matplotlib.artist import Artist
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.figure import Figure
-from matplotlib.legend import Legend
 from numpy.typing import NDArray
-
-HANDLE_LOOK = (
-    *("alpha", "color", "edgecolor", "facecolor", "linestyle", "linewidth"),
-    *("marker", "markersize", "markeredgecolor", "markerfacecolor", "sizes", "hatch"),
-)
 
 Pixels = NDArray[np.uint8]
 
@@ -47,13 +41,13 @@ class QuickDraw:
 
     def __call__(self, figure: Figure) -> Pixels:
         """The figure as it is now."""
-        kept = list(_slow_artists(figure))
-        for key, artist, look in kept:
+        artists = list(_slow_artists(figure))
+        for key, artist, look in artists:
             artist.draw = self._kept(artist, look, key)
         try:
             return plain(figure)
         finally:
-            for _, artist, _ in kept:
+            for _, artist, _ in artists:
                 del artist.draw  # the method of its class shows again
 
     def _kept(self, artist: Any, look: Callable[[Any], Hashable], key: Hashable) -> Callable[[RendererAgg], None]:
@@ -64,7 +58,7 @@ class QuickDraw:
             before, layer = self._layers.get(key, (None, None))
             if (canvas, look(artist)) != before:
                 layer = _layer(artist, renderer)
-                # Asked again, because drawing makes ticks that were not there before.
+                # Once more, because drawing makes new ticks.
                 self._layers[key] = ((canvas, look(artist)), layer)
             if layer is not None:
                 left, bottom, pixels = layer
@@ -75,14 +69,12 @@ class QuickDraw:
 
 
 def _slow_artists(figure: Figure) -> Iterator[tuple[Hashable, Any, Callable[[Any], Hashable]]]:
-    """(key, artist, function that tells how it looks) of what is worth keeping."""
+    """(key, artist, function that returns its look) of each artist that is slow to draw."""
     for place, ax in enumerate(figure.axes):
         if ax.name != "rectilinear":
-            continue  # a polar or 3-D axis looks different for more reasons than are watched here
+            continue  # the look of a polar or 3-D axis depends on more than is compared here
         yield (place, "x"), ax.xaxis, _axis_look
         yield (place, "y"), ax.yaxis, _axis_look
-        if legend := ax.get_legend():
-            yield (place, "legend"), legend, _legend_look
 
 
 def _layer(artist: Artist, renderer: RendererAgg) -> tuple[int, int, Pixels] | None:
@@ -99,7 +91,7 @@ def _layer(artist: Artist, renderer: RendererAgg) -> tuple[int, int, Pixels] | N
 
 
 def _axis_look(axis: Axis) -> Hashable:
-    """All that decides how an axis with its ticks, labels and grid is drawn."""
+    """Everything on which the pixels of an axis with its ticks, labels and grid depend."""
     places = axis.get_majorticklocs()
     return (
         axis.get_visible(),
@@ -122,17 +114,3 @@ def _axis_look(axis: Axis) -> Hashable:
 
 def _text_look(text: Any) -> Hashable:
     return text.get_visible(), text.get_color(), text.get_size(), text.get_rotation(), text.get_alpha()
-
-
-def _legend_look(legend: Legend) -> Hashable:
-    """All that decides how a legend is drawn, as far as its entries and its place go."""
-    entries = tuple((text.get_text(), _text_look(text)) for text in legend.get_texts())
-    handles = tuple(_handle_look(handle) for handle in legend.legend_handles)
-    # A legend that looks for the best place depends on everything else: another one is never the same.
-    place = id(legend) if legend._loc == 0 else (legend._loc, legend.get_bbox_to_anchor().bounds)  # type: ignore[attr-defined]
-    return legend.get_visible(), place, entries, handles
-
-
-def _handle_look(handle: Any) -> Hashable:
-    getters = [getattr(handle, f"get_{name}", None) for name in HANDLE_LOOK]
-    return (type(handle).__name__, *(repr(getter()) for getter in getters if getter is not None))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import Any
 
@@ -13,21 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_motion
+from harmolab.lab.compare.batch import BatchScores, BeatBatch, PatternBatch, rescore, rescore_patterns
 from harmolab.lab.figures.beats import draw_marks
 from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.widgets.labs.clips import Corpus, corpus_scores
-from harmolab.lab.widgets.labs.lab import (
-    LOOK,
-    ModeLab,
-    menu,
-    score_params,
-    score_presets,
-    score_sliders,
-    slider,
-    start_at,
-)
-from harmolab.lab.widgets.labs.stage import Stage, draw_board, placed_axes
+from harmolab.lab.widgets.labs.lab import LOOK, MODES, SCORE_SLIDERS, Lab, menu, setting_controls, slider, with_settings
+from harmolab.lab.widgets.labs.stage import Stage, axis_label, draw_board, placed_axes, write_above
 from harmolab.lab.widgets.picture import ClickPicture
 from harmolab.lab.widgets.player import Dancer, Player
 from harmolab.params import HarmonyParams
@@ -39,26 +32,94 @@ EDGE = 0.02  # of the picture, round the dots' panel
 REACH = 12.0  # pixels of the screen: a click this far from a dot still means it
 IDLE = MappingProxyType({"recommended": ("lambda2", "delay")})  # it asks for no hits
 SCORES = MappingProxyType({"harmony h": "harmony", "above chance": "harmony_above_chance", "hit rate": "hit_rate"})
-LOWEST = MappingProxyType({"harmony": 0.0, "harmony_above_chance": -1.0, "hit_rate": 0.0})
+LOWEST = MappingProxyType({"harmony h": 0.0, "above chance": -1.0, "hit rate": 0.0})
 
 
-class CorpusLab(ModeLab):
-    """The corpus lab: a ModeLab in which a click on a dot chooses its clip, and opens it where there is something to.
+@dataclass(frozen=True, eq=False)
+class Corpus:
+    """Beats of C clips, ready to be scored again and again.
+
+    Parameters
+    ----------
+    names : C names
+    batches : mode -> beats and movement of C clips: a PatternBatch for "recommended", else a BeatBatch
+    periods : (C,) array, seconds between music beats
+    source : str, origin of the data
+    """
+
+    names: tuple[str, ...]
+    batches: Mapping[str, BeatBatch | PatternBatch]
+    periods: FloatArray
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        counts = {len(self.names), len(self.periods), *(batch.durations.size for batch in self.batches.values())}
+        if not self.batches or set(self.batches) - set(MODES) or len(counts) != 1:
+            raise ValueError(
+                f"a corpus needs a batch for some of {', '.join(MODES)}, with as many clips as names and periods; "
+                f"got {', '.join(self.batches) or 'none'} with {', '.join(map(str, sorted(counts)))} clips"
+            )
+        for mode, batch in self.batches.items():
+            if isinstance(batch, PatternBatch) != (MODES[mode].measure == "pattern"):
+                raise ValueError(f"the {mode} mode cannot score a {type(batch).__name__}")
+
+    @classmethod
+    def of(cls, clips: Sequence[Clip]) -> Corpus:
+        """Beats and movement of clips with motion, read once for every mode.
+
+        Raises
+        ------
+        ValueError
+            Without clips, or if one has no motion.
+        """
+        stages = [Stage.of(clip) for clip in clips]
+        batches = {mode: _batch(stages, params) for mode, params in MODES.items()}
+        periods = [float(np.median(np.diff(one.music.times))) if len(one.music) > 1 else 0.0 for one in stages]
+        sources = sorted({one.source for one in stages if one.source})
+        return cls(tuple(clip.name for clip in clips), batches, np.array(periods), " + ".join(sources))
+
+
+def _batch(stages: Sequence[Stage], params: HarmonyParams) -> BeatBatch | PatternBatch:
+    """The stages as the measure of `params` scores them."""
+    if params.measure == "pattern":
+        return PatternBatch.of([(one.music, one.motion) for one in stages], params)
+    return BeatBatch.of([(one.music, visual_beats(one.motion, params=params)) for one in stages])
+
+
+@lru_cache(maxsize=2)  # the wrong music stays where it is while other sliders move
+def _late(corpus: Corpus, mode: str, beats: float) -> BeatBatch | PatternBatch:
+    """The batch with each clip's music moved by `beats` beats, round its end."""
+    return corpus.batches[mode].moved(beats * corpus.periods)
+
+
+@lru_cache(maxsize=4)  # the true music's scores stay while another clip is chosen, or the wrong music moves
+def corpus_scores(corpus: Corpus, mode: str, params: HarmonyParams, late: float | None = None) -> BatchScores:
+    """Scores of all clips with true music, or with music that is `late` beats late."""
+    batch = corpus.batches[mode] if late is None else _late(corpus, mode, late)
+    return rescore_patterns(batch, params) if isinstance(batch, PatternBatch) else rescore(batch, params)
+
+
+class CorpusLab(Lab):
+    """The corpus lab: a Lab in which a click on a dot chooses its clip, and opens it if there is a `play`.
 
     Parameters
     ----------
     corpus : Corpus
     play : callable, optional
         ``play(number, params)`` returns the page element (HTML) that plays a clip; called on a click only.
-    **controls
-        As `corpus_lab` makes them.
+    controls, values
+        As for `Lab`.
     """
 
     def __init__(
-        self, corpus: Corpus, play: Callable[[int, HarmonyParams], str] | None = None, /, **controls: Any
+        self,
+        corpus: Corpus,
+        play: Callable[[int, HarmonyParams], str] | None,
+        controls: Mapping[str, Any],
+        values: Mapping[str, Any],
     ) -> None:
         self._corpus, self._play = corpus, play
-        super().__init__(partial(draw_corpus_lab, corpus), corpus_params, score_presets, IDLE, **controls)
+        super().__init__(partial(draw_corpus_lab, corpus), corpus_params, controls, values, idle=IDLE)
         self._player = widgets.HTML(layout={"width": "100%", "display": "none"})
         hint = widgets.HTML(f"{self._image.hint}, or choose it with the clip slider.")
         # The name stands here in full; the slider would cut it off.
@@ -79,7 +140,7 @@ class CorpusLab(ModeLab):
         return ClickPicture(self.click, value=png, area=area, hint=hint)
 
     def click(self, x: float, y: float, width: float) -> None:
-        """What a click does: the clip of the nearest dot is ringed and opened; nothing where no dot is near.
+        """Ring and open the clip of the nearest dot; do nothing where no dot is near.
 
         Parameters
         ----------
@@ -116,23 +177,19 @@ class CorpusLab(ModeLab):
             self._player.layout.display = "block"
 
 
-def corpus_lab(
-    clips: Corpus | Sequence[Clip], *, on_clip: Callable[[str], object] | None = None, **values: Any
-) -> CorpusLab:
+def corpus_lab(clips: Corpus | Sequence[Clip], **values: Any) -> CorpusLab:
     """Sliders for the score's settings above the scores of a whole corpus, with the AUC of true against wrong music.
 
     Parameters
     ----------
     clips : clips with motion, or a Corpus of their beats
         A click on a dot opens its clip in a player under the picture; of a Corpus it only rings the dot.
-    on_clip : callable, optional
-        Called with a clip's name whenever another is chosen.
     **values
         Where controls start instead of at the first mode's settings: ``delay=0.1``; a mode brings its own.
 
     Examples
     --------
-    >>> lab = corpus_lab(clips, on_clip=print)  # doctest: +SKIP
+    >>> lab = corpus_lab(clips)  # doctest: +SKIP
     >>> lab.controls["delay"].value = 0.1  # doctest: +SKIP
     """
     corpus = clips if isinstance(clips, Corpus) else Corpus.of(clips)
@@ -142,17 +199,14 @@ def corpus_lab(
         "mode": menu("mode", modes, modes[0]),
         "score": menu("score", tuple(SCORES), "harmony h"),
         "late": slider("late (beats)", 0.0, 1.0, 0.05, 0.5),
-        **score_sliders(modes[0]),
+        **setting_controls(MODES[modes[0]], *SCORE_SLIDERS),
         "clip": widgets.SelectionSlider(options=numbered, value=0, description="clip", readout=False, **LOOK),
     }
-    play = None if isinstance(clips, Corpus) else partial(_played, clips)
-    lab = CorpusLab(corpus, play, **start_at(controls, values, score_presets))
-    if on_clip is not None:
-        controls["clip"].observe(lambda change: on_clip(corpus.names[change["new"]]), names="value")
-    return lab
+    play = None if isinstance(clips, Corpus) else partial(_player_element, clips)
+    return CorpusLab(corpus, play, controls, values)
 
 
-def _played(clips: Sequence[Clip], number: int, params: HarmonyParams) -> str:
+def _player_element(clips: Sequence[Clip], number: int, params: HarmonyParams) -> str:
     """The player of one clip, with its true music, as an element of a page."""
     clip = clips[number]
     stage = Stage.of(clip)
@@ -162,8 +216,8 @@ def _played(clips: Sequence[Clip], number: int, params: HarmonyParams) -> str:
 
 
 def corpus_params(*, mode: str, score: str = "", late: float = 0.0, clip: int = 0, **values: Any) -> HarmonyParams:
-    """The settings that the lab's controls stand for; which score, how late and which clip are none of them."""
-    return score_params(mode, **values)
+    """A mode's settings but for those of the lab's controls; score, clip and delay of the music are no settings."""
+    return with_settings(MODES[mode], **values)
 
 
 def draw_corpus_lab(
@@ -176,7 +230,7 @@ def draw_corpus_lab(
     figure: Figure | None = None,
     **values: Any,
 ) -> Figure:
-    """The lab's picture: how the scores are spread with true and with wrong music, and every clip as a dot.
+    """The lab's picture: histograms of the scores with true and with wrong music, and every clip as a dot.
 
     Parameters
     ----------
@@ -189,52 +243,52 @@ def draw_corpus_lab(
     **values
         The other arguments of `corpus_params`; those of the mode when left out.
     """
-    params = corpus_params(mode=mode, **{**score_presets(mode), **values})
-    shown = Figure() if figure is None else figure
-    left, right, board = shown.axes or placed_axes(shown, (10.0, 5.4), PLACES)
+    params = corpus_params(mode=mode, **values)
+    figure, (left, right, board) = placed_axes(figure, (10.0, 5.4), PLACES)
     true, wrong, low = _dots(corpus, params, mode, score, late)
     _draw_spread(left, true, wrong, low)
-    note = "   |   lower ones at -1" if low < 0 else ""
-    left.set_xlabel(score + note + (f"   |   {corpus.source} data" if corpus.source else ""))
+    left.set_xlabel(axis_label(score, "lower ones at -1" if low < 0 else "", source=corpus.source))
+    write_above(left, f"wrong: {late:g} beat late (outline)", side="right", color=COLOURS["ink"])
     _draw_clips(right, true, wrong, low, clip)
-    exact = [getattr(corpus_scores(corpus, mode, params, by), SCORES[score]) for by in (None, late)]
-    label = f"{corpus.names[clip]}: {exact[0][clip]:.2f} true, {exact[1][clip]:.2f} wrong"
-    right.text(0.0, 1.02, label, transform=right.transAxes, va="bottom")
+    exact = _scores(corpus, params, mode, score, late)
+    write_above(right, f"{corpus.names[clip]}: {exact[0][clip]:.2f} true, {exact[1][clip]:.2f} wrong")
     right.set(xlabel=f"{score}, wrong music", ylabel=f"{score}, true music")
-    wrong_music = f"wrong: {late:g} beat late (outline)"
-    left.text(1.0, 1.02, wrong_music, transform=left.transAxes, color=COLOURS["ink"], ha="right", va="bottom")
     draw_board(board, _numbers(*exact))
-    return shown
+    return figure
+
+
+def _scores(corpus: Corpus, params: HarmonyParams, mode: str, score: str, late: float) -> tuple[FloatArray, FloatArray]:
+    """Scores of all clips with true and with wrong music."""
+    true, wrong = (getattr(corpus_scores(corpus, mode, params, beats), SCORES[score]) for beats in (None, late))
+    return true, wrong
 
 
 def _dots(
     corpus: Corpus, params: HarmonyParams, mode: str, score: str, late: float
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Every clip's score with true and with wrong music as shown, and the lowest that is shown."""
-    name = SCORES[score]
-    low = LOWEST[name]
-    true, wrong = (np.maximum(getattr(corpus_scores(corpus, mode, params, by), name), low) for by in (None, late))
-    return true, wrong, low
+    """Scores of all clips with true and with wrong music as drawn, and the lowest that is drawn."""
+    low = LOWEST[score]
+    true, wrong = _scores(corpus, params, mode, score, late)
+    return np.maximum(true, low), np.maximum(wrong, low), low
 
 
 def _draw_spread(ax: Axes, true: FloatArray, wrong: FloatArray, low: float) -> None:
     """Two histograms: true music blue, wrong music a grey outline; lines at the means."""
     edges = np.linspace(low, 1.0 + 1e-9, 26)
-    tall = 1
-    looks: tuple[tuple[FloatArray, dict[str, Any]], ...] = (
-        (true, {"color": COLOURS["audio"], "fill": True, "alpha": 0.55}),
-        (wrong, {"color": COLOURS["ink"], "linewidth": 1.6}),
+    highest = 1
+    looks: tuple[tuple[FloatArray, str, dict[str, Any]], ...] = (
+        (true, "-", {"color": COLOURS["audio"], "fill": True, "alpha": 0.55}),
+        (wrong, "--", {"color": COLOURS["ink"], "linewidth": 1.6}),
     )
-    for values, look in looks:
+    for values, line, look in looks:
         counts, _ = np.histogram(np.minimum(values, 1.0), edges)
         ax.stairs(counts, edges, **look)
-        tall = max(tall, int(counts.max()))
-    for values, colour, line in ((true, "audio", "-"), (wrong, "ink", "--")):
-        ax.axvline(float(values.mean()), color=COLOURS[colour], linestyle=line, linewidth=1.4)
-    ax.text(0.0, 1.02, "true music", transform=ax.transAxes, color=COLOURS["audio"], va="bottom")
+        ax.axvline(float(values.mean()), color=look["color"], linestyle=line, linewidth=1.4)
+        highest = max(highest, int(counts.max()))
+    write_above(ax, "true music", color=COLOURS["audio"])
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    top = 10 * 2 ** np.ceil(np.log2(max(1.1 * tall / 10, 1)))  # in steps, so that the axis seldom changes
+    top = 10 * 2 ** np.ceil(np.log2(max(1.1 * highest / 10, 1)))  # in steps, so that the axis seldom changes
     ax.set(xlim=(low, 1.02), ylim=(0, top), ylabel="clips")
 
 

@@ -1,10 +1,11 @@
-"""What every lab is: an Explorer whose controls stand for a `HarmonyParams`, written out under the picture."""
+"""A lab: an Explorer whose controls stand for a `HarmonyParams`, written out under the picture; shared controls."""
 
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -12,8 +13,8 @@ import ipywidgets as widgets
 import numpy as np
 from matplotlib.figure import Figure
 
-from harmolab.lab.widgets.explorer import Explorer
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.lab.widgets.explorer import Explorer, control
+from harmolab.params import CHOICES, BarPattern, HarmonyParams
 
 MODES = MappingProxyType(
     {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(), "valleys": HarmonyParams.valleys()}
@@ -22,21 +23,48 @@ LOOK: Mapping[str, Any] = MappingProxyType(
     {"style": {"description_width": "8.5em"}, "layout": {"width": "23em"}}  # three columns of controls on a desktop
 )
 
+# Fields of HarmonyParams by the names of their controls, if these differ.
+FIELDS = MappingProxyType({"lambda1": "audio_threshold", "lambda2": "visual_threshold", "delay": "reaction_delay"})
+SCORE_SLIDERS = ("lambda1", "lambda2", "delay", "beta", "lag")  # of every lab of a score
+
 
 class Lab(Explorer):
-    """An Explorer that tells the settings its controls stand for, as a line to copy (one click selects it).
+    """An Explorer that writes the settings its controls stand for as a line to copy (one click selects it).
+
+    A control called ``mode``, if there is one, sets those of `CONTROLS` to the mode's values, with one new picture for
+    all of them.
 
     Parameters
     ----------
-    draw, **controls
+    draw : callable
         As for `Explorer`.
     params : callable
         ``params(**values)`` returns the HarmonyParams that the controls' values stand for.
+    controls : name -> widget
+    values : name -> value at which a control starts instead; a mode brings its own for controls not named here
+    idle : mode -> names of controls that mean nothing in it, and are greyed out
+
+    Raises
+    ------
+    ValueError
+        If a value is given for a control that does not exist.
     """
 
-    def __init__(self, draw: Callable[..., Figure], params: Callable[..., HarmonyParams], /, **controls: Any) -> None:
+    _following = False
+
+    def __init__(
+        self,
+        draw: Callable[..., Figure],
+        params: Callable[..., HarmonyParams],
+        controls: Mapping[str, Any],
+        values: Mapping[str, Any],
+        *,
+        idle: Mapping[str, Collection[str]] = MappingProxyType({}),
+    ) -> None:
+        self._params, self._idle = params, idle
+        _start(controls, values)
         super().__init__(draw, **controls)
-        self._params = params
+        self._grey_out()
         self._line = widgets.HTML(value=self._settings())
         self.children: tuple[Any, ...] = (*self.children, self._line)
 
@@ -52,7 +80,7 @@ class Lab(Explorer):
 
     def _show(self) -> None:
         super()._show()
-        if not self.error:  # otherwise the picture stays, and so does what is written under it
+        if not self.error:  # otherwise the picture stays, and so does the line under it
             self._line.value = self._settings()
 
     def _settings(self) -> str:
@@ -61,50 +89,36 @@ class Lab(Explorer):
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
         return {**super()._repr_mimebundle_(**kwargs), "text/plain": self.line}
 
-
-class ModeLab(Lab):
-    """A Lab whose other controls follow the one called ``mode``, with one new picture for all of them.
-
-    Parameters
-    ----------
-    draw, params, **controls
-        As for `Lab`.
-    presets : callable
-        ``presets(mode)`` returns what a mode sets the other controls to, by name.
-    idle : mode -> names of controls that mean nothing in it, and are greyed out
-    """
-
-    _following = False
-
-    def __init__(
-        self,
-        draw: Callable[..., Figure],
-        params: Callable[..., HarmonyParams],
-        presets: Callable[[str], Mapping[str, Any]],
-        idle: Mapping[str, Collection[str]] = MappingProxyType({}),
-        /,
-        **controls: Any,
-    ) -> None:
-        super().__init__(draw, params, **controls)
-        self._presets, self._idle = presets, idle
-        self._grey_out(self.values["mode"])
-
-    def _grey_out(self, mode: str) -> None:
-        for name, control in self._controls.items():
-            control.disabled = name in self._idle.get(mode, ())
+    def _grey_out(self) -> None:
+        for name, widget in self._controls.items():
+            widget.disabled = name in self._idle.get(self.values.get("mode", ""), ())
 
     def _redraw(self, change: Any = None) -> None:
         if self._following:
             return
-        if change is not None and change["owner"] is self._controls["mode"]:
+        if change is not None and change["owner"] is self._controls.get("mode"):
             self._following = True
             try:
-                for name, value in self._presets(change["new"]).items():
-                    self._controls[name].value = value
-                self._grey_out(change["new"])
+                _set(self._controls, mode_values(change["new"], self._controls))
+                self._grey_out()
             finally:
                 self._following = False
         super()._redraw(change)
+
+
+def _start(controls: Mapping[str, Any], values: Mapping[str, Any]) -> None:
+    """Sets controls to the values at which they start, the mode first."""
+    if unknown := set(values) - set(controls):
+        raise ValueError(f"no control {', '.join(sorted(unknown))}; there are {', '.join(controls)}")
+    if "mode" in values:
+        controls["mode"].value = values["mode"]  # refuses an unknown one
+        values = {**mode_values(values["mode"], controls), **values}
+    _set(controls, values)
+
+
+def _set(controls: Mapping[str, Any], values: Mapping[str, Any]) -> None:
+    for name, value in values.items():
+        controls[name].value = value
 
 
 def params_line(params: HarmonyParams) -> str:
@@ -121,16 +135,18 @@ def params_line(params: HarmonyParams) -> str:
         if params == preset:
             return f"HarmonyParams.{name}()"
     paper = MODES["paper"]
-    changed = [field.name for field in fields(params) if getattr(params, field.name) != getattr(paper, field.name)]
-    return f"HarmonyParams({', '.join(f'{name}={_text(getattr(params, name))}' for name in changed)})"
+    return _call(params, [name for name, value in vars(params).items() if value != getattr(paper, name)])
+
+
+def _call(record: HarmonyParams | BarPattern, names: Sequence[str]) -> str:
+    """The call that makes a record with these fields, as Python text."""
+    return f"{type(record).__name__}({', '.join(f'{name}={_text(getattr(record, name))}' for name in names)})"
 
 
 def _text(value: Any) -> str:
     """A setting as Python text; numpy's numbers as plain ones."""
     if isinstance(value, BarPattern):
-        return (
-            f"BarPattern({', '.join(f'{field.name}={_text(getattr(value, field.name))}' for field in fields(value))})"
-        )
+        return _call(value, [field.name for field in fields(value)])
     if isinstance(value, tuple):
         return f"({', '.join(map(_text, value))},)"
     return repr(value.item() if isinstance(value, np.generic) else value)
@@ -138,10 +154,7 @@ def _text(value: Any) -> str:
 
 def slider(label: str, low: float, high: float, step: float, value: float) -> Any:
     """A slider; of whole numbers where all four are."""
-    whole = all(isinstance(number, int) for number in (low, high, step, value))
-    kind = widgets.IntSlider if whole else widgets.FloatSlider
-    number = "d" if whole else ".2f"
-    return kind(value=value, min=low, max=high, step=step, description=label, readout_format=number, **LOOK)
+    return control(label, (low, high, step, value), {"description": label, **LOOK})
 
 
 def menu(label: str, options: Any, value: Any) -> Any:
@@ -149,69 +162,47 @@ def menu(label: str, options: Any, value: Any) -> Any:
     return widgets.Dropdown(options=options, value=value, description=label, **LOOK)
 
 
-def score_sliders(mode: str) -> dict[str, Any]:
-    """The sliders that every lab of a score has, at a mode's settings."""
-    start = score_presets(mode)
-    return {
-        "lambda1": slider("λ1 (music)", 0.0, 8.0, 0.1, start["lambda1"]),
-        "lambda2": slider("λ2 (dance)", 0.0, 3.0, 0.1, start["lambda2"]),
-        "delay": slider("T_delay (s)", 0.0, 0.5, 0.01, start["delay"]),
-        "beta": slider("β", 0.25, 4.0, 0.25, start["beta"]),
-        "lag": slider("lag (s)", -0.4, 0.4, 0.02, start["lag"]),
+# Makers of the controls that stand for a field of HarmonyParams: value -> widget.
+RATES = (("its own", None), ("60", 60.0), ("30", 30.0), ("25", 25.0), ("15", 15.0), ("10", 10.0))
+CONTROLS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
+    {
+        "lambda1": partial(slider, "λ1 (music)", 0.0, 8.0, 0.1),
+        "lambda2": partial(slider, "λ2 (dance)", 0.0, 3.0, 0.1),
+        "delay": partial(slider, "T_delay (s)", 0.0, 0.5, 0.01),
+        "beta": partial(slider, "β", 0.25, 4.0, 0.25),
+        "lag": partial(slider, "lag (s)", -0.4, 0.4, 0.02),
+        "smoothing": partial(slider, "speed σ (s)", 0.0, 0.3, 0.01),
+        "position_smoothing": partial(slider, "position σ (s)", 0.0, 0.3, 0.01),
+        "visual_saliency": partial(menu, "dance compares", CHOICES["visual_saliency"]),
+        "first_beat": partial(menu, "first beat", CHOICES["first_beat"]),
+        "fps": partial(menu, "frames a second", RATES),
+        "subframe": partial(menu, "beats", (("on frames", False), ("between frames", True))),
+        **{
+            name: partial(menu, name, CHOICES[name])
+            for name in ("detector", "matching", "plateau", "normalisation", "saliency")
+        },
     }
+)
 
 
-def score_presets(mode: str) -> dict[str, Any]:
-    """What a mode sets those sliders to."""
-    params = MODES[mode]
-    return {
-        "lambda1": params.audio_threshold,
-        "lambda2": params.visual_threshold or 0.0,
-        "delay": params.reaction_delay,
-        "beta": params.beta,
-        "lag": params.lag,
-    }
+def setting_controls(params: HarmonyParams, *names: str) -> dict[str, Any]:
+    """The named ones of `CONTROLS`, at the values of `params`."""
+    return {name: CONTROLS[name](setting(params, name)) for name in names}
 
 
-def score_params(
-    mode: str, *, lambda1: float, lambda2: float, delay: float, beta: float, lag: float, **others: Any
-) -> HarmonyParams:
-    """The settings that those sliders stand for, and `others` by their own names; λ2 = 0 keeps every visual beat."""
-    return replace(
-        MODES[mode],
-        audio_threshold=lambda1,
-        visual_threshold=lambda2 or None,
-        reaction_delay=delay,
-        beta=beta,
-        lag=lag,
-        **others,
-    )
+def setting(params: HarmonyParams, name: str) -> Any:
+    """The value at which a control stands for its field of `params`; λ2 = 0 keeps every visual beat."""
+    value = getattr(params, FIELDS.get(name, name))
+    return value or 0.0 if name == "lambda2" else value
 
 
-def start_at(
-    controls: dict[str, Any],
-    values: Mapping[str, Any],
-    presets: Callable[[str], Mapping[str, Any]] | None = None,
-) -> dict[str, Any]:
-    """The controls, some of them set to other values than they were made with.
+def mode_values(mode: str, names: Collection[str]) -> dict[str, Any]:
+    """Values of a mode for those of the named controls that stand for a setting."""
+    return {name: setting(MODES[mode], name) for name in names if name in CONTROLS}
 
-    Parameters
-    ----------
-    controls : name -> widget
-    values : name -> value
-    presets : callable, optional
-        What a mode sets the other controls to, unless `values` says otherwise.
 
-    Raises
-    ------
-    ValueError
-        If a value is given for a control that is not there.
-    """
-    if unknown := set(values) - set(controls):
-        raise ValueError(f"no control {', '.join(sorted(unknown))}; there are {', '.join(controls)}")
-    if presets is not None and "mode" in values:
-        controls["mode"].value = values["mode"]  # refuses an unknown one
-        values = {**presets(values["mode"]), **values}
-    for name, value in values.items():
-        controls[name].value = value
-    return controls
+def with_settings(params: HarmonyParams, **values: Any) -> HarmonyParams:
+    """`params` with the fields that controls of these names and values stand for; others by their own names."""
+    if "lambda2" in values:
+        values["lambda2"] = values["lambda2"] or None
+    return replace(params, **{FIELDS.get(name, name): value for name, value in values.items()})

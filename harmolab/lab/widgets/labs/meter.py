@@ -17,8 +17,8 @@ from harmolab.beats.meter import MeterUnit, meter_units, strong_beats
 from harmolab.beats.saliency import salient_audio
 from harmolab.lab.figures.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
 from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.widgets.labs.lab import Lab, menu, slider, start_at
-from harmolab.lab.widgets.labs.stage import draw_board, placed_axes
+from harmolab.lab.widgets.labs.lab import Lab, menu, setting_controls, slider, with_settings
+from harmolab.lab.widgets.labs.stage import axis_label, draw_board, placed_axes
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, BoolArray, Clip, IntArray
 
@@ -29,7 +29,7 @@ SEED = 22  # of the measuring error: the same whenever the slider comes back
 
 @dataclass(frozen=True, eq=False)
 class Song:
-    """What the lab plays with: tracks of one piece of music by name, one of them annotated perhaps, and the source."""
+    """Data of the lab: tracks of one piece of music by name, perhaps an annotated one, and the source."""
 
     tracks: Mapping[str, BeatTrack]
     annotated: BeatTrack | None = None
@@ -43,22 +43,22 @@ class Song:
         return self.annotated.times[self.annotated.bar_places == 0]
 
     def places(self, track: BeatTrack) -> IntArray:
-        """Place of each beat in the annotated bar, -1 where nobody knows; (B,) array."""
-        known = self.annotated
-        if known is None or known.bar_places is None or len(known) == 0:
+        """Place of each beat in the annotated bar, -1 where none is known; (B,) array."""
+        bars = self.annotated
+        if bars is None or bars.bar_places is None or len(bars) == 0:
             return np.full(len(track), -1)
-        gaps = np.abs(track.times[:, None] - known.times[None, :])
-        return np.where(gaps.min(axis=1) <= NEAR, known.bar_places[gaps.argmin(axis=1)], -1)
+        gaps = np.abs(track.times[:, None] - bars.times[None, :])
+        return np.where(gaps.min(axis=1) <= NEAR, bars.bar_places[gaps.argmin(axis=1)], -1)
 
 
 def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) -> Lab:
-    """Controls for what Eq. 22 is given - which beats, from which on, how well measured - above strong beats and units.
+    """Controls for the input of Eq. 22 - which beats, from which on, how well measured - above strong beats and units.
 
     Parameters
     ----------
     clip : Clip; its own beats, else those tracked in its audio
     annotated : BeatTrack, optional
-        Beats that somebody wrote down, with their places in the bar: downbeats are marked, and both can be compared.
+        Beats with their places in the bar: downbeats are marked, and both tracks can be compared.
     **values
         Where controls start: ``lambda1=1.0``.
 
@@ -72,19 +72,17 @@ def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) 
         tracks["annotated"] = annotated
     controls = {
         "beats": menu("beats", tuple(tracks), "of the clip"),
-        "lambda1": slider("λ1 (music)", 0.0, 8.0, 0.1, HarmonyParams.paper().audio_threshold),
+        **setting_controls(HarmonyParams.paper(), "lambda1"),
         "every": slider("take every", 1, 4, 1, 1),
         "first": slider("leave out first", 0, 7, 1, 0),
         "error": slider("error (SD)", 0.0, 1.0, 0.05, 0.0),
     }
-    return Lab(
-        partial(draw_meter_lab, Song(tracks, annotated, clip.source)), meter_params, **start_at(controls, values)
-    )
+    return Lab(partial(draw_meter_lab, Song(tracks, annotated, clip.source)), meter_params, controls, values)
 
 
 def meter_params(*, lambda1: float, **_: Any) -> HarmonyParams:
     """The paper's settings but for λ1, the only control of this lab that is one of them."""
-    return replace(HarmonyParams.paper(), audio_threshold=lambda1)
+    return with_settings(HarmonyParams.paper(), lambda1=lambda1)
 
 
 def draw_meter_lab(
@@ -109,35 +107,34 @@ def draw_meter_lab(
     error : float, standard deviations of the strengths by which each strength is measured wrongly
     figure : Figure, optional, drawn on if given
     """
-    shown = Figure() if figure is None else figure
-    above, left, right, board = shown.axes or placed_axes(shown, (10.0, 6.2), PLACES)
+    figure, (above, left, right, board) = placed_axes(figure, (10.0, 6.2), PLACES)
     track = _measured(song.tracks[beats], lambda1=lambda1, every=every, first=first, error=error)
     strong, units = strong_beats(track.strengths), meter_units(track)
     draw_meter(above, track, strong, units, downbeats=song.downbeats)
     key = "filled: strong beat   |   open: weak   |   bracket: meter unit"
-    key += "   |   triangle: annotated downbeat" if song.downbeats is not None else ""
-    above.set_xlabel(f"time (s)   |   {key}" + (f"   |   {song.source} data" if song.source else ""))
+    downbeat = "" if song.downbeats is None else "triangle: annotated downbeat"
+    above.set_xlabel(axis_label("time (s)", key, downbeat, source=song.source))
     above.set(ylabel="strength (of largest)", xlim=(-0.01 * track.duration, 1.01 * track.duration))
     shares = _time_shares(units, track.duration)
     _draw_signatures(left, shares)
     places = song.places(track)
     _draw_bar(right, strong, places)
     draw_board(board, _numbers(strong, units, shares, places, song.downbeats is not None))
-    return shown
+    return figure
 
 
 def _measured(track: BeatTrack, *, lambda1: float, every: int, first: int, error: float) -> BeatTrack:
-    """The beats that Eq. 22 is given."""
-    wrong = np.random.default_rng(SEED).standard_normal(len(track))
+    """The beats that are the input of Eq. 22; arguments as for `draw_meter_lab`."""
+    noise = np.random.default_rng(SEED).standard_normal(len(track))
     spread = float(track.strengths.std()) if len(track) else 0.0
-    strengths = np.maximum(track.strengths + error * spread * wrong, 0.0)
-    heard = salient_audio(replace(track, strengths=strengths), meter_params(lambda1=lambda1))
-    chosen = np.arange(len(heard)) - first
-    return heard.select((chosen >= 0) & (chosen % every == 0))
+    strengths = np.maximum(track.strengths + error * spread * noise, 0.0)
+    salient = salient_audio(replace(track, strengths=strengths), meter_params(lambda1=lambda1))
+    numbers = np.arange(len(salient)) - first
+    return salient.select((numbers >= 0) & (numbers % every == 0))
 
 
 def _time_shares(units: Sequence[MeterUnit], duration: float) -> dict[str, float]:
-    """Share of the time by signature, and what no unit covers."""
+    """Share of the time by signature, and the share that no unit covers."""
     shares = dict.fromkeys(UNIT_COLOURS, 0.0)
     for unit in units:
         shares[unit_label(unit)] += (unit.end - unit.start) / duration
@@ -154,14 +151,14 @@ def _draw_signatures(ax: Axes, shares: Mapping[str, float]) -> None:
 
 
 def _draw_bar(ax: Axes, strong: BoolArray, places: IntArray) -> None:
-    """How often each place of the annotated bar is strong."""
-    known = np.bincount(places[places >= 0])
-    if known.size == 0:
+    """Share of strong beats at each place of the annotated bar."""
+    counts = np.bincount(places[places >= 0])
+    if counts.size == 0:
         ax.text(0.5, 0.5, "no annotated bars", transform=ax.transAxes, ha="center", color=COLOURS["chance"])
         ax.set(xticks=[], yticks=[])
         return
-    hits = np.bincount(places[places >= 0], strong[places >= 0])
-    draw_places(ax, hits / np.maximum(known, 1), known, chance=float(strong[places >= 0].mean()))
+    n_strong = np.bincount(places[places >= 0], strong[places >= 0])
+    draw_places(ax, n_strong / np.maximum(counts, 1), counts, chance=float(strong[places >= 0].mean()))
 
 
 def _numbers(

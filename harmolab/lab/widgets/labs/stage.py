@@ -1,9 +1,10 @@
-"""What the labs of one clip play with, and how their pictures are laid out."""
+"""Data of the labs of one clip, and the layout of the labs' pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +19,7 @@ BOARD = (0.085, 0.94, 0.895, 0.05)  # left, bottom, width, height: at the top of
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What the lab plays with: music beats and motion on one time line, the recommended mode's pattern, the source."""
+    """Data of one clip's lab: music beats and motion on one time line, the recommended mode's pattern, the source."""
 
     music: BeatTrack
     motion: Motion
@@ -27,7 +28,7 @@ class Stage:
 
     @classmethod
     def of(cls, clip: Clip, pattern: BarPattern | None = None) -> Stage:
-        """The stretch that a clip's music and motion share, with its `music_beats`.
+        """The segment that a clip's music and motion share, with its `music_beats`.
 
         Raises
         ------
@@ -38,19 +39,34 @@ class Stage:
 
     @property
     def time_label(self) -> str:
-        """What stands under a time axis: the unit, and what the data are."""
-        return f"time (s)   |   {self.source} data" if self.source else "time (s)"
+        """Label of a time axis: the unit, and the source of the data."""
+        return axis_label("time (s)", source=self.source)
+
+
+def axis_label(*notes: str, source: str) -> str:
+    """Notes under an axis and the source of the data, apart from each other; empty ones are left out."""
+    return "   |   ".join(filter(None, [*notes, source and f"{source} data"]))
 
 
 def placed_axes(
-    figure: Figure, size: tuple[float, float], places: Sequence[tuple[float, float, float, float]]
-) -> list[Axes]:
-    """Axes at fixed places, the board last, so that the same values give the same picture whatever was shown before."""
-    figure.set_size_inches(*size)
-    axes = [figure.add_axes(place) for place in (*places, BOARD)]
-    axes[-1].set(ylim=(0, 1), frame_on=False)
-    axes[-1].yaxis.set_visible(False)
-    return axes
+    figure: Figure | None, size: tuple[float, float], places: Sequence[tuple[float, float, float, float]]
+) -> tuple[Figure, list[Axes]]:
+    """A figure (a new one for None) and its axes at fixed places, the board last.
+
+    Fixed, so that the same values give the same picture whatever was drawn before. A figure that has axes keeps them.
+    """
+    figure = Figure() if figure is None else figure
+    if not figure.axes:
+        figure.set_size_inches(*size)
+        board = [figure.add_axes(place) for place in (*places, BOARD)][-1]
+        board.set(ylim=(0, 1), frame_on=False)
+        board.yaxis.set_visible(False)
+    return figure, figure.axes
+
+
+def write_above(ax: Axes, text: str, *, side: str = "left", **look: Any) -> None:
+    """Text over the left or the right end of axes."""
+    ax.text(0.0 if side == "left" else 1.0, 1.02, text, transform=ax.transAxes, ha=side, va="bottom", **look)
 
 
 def draw_board(ax: Axes, numbers: Mapping[str, str]) -> Axes:
