@@ -33,7 +33,7 @@ MOST_MOMENTS = 5_000_000  # a day of music on the grid
 
 @dataclass(frozen=True, eq=False)
 class PatternFit:
-    """How high each music beat ranks among all moments of the clip.
+    """Percentile ranks of the music beats among all moments of the clip.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def normalised_speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray,
 
 
 def beat_positions(times: FloatArray, track: BeatTrack) -> FloatArray:
-    """Where each time lies on the music's beats: 2.5 is half way between the third and the fourth beat.
+    """Place of each time on the music's beats: 2.5 is half way between the third and the fourth beat.
 
     Counting starts at the first beat's place in its bar when that is known. Before the first and after the last beat
     the nearest beat interval goes on.
@@ -96,7 +96,7 @@ def beat_positions(times: FloatArray, track: BeatTrack) -> FloatArray:
     if beats.size < 2:
         raise ValueError(f"a pattern needs two music beats at least, got {beats.size}")
     first, last = beats[1] - beats[0], beats[-1] - beats[-2]
-    # A knot more at either end, behind everything that is asked for.
+    # A knot more at either end, behind all times.
     start, end = np.min(times, initial=beats[0]) - first, np.max(times, initial=beats[-1]) + last
     numbers = np.arange(-1.0, beats.size + 1)
     numbers[0], numbers[-1] = (start - beats[0]) / first, beats.size - 1 + (end - beats[-1]) / last
@@ -131,20 +131,20 @@ def fit_pattern(pieces: Iterable[PatternSums], *, source: str = "") -> BarPatter
     ValueError
         If there is nothing to fit, or the pieces have cycles of different length.
     """
-    given = [piece for piece in pieces if piece.count > 0]
-    if not given:
+    moving = [piece for piece in pieces if piece.count > 0]
+    if not moving:
         raise ValueError("no motion to fit a bar pattern on")
-    lengths = {piece.beats for piece in given}
+    lengths = {piece.beats for piece in moving}
     if len(lengths) > 1:
         raise ValueError(f"pieces with cycles of {sorted(lengths)} beats cannot share a pattern")
-    mean = 2 * np.sum([piece.sums for piece in given], axis=0) / sum(piece.count for piece in given)
+    mean = 2 * np.sum([piece.sums for piece in moving], axis=0) / sum(piece.count for piece in moving)
     return BarPattern(lengths.pop(), tuple(mean.real.tolist()), tuple((-mean.imag).tolist()), source)
 
 
 def fit_of_motion(
     audio_track: BeatTrack, motion: Motion, params: HarmonyParams, *, n_rotations: int = 1000
 ) -> PatternFit:
-    """How well `motion` fits ``params.pattern`` on the beats of `audio_track` (same time line).
+    """Fit of `motion` to ``params.pattern`` on the beats of `audio_track` (same time line).
 
     When a bar place is not known the best one is taken, and chance is what the best one reaches at random moments.
     """
@@ -166,8 +166,8 @@ def fit_of_speed(
     ranks = moment_ranks(curve, params.pattern)
     beats = np.round(beat_positions(music.times, audio_track)).astype(np.int64)
     moments = beat_moments(beats, first, curve.size)
-    known = audio_track.bar_places is not None or params.pattern.beats == 1
-    return _best_places(ranks, moments, beats, music, n_rotations, known)
+    is_placed = audio_track.bar_places is not None or params.pattern.beats == 1
+    return _best_places(ranks, moments, beats, music, n_rotations, is_placed)
 
 
 def beat_curve(times: FloatArray, speed: FloatArray, track: BeatTrack) -> tuple[FloatArray, int]:
@@ -192,7 +192,7 @@ def beat_curve(times: FloatArray, speed: FloatArray, track: BeatTrack) -> tuple[
 
 
 def beat_moments(beats: IntArray, first: int, size: int) -> IntArray:
-    """Where beats of these numbers lie in a `beat_curve` of `size` moments; those outside at its ends."""
+    """Places of beats of these numbers in a `beat_curve` of `size` moments; those outside at its ends."""
     return np.minimum(np.maximum(beats * GRID - first, 0), size - 1)
 
 
@@ -212,7 +212,7 @@ def moment_ranks(curve: FloatArray, pattern: BarPattern) -> FloatArray:
 
 
 def joint_fits(curves: Sequence[FloatArray], pattern: BarPattern) -> FloatArray:
-    """How well each curve around each moment fits each place of the pattern: many curves in one go.
+    """Fit of each curve around each moment to each place of the pattern: many curves in one go.
 
     Parameters
     ----------
@@ -240,17 +240,17 @@ def joint_fits(curves: Sequence[FloatArray], pattern: BarPattern) -> FloatArray:
 
 
 def _best_places(
-    ranks: FloatArray, moments: IntArray, places: IntArray, music: BeatTrack, n_rotations: int, known: bool
+    ranks: FloatArray, moments: IntArray, places: IntArray, music: BeatTrack, n_rotations: int, is_placed: bool
 ) -> PatternFit:
-    """Read the ranks at the music's beats, and at every rotation of them; over all places unless they are known."""
+    """The ranks at the music's beats, and at every rotation of them; those of the best place unless it is known."""
     weights = music.strengths
     cycle, size = ranks.shape
-    count = max(n_rotations, 1 if known else CHANCE_ROTATIONS)
+    count = max(n_rotations, 1 if is_placed else CHANCE_ROTATIONS)
     # The observation itself is no part of its null: shift 0 is left out.
     shifts = np.unique(np.linspace(1, max(size, 2), count, endpoint=False).astype(np.int64))
     rotated = np.mod(moments[None, :] + shifts[:, None], size)
     mass = weights / weights.sum() if weights.sum() > 0 else np.full(weights.size, 1 / weights.size)
-    options = [0] if known else list(range(cycle))
+    options = [0] if is_placed else list(range(cycle))
     shares = [ranks[np.mod(places + option, cycle), moments] for option in options]
     nulls = [ranks[np.mod(places + option, cycle), rotated] @ mass for option in options]
     best = int(np.argmax([share @ mass for share in shares]))

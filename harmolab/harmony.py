@@ -72,7 +72,7 @@ def hit_mask(audio_times: FloatArray, visual_times: FloatArray, *, delay: float,
 def hit_pairs(
     audio_times: FloatArray, visual_times: FloatArray, *, delay: float, matching: str = "nearest"
 ) -> IntArray:
-    """Which visual beat hits each music beat: (N,) indices into `visual_times`, -1 for a miss (Eq. 18).
+    """The visual beat that hits each music beat: (N,) indices into `visual_times`, -1 for a miss (Eq. 18).
 
     Parameters are those of `hit_mask`. Visual beats that no index names are redundant (caption of Fig. 3).
     """

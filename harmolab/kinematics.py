@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 
@@ -112,20 +111,13 @@ def turning_points(curve: FloatArray, *, plateau: str = "last") -> IntArray:
     signs = step_signs(curve, carry=plateau != "literal")
     turns = np.flatnonzero(signs[:-1] * signs[1:] < 0) + 1
     if plateau == "middle":
-        ties = step_signs(curve, carry=False) == 0
-        starts = np.array([turn - _run_before(ties, int(turn)) for turn in turns], dtype=np.int64)
-        return (starts + turns) // 2
+        steps = np.arange(signs.size)
+        # The last step up to each that is no tie: at its end a flat top starts.
+        slopes = np.maximum.accumulate(np.where(step_signs(curve, carry=False) == 0, -1, steps))
+        return (slopes[turns - 1] + 1 + turns) // 2
     if plateau not in ("last", "literal"):
         raise ValueError(f"plateau must be last, middle or literal, got {plateau!r}")
     return turns
-
-
-def _run_before(flags: NDArray[np.bool_], end: int) -> int:
-    """Length of the run of True that ends just before `end`."""
-    run = 0
-    while run < end and flags[end - 1 - run]:
-        run += 1
-    return run
 
 
 def valley_frames(curve: FloatArray, *, plateau: str = "last") -> IntArray:

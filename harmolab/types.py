@@ -315,7 +315,7 @@ class HarmonyScore:
 
     @property
     def hits(self) -> BoolArray:
-        """Whether each attentional music beat counts as hit, (N,) (Eq. 18); with a bar pattern, whether it fits."""
+        """(N,) True for each attentional music beat that counts as hit (Eq. 18), or, with a bar pattern, that fits."""
         return self.shares > 0.5
 
     @property

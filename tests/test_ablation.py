@@ -17,8 +17,8 @@ from harmolab.lab.experiments.ablation import (
     seed_means,
     targets_met,
 )
-from harmolab.lab.experiments.dances import danced_unit
 from harmolab.lab.experiments.generation import VARIANTS
+from harmolab.lab.experiments.judging import danced_unit
 from harmolab.lab.profile import RunProfile
 from harmolab.significance import mean_interval
 from harmolab.systems.common.feature_params import FeatureParams
@@ -150,18 +150,18 @@ def test_each_corpus_is_judged_by_itself():
 @pytest.mark.parametrize(("value", "met"), [(0.7, True), (1.4, True), (0.69, False), (1.41, False)])
 def test_ends_of_the_range_of_beats_are_inside(value: float, met: bool):
     table = seeds().assign(count_ratio=value)
-    found = targets_met(table).set_index(["loss", "target"])
-    assert bool(found.loc[("recommended", "M / N"), "met"]) is met
+    reached = targets_met(table).set_index(["loss", "target"])
+    assert bool(reached.loc[("recommended", "M / N"), "met"]) is met
 
 
 def test_nothing_above_zero_is_a_multiple_of_a_distance_that_is_not():
     table = seeds()
     table.loc[table["variant"] == "recommended, without", "fid"] = -0.1
-    found = targets_met(table).set_index(["loss", "target"])
-    assert not found.loc[("recommended", "FID / FID without the loss"), "met"]
+    reached = targets_met(table).set_index(["loss", "target"])
+    assert not reached.loc[("recommended", "FID / FID without the loss"), "met"]
     table.loc[table["variant"] == "recommended", "fid"] = -0.2
-    found = targets_met(table).set_index(["loss", "target"])
-    assert found.loc[("recommended", "FID / FID without the loss"), "met"]
+    reached = targets_met(table).set_index(["loss", "target"])
+    assert reached.loc[("recommended", "FID / FID without the loss"), "met"]
 
 
 def test_targets_are_those_the_project_set_itself():

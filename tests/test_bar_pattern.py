@@ -219,8 +219,8 @@ def test_a_beat_too_weak_to_count_does_not_move_the_others_in_the_bar():
 def test_a_lag_is_taken_off_the_motion(swinging_arm: Swing):
     early = fit_of_motion(track(0.25 - 0.12 + 0.5 * np.arange(1, 11)), swinging_arm(1.0, 60.0), RECOMMENDED)
     params = replace(RECOMMENDED, lag=0.12)
-    told = fit_of_motion(track(0.25 - 0.12 + 0.5 * np.arange(1, 11)), swinging_arm(1.0, 60.0), params)
-    assert told.mean > 0.9 > early.mean
+    fit = fit_of_motion(track(0.25 - 0.12 + 0.5 * np.arange(1, 11)), swinging_arm(1.0, 60.0), params)
+    assert fit.mean > 0.9 > early.mean
 
 
 def test_a_motion_shorter_than_the_grid_of_moments_fits_as_chance_does(rng: np.random.Generator):

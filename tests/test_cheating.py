@@ -113,8 +113,8 @@ def table(monkeypatch: pytest.MonkeyPatch, swinging_arm: Callable[..., Motion]) 
 
 
 def test_table_has_every_trick_with_both_musics_for_each_corpus(table: pd.DataFrame):
-    found = table.groupby(["corpus", "music"], sort=False)["trick"].apply(list).to_dict()
-    assert found == {(corpus, music): list(TRICKS) for corpus in ("one", "two") for music in (TRUE, LATE)}
+    tricks = table.groupby(["corpus", "music"], sort=False)["trick"].apply(list).to_dict()
+    assert tricks == {(corpus, music): list(TRICKS) for corpus in ("one", "two") for music in (TRUE, LATE)}
 
 
 def test_dancer_on_the_beat_loses_everything_when_the_music_is_late(table: pd.DataFrame):

@@ -133,8 +133,8 @@ def test_every_readable_sequence_is_read_and_the_rest_passed_over(recordings: Pa
 
 @pytest.mark.parametrize(("count", "names"), [(None, "ABC"), (1, "A"), (2, "AB"), (5, "ABC")])
 def test_a_profile_takes_so_many_sequences(recordings: Path, count: int | None, names: str):
-    found = study_recordings(replace(TINY, n_sequences=count))
-    assert [item.folder.name for item in found] == list(names)
+    result = study_recordings(replace(TINY, n_sequences=count))
+    assert [item.folder.name for item in result] == list(names)
 
 
 def test_an_unknown_corpus_is_refused(recordings: Path):
@@ -209,12 +209,12 @@ def test_without_anything_to_learn_from_movements_stop_on_the_beat(recordings: P
 
 
 def test_agreement_counts_pairs_and_what_rotations_would_pair():
-    found = agreement(track([1.0, 2.0, 3.0], duration=4.0), track([1.05, 2.5], duration=4.0), delay=0.1, n_rotations=4)
+    result = agreement(track([1.0, 2.0, 3.0], duration=4.0), track([1.05, 2.5], duration=4.0), delay=0.1, n_rotations=4)
     # Turned by 0.5, 1.5, 2.5, 3.5 of 4 s, the visual beats hit 1, 0, 1 and 1 music beats.
-    assert found == Agreement(3, 2, 1, 0.75)
-    assert (found.omitted, found.redundant) == (2, 1)
-    assert (found.hit_rate, found.chance) == (pytest.approx(1 / 3), 0.25)
-    assert str(found) == ("2 of 3 music beats missed, 1 of 2 visual beats left over; hit rate 0.33, by chance 0.25")
+    assert result == Agreement(3, 2, 1, 0.75)
+    assert (result.omitted, result.redundant) == (2, 1)
+    assert (result.hit_rate, result.chance) == (pytest.approx(1 / 3), 0.25)
+    assert str(result) == ("2 of 3 music beats missed, 1 of 2 visual beats left over; hit rate 0.33, by chance 0.25")
 
 
 def test_agreements_add_up():
@@ -243,12 +243,12 @@ def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, mon
 
 def test_downbeats_that_are_loudest_are_the_strong_ones(recordings: Path):
     table = strong_by_place(TINY)
-    heard = table[table.beats == "annotated"].set_index("place")
-    assert heard.index.tolist() == [1, 2, 3, 4]
-    np.testing.assert_allclose(heard["strong"], [1, 0, 0, 0])
+    annotated = table[table.beats == "annotated"].set_index("place")
+    assert annotated.index.tolist() == [1, 2, 3, 4]
+    np.testing.assert_allclose(annotated["strong"], [1, 0, 0, 0])
     # Fifteen beats in each of three songs; the first has none before it, so three downbeats are left of four.
-    assert heard["n"].tolist() == [9, 12, 12, 9]
-    np.testing.assert_allclose(heard["chance"], 9 / 42)
+    assert annotated["n"].tolist() == [9, 12, 12, 9]
+    np.testing.assert_allclose(annotated["chance"], 9 / 42)
 
 
 def test_without_downbeats_the_table_is_empty(recordings: Path):

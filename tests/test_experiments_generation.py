@@ -161,14 +161,14 @@ def test_a_generator_is_judged_on_its_test_units(paper: generation.Trained):
     units = paper.split.test
     motions = generate(paper.generator, units)
     assert [motion.n_frames for motion in motions] == [unit.n_frames for unit in units.units]
-    found = judge(motions, units, paper.pose_net)
-    assert found["units"] == len(units) and found["fid"] > 0 and 0 <= found["paper_hit_rate"] <= 1
+    measures = judge(motions, units, paper.pose_net)
+    assert measures["units"] == len(units) and measures["fid"] > 0 and 0 <= measures["paper_hit_rate"] <= 1
 
 
 def test_recorded_motion_is_as_far_from_itself_as_nothing(paper: generation.Trained):
     units = paper.split.test
-    found = judge(recorded_motions(units), units, paper.pose_net)
-    assert found["fid_raw"] == pytest.approx(0, abs=1e-3)
+    measures = judge(recorded_motions(units), units, paper.pose_net)
+    assert measures["fid_raw"] == pytest.approx(0, abs=1e-3)
 
 
 def test_a_system_that_only_makes_motions_is_judged_by_the_same_function(paper: generation.Trained):
@@ -202,9 +202,9 @@ def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(
 
 def test_a_dance_beyond_a_limit_is_counted():
     dances = pd.DataFrame({"corpus": "c", "variant": "v", "bones": [0.0, 0.04], "jump": [1.0, 3.5], "skating": [3, 5]})
-    found = dance_limits(dances)
-    assert found["within"].tolist() == ["2 of 2", "1 of 2", "0 of 2"]
-    assert found["worst"].tolist() == [0.04, 3.5, 5.0] and found["most"].tolist() == [0.05, 3.0, 2.0]
+    limits = dance_limits(dances)
+    assert limits["within"].tolist() == ["2 of 2", "1 of 2", "0 of 2"]
+    assert limits["worst"].tolist() == [0.04, 3.5, 5.0] and limits["most"].tolist() == [0.05, 3.0, 2.0]
 
 
 def test_recorded_motion_has_no_distance_from_itself_in_the_ablation(paper: generation.Trained):

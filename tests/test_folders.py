@@ -66,9 +66,9 @@ def test_sequences_of_both_layouts_are_found_in_natural_order(tmp_path: Path):
         tang(tmp_path / name)
     own(tmp_path / "group" / "clip_1")
     (tmp_path / "notes").mkdir()
-    found = find_recordings(tmp_path)
-    assert [folder.name for folder in found.folders] == ["DANCE_W_2", "DANCE_W_10", "clip_1"]
-    assert found.problems == ()
+    recordings = find_recordings(tmp_path)
+    assert [folder.name for folder in recordings.folders] == ["DANCE_W_2", "DANCE_W_10", "clip_1"]
+    assert recordings.problems == ()
 
 
 def test_sequence_folder_itself_is_a_root(tmp_path: Path):
@@ -79,9 +79,9 @@ def test_folder_with_missing_parts_is_a_problem_and_not_fatal(tmp_path: Path):
     (tang(tmp_path / "DANCE_W_1") / "audio.flac").unlink()
     (tang(tmp_path / "DANCE_W_2") / "config.json").unlink()
     own(tmp_path / "good")
-    found = find_recordings(tmp_path)
-    assert [folder.name for folder in found.folders] == ["good"]
-    assert [message.split(": ")[1] for _, message in found.problems] == [
+    recordings = find_recordings(tmp_path)
+    assert [folder.name for folder in recordings.folders] == ["good"]
+    assert [message.split(": ")[1] for _, message in recordings.problems] == [
         "has no audio.wav (.flac, .ogg, .mp3)",
         "has no config.json",
     ]
@@ -264,8 +264,8 @@ def test_check_of_nothing_known_is_a_row_and_of_nothing_an_error(tmp_path: Path)
 @pytest.mark.data
 @pytest.mark.parametrize(("corpus", "count"), [("tang2018", 32), ("tang2018_rebuilt", 3), ("beatlocked", 23)])
 def test_recorded_corpus_is_found_whole(data_root: Path, corpus: str, count: int):
-    found = find_recordings(data_root / corpus)
-    assert (len(found.folders), found.problems) == (count, ())
+    recordings = find_recordings(data_root / corpus)
+    assert (len(recordings.folders), recordings.problems) == (count, ())
 
 
 @pytest.mark.data

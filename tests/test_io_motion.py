@@ -495,8 +495,8 @@ def test_coco_follows_one_dancer_past_a_slightly_surer_passer_by(tmp_path: Path)
 
 def test_json_of_landmarks_is_known_by_its_content(tmp_path: Path):
     frames = [[{"x": x, "y": 0.5, "z": 0.0, "visibility": 0.9}] * 33 for x in (0.1, 0.2)]
-    told = {"fps": 25.0, "aspect": 2.0, "frames": [None, *frames]}
-    motion = load_motion(as_json(tmp_path / "dance.json", told))
+    content = {"fps": 25.0, "aspect": 2.0, "frames": [None, *frames]}
+    motion = load_motion(as_json(tmp_path / "dance.json", content))
     assert motion.skeleton == MEDIAPIPE_33
     assert motion.fps == 25
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0.2, 0.2, 0.4])

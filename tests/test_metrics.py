@@ -96,8 +96,8 @@ def test_the_p_score_is_that_of_mir_eval(rng: np.random.Generator):
     for _ in range(50):
         music, motion = (np.sort(rng.uniform(0, 20, rng.integers(10, 40))) for _ in range(2))
         expected = min(mir_eval.beat.p_score(music, motion), 1.0)
-        found = mir_eval_scores(music, motion, only=("p_score",))["mir_eval_p_score"]
-        assert found == pytest.approx(expected)
+        score = mir_eval_scores(music, motion, only=("p_score",))["mir_eval_p_score"]
+        assert score == pytest.approx(expected)
 
 
 def test_ten_minutes_of_music_are_judged_in_a_moment():

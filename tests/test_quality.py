@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.metrics.quality import bone_error, foot_skating, freezing, jerk, largest_step, pfc, relative_jerk
-from harmolab.metrics.steps import STEP
+from harmolab.metrics.quality import STEP, bone_error, foot_skating, freezing, jerk, largest_step, pfc, relative_jerk
 from harmolab.types import Motion, Skeleton
 
 ONE = Skeleton(("hand",), (-1,))

@@ -51,9 +51,9 @@ def test_limb_lies_on_its_points_and_the_rest_of_the_picture_is_kept() -> None:
 @pytest.mark.parametrize("rate", [5.0, 10.0, 25.0, 30.0])
 def test_pose_is_that_of_the_moment_at_any_frame_rate(rate: float) -> None:
     motion = pole([20.0 + 5 * i for i in range(41)])  # 50 pixels a second, for 4 s
-    found = [drawn_x(frame) for frame in overlay_skeleton(plain(400), rate, motion)]
-    assert len(found) == 4 * rate + 1
-    np.testing.assert_allclose(found, 20 + 50 * np.arange(len(found)) / rate, atol=0.6)
+    places = [drawn_x(frame) for frame in overlay_skeleton(plain(400), rate, motion)]
+    assert len(places) == 4 * rate + 1
+    np.testing.assert_allclose(places, 20 + 50 * np.arange(len(places)) / rate, atol=0.6)
 
 
 def test_it_ends_with_the_shorter_of_both_and_reads_no_frame_too_many() -> None:

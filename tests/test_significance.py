@@ -38,15 +38,15 @@ def test_rotated_hits_agree_with_counting_one_by_one(rng: np.random.Generator):
         distance = np.abs(audio[:, None] - np.mod(visual + shift, 6.0))
         near = np.minimum(distance, 6.0 - distance).min(axis=1) <= 0.2
         expected.append(near @ weights)
-    found = rotated_shares(audio, visual, weights, delay=0.2, duration=6.0, count=50)
-    np.testing.assert_allclose(found, expected)
+    shares = rotated_shares(audio, visual, weights, delay=0.2, duration=6.0, count=50)
+    np.testing.assert_allclose(shares, expected)
 
 
 @pytest.mark.parametrize(("audio", "visual"), [([], [1.0]), ([1.0], [])])
 def test_no_beats_are_hit_by_no_rotation(audio, visual):
     audio = np.array(audio)
-    found = rotated_shares(audio, np.array(visual), np.ones(audio.size), delay=0.2, duration=6.0, count=3)
-    np.testing.assert_array_equal(found, [0, 0, 0])
+    shares = rotated_shares(audio, np.array(visual), np.ones(audio.size), delay=0.2, duration=6.0, count=3)
+    np.testing.assert_array_equal(shares, [0, 0, 0])
 
 
 @pytest.mark.parametrize(

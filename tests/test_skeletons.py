@@ -165,17 +165,17 @@ def test_a_statue_that_travels_and_turns_stands_still_in_the_body_frame():
 def test_a_waving_hand_keeps_its_speed_however_the_body_travels():
     poses = np.tile(POSE, (FRAMES, 1, 1))
     poses[:, 6] += np.outer(0.2 * np.sin(np.arange(FRAMES)), [0.6, 0.0, 0.8])
-    found = speeds(body_frame(travelled(poses), FPS, BODY))
-    np.testing.assert_allclose(found[:, 6], 0.2 * np.abs(np.diff(np.sin(np.arange(FRAMES)))) * FPS, atol=1e-9)
-    np.testing.assert_allclose(found[:, :6], 0.0, atol=1e-9)
+    local_speeds = speeds(body_frame(travelled(poses), FPS, BODY))
+    np.testing.assert_allclose(local_speeds[:, 6], 0.2 * np.abs(np.diff(np.sin(np.arange(FRAMES)))) * FPS, atol=1e-9)
+    np.testing.assert_allclose(local_speeds[:, :6], 0.0, atol=1e-9)
 
 
 def test_hips_decide_the_heading_when_the_shoulders_twist():
     poses = np.tile(POSE, (FRAMES, 1, 1))
     poses[:, 3:5] = turned(poses[:, 3:5], 0.5 * np.sin(np.arange(FRAMES))[:, None])
-    found = speeds(body_frame(travelled(poses), FPS, BODY))
-    np.testing.assert_allclose(found[:, :3], 0.0, atol=1e-9)
-    assert found[:, 3:5].mean() > 0.5
+    local_speeds = speeds(body_frame(travelled(poses), FPS, BODY))
+    np.testing.assert_allclose(local_speeds[:, :3], 0.0, atol=1e-9)
+    assert local_speeds[:, 3:5].mean() > 0.5
 
 
 def test_shoulders_decide_where_no_hips_are_named():

@@ -78,7 +78,7 @@ def test_beat_tracker_finds_planted_beats(dance: str):
     for seed in (1, 2):
         music = synthetic_music(dance, seconds=30.0, seed=seed)
         with np.errstate(divide="ignore"):  # the prior is zero outside its range
-            _, found = librosa.beat.beat_track(
+            _, beats = librosa.beat.beat_track(
                 y=music.audio.samples,
                 sr=22050,
                 start_bpm=(low + high) / 2,
@@ -86,7 +86,7 @@ def test_beat_tracker_finds_planted_beats(dance: str):
                 units="time",
                 trim=False,
             )
-        assert mir_eval.beat.f_measure(music.beats.times, found, f_measure_threshold=0.07) >= 0.9
+        assert mir_eval.beat.f_measure(music.beats.times, beats, f_measure_threshold=0.07) >= 0.9
 
 
 @EVERY_DANCE
@@ -449,11 +449,11 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_corpus_is_read_by_the_ordinary_loaders_and_holds_the_truth(corpus: Path):
-    found = find_recordings(corpus)
-    assert len(found.folders) == 14
-    assert not found.problems
-    first = load_recording(found.folders[0])
-    recorded = json.loads((found.folders[0] / "beats.json").read_text())["settings"]
+    recordings = find_recordings(corpus)
+    assert len(recordings.folders) == 14
+    assert not recordings.problems
+    first = load_recording(recordings.folders[0])
+    recorded = json.loads((recordings.folders[0] / "beats.json").read_text())["settings"]
     recorded = {key: value for key, value in recorded.items() if key != "generator"}
     planted = planted_clip(ClipSettings(**{**recorded, "figures": tuple(recorded["figures"])}))
     np.testing.assert_allclose(first.clip.motion.positions, planted.clip.motion.positions, atol=1e-6)

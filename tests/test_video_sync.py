@@ -85,5 +85,5 @@ def _difference(one: np.ndarray, other: np.ndarray) -> float:
 
 def test_a_pose_of_the_frame_before_or_after_is_noticed(swinging_arm: Callable[..., Motion]) -> None:
     drawn = list(render_dance(swinging_arm(0.7, FPS, seconds=1.0), height=120, fps=FPS))
-    found = [_frames_early(drawn[place], *drawn[20:23]) for place in (20, 21, 22)]
-    assert found[0] < -0.5 < found[1] == 0 < 0.5 < found[2]
+    early = [_frames_early(drawn[place], *drawn[20:23]) for place in (20, 21, 22)]
+    assert early[0] < -0.5 < early[1] == 0 < 0.5 < early[2]

@@ -41,10 +41,10 @@ def test_peaks_lie_half_way_between_the_stops(swinging_arm: Swing):
 
 def test_turns_are_the_valleys_and_the_peaks(swinging_arm: Swing):
     motion = swinging_arm(1.3, 60.0)
-    found = {
+    tracks = {
         name: visual_beats(motion, params=replace(PLAIN, detector=name)).times for name in ("turns", "valleys", "peaks")
     }
-    np.testing.assert_array_equal(found["turns"], np.sort(np.concatenate([found["valleys"], found["peaks"]])))
+    np.testing.assert_array_equal(tracks["turns"], np.sort(np.concatenate([tracks["valleys"], tracks["peaks"]])))
 
 
 def test_paper_mode_places_beats_on_frames_of_15_per_second(swinging_arm: Swing):

@@ -102,13 +102,14 @@ def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> tuple[
     key = _key(audio, bounds)
     stored = _sound(cached_arrays(key))
     if stored is None:
+        compile_tracker()
         stored = _analyse(audio, bounds)
         keep_arrays(key, {"envelope": stored[0], "beats": stored[1]})
     return stored
 
 
 def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> tuple[FloatArray, NDArray[np.int64]] | None:
-    """What was kept; None when it is something else."""
+    """Envelope and beats out of the cache; None when it holds anything else."""
     if arrays is None:
         return None
     try:
@@ -143,18 +144,12 @@ def compile_tracker() -> None:
     samples = np.sin(np.arange(3 * 22050) / 50.0) * (np.arange(3 * 22050) % 11025 < 1000)
     name = f"harmolab-compile-{os.environ.get('USER', 'user')}.lock"
     with suppress(OSError), FileLock(Path(tempfile.gettempdir()) / name, timeout=300):
-        _listen(Audio(samples, 22050.0), None)
+        _analyse(Audio(samples, 22050.0), None)
         librosa.beat.beat_track(y=samples.astype(np.float32), sr=22050)  # as others call it: in single precision
 
 
 def _analyse(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
     """Onset strength and beat frames by librosa."""
-    compile_tracker()
-    return _listen(audio, bounds)
-
-
-def _listen(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArray, NDArray[np.int64]]:
-    """The analysis itself."""
     import librosa
 
     samples = _samples(audio)

@@ -21,14 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.beats.impacts import (
-    AROUND,
-    RADIUS,
-    THRESHOLD,
-    envelope_beats,
-    impact_envelope,
-    normalise_envelope,
-)
+from harmolab.beats.impacts import AROUND, RADIUS, THRESHOLD, envelope_beats, impact_envelope, normalise_envelope
 from harmolab.io.files import Progress, silent
 from harmolab.types import BeatTrack, FloatArray
 
@@ -43,7 +36,7 @@ FLOOR = 1e-4  # picture heights per second
 
 
 def optical_flow(previous: Frame, current: Frame) -> NDArray[np.float32]:
-    """Where each pixel of `previous` went (dense inverse search, Kroeger et al. 2016).
+    """Displacement of each pixel of `previous` (dense inverse search, Kroeger et al. 2016).
 
     Parameters
     ----------
@@ -75,7 +68,7 @@ def _changed(before: Frame, after: Frame) -> Frame:
 
 
 def directogram(flow: NDArray[np.float32], *, n_bins: int = 16, still: float = 0.0) -> FloatArray:
-    """How much moves in each direction: one column D(t, theta) of the directogram.
+    """Movement in each direction: one column D(t, theta) of the directogram.
 
     Parameters
     ----------
@@ -163,7 +156,7 @@ def _grey(frames: Iterable[Frame]) -> Iterator[Frame]:
             raise ValueError(f"frame {number} has shape {picture.shape}, the first has {first}; bring them to one size")
         if min(picture.shape[:2]) < SMALLEST_SIDE:
             raise ValueError(f"frames need at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, got {picture.shape[:2]}")
-        # A copy: whoever makes the frames may draw the next into the same memory.
+        # A copy: the source of the frames may draw the next into the same memory.
         grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
         yield np.array(grey, dtype=np.uint8, order="C")
 

@@ -88,18 +88,10 @@ def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
     units: list[MeterUnit] = []
     beat = 0
     while beat < len(track) - 1:
-        length = _longest_category(strong, beat)
-        if length and beat + length < len(track):
-            marks = strong[beat : beat + length]
-            end = float(track.times[beat + length])
-            units.append(MeterUnit(float(track.times[beat]), end, marks, CATEGORIES[tuple(marks.tolist())]))
-        beat += length or 1
+        accents = (tuple(strong[beat : beat + length].tolist()) for length in (6, 5, 4))
+        marks = next((marks for marks in accents if marks in CATEGORIES), ())
+        if marks and beat + len(marks) < len(track):
+            start, end = track.times[[beat, beat + len(marks)]].tolist()
+            units.append(MeterUnit(start, end, np.array(marks), CATEGORIES[marks]))
+        beat += len(marks) or 1
     return tuple(units)
-
-
-def _longest_category(strong: BoolArray, beat: int) -> int:
-    """Beats in the longest accent pattern that starts here; 0 when none does."""
-    for length in (6, 5, 4):
-        if tuple(strong[beat : beat + length].tolist()) in CATEGORIES:
-            return length
-    return 0

@@ -66,7 +66,6 @@ def visual_mask(
     compared = strengths if quantity == "strength" else steps
     mask = np.sign(compared - spread) * threshold > 0 if reading == "literal" else compared > threshold * spread
     if first_beat == "drop":
-        mask = mask.copy()
         mask[0] = False
     return mask
 

@@ -91,8 +91,8 @@ def visual_beats(motion: Motion, *, params: HarmonyParams | None = None) -> Beat
     >>> visual_beats(Motion(arm, 60.0, Skeleton.unnamed(1)), params=HarmonyParams.valleys()).times.round(2)
     array([0.25, 0.75])
     """
-    chosen = params or HarmonyParams.paper()
-    curve, fps = motion_curve(motion, chosen)
-    track = curve_beats(curve, fps, chosen)
+    params = params or HarmonyParams.paper()
+    curve, fps = motion_curve(motion, params)
+    track = curve_beats(curve, fps, params)
     nearest = np.minimum((track.times * motion.fps).round().astype(np.int64), motion.n_frames - 1)
     return track.select(motion.valid[nearest])

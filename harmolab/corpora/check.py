@@ -28,6 +28,8 @@ _MAX_FILES = 10_000
 _SOUND = (".wav", ".flac", ".ogg", ".mp3")
 _BEATS = (".beats", ".csv", ".txt")
 _MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl")
+_KNOWN = (*_SOUND, *_BEATS, *_MOTION)
+_JSON = ("beats.json", "skeletons.json", "config.json")
 _HEAD = 100_000  # bytes
 
 
@@ -79,8 +81,8 @@ def check(path: PathLike) -> list[FileSummary]:
         return [_guarded(_file, path)]
     folders, problems = find_recordings(path)
     rows = [_guarded(_recording, folder) for folder in folders]
-    rows += [FileSummary(str(problem.folder), "unreadable", odd=(problem.message,)) for problem in problems]
-    rows += [_guarded(_file, file) for file in _loose(path, {*folders, *(problem.folder for problem in problems)})]
+    rows += [FileSummary(str(folder), "unreadable", odd=(message,)) for folder, message in problems]
+    rows += [_guarded(_file, file) for file in _loose(path, {*folders, *(folder for folder, _ in problems)})]
     return rows or [FileSummary(str(path), "unreadable", odd=(f"{path}: holds no file that is known",))]
 
 
@@ -93,7 +95,7 @@ def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
 
 
 def _loose(root: Path, recordings: set[Path]) -> list[Path]:
-    """Known files below `root` outside of the folders of recordings, and folders of OpenPose files."""
+    """Files that can be read below `root`, outside of the folders of recordings, and folders of OpenPose files."""
     loose: list[Path] = []
     for name, below, files in os.walk(root):
         folder = Path(name)
@@ -102,16 +104,10 @@ def _loose(root: Path, recordings: set[Path]) -> list[Path]:
             continue
         if any(file.endswith("_keypoints.json") for file in files):
             loose.append(folder)
-        loose += [folder / file for file in sorted(files) if _is_known(file)]
+        loose += [folder / file for file in sorted(files) if file in _JSON or Path(file).suffix.lower() in _KNOWN]
         if len(loose) > _MAX_FILES:
             break
     return loose[:_MAX_FILES]
-
-
-def _is_known(name: str) -> bool:
-    """True for names that the readers know."""
-    named = name in ("beats.json", "skeletons.json", "config.json")
-    return named or Path(name).suffix.lower() in (*_SOUND, *_BEATS, *_MOTION)
 
 
 def _file(path: Path) -> FileSummary:
@@ -134,18 +130,14 @@ def _is_annotation(path: Path) -> bool:
 
 
 def _sound(path: Path) -> FileSummary:
-    """The row of a sound file; the samples are looked at if they are not too many."""
+    """The row of a sound file; the samples of up to an hour are read."""
     info = audio_info(path)
-    samples, note = (
-        round(info.seconds * info.sample_rate),
-        "mono" if info.channels == 1 else f"{info.channels} channels",
-    )
-    row = FileSummary(
-        str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=f"{info.format}, {note}"
-    )
-    if info.seconds > 3600:
-        return replace(row, odd=("longer than an hour: read spans of it; its samples were not looked at",))
-    return replace(row, odd=_odd_sound(load_audio(path, sample_rate=None)))
+    samples = round(info.seconds * info.sample_rate)
+    note = f"{info.format}, mono" if info.channels == 1 else f"{info.format}, {info.channels} channels"
+    odd: tuple[str, ...] = ("longer than an hour: read spans of it; its samples were not looked at",)
+    if info.seconds <= 3600:
+        odd = _odd_sound(load_audio(path, sample_rate=None))
+    return FileSummary(str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=note, odd=odd)
 
 
 def _odd_sound(audio: Audio) -> tuple[str, ...]:
@@ -167,8 +159,8 @@ def _beats(path: Path) -> FileSummary:
     steps = np.diff(annotation.times)
     odd = ["holds no beats"] if not len(track) else []
     if steps.size and steps.max() > 2.5 * np.median(steps):
-        where = annotation.times[int(np.argmax(steps))]
-        odd.append(f"no beat for {steps.max():.2f} s after {where:.2f} s, others are {np.median(steps):.2f} s apart")
+        last = annotation.times[int(np.argmax(steps))]
+        odd.append(f"no beat for {steps.max():.2f} s after {last:.2f} s, others are {np.median(steps):.2f} s apart")
     return FileSummary(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=tuple(odd))
 
 
@@ -178,14 +170,15 @@ def _motion(path: Path) -> FileSummary:
         return _motion_row(path, load_any_motion(path))
     except MissingFrameRate:
         motion = load_any_motion(path, fps=25.0)
-    row = _motion_row(path, motion)
-    return replace(row, rate=None, seconds=None, odd=("holds no frame rate: pass fps", *_shape_oddities(motion)))
+    odd = ("holds no frame rate: pass fps", *_shape_oddities(motion))
+    return replace(_motion_row(path, motion), rate=None, seconds=None, odd=odd)
 
 
 def _motion_row(path: Path, motion: Motion) -> FileSummary:
     """The row that describes a motion."""
     frames, joints, dimensions = motion.positions.shape
-    note, odd = f"{dimensions}-D", _odd_motion(motion)
+    odd = (*_shape_oddities(motion), *_frozen(motion), *_too_fast(motion))
+    note = f"{dimensions}-D"
     return FileSummary(str(path), "motion", frames, motion.fps, joints, motion.duration, note=note, odd=odd)
 
 
@@ -196,15 +189,13 @@ def _recording(folder: Path) -> FileSummary:
     if motion is None:
         raise ValueError(f"{folder}: has no motion")
     facts = [clip.dance or "dance not told", f"{clip.audio.duration:.2f} s of audio"]
-    facts += [] if annotation is None else [f"{annotation.times.size} beats"]
-    facts += [f"{len(annotation.units)} units"] if annotation and annotation.units else []
-    odd = [*_odd_span(folder, motion), *_odd_sound(clip.audio), *_odd_motion(motion)]
+    if annotation is not None:
+        facts += [f"{annotation.times.size} beats", *([f"{len(annotation.units)} units"] if annotation.units else [])]
+    row = _motion_row(folder, motion)
     beyond = clip.offset + motion.duration - clip.audio.duration
-    if beyond > 0.1:
-        odd.append(f"the motion ends {beyond:.2f} s after the audio")
-    return replace(
-        _motion_row(folder, motion), kind="sequence", offset=clip.offset, note=", ".join(facts), odd=tuple(odd)
-    )
+    late = (f"the motion ends {beyond:.2f} s after the audio",) if beyond > 0.1 else ()
+    odd = (*_odd_span(folder, motion), *_odd_sound(clip.audio), *row.odd, *late)
+    return replace(row, kind="sequence", offset=clip.offset, note=", ".join(facts), odd=odd)
 
 
 def _odd_span(folder: Path, motion: Motion) -> list[str]:
@@ -212,23 +203,16 @@ def _odd_span(folder: Path, motion: Motion) -> list[str]:
     if not (folder / "config.json").is_file() or (folder / "motion.npz").is_file():
         return []
     span = tang2018.load_config(folder / "config.json")
-    short = span.end - span.start - motion.n_frames
-    if not short:
-        return []
-    frames = "1 frame" if abs(short) == 1 else f"{abs(short)} frames"
-    return [f"{frames} {'shorter' if short > 0 else 'longer'} than config.json says ({span.end - span.start})"]
-
-
-def _odd_motion(motion: Motion) -> tuple[str, ...]:
-    """Odd things in a motion: filler, unlikely size, frozen stretches, impossible speeds."""
-    return (*_shape_oddities(motion), *_frozen(motion), *_too_fast(motion))
+    frames = span.end - span.start
+    short = frames - motion.n_frames
+    relation = "shorter" if short > 0 else "longer"
+    return [f"{_frames(abs(short))} {relation} than config.json says ({frames})"] if short else []
 
 
 def _shape_oddities(motion: Motion) -> list[str]:
     """Odd things at any frame rate: frames that are not valid, a body of unlikely size."""
     odd = []
-    filler = int((~motion.valid).sum())
-    if filler:
+    if filler := int((~motion.valid).sum()):
         odd.append(f"{filler} of {motion.n_frames} frames are filler (splices, unseen joints)")
     if motion.positions.shape[2] == 3:
         extent = float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
@@ -241,7 +225,7 @@ def _frozen(motion: Motion) -> list[str]:
     """Stretches of half a second and more in which no joint moves."""
     size = 1.0 if motion.positions.shape[2] == 3 else float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
     still = np.abs(np.diff(motion.positions, axis=0)).max(axis=(1, 2)) <= _STILL_METRES * size
-    runs = [(first, last) for first, last in tang2018.true_runs(still) if (last - first) / motion.fps >= FROZEN_SECONDS]
+    runs = [run for run in tang2018.true_runs(still) if (run[1] - run[0]) / motion.fps >= FROZEN_SECONDS]
     if not runs:
         return []
     first, last = max(runs, key=lambda run: run[1] - run[0])
@@ -255,11 +239,14 @@ def _too_fast(motion: Motion) -> list[str]:
         return []
     speed = np.linalg.norm(np.diff(motion.positions, axis=0), axis=2) * motion.fps
     speed[~motion.valid[1:]] = 0.0
-    count = int((speed.max(axis=1) > MAX_SPEED).sum())
-    if not count:
+    if speed.max() <= MAX_SPEED:
         return []
-    frame, joint = np.unravel_index(int(np.argmax(speed)), speed.shape)
-    name = motion.skeleton.joints[int(joint)]
-    frames = "1 frame" if count == 1 else f"{count} frames"
-    when = (int(frame) + 1) / motion.fps
-    return [f"faster than {MAX_SPEED:g} m/s in {frames}, up to {speed.max():.1f} m/s ({name}, {when:.2f} s)"]
+    frames = _frames(int((speed.max(axis=1) > MAX_SPEED).sum()))
+    frame, joint = divmod(int(np.argmax(speed)), speed.shape[1])
+    peak = f"{speed.max():.1f} m/s ({motion.skeleton.joints[joint]}, {(frame + 1) / motion.fps:.2f} s)"
+    return [f"faster than {MAX_SPEED:g} m/s in {frames}, up to {peak}"]
+
+
+def _frames(count: int) -> str:
+    """A number of frames in words."""
+    return "1 frame" if count == 1 else f"{count} frames"

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from harmolab.corpora import tang2018
 from harmolab.io.audio import load_audio
 from harmolab.io.beats import BeatAnnotation, load_annotation
-from harmolab.io.files import PathLike
+from harmolab.io.files import PathLike, reading
 from harmolab.io.motion import load_motion
 from harmolab.types import Clip, Motion
 
@@ -65,15 +65,16 @@ def find_recordings(root: PathLike) -> RecordingFolders:
         raise FileNotFoundError(f"{root}: no such folder")
     if not root.is_dir():
         raise ValueError(f"{root}: is a file; a folder of sequences is needed")
-    folders: list[Path] = []
-    problems: list[Problem] = []
-    for folder in _folders_with_parts(root):
-        missing = missing_parts(folder)
-        if missing:
-            problems.append(Problem(folder, f"{folder}: has no {' and no '.join(missing)}"))
-        else:
-            folders.append(folder)
-    return RecordingFolders(tuple(folders), tuple(problems))
+    missing = {folder: missing_parts(folder) for folder in _folders_with_parts(root)}
+    return RecordingFolders(
+        tuple(folder for folder, parts in missing.items() if not parts),
+        tuple(Problem(folder, _lacks(folder, parts)) for folder, parts in missing.items() if parts),
+    )
+
+
+def _lacks(folder: Path, parts: list[str]) -> str:
+    """The sentence that a folder has no such parts."""
+    return f"{folder}: has no {' and no '.join(parts)}"
 
 
 def _folders_with_parts(root: Path) -> list[Path]:
@@ -95,9 +96,9 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 def missing_parts(folder: PathLike) -> list[str]:
     """The files that a folder lacks to be a recording; empty if it is whole."""
     folder = Path(folder)
-    tang = any((folder / part).is_file() for part in ("skeletons.json", "config.json"))
-    needed = ["skeletons.json", "config.json"] if tang and not (folder / "motion.npz").is_file() else ["motion.npz"]
-    missing = [part for part in needed if not (folder / part).is_file()]
+    missing = [part for part in _PARTS[:2] if not (folder / part).is_file()]
+    if (folder / "motion.npz").is_file() or len(missing) == 2:
+        missing = [] if (folder / "motion.npz").is_file() else ["motion.npz"]
     try:
         tang2018.find_audio(folder)
     except FileNotFoundError:
@@ -106,7 +107,7 @@ def missing_parts(folder: PathLike) -> list[str]:
 
 
 def iter_recordings(root: PathLike) -> Iterator[Recording | Problem]:
-    """Every recording at or below `root`, one in memory at a time; a Problem in place of each that cannot be read."""
+    """The recordings at or below `root`, one in memory at a time; a Problem in place of each that cannot be read."""
     folders, problems = find_recordings(root)
     yield from problems
     for folder in folders:
@@ -143,9 +144,8 @@ def load_recording(
     folder = Path(folder)
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder")
-    missing = missing_parts(folder)
-    if missing:
-        raise FileNotFoundError(f"{folder}: has no {' and no '.join(missing)}")
+    if missing := missing_parts(folder):
+        raise FileNotFoundError(_lacks(folder, missing))
     annotation = load_annotation(folder / "beats.json") if (folder / "beats.json").is_file() else None
     is_own = (folder / "motion.npz").is_file()
     if is_own:
@@ -169,10 +169,8 @@ def load_recording(
 
 def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
     """`clip` with the beats, dance and source of its annotation."""
-    try:
+    with reading(folder / "beats.json", "a beat annotation"):
         beats = annotation.track(clip.audio.duration)
-    except ValueError as error:
-        raise ValueError(f"{folder / 'beats.json'}: {error}") from None
     return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
 
 

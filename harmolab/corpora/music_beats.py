@@ -1,4 +1,4 @@
-"""The music's beats of a recorded sequence: as somebody annotated them, or as they are tracked."""
+"""The music's beats of a recorded sequence: annotated or tracked."""
 
 from __future__ import annotations
 

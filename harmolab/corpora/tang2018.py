@@ -12,7 +12,7 @@ Properties of the recordings, and how the loader meets them:
   line leads to are no recorded movement: `Motion.valid` is False there.
 * The units were recorded at other places, so the floor climbs and falls by up to half a metre from unit to unit. Each
   unit is set back on the floor by one constant, which changes no speed inside a unit.
-* The motion runs 1.0 to 1.5 % fast against the music: `clock=1.013` stretches it. Off unless asked for.
+* The motion runs 1.0 to 1.5 % fast against the music: `clock=1.013` stretches it. Off by default.
 * Most motions are up to 56 frames shorter than the span in config.json. A motion of quite another length belongs to
   another frame rate (a second copy of this corpus is around that has one) and is refused.
 """
@@ -68,9 +68,9 @@ def dance_of(folder: PathLike) -> str:
 
 def find_audio(folder: PathLike) -> Path:
     """The file audio.wav, .flac, .ogg or .mp3 of a folder; FileNotFoundError if there is none."""
-    for suffix in ("wav", "flac", "ogg", "mp3"):
-        if (Path(folder) / f"audio.{suffix}").is_file():
-            return Path(folder) / f"audio.{suffix}"
+    paths = [Path(folder) / f"audio.{suffix}" for suffix in ("wav", "flac", "ogg", "mp3")]
+    for path in filter(Path.is_file, paths):
+        return path
     raise FileNotFoundError(f"{folder}: has no audio.wav, .flac, .ogg or .mp3")
 
 
@@ -193,8 +193,8 @@ def splice_steps(positions: FloatArray) -> tuple[list[int], list[int]]:
         return [], []
     straight = np.abs(np.diff(positions, n=2, axis=0)).max(axis=(1, 2)) < _STRAIGHT_METRES
     moving = np.abs(np.diff(positions, axis=0)).max(axis=(1, 2))[1:] > _MOVING_METRES
-    runs = true_runs(straight & moving)
-    runs = [(first, last) for first, last in runs if _SPLICE_FRAMES[0] <= last - first <= _SPLICE_FRAMES[1]]
+    shortest, longest = _SPLICE_FRAMES
+    runs = [(first, last) for first, last in true_runs(straight & moving) if shortest <= last - first <= longest]
     return [first for first, _ in runs], [last + 1 for _, last in runs]
 
 

@@ -42,7 +42,7 @@ _AIST_NAME = re.compile(r"^g[A-Z]{2}_s[A-Z]{2}_c(All|\d\d)_d\d\d_m[A-Z]{2}\d_ch\
 
 
 def is_aist_name(path: PathLike) -> bool:
-    """Whether a file is named like a sequence of AIST++, such as ``gHO_sFM_cAll_d19_mHO1_ch02``."""
+    """True for a file that is named like a sequence of AIST++, such as ``gHO_sFM_cAll_d19_mHO1_ch02``."""
     return _AIST_NAME.match(Path(path).name) is not None
 
 
@@ -65,12 +65,10 @@ def load_aist(path: PathLike, *, fps: float = AIST_FPS, scale: float = 0.01) -> 
     """
     with reading(path, "an AIST++ pickle") as file:
         content = read_array_pickle(file.read_bytes())
-        for name in ("keypoints3d_optim", "keypoints3d"):
-            if isinstance(content.get(name), np.ndarray):
-                break
-        else:
+        name = "keypoints3d_optim" if isinstance(content.get("keypoints3d_optim"), np.ndarray) else "keypoints3d"
+        points = content.get(name)
+        if not isinstance(points, np.ndarray):
             raise ValueError(f"has no array keypoints3d but {sorted(map(str, content))[:8]}; other kinds are not read")
-        points = content[name]
         if points.ndim != 3 or points.shape[1:] != (17, 3):
             raise ValueError(f"{name} must have shape (frames, 17, 3), got {points.shape}")
         return checked_motion(in_metres(points, scale), fps, COCO_17)
@@ -91,7 +89,8 @@ def read_array_pickle(data: bytes) -> dict[str, Any]:
         content = _ArrayUnpickler(io.BytesIO(data)).load()
     if not isinstance(content, dict):
         raise ValueError(f"holds a {type(content).__name__}, not a dictionary of arrays")
-    return {str(name): _unwrapped(value) for name, value in content.items() if isinstance(name, str)}
+    values = {str(name): value for name, value in content.items() if isinstance(name, str)}
+    return {name: value.array() if isinstance(value, _Array) else value for name, value in values.items()}
 
 
 def _check_instructions(data: bytes) -> None:
@@ -107,7 +106,7 @@ def _check_instructions(data: bytes) -> None:
 
 
 class _Dtype:
-    """What a pickle says about a dtype."""
+    """A dtype as a pickle describes it."""
 
     __slots__ = ("code", "order")
 
@@ -125,7 +124,7 @@ class _Dtype:
 
 
 class _Array:
-    """What a pickle says about an array: filled by `__setstate__`, or at once (pickle protocol 5)."""
+    """An array as a pickle describes it: filled by `__setstate__`, or at once (pickle protocol 5)."""
 
     __slots__ = ("data", "dtype", "fortran", "shape")
 
@@ -166,7 +165,7 @@ class _ArrayUnpickler(pickle.Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         """The stand-in for a name; every other name is refused."""
-        known = {
+        stand_ins = {
             ("numpy", "ndarray"): _Type,
             ("numpy", "dtype"): _Dtype,
             ("multiarray", "_reconstruct"): _reconstruct,
@@ -175,11 +174,6 @@ class _ArrayUnpickler(pickle.Unpickler):
         }
         for prefix in ("numpy.core.", "numpy._core."):
             module = module.removeprefix(prefix) if module.startswith(prefix) else module
-        if (module, name) not in known:
+        if (module, name) not in stand_ins:
             raise pickle.UnpicklingError(f"it asks for {module}.{name}, and only arrays of numbers are read")
-        return known[module, name]
-
-
-def _unwrapped(value: Any) -> Any:
-    """A noted array as an array; plain values as they are."""
-    return value.array() if isinstance(value, _Array) else value
+        return stand_ins[module, name]

@@ -65,10 +65,9 @@ def number_array(values: Any, name: str, shape: tuple[int | None, ...]) -> Float
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numbers of shape {expected}: {error}") from None
-    fits = array.ndim == len(shape) and all(
-        expected_length in (None, length) for expected_length, length in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
+    if array.ndim != len(shape) or any(
+        length not in (None, size) for length, size in zip(shape, array.shape, strict=True)
+    ):
         raise ValueError(f"{name} must have shape {expected}, got {array.shape}")
     return array
 

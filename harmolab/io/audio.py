@@ -30,7 +30,7 @@ _OGG_PAGE = 65_307
 
 
 class AudioInfo(NamedTuple):
-    """What the header of a sound file says: hertz, seconds, channels, and the name of the format."""
+    """Content of the header of a sound file: hertz, seconds, channels, and the name of the format."""
 
     sample_rate: int
     seconds: float
@@ -39,7 +39,7 @@ class AudioInfo(NamedTuple):
 
 
 def audio_info(path: PathLike) -> AudioInfo:
-    """What the header of a sound file says; no sample is read.
+    """The header of a sound file; no sample is read.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def _check_whole(path: Path) -> None:
 
 
 def _ends_with_a_page(tail: bytes) -> bool:
-    """Whether the last OGG page in the last bytes of a file is complete."""
+    """True if the last OGG page in the last bytes of a file is complete."""
     page = tail[tail.rfind(b"OggS") :]
     lengths = page[27 : 27 + page[26]] if len(page) > 26 else b""
     return len(page) > 26 and len(lengths) == page[26] and len(page) >= 27 + len(lengths) + sum(lengths)

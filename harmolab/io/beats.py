@@ -35,7 +35,7 @@ _SUFFIXES = (".beats", ".csv", ".txt", ".json")
 
 @dataclass(frozen=True)
 class Unit:
-    """A stretch of choreography: name, seconds, number of beats, and the figure it performs ("" if not told)."""
+    """A stretch of choreography: name, seconds, number of beats, and the figure it performs ("" when unknown)."""
 
     name: str
     start: float
@@ -52,20 +52,20 @@ class Unit:
 
 @dataclass(frozen=True, eq=False)
 class BeatAnnotation:
-    """What somebody wrote down about a piece of music, on the audio's time line.
+    """The annotation of a piece of music, on the audio's time line.
 
     Parameters
     ----------
     times : (B,) array, seconds, strictly increasing
     downbeats : (D,) array or None, seconds
-        The first beats of the bars; None when not known.
+        The first beats of the bars; None when unknown.
     meter : int or None, beats in a bar
     bpm : float or None, beats per minute
-    dance : str, "" when not told
+    dance : str, "" when unknown
     units : tuple of Unit, the choreography
     offset : float, seconds
         Audio time of motion frame 0.
-    source : str, where the recording comes from; "" when not told
+    source : str, origin of the recording; "" when unknown
     strengths : (B,) array or None (all 1)
     """
 
@@ -91,7 +91,7 @@ class BeatAnnotation:
             raise ValueError(f"motion_offset_s must be finite, got {self.offset}")
 
     def bar_places(self) -> NDArray[np.int64] | None:
-        """Place of each beat in its bar, (B,), 0 for the downbeat; None when neither downbeats nor units tell.
+        """Place of each beat in its bar, (B,), 0 for the downbeat; None without downbeats and units.
 
         Units of choreography begin with a bar, or half way through one, so without downbeats the first unit's start
         stands in for one.
@@ -122,9 +122,9 @@ def _times(values: Any, name: str) -> FloatArray:
         raise ValueError(f"{name} hold NaN or infinity (entry {int(np.argmin(np.isfinite(times)))})")
     steps = np.diff(times)
     if (steps <= 0).any():
-        where = int(np.argmax(steps <= 0))
+        first = int(np.argmax(steps <= 0))
         raise ValueError(
-            f"{name} must increase strictly, but {times[where + 1]:g} follows {times[where]:g}; sort them, drop doubles"
+            f"{name} must increase strictly, but {times[first + 1]:g} follows {times[first]:g}; sort them, drop doubles"
         )
     if times.size and times[0] < 0:
         raise ValueError(f"{name} start at {times[0]:g} s; they must not be negative")
@@ -150,14 +150,12 @@ def load_beats(path: PathLike, *, duration: float | None = None) -> BeatTrack:
         Both name the file. Beats behind `duration` are an error: they may be frames.
     """
     annotation = load_annotation(path)
-    try:
+    with reading(path, "a beat annotation", max_bytes=MAX_TEXT_BYTES):
         return annotation.track(duration)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def load_annotation(path: PathLike) -> BeatAnnotation:
-    """Everything an annotation file tells: beats, bars, tempo, dance, units.
+    """The content of an annotation file: beats, bars, tempo, dance, units.
 
     Raises
     ------
@@ -174,26 +172,31 @@ def load_annotation(path: PathLike) -> BeatAnnotation:
         return _from_bars(first, second) if suffix == ".beats" else _from_columns(first, second)
 
 
-def _columns(text: str, *, header: bool) -> tuple[list[float], list[float] | None]:
+def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
     """The one or two columns of numbers in a text file."""
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
-    rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines if line and not line.startswith("#")]
-    rows = [(number, [word for word in words if word]) for number, words in rows]
-    if header and rows and all(_plain_number(word) is None for word in rows[0][1]):
+    lines = enumerate(text.splitlines(), start=1)
+    rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines if not line.lstrip().startswith("#")]
+    rows = [(number, words) for number, words in rows if words]
+    if header and rows and all(_number(word) is None for word in rows[0][1]):
         rows = rows[1:]
     if len(rows) > _MAX_BEATS:
         raise ValueError(f"has {len(rows)} lines of numbers, more than {_MAX_BEATS}: not the beats of one recording")
     width = len(rows[0][1]) if rows else 1
     if width not in (1, 2):
         raise ValueError(f"has {width} columns; a time and perhaps one more number are read")
-    table = [[_cell(word, number) for word in words] for number, words in rows]
-    for (number, _), row in zip(rows, table, strict=True):
-        if len(row) != width:
-            raise ValueError(f"line {number} has {len(row)} columns, the first has {width}")
-    return [row[0] for row in table], [row[1] for row in table] if width == 2 else None
+    table = np.empty((len(rows), width))
+    for row, (line, words) in zip(table, rows, strict=True):
+        for word in words:
+            number = _number(word)
+            if number is None or not math.isfinite(number):
+                raise ValueError(f"line {line}: {word[:40]!r} is not a number")
+        if len(words) != width:
+            raise ValueError(f"line {line} has {len(words)} columns, the first has {width}")
+        row[:] = list(map(float, words))
+    return table[:, 0], table[:, 1] if width == 2 else None
 
 
-def _plain_number(word: str) -> float | None:
+def _number(word: str) -> float | None:
     """A word as a number, or None."""
     try:
         return float(word)
@@ -201,31 +204,22 @@ def _plain_number(word: str) -> float | None:
         return None
 
 
-def _cell(word: str, line: int) -> float:
-    """A word as a finite number; ValueError names its line."""
-    number = _plain_number(word)
-    if number is None or not math.isfinite(number):
-        raise ValueError(f"line {line}: {word[:40]!r} is not a number")
-    return number
-
-
-def _from_columns(times: list[float], strengths: list[float] | None) -> BeatAnnotation:
+def _from_columns(times: FloatArray, strengths: FloatArray | None) -> BeatAnnotation:
     """An annotation from times and, perhaps, strengths."""
-    if strengths is not None and min(strengths) < 0:
-        raise ValueError(f"strengths must not be negative, got {min(strengths):g}")
-    return BeatAnnotation(np.array(times), strengths=None if strengths is None else np.array(strengths))
+    if strengths is not None and strengths.min() < 0:
+        raise ValueError(f"strengths must not be negative, got {strengths.min():g}")
+    return BeatAnnotation(times, strengths=strengths)
 
 
-def _from_bars(times: list[float], places: list[float] | None) -> BeatAnnotation:
+def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
     """An annotation from times and, perhaps, each beat's place in its bar (1 is the downbeat)."""
-    steps = np.diff(times)
-    bpm = float(60.0 / np.median(steps)) if len(steps) and np.median(steps) > 0.06 else None
+    period = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    bpm = 60.0 / period if period > 0.06 else None
     if places is None:
-        return BeatAnnotation(np.array(times), bpm=bpm)
-    if any(place != round(place) or not 1 <= place <= 32 for place in places):
+        return BeatAnnotation(times, bpm=bpm)
+    if ((places != places.round()) | (places < 1) | (places > 32)).any():
         raise ValueError("the second column must be the beat's place in its bar: 1, 2, ...")
-    downbeats = np.array([time for time, place in zip(times, places, strict=True) if place == 1])
-    return BeatAnnotation(np.array(times), downbeats, int(max(places)), bpm)
+    return BeatAnnotation(times, times[places == 1], int(places.max()), bpm)
 
 
 def _from_json(path: Path) -> BeatAnnotation:
@@ -236,12 +230,11 @@ def _from_json(path: Path) -> BeatAnnotation:
     units = content.get("units") or []
     if not isinstance(units, list):
         raise ValueError("'units' must be a list")
-    downbeats, meter, bpm = content.get("downbeats_s"), content.get("meter"), content.get("bpm")
     return BeatAnnotation(
         content["beats_s"],
-        downbeats,
-        None if meter is None else int(_field(content, "meter")),
-        None if bpm is None else _field(content, "bpm"),
+        content.get("downbeats_s"),
+        None if content.get("meter") is None else int(_field(content, "meter")),
+        None if content.get("bpm") is None else _field(content, "bpm"),
         str(content.get("dance") or ""),
         tuple(_unit(unit, number) for number, unit in enumerate(units)),
         _field(content, "motion_offset_s", 0.0),

@@ -11,6 +11,7 @@ How the file is read:
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import warnings
@@ -18,6 +19,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from harmolab.io.arrays import checked_motion, in_metres
 from harmolab.io.files import PathLike, read_text, reading
@@ -32,14 +34,13 @@ _BLOCK_PLACES = 2**17
 
 @dataclass
 class _Joint:
-    """One joint while the file is read. Its channels stand in the motion table from column `first` on."""
+    """One joint while the file is read."""
 
     name: str
     parent: int
     is_end: bool = False
     offset: FloatArray = field(default_factory=lambda: np.zeros(3))
     channels: tuple[str, ...] = ()
-    first: int = 0
 
 
 def load_bvh(path: PathLike, *, fps: float | None = None, scale: float | None = None) -> Motion:
@@ -91,30 +92,22 @@ def _hierarchy(words: list[str]) -> list[_Joint]:
             raise ValueError(f"cannot follow the hierarchy at {word[:40]!r}")
     if not joints or open_joints:
         raise ValueError("the hierarchy is cut off" if open_joints else "the hierarchy has no ROOT")
-    joints = _without_empty_ends(joints)
-    column = 0
-    for joint in joints:
-        joint.first, column = column, column + len(joint.channels)
-    return joints
+    return _without_empty_ends(joints)
 
 
 def _without_empty_ends(joints: list[_Joint]) -> list[_Joint]:
     """The joints but for End Sites at their parent's own place; `parent` counts in what is left."""
     kept = [not joint.is_end or bool(joint.offset.any()) for joint in joints]
-    places = np.cumsum(kept) - 1
+    numbers = [*(np.cumsum(kept) - 1).tolist(), -1]  # the last is that of the root's parent
     for joint in joints:
-        joint.parent = int(places[joint.parent]) if joint.parent >= 0 else -1
-    return [joint for joint, keep in zip(joints, kept, strict=True) if keep]
+        joint.parent = numbers[joint.parent]
+    return list(itertools.compress(joints, kept))
 
 
 def _name(stream: Iterator[str]) -> str:
     """The words up to the opening bracket: the name of a joint."""
-    name: list[str] = []
-    for word in stream:
-        if word == "{":
-            return " ".join(name) or "joint"
-        name.append(word)
-    raise ValueError("the hierarchy is cut off")
+    words = list(itertools.takewhile(lambda word: word != "{", stream))
+    return " ".join(words) or "joint"
 
 
 def _open_joint(kind: str, name: str, joints: list[_Joint], open_joints: list[int]) -> None:
@@ -200,8 +193,8 @@ def _positions(joints: list[_Joint], values: FloatArray) -> FloatArray:
         block = values[first : first + step]
         places = positions[first : first + step]
         rotations = np.empty((len(joints), len(block), 3, 3))
-        for index, joint in enumerate(joints):
-            columns = block[:, joint.first : joint.first + len(joint.channels)]
+        tables = np.split(block, np.cumsum([len(joint.channels) for joint in joints])[:-1], axis=1)
+        for index, (joint, columns) in enumerate(zip(joints, tables, strict=True)):
             local, turn = _translation(joint, columns), _rotation(joint, columns)
             if joint.parent >= 0:
                 above = rotations[joint.parent]
@@ -222,18 +215,8 @@ def _translation(joint: _Joint, values: FloatArray) -> FloatArray:
 
 def _rotation(joint: _Joint, values: FloatArray) -> FloatArray:
     """Rotation of a joint against its parent, (T, 3, 3), from its channels (T, C)."""
-    turn = np.tile(np.eye(3), (len(values), 1, 1))
-    for name, angles in zip(joint.channels, values.T, strict=True):
-        if name.endswith("rotation"):
-            turn = turn @ _axis_rotation("xyz".index(name[0]), np.radians(angles))
-    return turn
-
-
-def _axis_rotation(axis: int, angle: FloatArray) -> FloatArray:
-    """Rotations by `angle` (T,), radians, about x, y or z: (T, 3, 3)."""
-    turn = np.zeros((len(angle), 3, 3))
-    one, two = (axis + 1) % 3, (axis + 2) % 3
-    turn[:, axis, axis] = 1.0
-    turn[:, one, one] = turn[:, two, two] = np.cos(angle)
-    turn[:, one, two], turn[:, two, one] = -np.sin(angle), np.sin(angle)
-    return turn
+    columns = [column for column, name in enumerate(joint.channels) if name.endswith("rotation")]
+    if not columns:
+        return np.tile(np.eye(3), (len(values), 1, 1))
+    axes = "".join(joint.channels[column][0].upper() for column in columns)  # capitals: about the turned axes
+    return Rotation.from_euler(axes, values[:, columns], degrees=True).as_matrix()

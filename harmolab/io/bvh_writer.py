@@ -90,7 +90,7 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
     bones = _fitted(motion, order)
     above = ancestors(skeleton.parents)
     scale = 100.0 if np.ptp(above @ bones.offsets, axis=0).max() > CENTIMETRES_FROM else 1.0
-    with atomic_write(path) as aside, aside.open("w", encoding="utf-8", newline="\n") as stream:
+    with atomic_write(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
         stream.writelines(f"{line}\n" for line in _hierarchy(skeleton, order, above.sum(axis=1) - 1, bones, scale))
         stream.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1 / motion.fps!r}\n")
         np.savetxt(stream, _table(bones, order, scale), fmt="%.6f")
@@ -118,8 +118,8 @@ def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
         turns[:, joint] = _angles(turn)
         for place, child in enumerate(branch):
             moving[child] = missed[:, place].max() > REACH
-            held = vectors[:, place] if moving[child] else offsets[child] @ turn.swapaxes(1, 2)
-            reached[:, child] = reached[:, joint] + (above @ held[..., None])[..., 0]
+            bone = vectors[:, place] if moving[child] else offsets[child] @ turn.swapaxes(1, 2)
+            reached[:, child] = reached[:, joint] + (above @ bone[..., None])[..., 0]
             frames[child] = above @ turn
     return _Bones(offsets, local, turns, moving)
 

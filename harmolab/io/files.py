@@ -124,7 +124,7 @@ def read_json(path: Path) -> Any:
 def atomic_write(path: PathLike) -> Iterator[Path]:
     """A hidden neighbour of `path` to write to; it takes the place of `path` at the end, or is removed after an error.
 
-    Whoever reads `path` meanwhile sees what was there before.
+    A reader of `path` meanwhile gets the former content.
     """
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_native_id()}.tmp")
@@ -196,7 +196,7 @@ def cached_arrays(name: str) -> Arrays | None:
     if folder is None:
         return None
     try:
-        # numpy leaves a damaged file open unless somebody else closes it.
+        # numpy itself leaves a damaged file open.
         with (folder / f"{name}.npz").open("rb") as file, np.load(file, allow_pickle=False) as content:
             return dict(content)
     # A zip file with a flipped bit may claim any compression or encryption, a lone array is no context manager.

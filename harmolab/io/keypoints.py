@@ -56,12 +56,12 @@ def load_keypoints(
         Both name the file.
     """
     path = Path(path)
-    suffix = path.suffix.lower()
     if path.is_dir():
         return _load_folder(path, fps, joints)
-    with reading(path, "key points", max_bytes=MAX_BYTES if suffix == ".npy" else MAX_JSON_BYTES):
+    is_array = path.suffix.lower() == ".npy"
+    with reading(path, "key points", max_bytes=MAX_BYTES if is_array else MAX_JSON_BYTES):
         about: dict[str, Any] = {}
-        if suffix == ".npy":
+        if is_array:
             with path.open("rb") as stream:
                 values = read_npy(stream, path.stat().st_size)
         elif layouts.is_landmarks(content := layouts.json_or_lines(path)):
@@ -106,18 +106,18 @@ def keypoints_motion(
     named = MEDIAPIPE_33 if are_landmarks else layouts.named_skeleton(points.shape[1])
     skeleton = named or Skeleton.unnamed(points.shape[1])
     keep = joint_indices(skeleton, skeleton.joints if joints is None else joints)
-    kept = skeleton_part(skeleton, keep)
+    part = skeleton_part(skeleton, keep)
     if are_landmarks:
         if not (np.isfinite(aspect) and 0.1 <= aspect <= 10):
             raise ValueError(f"aspect is width over height and must lie between 0.1 and 10, got {aspect}")
         scale = np.array([1.0, -1.0, -1.0] if world else [aspect, 1.0])
         places, valid = _seen_landmarks(points)
-        return checked_motion(places[:, keep, : scale.size] * scale, fps, kept, valid)
+        return checked_motion(places[:, keep, : scale.size] * scale, fps, part, valid)
     points = points[:, keep]
     if points.shape[2] == 2:
-        return checked_motion(points, fps, kept)
-    seen = np.asarray(points[..., 2] > 0)
-    return checked_motion(_filled(points[..., :2], seen, kept), fps, kept, np.asarray(seen.all(axis=1)))
+        return checked_motion(points, fps, part)
+    visible = np.asarray(points[..., 2] > 0)
+    return checked_motion(_filled(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
@@ -138,20 +138,20 @@ def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
     if empty.all():
         raise ValueError(f"nobody is seen in any of its {len(values)} frames")
     valid = np.nan_to_num(values[..., 3].mean(axis=1)) >= SEEN if values.shape[2] == 4 else ~empty
-    seen = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
-    return _filled(values[..., :3], seen, MEDIAPIPE_33), valid & ~empty
+    visible = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
+    return _filled(values[..., :3], visible, MEDIAPIPE_33), valid & ~empty
 
 
-def _filled(points: NDArray[Any], seen: BoolArray, skeleton: Skeleton) -> FloatArray:
-    """`points` (T, J, D) with straight lines where a joint was not `seen` (T, J); held at the ends."""
-    never = [name for joint, name in enumerate(skeleton.joints) if not seen[:, joint].any()]
-    if never:
-        raise ValueError(f"never shows {', '.join(never)}; keep the other joints only (joints=...)")
+def _filled(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> FloatArray:
+    """`points` (T, J, D) with straight lines where a joint was not `visible` (T, J); held at the ends."""
+    hidden = [name for joint, name in enumerate(skeleton.joints) if not visible[:, joint].any()]
+    if hidden:
+        raise ValueError(f"never shows {', '.join(hidden)}; keep the other joints only (joints=...)")
     filled, frames = points.astype(np.float64), np.arange(len(points))
-    for joint in np.flatnonzero(~seen.all(axis=0)):
-        there = seen[:, joint]
+    for joint in np.flatnonzero(~visible.all(axis=0)):
+        present = visible[:, joint]
         for axis in range(points.shape[2]):
-            filled[:, joint, axis] = np.interp(frames, frames[there], filled[there, joint, axis])
+            filled[:, joint, axis] = np.interp(frames, frames[present], filled[present, joint, axis])
     return filled
 
 
@@ -209,7 +209,7 @@ def _dancer_among(people: Sequence[FloatArray], previous: FloatArray | None) -> 
 
 
 def _distance(pose: FloatArray, other: FloatArray) -> float:
-    """Mean distance of the joints seen in both poses; infinite if there is none."""
+    """Mean distance of the joints visible in both poses; infinite if there is none."""
     if pose.shape != other.shape:
         return float("inf")
     both = (pose[:, 2] > 0) & (other[:, 2] > 0)

@@ -198,7 +198,7 @@ def save_motion(path: PathLike, motion: Motion) -> None:
         return
     if suffix != ".npz":
         raise ValueError(f"{path}: motion is saved as .npz or .bvh; choose a name that ends so")
-    with atomic_write(path) as aside, aside.open("wb") as stream:
+    with atomic_write(path) as part, part.open("wb") as stream:
         np.savez(
             stream,
             positions=motion.positions,

@@ -39,7 +39,7 @@ AUDIO_RATE = 48_000
 
 @dataclass(frozen=True)
 class _Coding:
-    """How a kind of file is coded: names of FFmpeg's coders, and options of the picture coder and of the file."""
+    """The coding of a kind of file: names of FFmpeg's coders, and options of the picture coder and of the file."""
 
     video: str
     sound: str
@@ -50,10 +50,7 @@ class _Coding:
 CODINGS = {
     # One step less of motion search than the preset has: a quarter faster, files 6 % larger, the same likeness.
     ".mp4": _Coding(
-        "libx264",
-        "aac",
-        {"crf": "20", "preset": "veryfast", "x264-params": "subme=1"},
-        {"movflags": "+faststart"},
+        "libx264", "aac", {"crf": "20", "preset": "veryfast", "x264-params": "subme=1"}, {"movflags": "+faststart"}
     ),
     ".webm": _Coding(
         "libvpx-vp9", "libopus", {"deadline": "realtime", "cpu-used": "7", "crf": "30", "b": "0", "row-mt": "1"}, {}
@@ -62,7 +59,7 @@ CODINGS = {
 
 
 def is_video(path: PathLike) -> bool:
-    """Whether a file is a video, by its suffix."""
+    """True for a file that is a video by its suffix."""
     return Path(path).suffix.lower() in SUFFIXES
 
 
@@ -174,40 +171,26 @@ def opened_container(path: Path) -> Iterator[Any]:
             with av.open(f"file:{file}", container_options=only, metadata_errors="replace") as container:
                 yield container
         except av.FFmpegError as error:
-            raise ValueError(
-                f"cannot be read as video: damaged, cut off or something else ({error.strerror})"
-            ) from error
+            fault = f"damaged, cut off or something else ({error.strerror})"
+            raise ValueError(f"cannot be read as video: {fault}") from error
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
-    """The container and its video stream, ready to decode."""
+    """The container and its first stream of moving pictures, of a size that can be read and ready to decode."""
     with opened_container(path) as container:
-        stream = _video_stream(container)
-        stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
-        stream.codec_context.thread_type = "AUTO"
-        stream.codec_context.thread_count = min(MAX_THREADS, os.cpu_count() or 1)
-        yield container, stream
-
-
-def _video_stream(container: Any) -> Any:
-    """The first stream of moving pictures, its size checked."""
-    streams = [s for s in container.streams.video if not s.disposition & av.stream.Disposition.attached_pic]
-    if not streams:
-        raise ValueError("holds no video, only " + (", ".join(s.type for s in container.streams) or "nothing"))
-    stream = streams[0]
-    if stream.codec_context is None:
-        raise ValueError("holds video in an unknown coding")
-    _check_size(stream.codec_context.width, stream.codec_context.height)
-    return stream
-
-
-def _check_size(width: int, height: int) -> None:
-    if min(width, height) < SMALLEST_SIDE or width * height > MAX_PIXELS:
-        raise ValueError(
-            f"states a picture of {width} x {height} pixels; sides from {SMALLEST_SIDE} and areas up to {MAX_PIXELS} "
-            "pixels can be read"
-        )
+        streams = [s for s in container.streams.video if not s.disposition & av.stream.Disposition.attached_pic]
+        if not streams:
+            raise ValueError("holds no video, only " + (", ".join(s.type for s in container.streams) or "nothing"))
+        coding = streams[0].codec_context
+        if coding is None:
+            raise ValueError("holds video in an unknown coding")
+        if min(coding.width, coding.height) < SMALLEST_SIDE or coding.width * coding.height > MAX_PIXELS:
+            limits = f"sides from {SMALLEST_SIDE} and areas up to {MAX_PIXELS} pixels can be read"
+            raise ValueError(f"states a picture of {coding.width} x {coding.height} pixels; {limits}")
+        coding.options, coding.thread_type = {"max_pixels": str(MAX_PIXELS)}, "AUTO"
+        coding.thread_count = min(MAX_THREADS, os.cpu_count() or 1)
+        yield container, streams[0]
 
 
 def _average_rate(path: Path) -> float:
@@ -231,16 +214,15 @@ def _timed(container: Any, stream: Any, fps: float) -> Iterator[tuple[float, av.
     late, count = 0.0, 0
     for count, picture in enumerate(container.decode(stream), start=1):  # noqa: B007  # read after the loop
         seconds = picture.time if picture.time is not None else origin if last is None else last + 1 / fps
+        shape = (picture.width, picture.height)
         if first is None or last is None:
-            size, first, last = (picture.width, picture.height), seconds, seconds
+            size, first, last = shape, seconds, seconds
             # Whole frames, so that the rounding of later time stamps cannot tip over.
             late = round(max(seconds - origin, 0.0) * fps) / fps
             if late > MAX_GAP:
                 raise ValueError(f"shows its first picture after {late:.0f} s; its time stamps are damaged")
-        if (picture.width, picture.height) != size:
-            raise ValueError(
-                f"changes its size from {size} to {(picture.width, picture.height)}; convert it to one size"
-            )
+        if shape != size:
+            raise ValueError(f"changes its size from {size} to {shape}; convert it to one size")
         if seconds - last > MAX_GAP:
             raise ValueError(f"shows no new picture between {last - origin:.1f} and {seconds - origin:.1f} s")
         last = max(last, seconds)
@@ -257,7 +239,7 @@ def _upright(picture: av.VideoFrame, height: int) -> tuple[int, int]:
 
 
 def _quarter_turns(picture: av.VideoFrame) -> int:
-    """How often a picture has to be turned left by 90 degrees to stand upright (a phone held on its side)."""
+    """Number of left turns by 90 degrees that bring a picture upright (a phone held on its side)."""
     return round(picture.rotation / 90) % 4
 
 
@@ -286,8 +268,8 @@ def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: A
     if not MIN_FPS <= fps <= MAX_FPS:
         raise ValueError(f"{path}: fps must lie between {MIN_FPS:g} and {MAX_FPS:g}, got {fps}")
     with (
-        atomic_write(path) as aside,
-        av.open(f"file:{aside}", "w", format=path.suffix[1:].lower(), container_options=coding.container) as container,
+        atomic_write(path) as part,
+        av.open(f"file:{part}", "w", format=path.suffix[1:].lower(), container_options=coding.container) as container,
     ):
         _encode(container, coding, _checked(path, frames), Fraction(fps).limit_denominator(100_000), audio)
 

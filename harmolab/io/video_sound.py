@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -69,7 +70,7 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
     """The samples from the start of the file on; silence first, or the beginning cut, where the sound starts apart."""
     resampler = av.AudioResampler(format="flt", layout="mono", rate=rate)
     skip, count = None, 0
-    for block in _blocks(container, stream):
+    for block in itertools.chain(container.decode(stream), [None]):  # None empties the resampler
         if skip is None:
             late = (block.time or 0.0) - (container.start_time or 0) / av.time_base if block is not None else 0.0
             if not (math.isfinite(late) and abs(late) <= MAX_LATE):
@@ -83,9 +84,3 @@ def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Itera
             if count > max_seconds * rate:
                 raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")
             yield samples
-
-
-def _blocks(container: Any, stream: Any) -> Iterator[Any]:
-    """The decoded blocks, then None, which empties the resampler."""
-    yield from container.decode(stream)
-    yield None

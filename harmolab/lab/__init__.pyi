@@ -31,7 +31,6 @@ from .experiments.cheating import (
 from .experiments.cheating import (
     trick_means as trick_means,
 )
-from .experiments.dances import danced_unit as danced_unit
 from .experiments.discrimination import (
     auc_table as auc_table,
 )
@@ -62,6 +61,7 @@ from .experiments.generation import (
 from .experiments.generation import (
     trained as trained,
 )
+from .experiments.judging import danced_unit as danced_unit
 from .experiments.long_dances import (
     dance_limits as dance_limits,
 )

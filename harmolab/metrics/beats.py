@@ -20,7 +20,7 @@ AIST_SMOOTHING = 5 / 60  # seconds: 5 frames at 60 fps
 
 
 def kinematic_params() -> HarmonyParams:
-    """How AIST++ finds motion beats: minima of the joint speed smoothed by 5 frames at 60 fps, here in seconds."""
+    """Settings of AIST++'s motion beats: minima of the joint speed smoothed by 5 frames at 60 fps, here in seconds."""
     return HarmonyParams(detector="valleys", fps=None, smoothing=AIST_SMOOTHING, visual_threshold=None)
 
 
@@ -75,9 +75,9 @@ def _p_score(music: FloatArray, motion: FloatArray) -> float:
     mir_eval correlates the whole song with itself to count them: 15 s for ten minutes of music.
     """
     start = min(music[0], motion[0])
-    heard, seen = (np.unique(np.ceil((times - start) * 100)) for times in (music, motion))
-    reach = np.round(0.2 * np.median(np.diff(heard)))
-    pairs = np.searchsorted(seen, heard + reach, "right") - np.searchsorted(seen, heard - reach, "left")
+    reference, estimate = (np.unique(np.ceil((times - start) * 100)) for times in (music, motion))
+    reach = np.round(0.2 * np.median(np.diff(reference)))
+    pairs = np.searchsorted(estimate, reference + reach, "right") - np.searchsorted(estimate, reference - reach, "left")
     return float(pairs.sum() / max(music.size, motion.size))
 
 
@@ -114,9 +114,10 @@ def mir_eval_scores(
     with warnings.catch_warnings():
         # mir_eval takes means of nothing where few beats match; what it makes of them is a score of 0.
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = {name: float(find(audio_times, visual_times)) for name, find in measures.items() if name in only}
-    # Where beats lie close together mir_eval counts some of them twice, and two of its measures exceed 1.
-    values = {name: min(value, 1.0) for name, value in found.items()}
+        # Where beats lie close together mir_eval counts some of them twice, and two of its measures exceed 1.
+        values = {
+            name: min(float(score(audio_times, visual_times)), 1.0) for name, score in measures.items() if name in only
+        }
     if set(tracking) & set(only):
         values.update(zip(tracking, map(float, judge.continuity(audio_times, visual_times)), strict=True))
     return {f"mir_eval_{name}": values[name] for name in only}

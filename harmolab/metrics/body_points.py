@@ -9,7 +9,7 @@ import numpy as np
 from harmolab.skeletons import named_joints
 from harmolab.types import FloatArray, Skeleton
 
-# What a part is called, the clearest word first. BVH files call the shoulder "arm" and the collar bone "shoulder", the
+# Words for a part, the clearest first. BVH files call the shoulder "arm" and the collar bone "shoulder", the
 # knee "leg" and the ankle "foot", where SMPL's foot is the ball of the foot.
 _PAIRED = {
     "hip": ("hip", "upleg", "upperleg", "thigh"),
@@ -60,7 +60,7 @@ def body_points(skeleton: Skeleton) -> FloatArray:
 
 
 def _point_joints(skeleton: Skeleton) -> dict[str, int]:
-    """Joint of every body point that has one of its own; of joints that would fit, the first."""
+    """The joint of each body point that has one of its own; of several that fit, the first."""
     joints = named_joints(skeleton)
     words = {(side, side[:1] + part): names for part, names in _PAIRED.items() for side in ("left", "right")}
     words |= {("", part): names for part, names in _CENTRAL.items()}

@@ -1,4 +1,4 @@
-"""How alike two sets of motions are as wholes: Frechet distance of their features, and how varied one set is."""
+"""Likeness of two sets of motions as wholes: Frechet distance of their features, and variety of one set."""
 
 from __future__ import annotations
 
@@ -105,10 +105,8 @@ def standardise(features: ArrayLike, reference: ArrayLike) -> FloatArray:
         As `frechet_distance`; one row each is enough.
     """
     values, model = _checked(features, "features", 1), _checked(reference, "reference", 1)
-    if values.shape[1] != model.shape[1]:
-        raise ValueError(
-            f"features and reference must have the same columns, got {values.shape[1]} and {model.shape[1]}"
-        )
+    if (columns := values.shape[1]) != model.shape[1]:
+        raise ValueError(f"features and reference must have the same columns, got {columns} and {model.shape[1]}")
     spread = model.std(axis=0)
     constant = spread <= 1e-12 * np.abs(model).max(axis=0)
     return (values - model.mean(axis=0)) / np.where(constant, 1.0, spread)
@@ -131,7 +129,7 @@ def diversity(features: ArrayLike) -> float:
 
 
 def multimodality(groups: Sequence[ArrayLike]) -> float:
-    """How much the dances to one song differ: `diversity` of each song's own (n_i, d) features, mean over the songs.
+    """Variety of the dances to one song: `diversity` of each song's own (n_i, d) features, mean over the songs.
 
     Raises
     ------
@@ -156,17 +154,16 @@ def _checked(features: ArrayLike, name: str, least: int) -> FloatArray:
 
 def _distance(a: FloatArray, b: FloatArray) -> float:
     means = a.mean(axis=0), b.mean(axis=0)
-    factors = [
-        np.linalg.qr(side - mean, mode="r") / np.sqrt(len(side) - 1) for side, mean in zip((a, b), means, strict=True)
-    ]
+    pairs = zip((a, b), means, strict=True)
+    factors = [np.linalg.qr(side - mean, mode="r") / np.sqrt(len(side) - 1) for side, mean in pairs]
     spread = sum(float((factor**2).sum()) for factor in factors)
     common = float(np.linalg.svd(factors[0] @ factors[1].T, compute_uv=False).sum())
     return max(float(((means[0] - means[1]) ** 2).sum()) + spread - 2 * common, 0.0)
 
 
 def _own_bias(sample: FloatArray, rng: np.random.Generator) -> float:
-    """How much the finite size of this side adds to a distance from it."""
+    """The part of a distance from this side that its finite size adds."""
     half = len(sample) // 2
     shuffled = [rng.permutation(sample) for _ in range(SPLITS)]
-    apart = np.mean([_distance(rows[:half], rows[half : 2 * half]) for rows in shuffled])
-    return float(apart) / 2 * half / len(sample)
+    distance = np.mean([_distance(rows[:half], rows[half : 2 * half]) for rows in shuffled])
+    return float(distance) / 2 * half / len(sample)

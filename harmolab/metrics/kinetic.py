@@ -39,9 +39,7 @@ def dense_motion(motion: Motion) -> DenseMotion:
     stride = max(1, math.ceil(motion.fps / AIST_FPS - 1e-6))
     dense = upsample_motion(motion, stride * AIST_FPS - 1e-6)
     if dense.n_frames <= 2 * stride:
-        raise ValueError(
-            f"the motion lasts {motion.duration:.3f} s, too short for features: two steps of 1/60 s at least"
-        )
+        raise ValueError(f"the motion lasts {motion.duration:.3f} s, too short for features, which need 1/30 s")
     return DenseMotion(dense.positions, dense.valid, stride)
 
 

@@ -1,4 +1,4 @@
-"""How natural a motion is, music aside: jerk, freezing, sliding feet, contact with the floor, bones, jumps.
+"""Naturalness of a motion, music aside: jerk, freezing, sliding feet, contact with the floor, bones, jumps.
 
 Everything is measured over steps of a fixed time, a fifteenth of a second unless told otherwise, and not from one frame
 to the next: a frame difference answers at 60 frames per second a question other than at 15, where nearly a fifth of the
@@ -13,15 +13,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harmolab.metrics.steps import STEP, runs, sampled, spans, vector_lengths
+from harmolab.kinematics import upsample_motion
 from harmolab.skeletons import foot_joints, root_position
-from harmolab.types import FloatArray, Motion
+from harmolab.types import BoolArray, FloatArray, Motion
 
-FOOT_FPS = 60.0  # hertz; at fewer instants a foot's coming and going is not found in time
+STEP = 1 / 15  # seconds: the rate of the generated motion, the slowest that is compared
+FOOT_FPS = 60.0  # hertz; at fewer instants a foot's coming and going is missed
 FLOOR_PERCENTILE = 5.0  # a foot joint is on the floor for more than this share of a dance, in percent
 SHORTEST_BONE = 1e-6  # metres; joints nearer than this are one point, not a bone
 NO_PUSH = 1e-6  # metres per second squared; what rounding leaves of a root that does not accelerate
@@ -30,7 +32,7 @@ PEAK_PERCENTILE = 99.9
 
 @dataclass(frozen=True)
 class StepSpeeds:
-    """How fast the fastest joint is, metres per second.
+    """Speeds of the fastest joint, metres per second.
 
     Parameters
     ----------
@@ -66,13 +68,11 @@ def jerk(motion: Motion, *, step: float = STEP) -> float:
         positive.
     """
     positions, valid, stride = sampled(motion, step, steps=3)
-    third = (
-        positions[3 * stride :]
-        - 3 * positions[2 * stride : -stride]
-        + 3 * positions[stride : -2 * stride]
-        - positions[: -3 * stride]
+    first, second, third, fourth = (
+        positions[place * stride : len(positions) + (place - 3) * stride] for place in range(4)
     )
-    return float(vector_lengths(third)[spans(valid, 3 * stride)].mean()) / step**3
+    change = fourth - 3 * third + 3 * second - first
+    return float(vector_lengths(change)[spans(valid, 3 * stride)].mean()) / step**3
 
 
 def relative_jerk(motion: Motion, *, step: float = STEP) -> float:
@@ -122,12 +122,12 @@ def freezing(motion: Motion, *, threshold: float = 0.1, window: float = 1.0, ste
     positions, valid, stride = sampled(motion, step, steps=1)
     moving = vector_lengths(positions[stride:] - positions[:-stride]).mean(axis=1) / step >= threshold
     length = min(max(round(window / step * stride) - stride + 1, 1), len(moving))
-    known = spans(valid, stride)
+    complete = spans(valid, stride)
     # A recording that is spliced every second would have no window left if a window had to be valid throughout.
-    usable = np.convolve(known, np.ones(length), "valid") >= length / 2
+    usable = np.convolve(complete, np.ones(length), "valid") >= length / 2
     if not usable.any():
         raise ValueError(f"no window of {window:g} s is valid for half of its time")
-    return float(runs(~moving | ~known, length)[usable].mean())
+    return float(runs(~moving | ~complete, length)[usable].mean())
 
 
 def foot_skating(motion: Motion, *, height: float = 0.02, step: float = STEP) -> float:
@@ -169,7 +169,7 @@ def pfc(motion: Motion, *, step: float = STEP) -> float:
     """Physical foot contact score (Tseng et al. 2023, EDGE), square metres per second squared; lower is better.
 
     The mean over time of (slowest joint of the left foot) * (slowest joint of the right foot) * (acceleration of the
-    root) / (its largest): whoever accelerates must push with a foot that stands. Foot speeds are horizontal; of the
+    root) / (its largest): a body that accelerates must push with a foot that stands. Foot speeds are horizontal; of the
     root's vertical acceleration only the upward part counts.
 
     Parameters
@@ -227,12 +227,12 @@ def bone_error(motion: Motion, lengths: ArrayLike | None = None) -> float:
         raise ValueError("no frame of the motion is valid")
     parents, joints = np.array(motion.skeleton.bones).T
     positions = motion.positions[motion.valid]
-    found = vector_lengths(positions[:, joints] - positions[:, parents])
-    reference = found.mean(axis=0) if lengths is None else _reference_lengths(lengths, motion)[joints]
+    measured = vector_lengths(positions[:, joints] - positions[:, parents])
+    reference = measured.mean(axis=0) if lengths is None else _reference_lengths(lengths, motion)[joints]
     bones = reference > SHORTEST_BONE
     if not bones.any():
         raise ValueError("no bone has a reference length above zero")
-    return float(np.abs(found[:, bones] / reference[bones] - 1).max())
+    return float(np.abs(measured[:, bones] / reference[bones] - 1).max())
 
 
 def largest_step(motion: Motion, *, step: float = STEP) -> StepSpeeds:
@@ -260,3 +260,58 @@ def _reference_lengths(lengths: ArrayLike, motion: Motion) -> FloatArray:
     if not (np.isfinite(reference) & (reference >= 0)).all():
         raise ValueError(f"lengths must be finite and not negative, got {reference.min()}")
     return reference
+
+
+class Sampled(NamedTuple):
+    """A motion with a whole number of frames a step: (T, J, 3) positions, (T,) validity, frames a step."""
+
+    positions: FloatArray
+    valid: BoolArray
+    stride: int
+
+
+def sampled(motion: Motion, step: float, *, steps: int, fps: float = 0.0) -> Sampled:
+    """`motion` at the lowest rate that loses no frames and has a whole number of them a step, by cubic splines.
+
+    Parameters
+    ----------
+    motion : Motion
+    step : float, seconds
+    steps : int
+        Number of steps in a row that are needed.
+    fps : float, hertz
+        The rate is at least this.
+
+    Raises
+    ------
+    ValueError
+        If the motion is two-dimensional, `steps` steps of `step` seconds fit nowhere into its valid frames, or step is
+        not positive.
+    """
+    if motion.positions.shape[2] != 3:
+        raise ValueError("a three-dimensional motion is needed: metres, y up")
+    if not 0 < step < math.inf:
+        raise ValueError(f"step must be positive, got {step}")
+    stride = max(1, math.ceil(max(motion.fps, fps) * step - 1e-6))
+    if (motion.n_frames - 1) / motion.fps < steps * step - 1e-9:
+        raise ValueError(f"the motion lasts {motion.duration:.3f} s, too short for {steps} steps of {step:.3f} s")
+    dense = upsample_motion(motion, stride / step - 1e-6)
+    if not spans(dense.valid, steps * stride).any():
+        raise ValueError(f"the motion is nowhere valid for {steps} steps of {step:.3f} s")
+    return Sampled(dense.positions, dense.valid, stride)
+
+
+def vector_lengths(vectors: FloatArray) -> FloatArray:
+    """Lengths of (T, J, 3) vectors, (T, J)."""
+    return np.sqrt(np.einsum("tjd,tjd->tj", vectors, vectors))
+
+
+def spans(valid: BoolArray, steps: int) -> BoolArray:
+    """True for spans of `steps` frame steps that hold valid frames only, by the frame they start at."""
+    return runs(valid, steps + 1)
+
+
+def runs(flags: BoolArray, length: int) -> BoolArray:
+    """True at places where `length` flags in a row are set, (len(flags) - length + 1,); empty if there are too few."""
+    total = np.concatenate([[0], np.cumsum(flags)])
+    return total[length:] - total[: max(len(total) - length, 0)] == length

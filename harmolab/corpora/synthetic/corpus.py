@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import shutil
@@ -16,6 +17,7 @@ import soundfile
 from harmolab.corpora.synthetic.beats import ClipSettings
 from harmolab.corpora.synthetic.clip import PlantedClip, planted_clip
 from harmolab.corpora.synthetic.figures import figure_names
+from harmolab.io.beats import Unit
 from harmolab.io.files import UNFINISHED, PathLike, Progress, atomic_folder, plain, silent, write_json
 from harmolab.io.motion import save_motion
 from harmolab.params import DANCES
@@ -35,7 +37,7 @@ def write_corpus(
 
     Each folder appears whole. A run that was stopped goes on where it was: folders with the settings asked for are
     kept, those with other settings are written anew. Within a dance each clip dances two figures, and clips take them
-    in rotation, so that most clips share no figure with a given one.
+    in rotation, so that most clips share no figure with any other.
 
     Parameters
     ----------
@@ -57,8 +59,8 @@ def write_corpus(
     out = Path(out)
     if isinstance(clips, bool) or not isinstance(clips, Integral) or not 1 <= clips <= 100_000:
         raise ValueError(f"clips must be a whole number from 1 to 100000, got {clips!r}")
-    if given := ROTATING & settings.keys():
-        raise ValueError(f"{min(given)} is no setting of a corpus; dances and figures take turns in it")
+    if rotating := ROTATING & settings.keys():
+        raise ValueError(f"{min(rotating)} is no setting of a corpus; dances and figures take turns in it")
     common = ClipSettings(seed=seed, **settings)
     plan = _plan(common, clips)
     _check_folder(out, set(plan))
@@ -77,11 +79,9 @@ def write_corpus(
 def _plan(common: ClipSettings, clips: int) -> dict[str, ClipSettings]:
     """The settings of every clip by its folder's name."""
     plan: dict[str, ClipSettings] = {}
-    dances = list(DANCES)
-    for index in range(clips):
-        dance = dances[index % len(dances)]
+    for index, dance in enumerate(itertools.islice(itertools.cycle(DANCES), clips)):
         seed = int(np.random.SeedSequence([common.seed, 6, index]).generate_state(1)[0])
-        figures = _figures(dance, common.seed, index // len(dances), common.seconds)
+        figures = _figures(dance, common.seed, index // len(DANCES), common.seconds)
         plan[f"clip_{index + 1:04d}_{dance}"] = replace(common, dance=dance, seed=seed, figures=figures)
     return plan
 
@@ -98,11 +98,9 @@ def _figures(dance: str, seed: int, turn: int, seconds: float) -> tuple[str, ...
 
 def _check_folder(out: Path, expected: set[str]) -> None:
     """ValueError unless `out` can take the corpus without touching what others put there."""
-    if not out.exists():
-        return
-    if not out.is_dir():
+    if out.exists() and not out.is_dir():
         raise ValueError(f"{out}: is a file; name a folder for the corpus")
-    entries = [entry for entry in sorted(out.iterdir()) if not entry.name.startswith(".")]
+    entries = sorted(out.glob("[!.]*"))
     ours = bool(entries) and _read_json(out / "corpus.json").get("source") == "synthetic"
     for entry in entries:
         if ours and entry.name == "corpus.json":
@@ -113,16 +111,14 @@ def _check_folder(out: Path, expected: set[str]) -> None:
             raise ValueError(
                 f"{out}: holds {entry.name}, which is not among the clips asked for; choose another folder"
             )
-        foreign = sorted(part.name for part in entry.iterdir() if part.name not in PARTS)
-        if foreign:
+        if foreign := sorted(part.name for part in entry.iterdir() if part.name not in PARTS):
             raise ValueError(f"{entry}: holds {foreign[0]}, which no synthetic corpus wrote; move it elsewhere first")
 
 
 def _is_finished(folder: Path, settings: ClipSettings) -> bool:
     """True if a folder holds the very clip that the settings describe."""
-    if not all((folder / part).is_file() for part in PARTS):
-        return False
-    return bool(_read_json(folder / "beats.json").get("settings") == _recorded(settings))
+    is_whole = all((folder / part).is_file() for part in PARTS)
+    return is_whole and bool(_read_json(folder / "beats.json").get("settings") == _recorded(settings))
 
 
 def _recorded(settings: ClipSettings) -> dict[str, Any]:
@@ -155,18 +151,15 @@ def _annotation(planted: PlantedClip) -> dict[str, Any]:
         "visual_beats_s": _rounded(planted.visual_beat_times),
         "motion_offset_s": 0.0,
         "seed": settings.seed,
-        "units": [
-            {
-                "name": unit.name,
-                "start_s": _rounded(unit.start),
-                "end_s": _rounded(unit.end),
-                "beats": unit.beats,
-                "figure": unit.figure,
-            }
-            for unit in truth.units
-        ],
+        "units": [_unit(unit) for unit in truth.units],
         "settings": _recorded(settings),
     }
+
+
+def _unit(unit: Unit) -> dict[str, Any]:
+    """An entry of "units"."""
+    times = {"start_s": _rounded(unit.start), "end_s": _rounded(unit.end)}
+    return {"name": unit.name, **times, "beats": unit.beats, "figure": unit.figure}
 
 
 def _rounded(values: Any) -> Any:

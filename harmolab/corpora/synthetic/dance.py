@@ -83,8 +83,8 @@ def synthetic_motion(beat_times: ArrayLike, downbeat_times: ArrayLike = (), **se
     ValueError
         For a setting out of range, or one that the beats decide; the message names it.
     """
-    if given := MUSICAL & settings.keys():
-        raise ValueError(f"{min(given)} is no setting of a motion to given beats")
+    if musical := MUSICAL & settings.keys():
+        raise ValueError(f"{min(musical)} is no setting of a motion to given beats")
     clip = ClipSettings(**settings)
     grid = grid_through(beat_times, downbeat_times, DANCES[clip.dance].meter, clip.seconds)
     return dance_motion(choreography(grid, clip), clip)

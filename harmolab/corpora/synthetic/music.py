@@ -132,7 +132,7 @@ class _Step:
 
 
 def _steps(pattern: str, grid: BeatGrid, swell: tuple[float, ...]) -> list[_Step]:
-    """Every place of the grid where the pattern of one bar sounds; a place lasts until the next one."""
+    """The places of the grid at which the pattern of one bar sounds; a place lasts until the next one."""
     per_beat = len(pattern) // grid.meter
     places = [place for place, mark in enumerate(pattern) if mark != "."]
     gaps = np.diff([*places, places[0] + len(pattern)])

@@ -56,7 +56,7 @@ class Choreography:
 
 @dataclass(frozen=True, eq=False)
 class _Figure:
-    """Steps of a figure, and what arms and chest do on each beat (the same whoever dances it)."""
+    """Steps of a figure, and arms and chest on each beat; the same for every dancer."""
 
     steps: tuple[str, ...]
     arms: FloatArray  # (beats, 2, 5) radians, of the free and the supporting side
@@ -191,8 +191,8 @@ class _Dancer:
 
     def _step(self, step: str, length: float, span: float) -> None:
         """Turn, then move the free foot within `span` seconds; with weight on it the other foot is free next."""
-        wish = EIGHTH * (step.count("<") - step.count(">")) + self._homeward()
-        turn = np.clip(wish, -FASTEST_TURN * span, FASTEST_TURN * span)
+        angle = EIGHTH * (step.count("<") - step.count(">")) + self._homeward()
+        turn = np.clip(angle, -FASTEST_TURN * span, FASTEST_TURN * span)
         move, free = step[0], 1 - self.support
         self.heading += turn
         self.feet[self.support, 2] += 0.7 * turn  # the supporting foot turns most of the way with the body
@@ -215,8 +215,8 @@ class _Dancer:
         place = self.feet[:, :2].mean(axis=0)
         if np.hypot(*place) < STAGE:
             return 0.0
-        wish = np.arctan2(-place[0], -place[1]) - self.heading
-        return float(np.clip((wish + np.pi) % (2 * np.pi) - np.pi, -EIGHTH, EIGHTH))
+        angle = np.arctan2(-place[0], -place[1]) - self.heading
+        return float(np.clip((angle + np.pi) % (2 * np.pi) - np.pi, -EIGHTH, EIGHTH))
 
     def _foothold(self, origin: FloatArray, ahead: float, apart: float, foot: int) -> FloatArray:
         """(4,) a place ahead of `origin` and to the side of `foot`, toes turned out a little."""

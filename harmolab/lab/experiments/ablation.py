@@ -21,7 +21,7 @@ from harmolab.types import FloatArray, Motion
 LOSSES = ("paper", "recommended")
 DISTANCES = ("fid", "fid_raw", "fid_kinetic")  # from the recorded motion
 
-# What a harmony loss is asked for: (least, most) of each measure, compared as `TARGET_WORDS` says. Beats are speed
+# Aims of a harmony loss: (least, most) of each measure, compared as `TARGET_WORDS` says. Beats are speed
 # valleys within 0.1 s.
 TARGETS = MappingProxyType(
     {"above_chance": (0.35, np.inf), "count_ratio": (0.7, 1.4), "jerk": (-np.inf, 1.5), "fid": (-np.inf, 1.1)}
@@ -48,23 +48,21 @@ PAPER_MEANS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 
 def ablation(profile: RunProfile) -> pd.DataFrame:
-    """Every measure of `harmolab.lab.experiments.judging.judge` on the test units, for each corpus, variant and seed.
+    """Measures of `harmolab.lab.experiments.judging.judge` on the test units, for each corpus, variant and seed.
 
     Returns
     -------
     DataFrame with the columns corpus, variant, seed and the measures; the variant "recorded" is the recorded motion
     itself, judged with the same pose network.
     """
-    return pd.DataFrame(list(_ablation_rows(profile)))
-
-
-def _ablation_rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
+    rows = []
     for corpus in generator_corpora(profile):
         for seed in range(1, profile.n_seeds + 1):
             runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
             for name, run in runs.items():
-                yield {"corpus": corpus, "variant": name, "seed": seed, **_judged(run, seed)}
-            yield {"corpus": corpus, "variant": RECORDED, "seed": seed, **_recorded(runs["paper"], seed)}
+                rows.append({"corpus": corpus, "variant": name, "seed": seed, **_judged(run, seed)})
+            rows.append({"corpus": corpus, "variant": RECORDED, "seed": seed, **_recorded(runs["paper"], seed)})
+    return pd.DataFrame(rows)
 
 
 def _judged(run: Trained, seed: int) -> dict[str, float]:
@@ -126,7 +124,7 @@ def _printed(variant: str, measure: str) -> float:
 
 
 def gains(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
-    """What each harmony loss changed: the same seed with it and without it, means over seeds.
+    """Changes by each harmony loss: the same seed with it and without it, means over seeds.
 
     Parameters
     ----------
@@ -153,7 +151,7 @@ def gains(table: pd.DataFrame, measures: list[str]) -> pd.DataFrame:
 
 
 def _factor(value: float, reference: float) -> float:
-    """How many times the reference; NaN unless that is above 0."""
+    """`value` as a multiple of the reference; NaN unless that is above 0."""
     return value / reference if reference > 0 else np.nan
 
 
@@ -177,7 +175,7 @@ def _ratio(value: float, reference: float) -> float:
 
 
 def targets_met(table: pd.DataFrame) -> pd.DataFrame:
-    """Which of `TARGETS` each harmony loss reaches on each corpus.
+    """The `TARGETS` that each harmony loss reaches on each corpus.
 
     Parameters
     ----------
@@ -195,13 +193,8 @@ def targets_met(table: pd.DataFrame) -> pd.DataFrame:
             mean, low, high = mean_interval(values)
             good = int(((values >= least) & (values <= most)).sum())
             row: dict[str, Any] = {"corpus": corpus, "loss": loss, "target": TARGET_WORDS[measure]}
-            row |= {
-                "asked": _asked(least, most),
-                "reached": mean,
-                "low": low,
-                "high": high,
-                "met": bool(least <= mean <= most),
-            }
+            row |= {"asked": _asked(least, most), "reached": mean, "low": low, "high": high}
+            row["met"] = bool(least <= mean <= most)
             rows.append({**row, "seeds that meet it": f"{good} of {len(values)}"})
     return pd.DataFrame(rows)
 

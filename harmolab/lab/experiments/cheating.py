@@ -76,7 +76,7 @@ TRICKS: Mapping[str, Trick] = MappingProxyType(
     }
 )
 
-# What each trick was put on, where it was put on something.
+# The base of each trick that has one.
 BASES = MappingProxyType(
     {
         "as danced + jitter 2 cm": "as danced",
@@ -137,13 +137,10 @@ def generators_half_a_beat_late(profile: RunProfile) -> pd.DataFrame:
         units, dances = danced_units(profile, corpus)
         for name, motions in dances.items():
             for motion, unit in zip(motions, units.units, strict=True):
-                steadiness = jerk(meter_motion(motion, unit))
-                about = {"corpus": corpus, "clip": unit.name, "trick": name, "jerk": steadiness}
+                about = {"corpus": corpus, "clip": unit.name, "trick": name, "jerk": jerk(meter_motion(motion, unit))}
                 late = replace(unit, beats=unit.beats + np.median(np.diff(unit.beats)) / 2)
-                rows += [
-                    {**about, "music": music, **unit_columns(motion, each)}
-                    for music, each in ((TRUE, unit), (LATE, late))
-                ]
+                for music, each in ((TRUE, unit), (LATE, late)):
+                    rows.append({**about, "music": music, **unit_columns(motion, each)})
     return pd.DataFrame(rows)
 
 
@@ -164,7 +161,7 @@ def trick_means(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
 
 
 def trick_gains(table: pd.DataFrame, measures: Sequence[str]) -> pd.DataFrame:
-    """What each trick added to the motion it was put on, with the true music: means over clips.
+    """Gain of each trick over the motion it was put on, with the true music: means over clips.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The tables of notebook 05: does a score tell right from wrong, and what disturbs it?"""
+"""The tables of notebook 05: how well scores tell right from wrong music, and under which disturbances."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def compare_corpora(profile: RunProfile, *, window: float | None = 6.0) -> dict[
     folders = {**corpus_folders(profile), "synthetic": synthetic_corpus(profile)}
     results = {}
     for name, root in folders.items():
-        found = find_recordings(root).folders
-        annotated = all((folder / "beats.json").is_file() for folder in found)
+        paths = find_recordings(root).folders
+        annotated = all((folder / "beats.json").is_file() for folder in paths)
         sequences = readable_recordings(root) if annotated else study_recordings(profile, name)
         results[name] = compare(
             sequences,
@@ -41,23 +41,14 @@ def compare_corpora(profile: RunProfile, *, window: float | None = 6.0) -> dict[
 
 def auc_table(results: dict[str, CorpusResult]) -> pd.DataFrame:
     """One row a corpus and score: AUC, interval, chance band, and whether it lies above the band."""
-    columns = [
-        "corpus",
-        "windows",
-        "beats",
-        "score",
-        "AUC",
-        "interval low",
-        "interval high",
-        "chance low",
-        "chance high",
-    ]
+    bounds = ("interval low", "interval high", "chance low", "chance high")
     rows = [
-        (name, result.summary["n"], result.summary["beats"], score, row["auc"], *row["interval"], *row["chance_band"])
+        {"corpus": name, "windows": result.summary["n"], "beats": result.summary["beats"], "score": score}
+        | {"AUC": row["auc"], **dict(zip(bounds, (*row["interval"], *row["chance_band"]), strict=True))}
         for name, result in results.items()
         for score, row in result.summary["scores"].items()
     ]
-    table = pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows)
     return table.assign(tells=np.where(table["AUC"] > table["chance high"], "yes", "no")).round(3)
 
 
@@ -77,24 +68,20 @@ def pick_table(result: CorpusResult, profile: RunProfile, *, n_clips: int = 20) 
     A score picks the half it rates lowest. The mean and the 95 % range are over random draws of clips.
     """
     rng = np.random.default_rng(profile.seed)
-    rows: list[dict[str, Any]] = [
-        {"judge": "10 people (paper, other clips)", "paper": 0.78, "harmolab": np.nan, "low": np.nan, "high": np.nan}
-    ]
+    rows: list[dict[str, Any]] = [{"judge": "10 people (paper, other clips)", "paper": 0.78}]
     half = min(n_clips // 2, len(result.dances) // 2)
     for score, label in (("recommended", "recommended"), ("paper", "paper's h"), ("hit_rate", "paper's hit rate")):
         shares = [_one_draw(result.true[score], result.wrong[score], half, rng) for _ in range(profile.n_rotations)]
         low, high = np.quantile(shares, [0.025, 0.975])
-        rows.append(
-            {"judge": f"{label} (machine)", "paper": np.nan, "harmolab": np.mean(shares), "low": low, "high": high}
-        )
+        rows.append({"judge": f"{label} (machine)", "harmolab": np.mean(shares), "low": low, "high": high})
     return pd.DataFrame(rows).round(3)
 
 
 def _one_draw(true: FloatArray, wrong: FloatArray, half: int, rng: np.random.Generator) -> float:
     """Share of wrong clips among the lowest-rated half of a random set."""
-    chosen = rng.permutation(len(true))[: 2 * half]
+    order = rng.permutation(len(true))[: 2 * half]
     column = rng.integers(0, wrong.shape[1], half)
-    values = np.concatenate([true[chosen[:half]], wrong[chosen[half:], column]])
+    values = np.concatenate([true[order[:half]], wrong[order[half:], column]])
     lowest = np.argsort(values + 1e-12 * rng.standard_normal(values.size))[:half]
     return float((lowest >= half).mean())
 
@@ -107,12 +94,11 @@ def disturbance_table(profile: RunProfile, what: str, levels: Sequence[float]) -
     what : "noise" (metres), "jitter" (seconds) or "fps" (hertz)
     levels : values of it
     """
-    units = {
+    label, scale = {
         "noise": ("sensor noise (cm)", 100.0),
         "jitter": ("beat jitter (ms)", 1000.0),
         "fps": ("frame rate (fps)", 1.0),
-    }
-    label, scale = units[what]
+    }[what]
     rows = []
     for level in levels:
         root = synthetic_corpus(profile, **{what: level})
@@ -125,5 +111,4 @@ def disturbance_table(profile: RunProfile, what: str, levels: Sequence[float]) -
 
 def dance_patterns_of(results: dict[str, CorpusResult], corpus: str) -> dict[str, BarPattern]:
     """The bar pattern of each dance of a compared corpus: the one learnt for its first part."""
-    result = results[corpus]
-    return {dance: patterns[0] for dance, patterns in result.patterns.items()}
+    return {dance: patterns[0] for dance, patterns in results[corpus].patterns.items()}

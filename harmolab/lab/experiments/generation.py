@@ -134,9 +134,9 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Tr
 def _pretraining(params: TrainParams) -> TrainParams:
     """The part of a training that all variants share: settings of the adversarial epochs at their defaults."""
     shared = [field.name for field in fields(params) if field.name.startswith("pretrain_")]
-    others = ("seed", "batch_size", "shards", "epsilon", "pose_epochs", "patience")
-    own = {name: getattr(params, name) for name in (*others, *shared)}
-    return replace(TrainParams.paper(), adversarial_epochs=0, **own)
+    shared += ["seed", "batch_size", "shards", "epsilon", "pose_epochs", "patience"]
+    settings = {name: getattr(params, name) for name in shared}
+    return replace(TrainParams.paper(), adversarial_epochs=0, **settings)
 
 
 def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
@@ -156,12 +156,9 @@ def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Pat
 def _model(profile: RunProfile) -> ModelParams:
     """The small preset, or one with as many units as the profile says in proportion."""
     small = ModelParams.small()
-    if profile.hidden is None:
-        return small
-    share = profile.hidden / small.hidden
-    return ModelParams(
-        profile.hidden, small.layers, round(share * small.pose_features), max(round(share * small.discriminator), 4)
-    )
+    hidden = profile.hidden or small.hidden
+    sizes = round(hidden / small.hidden * small.pose_features), round(hidden / small.hidden * small.discriminator)
+    return ModelParams(hidden, small.layers, sizes[0], max(sizes[1], 4))
 
 
 def _home() -> Path:

@@ -1,4 +1,4 @@
-"""Hard scores of motions danced to units of music, whoever made them, beside those of the recorded motion.
+"""Hard scores of motions danced to units of music, from any source, beside those of the recorded motion.
 
 Everything here takes motions: a system is judged by the joints it moves, not by how it codes them.
 """
@@ -6,6 +6,7 @@ Everything here takes motions: a system is judged by the joints it moves, not by
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -53,7 +54,7 @@ def generate(generator: Generator, units: UnitSet) -> list[Motion]:
 
 
 def recorded_motions(units: UnitSet) -> list[Motion]:
-    """What was recorded to each unit: whole units, with the beats before the meter."""
+    """The recorded motion of each unit: whole units, with the beats before the meter."""
     return [_decoded(unit.motion.astype(np.float64), units) for unit in units.units]
 
 
@@ -127,16 +128,12 @@ def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed:
 
 
 def harmony_columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
-    """What tables hold of the scores of `MODES`, by prefix of their columns."""
+    """The columns of tables from scores of `MODES`, by their prefix."""
     fields = ("harmony", "hit_rate", "chance", "harmony_above_chance", "n_visual", "n_audio")
-    return {
-        **{
-            f"{mode}{field.removeprefix('harmony_')}": getattr(scores[mode], field)
-            for mode in scores
-            for field in fields
-        },
-        **{f"{mode}count_ratio": score.n_visual / max(score.n_audio, 1) for mode, score in scores.items()},
-    }
+    columns: dict[str, float] = {}
+    for mode, score in scores.items():
+        columns |= {mode + field.removeprefix("harmony_"): getattr(score, field) for field in fields}
+    return columns | {f"{mode}count_ratio": score.n_visual / max(score.n_audio, 1) for mode, score in scores.items()}
 
 
 def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
@@ -156,8 +153,8 @@ def _harmony(motions: Sequence[Motion], units: UnitSet) -> dict[str, float]:
 def embed(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -> FloatArray:
     """Pose network's features (N, D) of the meters of motions, one for each whole unit.
 
-    Every motion, recorded or made, is coded from its joints: heading and path are those that are seen, not those that a
-    generator meant. Whole units are coded and then cut, since the heading is smoothed over time.
+    Every motion, recorded or generated, is coded from its joints: heading and path are those of the body, not
+    those in a generator's code. Whole units are coded and then cut, since the heading is smoothed over time.
 
     Raises
     ------
@@ -177,3 +174,55 @@ def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> torch.Ten
     same = resample_motion(motion, pose_net.fps)
     code = encode_motion(same.positions, same.fps, same.skeleton)
     return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])
+
+
+@dataclass(frozen=True, eq=False)
+class DancedUnit:
+    """A unit's music beats and all that was danced to them.
+
+    Parameters
+    ----------
+    name : str, of the unit
+    dance : str
+    beats : BeatTrack, seconds from the unit's first frame
+    start : float, seconds, where the meter begins; the motion before it was given
+    motions : variant, or "recorded" -> Motion
+    scores : the same names -> HarmonyScore of the meter, valleys within 0.1 s
+    """
+
+    name: str
+    dance: str
+    beats: BeatTrack
+    start: float
+    motions: dict[str, Motion]
+    scores: dict[str, HarmonyScore]
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """The result of each motion, in words."""
+        return {
+            name: f"{score.hits.sum()} of {score.n_audio} beats met with {score.n_visual} of its own, "
+            f"harmony above chance {score.harmony_above_chance:+.2f}"
+            for name, score in self.scores.items()
+        }
+
+
+def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
+    """The `place`-th test unit of a corpus, as recorded and as the generators of the first seed dance it.
+
+    Raises
+    ------
+    ValueError
+        If the test split has no such unit.
+    """
+    units, dances = danced_units(profile, corpus)
+    if not 0 <= place < len(units):
+        raise ValueError(f"place must be 0 to {len(units) - 1}, the test units of {corpus}, got {place}")
+    return danced(units.units[place], {name: motions[place] for name, motions in dances.items()})
+
+
+def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
+    """A unit with the motions danced to it, the recorded one among them, and their scores."""
+    scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
+    beats = unit_beats(unit, motions[RECORDED])
+    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)

@@ -1,4 +1,4 @@
-"""Dances much longer than a unit: do bones keep their length, does nobody jump, do the feet stand? (notebook 08)
+"""Dances much longer than a unit: lengths of bones, jumps and sliding feet (notebook 08).
 
 Each test song is danced meter by meter, every meter from the end of the last, so that what one meter gets wrong the
 next has to live with. What is allowed is measured on the dancers who were recorded to the same songs.
@@ -6,7 +6,6 @@ next has to live with. What is allowed is measured on the dancers who were recor
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
@@ -79,7 +78,7 @@ def danced_song(profile: RunProfile, corpus: str, variant: str, place: int = 0) 
 
 
 def long_dances(profile: RunProfile) -> pd.DataFrame:
-    """Every variant dances songs of the test units, 30 s each (10 s in the quick profile), as far as there is music.
+    """Dances of every variant to songs of the test units, 30 s each (10 s in the quick profile) or all of the music.
 
     Returns
     -------
@@ -87,11 +86,7 @@ def long_dances(profile: RunProfile) -> pd.DataFrame:
     and skating as in `LIMITS`; jerk in multiples of the recorded dancers' mean; above_chance and count_ratio for
     valleys within 0.1 s
     """
-    return pd.DataFrame(list(_rows(profile)))
-
-
-def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
-    seconds = _seconds(profile)
+    rows, seconds = [], _seconds(profile)
     for corpus in generator_corpora(profile):
         for seed in range(1, profile.n_seeds + 1):
             runs = {name: trained(profile, corpus, variant, seed) for name, variant in VARIANTS.items()}
@@ -99,7 +94,8 @@ def _rows(profile: RunProfile) -> Iterator[dict[str, Any]]:
             recorded = _recorded(songs, seconds)
             for song, (name, run) in product(songs, runs.items()):
                 about = {"corpus": corpus, "seed": seed, "variant": name}
-                yield {**about, **_measured(run, song, recorded, seconds)}
+                rows.append({**about, **_measured(run, song, recorded, seconds)})
+    return pd.DataFrame(rows)
 
 
 def _seconds(profile: RunProfile) -> float:
@@ -114,7 +110,7 @@ def _songs(run: Trained) -> list[str]:
 
 
 def _recorded(songs: list[Recording], seconds: float) -> dict[str, float]:
-    """What the dancers recorded to these songs do, mean over songs: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
+    """Means over songs of measures of the recorded dancers: peak speed (m/s), skating (m/s), jerk (m/s^3)."""
     motions = [_dancer(song).span(0.0, seconds) for song in songs]
     measures = {"peak": lambda motion: largest_step(motion).percentile_999, "skating": foot_skating, "jerk": jerk}
     return {name: float(np.mean([measure(motion) for motion in motions])) for name, measure in measures.items()}
@@ -159,7 +155,7 @@ def _generated(run: Trained, clip: Clip, beats: BeatTrack, seconds: float) -> Mo
 
 
 def dance_limits(dances: pd.DataFrame) -> pd.DataFrame:
-    """Which dances keep within `LIMITS`.
+    """The share of the dances that keep within `LIMITS`.
 
     Parameters
     ----------

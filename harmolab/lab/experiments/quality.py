@@ -10,9 +10,16 @@ import numpy as np
 import pandas as pd
 
 from harmolab.lab.experiments.ablation import ablation, seed_means
-from harmolab.lab.experiments.dances import DancedUnit, danced
 from harmolab.lab.experiments.generation import VARIANTS, Trained, generator_corpora, trained
-from harmolab.lab.experiments.judging import RECORDED, danced_units, embed, meter_motions, recorded_motions
+from harmolab.lab.experiments.judging import (
+    RECORDED,
+    DancedUnit,
+    danced,
+    danced_units,
+    embed,
+    meter_motions,
+    recorded_motions,
+)
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.frechet import frechet_distance, multimodality, standardise
 from harmolab.metrics.geometric import geometric_features
@@ -63,17 +70,19 @@ def recorded_distances(run: Trained, *, seed: int = 0) -> pd.DataFrame:
     """
     rng = np.random.default_rng(seed)
     test, train = run.split.test, run.split.train
-    apart = train.select(np.array([not unit.extra for unit in train.units]))  # additional units overlap others
-    mine, others = (_features(units, run) for units in (test, apart if len(apart) >= len(test) else train))
+    disjoint = train.select(np.array([not unit.extra for unit in train.units]))  # additional units overlap others
+    features = [_features(units, run) for units in (test, disjoint if len(disjoint) >= len(test) else train)]
     rows: list[dict[str, Any]] = []
     for measure in DISTANCES:
-        here, there = mine[measure], others[measure]
+        own, other = (values[measure] for values in features)
         if measure == "fid_kinetic":
-            here, there = standardise(here, here), standardise(there, here)
-        halves = [_halves(here, rng) for _ in range(DRAWS)]
-        figures = [_others(here, there, rng) for _ in range(DRAWS)]
-        rows.append({"variant": HALVES, "measure": measure, **_over_draws(halves)})
-        rows.append({"variant": OTHER_FIGURES, "measure": measure, **_over_draws(figures)})
+            own, other = standardise(own, own), standardise(other, own)
+        halves = [_halves(own, rng) for _ in range(DRAWS)]
+        figures = [_others(own, other, rng) for _ in range(DRAWS)]
+        for variant, values in ((HALVES, halves), (OTHER_FIGURES, figures)):
+            low, high = np.percentile(values, COVERAGE).tolist()
+            row = {"variant": variant, "measure": measure, "mean": float(np.mean(values))}
+            rows.append({**row, "low": low, "high": high})
     return pd.DataFrame(rows)
 
 
@@ -128,12 +137,6 @@ def _within_songs(features: FloatArray, units: UnitSet) -> float:
     return multimodality(groups) if groups else np.nan
 
 
-def _over_draws(values: Sequence[float]) -> dict[str, float]:
-    """Mean and interval."""
-    low, high = np.percentile(values, COVERAGE)
-    return {"mean": float(np.mean(values)), "low": float(low), "high": float(high)}
-
-
 def _halves(features: FloatArray, rng: np.random.Generator) -> float:
     """Distance between two random halves of (N, D)."""
     first, second = np.array_split(rng.permutation(features), 2)
@@ -142,8 +145,8 @@ def _halves(features: FloatArray, rng: np.random.Generator) -> float:
 
 def _others(features: FloatArray, others: FloatArray, rng: np.random.Generator) -> float:
     """Distance from as many random rows of `others` to (N, D)."""
-    chosen = rng.choice(len(others), min(len(features), len(others)), replace=False)
-    return frechet_distance(others[chosen], features, seed=int(rng.integers(2**31))).value
+    rows = rng.choice(len(others), min(len(features), len(others)), replace=False)
+    return frechet_distance(others[rows], features, seed=int(rng.integers(2**31))).value
 
 
 def typical_unit(profile: RunProfile, corpus: str, variants: tuple[str, ...] = ("paper", "recommended")) -> DancedUnit:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -52,9 +52,8 @@ def synthetic_corpus(
     """Folder of the synthetic corpus of these settings, written on first use and kept in the cache folder."""
     base = cache_folder() or Path(".harmolab")
     name = f"synthetic_{profile.n_clips}x{seconds:g}s_{fps:g}fps_noise{noise:g}_jitter{jitter:g}_seed{profile.seed}"
-    out = base / name
-    write_corpus(out, clips=profile.n_clips, seconds=seconds, fps=fps, noise=noise, jitter=jitter, seed=profile.seed)
-    return out
+    settings: dict[str, Any] = {"seconds": seconds, "fps": fps, "noise": noise, "jitter": jitter}
+    return write_corpus(base / name, clips=profile.n_clips, seed=profile.seed, **settings)
 
 
 def corpus_folders(profile: RunProfile) -> dict[str, Path]:
@@ -93,7 +92,7 @@ def study_recordings(profile: RunProfile, corpus: str | None = None) -> Iterator
 
 
 def readable_recordings(root: Path) -> Iterator[Recording]:
-    """Every recording of a corpus that can be read."""
+    """The recordings of a corpus that can be read."""
     return (item for item in iter_recordings(root) if not isinstance(item, Problem))
 
 
@@ -141,16 +140,10 @@ def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> Recordin
     return first
 
 
-class Span(NamedTuple):
-    """A span of a recording, in seconds: its start in the motion, its start in the music, its length."""
+def middle_span(recording: Recording, seconds: float) -> tuple[float, float]:
+    """Start in the music and length, in seconds, of the middle of what music and motion of a recording share.
 
-    in_motion: float
-    in_music: float
-    length: float
-
-
-def middle_span(recording: Recording, seconds: float) -> Span:
-    """The middle `seconds` (at most) of what music and motion of a recording share, from a frame of the motion on.
+    It starts on a frame of the motion and is at most `seconds` long.
 
     Raises
     ------
@@ -164,7 +157,7 @@ def middle_span(recording: Recording, seconds: float) -> Span:
     length = min(seconds, last - first)
     # On a frame, and never before the music.
     start = float(np.ceil((first + (last - first - length) / 2) * motion.fps - 1e-6) / motion.fps)
-    return Span(start, max(0.0, clip.offset + start), length)
+    return max(0.0, clip.offset + start), length
 
 
 def excerpt(recording: Recording, seconds: float, beats: str = "tracked") -> Clip:
@@ -175,16 +168,10 @@ def excerpt(recording: Recording, seconds: float, beats: str = "tracked") -> Cli
     ValueError
         If the recording has no motion.
     """
-    clip, span = recording.clip, middle_span(recording, seconds)
+    start, length = middle_span(recording, seconds)
     track = music_beats(recording, "tracked" if recording.annotation is None else beats)
-    return Clip(
-        f"{clip.name} from {span.in_music:.1f} s",
-        clip.audio.span(span.in_music, span.length),
-        None if clip.motion is None else clip.motion.span(span.in_motion, span.length),
-        source=clip.source,
-        beats=track.span(span.in_music, span.length),
-        dance=clip.dance,
-    )
+    clip = replace(recording.clip, name=f"{recording.clip.name} from {start:.1f} s", beats=track)
+    return replace(clip.span(start, length), offset=0.0)  # the span starts on a frame
 
 
 def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0) -> BarPattern:
@@ -196,7 +183,7 @@ def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: fl
     if data_root() is None or recording.annotation is None:
         return BarPattern.stop_on_the_beat()
     params = HarmonyParams.recommended()
-    start = middle_span(recording, seconds).in_music
+    start, _ = middle_span(recording, seconds)
     near = [
         clip
         for clip in cut_clips(recording, "annotated", None, params)
@@ -285,20 +272,20 @@ def beat_agreement(
         for detector, delay in totals:
             visual = visual_beats(clip.motion, params=HarmonyParams(detector=detector))
             totals[detector, delay] += agreement(clip.beats, visual, delay=delay, n_rotations=profile.n_rotations // 4)
-    return pd.DataFrame([_agreement_row(detector, delay, total) for (detector, delay), total in totals.items()])
-
-
-def _agreement_row(detector: str, delay: float, total: Agreement) -> dict[str, Any]:
-    return {
-        "detector": detector,
-        "tolerance (s)": delay,
-        "music beats": total.music_beats,
-        "visual beats": total.visual_beats,
-        "omitted": total.omitted,
-        "redundant": total.redundant,
-        "hit rate": round(total.hit_rate, 3),
-        "chance": round(total.chance, 3),
-    }
+    rows = [
+        {
+            "detector": detector,
+            "tolerance (s)": delay,
+            "music beats": total.music_beats,
+            "visual beats": total.visual_beats,
+            "omitted": total.omitted,
+            "redundant": total.redundant,
+            "hit rate": total.hit_rate,
+            "chance": total.chance,
+        }
+        for (detector, delay), total in totals.items()
+    ]
+    return pd.DataFrame(rows).round({"hit rate": 3, "chance": 3})
 
 
 def strong_by_place(profile: RunProfile) -> pd.DataFrame:

@@ -72,10 +72,10 @@ def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
     if motion.positions.shape[2] != 2:
         raise ValueError(f"the motion {IN_SPACE}")
     height, width = video.source_size
-    shown = motion.positions[motion.valid]
-    are_shares = shown.size and np.median(np.abs(shown)) <= SHARES_UP_TO
+    points = motion.positions[motion.valid]
+    are_shares = points.size and np.median(np.abs(points)) <= SHARES_UP_TO
     unit = np.array([1.0, 1.0] if are_shares else [width, height])
-    inside = float(((shown >= 0) & (shown <= unit)).all(axis=-1).mean()) if shown.size else 1.0
+    inside = float(((points >= 0) & (points <= unit)).all(axis=-1).mean()) if points.size else 1.0
     if inside < LEAST_INSIDE:
         raise ValueError(
             f"{video.path}: {1 - inside:.0%} of the points lie outside its pictures of {width} x {height} pixels; "

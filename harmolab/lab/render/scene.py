@@ -53,13 +53,13 @@ class _Camera:
     width: int
     size: float
 
-    def seen(self, points: FloatArray, frames: slice) -> FloatArray:
+    def to_view(self, points: FloatArray, frames: slice) -> FloatArray:
         """Points (F, N, 3) of some frames as the camera has them: to its right, above it, in front of it."""
         return (points - self.eye[frames, None]) @ self.axes.T
 
-    def pictured(self, seen: FloatArray) -> FloatArray:
-        """(..., 2) pixel x and pixel y (down) of seen points (..., 3)."""
-        plane = self.focal * seen[..., :2] / np.maximum(seen[..., 2:], 1e-3)
+    def to_pixels(self, view: FloatArray) -> FloatArray:
+        """(..., 2) pixel x and pixel y (down) of points (..., 3) of `to_view`."""
+        plane = self.focal * view[..., :2] / np.maximum(view[..., 2:], 1e-3)
         return np.array([self.width / 2, self.height / 2]) + plane * np.array([1.0, -1.0])
 
     def pixels(self, metres: float, distance: FloatArray) -> IntArray:
@@ -103,10 +103,10 @@ def render_dance(
     if min(height, width) < 64:
         raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
     check_positive(fps=fps)
-    danced = resample_motion(upsample_motion(motion, fps), fps)
+    dance = resample_motion(upsample_motion(motion, fps), fps)
     # The camera stands at +z.
-    facing = turned(danced.positions, -mean_heading(danced.positions, fps, danced.skeleton))
-    shown = Motion(facing, fps, danced.skeleton, danced.valid)
+    facing = turned(dance.positions, -mean_heading(dance.positions, fps, dance.skeleton))
+    shown = Motion(facing, fps, dance.skeleton, dance.valid)
     return _frames(shown, height, width, BeatMarks(height, score))
 
 
@@ -143,43 +143,45 @@ def _following(motion: Motion, height: int, width: int) -> _Camera:
 def _room(camera: _Camera) -> Frame:
     """The wall, and below the horizon the floor."""
     frame = np.full((camera.height, camera.width, 3), WALL, np.uint8)
-    far = camera.pictured(camera.axes @ np.array([0.0, -camera.eye[0, 1], -1000.0]))
+    far = camera.to_pixels(camera.axes @ np.array([0.0, -camera.eye[0, 1], -1000.0]))
     frame[int(np.clip(far[1], 0, camera.height)) :] = FLOOR
     return frame
 
 
 def _grid(camera: _Camera, frames: slice) -> Iterator[list[list[IntArray]]]:
     """For each frame and shade of line, from the faintest on: the ends (2, 2) of its pieces."""
-    points, there = _pieces(camera, frames)
+    points, is_drawn = _pieces(camera, frames)
     shades = np.minimum(np.arange(2 * FADES - 1), np.arange(2 * FADES - 1)[::-1])
-    for ends, drawn in zip(points, there, strict=True):
+    for ends, drawn in zip(points, is_drawn, strict=True):
         yield [list(ends[:, shades == shade][drawn[:, shades == shade]]) for shade in range(FADES)]
 
 
 def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, BoolArray]:
-    """Every line of the floor cut where it changes its shade, on circles round the dancer.
+    """The lines of the floor, cut where each changes its shade, on circles round the dancer.
 
     Returns
     -------
     points : (F, lines, pieces, 2 ends, 2), fixed-point pixels
-    there : (F, lines, pieces) bool, False for pieces without length
+    is_drawn : (F, lines, pieces) bool, False for pieces without length
     """
-    here = camera.eye[frames][:, [0, 2]] - np.array([0.0, DISTANCE * camera.size])
+    centre = camera.eye[frames][:, [0, 2]] - np.array([0.0, DISTANCE * camera.size])
     count = int(np.ceil(REACH / GRID))
-    aside = (np.round(here / GRID)[..., None] + np.arange(-count, count + 1)) * GRID - here[..., None]  # (F, 2, lines)
+    shifts = (np.round(centre / GRID)[..., None] + np.arange(-count, count + 1)) * GRID - centre[
+        ..., None
+    ]  # (F, 2, lines)
     radii = REACH * np.minimum(1.15 - np.arange(FADES) / FADES, 1.0)
-    halves = np.sqrt(np.maximum(radii**2 - aside[..., None] ** 2, 0.0))
+    halves = np.sqrt(np.maximum(radii**2 - shifts[..., None] ** 2, 0.0))
     along = np.concatenate([-halves, halves[..., ::-1]], axis=-1)  # (F, 2, lines, cuts)
-    across = np.broadcast_to(aside[..., None], along.shape)
+    across = np.broadcast_to(shifts[..., None], along.shape)
     nearest = _nearest_floor(camera)
     # Lines that go away from the camera (x stays), then lines from left to right (z stays).
     x = np.concatenate([across[:, 0], along[:, 1]], axis=1)
     z = np.concatenate([np.minimum(along[:, 0], nearest), across[:, 1]], axis=1)
-    places = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(len(here), -1, 3)
-    ground = np.stack([here[:, 0], np.zeros(len(here)), here[:, 1]], axis=-1)[:, None]
-    cuts = fixed(camera.pictured(camera.seen(places + ground, frames))).reshape(*x.shape, 2)
-    there = (np.abs(np.diff(x)) + np.abs(np.diff(z)) > 1e-6) & (z[..., :-1] <= nearest)
-    return np.stack([cuts[..., :-1, :], cuts[..., 1:, :]], axis=-2), there
+    places = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(len(centre), -1, 3)
+    ground = np.stack([centre[:, 0], np.zeros(len(centre)), centre[:, 1]], axis=-1)[:, None]
+    cuts = fixed(camera.to_pixels(camera.to_view(places + ground, frames))).reshape(*x.shape, 2)
+    is_drawn = (np.abs(np.diff(x)) + np.abs(np.diff(z)) > 1e-6) & (z[..., :-1] <= nearest)
+    return np.stack([cuts[..., :-1, :], cuts[..., 1:, :]], axis=-2), is_drawn
 
 
 def _nearest_floor(camera: _Camera) -> float:
@@ -227,8 +229,8 @@ class _Body:
 
     def strokes(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
         """Limbs, joints and head of each frame, from far to near; near ones are darker."""
-        seen = camera.seen(joints, frames)
-        flat, depth = camera.pictured(seen), np.maximum(seen[..., 2], 1e-3)
+        view = camera.to_view(joints, frames)
+        flat, depth = camera.to_pixels(view), np.maximum(view[..., 2], 1e-3)
         span = np.maximum(np.ptp(depth, axis=1), 0.3 * camera.size)[:, None]
         distance = depth @ self.shares.T
         far = np.clip((distance - depth.min(axis=1)[:, None]) / span, 0.0, 1.0)
@@ -245,9 +247,9 @@ class _Body:
             yield [strokes[part] for part in parts]
 
     def shadow(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
-        """Every limb of each frame once more, flat on the floor."""
-        seen = camera.seen(joints * np.array([1.0, 0.0, 1.0]), frames)
-        flat = fixed(camera.pictured(seen))
-        thick = camera.pixels(1.3 * LIMB * camera.size, seen[:, self.limbs, 2].mean(axis=2)).tolist()
+        """The limbs of each frame once more, flat on the floor."""
+        view = camera.to_view(joints * np.array([1.0, 0.0, 1.0]), frames)
+        flat = fixed(camera.to_pixels(view))
+        thick = camera.pixels(1.3 * LIMB * camera.size, view[:, self.limbs, 2].mean(axis=2)).tolist()
         for ends, sizes in zip(flat[:, self.limbs].tolist(), thick, strict=True):
             yield [Stroke(start, end, size, SHADOW) for (start, end), size in zip(ends, sizes, strict=True)]

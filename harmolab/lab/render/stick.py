@@ -197,17 +197,17 @@ def box_walk(rng: np.random.Generator, reach: tuple[float, float], speed: float,
     speed : float, mean distance per second
     fps : float, places per second
     """
-    here = rng.uniform((0.0, 0.0), reach)
-    left = 0.0  # seconds of the current leg that remain
+    place = rng.uniform((0.0, 0.0), reach)
+    remaining = 0.0  # seconds of the current leg
     velocity = np.zeros(2)
     while True:
-        yield here.copy()
+        yield place.copy()
         step = 1.0 / fps
-        while step >= left:
-            here = here + velocity * left
-            step -= left
+        while step >= remaining:
+            place = place + velocity * remaining
+            step -= remaining
             target, pace = rng.uniform((0.0, 0.0), reach), speed * rng.uniform(0.5, 1.5)
-            left = max(float(np.linalg.norm(target - here)) / pace, 1e-3)
-            velocity = (target - here) / left
-        here = here + velocity * step
-        left -= step
+            remaining = max(float(np.linalg.norm(target - place)) / pace, 1e-3)
+            velocity = (target - place) / remaining
+        place = place + velocity * step
+        remaining -= step
