@@ -136,7 +136,7 @@ def test_later_error_is_shown_with_its_place_and_goes_when_the_next_drawing_succ
     explorer = Explorer(draw, level=(0.0, 10.0, 0.5, 2.0))
     first = explorer.png
     explorer.controls["level"].value = 6.0
-    assert explorer.error.startswith("ValueError: level <5> exceeded (test_widgets.py, line ")
+    assert explorer.error.startswith("ValueError: level <5> exceeded (test_explorer.py, line ")
     assert explorer.png == first
     explorer.controls["level"].value = 3.0
     assert explorer.error == ""
