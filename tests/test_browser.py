@@ -219,7 +219,7 @@ def test_fast_key_presses_end_at_the_last_value(page: object) -> None:
 CELLS = (
     """from dataclasses import replace
 from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
-from harmolab.widgets.labs import corpus_lab, detector_lab, meter_lab, saliency_lab
+from harmolab.lab import corpus_lab, detector_lab, meter_lab, saliency_lab
 planted = planted_clip(ClipSettings("cha-cha", seconds=8.0, jitter=0.03, seed=1))
 song = synthetic_clip("rumba", seconds=18.0, seed=2)
 kinds = ("cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz", "cha-cha")
