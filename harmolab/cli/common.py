@@ -1,4 +1,4 @@
-"""What several commands share: their arguments and options, plain errors, progress bars, numbers for tables."""
+"""Shared by several commands: arguments and options, plain errors, progress bars, numbers for tables."""
 
 from __future__ import annotations
 
@@ -65,7 +65,8 @@ Dance = Annotated[
     typer.Argument(
         metavar="DANCE",
         callback=lambda path: _not(SOUNDS, path),
-        help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder.",
+        help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder; to explain "
+        "and retime also a video.",
     ),
 ]
 Offset = Annotated[

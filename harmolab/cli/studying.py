@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harmolab.cli.common import plain_errors, progress, sequences_of, show, write_text
+from harmolab.cli.common import AsJson, plain_errors, progress, sequences_of, show, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -132,7 +132,7 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
     out.mkdir(parents=True, exist_ok=True)
     for trial, entry in progress(key.trials.items(), "writing trials"):
-        write_page(out, trial, blind_page(*pieces.shown(entry)))
+        write_page(out, trial, blind_page(*pieces.presented(entry)))
     write_scores(out, pieces.scores(progress(key.trials.values(), "scoring")))
     write_study(out, trials, key)
 
@@ -187,7 +187,7 @@ def analyse(
     out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,
     raters: Annotated[Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")] = "all",
     seed: Annotated[int, typer.Option(help="Seed of the bootstrap.", min=0)] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what all raters answered: rates with 95 % intervals, agreement, and which score goes with their answers.
 

@@ -80,7 +80,7 @@ class Pieces:
         """The piece of that name, which a key calls item."""
         return next(piece for piece in self.pieces if piece.name == name)
 
-    def shown(self, entry: KeyEntry) -> tuple[Audio, list[Motion]]:
+    def presented(self, entry: KeyEntry) -> tuple[Audio, list[Motion]]:
         """The music of a trial and its dance, or its two dances (left, right): the arguments of `blind_page`."""
         piece = self.named(entry.item)
         return piece.audio, [piece.motions[version] for version in entry.versions]
