@@ -48,10 +48,8 @@ def resolve(name: str) -> object:
     raise AttributeError(name)
 
 
-NO_NOUNS = frozenset(
-    ("found", "told", "heard", "seen", "wanted", "made", "chosen", "known", "asked", "mine", "given", "shown")
-    + ("here", "there", "critic", "goes_on", "written_aside")
-)
+NO_NOUNS = {"found", "told", "heard", "seen", "wanted", "made", "chosen", "known", "asked", "mine", "given", "shown"}
+NO_NOUNS |= {"here", "there", "critic", "goes_on", "written_aside"}
 NO_RESULTS = ("What ", "Where ", "Whether ", "How ", "Who ", "Why ")
 
 

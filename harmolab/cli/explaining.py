@@ -19,7 +19,7 @@ def explain(
     out: Annotated[Path | None, typer.Option(help="Also write a page, .html, with pictures and player.")] = None,
     offset: Annotated[
         float | None,
-        typer.Option(help="Song time in seconds at which the dance begins. Left out, it is found."),
+        typer.Option(help="Audio time in seconds at which the motion begins (default: searched for)."),
     ] = None,
     guess: Annotated[
         float | None, typer.Option(help="About where it begins, where only the movement can tell (default: 0).")
