@@ -64,6 +64,9 @@ from .harmony import (
     nearest_intervals as nearest_intervals,
 )
 from .harmony import (
+    other_measures as other_measures,
+)
+from .harmony import (
     score_clip as score_clip,
 )
 from .harmony import (

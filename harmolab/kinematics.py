@@ -139,8 +139,8 @@ def refine_extrema(curve: FloatArray, frames: IntArray) -> FloatArray:
     -------
     (B,) array of fractional frames, at most half a frame from `frames`.
     """
-    before, here, after = curve[frames - 1], curve[frames], curve[frames + 1]
-    bend = before - 2 * here + after
+    before, top, after = curve[frames - 1], curve[frames], curve[frames + 1]
+    bend = before - 2 * top + after
     shift = np.divide(0.5 * (before - after), bend, out=np.zeros(len(frames)), where=bend != 0)
     return frames + np.clip(shift, -0.5, 0.5)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Dance:
-    """What music for one dance sounds like: usual tempo in beats per minute, and beats in a bar."""
+    """Usual music of one dance: tempo in beats per minute, and beats in a bar."""
 
     tempo: tuple[float, float]
     meter: int
@@ -33,7 +33,7 @@ DANCES = MappingProxyType(
 
 @dataclass(frozen=True)
 class BarPattern:
-    """How joint speed usually goes through a cycle of beats, as a short Fourier series.
+    """Usual course of joint speed through a cycle of beats, as a short Fourier series.
 
     The expected (normalised) speed at beat position x is ``sum_h cosines[h-1] cos(2 pi h x / beats) + sines[h-1]
     sin(2 pi h x / beats)``; x = 0 is the cycle's first beat. Plain tuples, so that patterns compare and print.
@@ -148,7 +148,7 @@ class HarmonyParams:
 
     @classmethod
     def recommended(cls, pattern: BarPattern | None = None) -> HarmonyParams:
-        """What we advise: fit to a bar pattern; ``pattern`` is one learnt by `harmolab.bar_pattern.fit_pattern`."""
+        """Fit to a bar pattern, which we advise; ``pattern`` is one learnt by `harmolab.bar_pattern.fit_pattern`."""
         return cls(
             measure="pattern",
             audio_threshold=0.0,

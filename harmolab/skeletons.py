@@ -30,7 +30,6 @@ _PARTS = (
 )
 _FUSED = re.compile(rf"(left|right)(?=.)|([lr])(?=(?:{_PARTS})$)")
 _FOOT_PARTS = ("toe", "heel", "ankle", "foot")
-_HAND_PARTS = ("wrist", "hand")
 HIPS = ("hip", "hipjoint", "upleg", "thigh", "femur")
 HIPS_AND_SHOULDERS = (*HIPS, "shoulder", "upperarm", "humerus", "clavicle", "collar")
 
@@ -109,22 +108,14 @@ def foot_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
     ValueError
         No joint is named so.
     """
-    return _extremities(skeleton, _FOOT_PARTS)
-
-
-def hand_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:
-    """The joints of each hand, by name: wrist or hand; order and errors as of `foot_joints`."""
-    return _extremities(skeleton, _HAND_PARTS)
-
-
-def _extremities(skeleton: Skeleton, parts: Sequence[str]) -> tuple[tuple[int, ...], ...]:
-    """The joints whose names hold one of the parts: those of the left, of the right, then each without a side."""
     sides: dict[str, list[int]] = {"left": [], "right": [], "": []}
     for joint, name in enumerate(skeleton.joints):
-        if any(part in joint_part(name) for part in parts):
+        if any(part in joint_part(name) for part in _FOOT_PARTS):
             sides[joint_side(name)].append(joint)
     if not any(sides.values()):
-        raise ValueError(f"no joint is called {', '.join(parts[:-1])} or {parts[-1]}; joints are {skeleton.joints}")
+        raise ValueError(
+            f"no joint is called {', '.join(_FOOT_PARTS[:-1])} or {_FOOT_PARTS[-1]}; joints are {skeleton.joints}"
+        )
     groups = (tuple(sides["left"]), tuple(sides["right"]), *((joint,) for joint in sides[""]))
     return tuple(joints for joints in groups if joints)
 

@@ -205,7 +205,7 @@ def stubs(monkeypatch: pytest.MonkeyPatch) -> UnitSet:
 
     for module in (ablation, judging):
         monkeypatch.setattr(module, "trained", trained)
-        monkeypatch.setattr(module, "generate", generate)
+        monkeypatch.setattr(module, "generate_units", generate)
     return units
 
 

@@ -89,6 +89,9 @@ def test_motion_after_the_end_of_the_music_is_refused(clip_folder: Path) -> None
         (("score", "song.wav", "dance.npz", "--duration", "1"), "--duration is called --seconds now"),
         (("retime", "dance.npz", "song.wav", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
         (("retime", "film.mp4", "song.wav", "--out", "x.mp4"), "song.wav: the order is SONG DANCE"),
+        (("explain", "dance.npz", "song.wav"), "dance.npz: the order is SONG DANCE"),
+        (("play", "dance.npz", "song.wav", "--out", "x.html"), "dance.npz: the order is SONG DANCE"),
+        (("dance", "dance.npz", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
         (("render", "dance.bvh", "film.mp4", "--out", "x.mp4"), "dance.bvh: the order is SONG DANCE"),
     ],
 )

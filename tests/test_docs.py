@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import importlib
 import re
@@ -45,6 +46,39 @@ def resolve(name: str) -> object:
             found = fields[word] if word in fields else getattr(found, word)
         return found
     raise AttributeError(name)
+
+
+NO_NOUNS = {"found", "told", "heard", "seen", "wanted", "made", "chosen", "known", "asked", "mine", "given", "shown"}
+NO_NOUNS |= {"here", "there", "critic", "goes_on", "written_aside"}
+NO_RESULTS = ("What ", "Where ", "Whether ", "How ", "Who ", "Why ")
+
+
+def unsearchable_words(source: str) -> Iterator[tuple[int, str]]:
+    """(line, word) of variables and functions that are no nouns, and docstrings that do not say what is returned."""
+    for node in ast.walk(ast.parse(source)):
+        name = ""
+        if isinstance(node, ast.arg):
+            name = node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            name = node.id
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            name = node.name
+        if name.strip("_") in NO_NOUNS:
+            yield node.lineno, name
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            text = ast.get_docstring(node) or ""
+            if text.startswith(NO_RESULTS) or re.search(r"\b(nobody|somebody)\b", text, re.IGNORECASE):
+                yield getattr(node, "lineno", 1), text.partition("\n")[0]
+
+
+def test_the_package_keeps_to_its_words():
+    paths = sorted((ROOT / "harmolab").rglob("*.py"))
+    assert [(path.name, *word) for path in paths for word in unsearchable_words(path.read_text("utf-8"))] == []
+
+
+def test_words_that_cannot_be_searched_for_are_noticed():
+    source = 'def told(given, beats):\n    """What is hit."""\n    for found in beats:\n        pairs = found\n'
+    assert sorted(unsearchable_words(source)) == [(1, "What is hit."), (1, "given"), (1, "told"), (3, "found")]
 
 
 def test_the_conventions_name_code():

@@ -27,11 +27,13 @@ from harmolab.lab.experiments.generation import (
     training_split,
     weight_sweep,
 )
-from harmolab.lab.experiments.judging import RECORDED, embed, generate, judge, recorded_motions
+from harmolab.lab.experiments.judging import RECORDED, judge, recorded_motions
 from harmolab.lab.experiments.long_dances import dance_limits, danced_song, long_dances
 from harmolab.lab.profile import RunProfile
 from harmolab.systems.common.motion_code import turned
+from harmolab.systems.common.pose_network import embed_meters
 from harmolab.systems.common.weights import read_about
+from harmolab.systems.harmogan.generate import generate_units
 from harmolab.types import Motion, Skeleton
 
 PROFILE = RunProfile(
@@ -159,7 +161,7 @@ def test_the_split_shares_no_motion_group(paper: generation.Trained):
 
 def test_a_generator_is_judged_on_its_test_units(paper: generation.Trained):
     units = paper.split.test
-    motions = generate(paper.generator, units)
+    motions = generate_units(paper.generator, units)
     assert [motion.n_frames for motion in motions] == [unit.n_frames for unit in units.units]
     measures = judge(motions, units, paper.pose_net)
     assert measures["units"] == len(units) and measures["fid"] > 0 and 0 <= measures["paper_hit_rate"] <= 1
@@ -189,7 +191,7 @@ def test_a_motion_of_other_joints_is_refused_by_the_unit_it_was_danced_to(paper:
     motion = recorded_motions(units)[0]
     point = Motion(motion.positions[:, :1], motion.fps, Skeleton(("tail",), (-1,)))
     with pytest.raises(ValueError, match="must have the joints of the pose network, got tail"):
-        embed([point], units.select([units.units[0].name]), paper.pose_net)
+        embed_meters([point], units.select([units.units[0].name]), paper.pose_net)
 
 
 def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(paper: generation.Trained):

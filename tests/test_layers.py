@@ -46,7 +46,7 @@ INSIDE = {
     "systems": {"common": set(), "contract": {"common"}, "harmogan": {"common"}},
 }
 LIBRARIES = {
-    "torch": ("systems", "lab.timing.harmonise", "lab.experiments.judging"),
+    "torch": ("systems", "lab.timing.harmonise"),
     "matplotlib": ("lab.figures", "lab.widgets"),
     "ipywidgets": ("lab.widgets",),
     "anywidget": ("lab.widgets",),

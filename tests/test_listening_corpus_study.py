@@ -192,7 +192,7 @@ def test_settings_out_of_range_are_refused(clips: list[Clip], change: dict[str, 
 def test_trial_shows_the_dances_that_its_key_names_to_the_music_of_its_item(lagged: Pieces):
     piece = lagged.pieces[2]
     asked = KeyEntry(piece.name, ("lagged", "true"), ("a", "b"), "right")
-    audio, motions = lagged.shown(asked)
+    audio, motions = lagged.presented(asked)
     assert audio is piece.audio
     assert motions == [piece.motions["lagged"], piece.motions["true"]]
 

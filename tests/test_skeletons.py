@@ -12,7 +12,6 @@ from harmolab.skeletons import (
     camera_way,
     children,
     foot_joints,
-    hand_joints,
     heading,
     joint_part,
     joint_side,
@@ -80,10 +79,7 @@ def test_joints_of_a_foot_belong_together_and_joints_without_side_stand_alone():
     assert foot_joints(skeleton) == ((2,), (0, 3), (4,))
 
 
-def test_hands_are_known_by_wrist_or_hand_and_missing_ones_are_an_error():
-    assert hand_joints(Skeleton(("RightHand", "hip", "left_wrist", "HandL"), (-1,) * 4)) == ((2, 3), (0,))
-    with pytest.raises(ValueError, match=r"no joint is called wrist or hand; joints are \('toe', "):
-        hand_joints(Skeleton(("toe", "knee"), (-1, 0)))
+def test_a_body_without_feet_is_an_error():
     with pytest.raises(ValueError, match="no joint is called toe, heel, ankle or foot"):
         foot_joints(Skeleton.unnamed(3))
 

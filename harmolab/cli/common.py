@@ -1,4 +1,4 @@
-"""What several commands share: their arguments and options, plain errors, progress bars, numbers for tables."""
+"""Shared by several commands: arguments and options, plain errors, progress bars, numbers for tables."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 if TYPE_CHECKING:
-    from harmolab.corpora.folders import Problem, Recording
+    from harmolab.corpora.folders import Problem
 
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
@@ -65,7 +65,8 @@ Dance = Annotated[
     typer.Argument(
         metavar="DANCE",
         callback=lambda path: _not(SOUNDS, path),
-        help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder.",
+        help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder; to explain "
+        "and retime also a video.",
     ),
 ]
 Offset = Annotated[
@@ -103,13 +104,6 @@ def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
 def left_out(problem: Problem) -> None:
     """A line about a recording that cannot be read."""
     typer.echo(f"harmolab: left out: {problem.message}", err=True)
-
-
-def sequences_of(corpus: Path) -> Iterator[Recording]:
-    """Readable recordings, one at a time; what cannot be read is told on standard error."""
-    from harmolab.corpora.files import corpus_recordings
-
-    return corpus_recordings(corpus, progress=progress, report=left_out)
 
 
 def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:

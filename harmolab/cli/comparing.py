@@ -13,7 +13,7 @@ from harmolab.cli.common import AsJson, left_out, names_in, plain_errors, progre
 
 
 class Null(StrEnum):
-    """What the wrong music is."""
+    """Kind of wrong music."""
 
     lagged = "lagged"
     other = "other"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import VIDEOS_OUT, check_out, finding_beats, plain_errors, progress, show
+from harmolab.cli.common import VIDEOS_OUT, Song, check_out, finding_beats, plain_errors, progress, show
 from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ MEANINGS = (
 
 def dance(
     context: typer.Context,
-    song: Annotated[Path, typer.Argument(help="The music: wav, flac, ogg or mp3, or a video with sound.")],
+    song: Song,
     out: Annotated[Path, typer.Option(help="mp4 or webm (with sound), html (a player), bvh (Blender) or npz.")],
     weights: Annotated[
         Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file (default: those shipped).")
@@ -130,9 +130,9 @@ def _print(table: dict[str, dict[str, float | int | None]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    shown = Table("", *table, title="the dance and its music")
+    columns = Table("", *table, title="the dance and its music")
     for name in next(iter(table.values())):
-        shown.add_row(name, *(show(scores[name]) for scores in table.values()))
+        columns.add_row(name, *(show(scores[name]) for scores in table.values()))
     console = Console()
-    console.print(shown)
+    console.print(columns)
     console.print(MEANINGS, highlight=False)

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from harmolab.cli.common import plain_errors, progress, show
+from harmolab.cli.common import AsJson, plain_errors, progress, show
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
@@ -18,9 +18,9 @@ data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or m
 @data_app.command("check")
 def data_check(
     path: Annotated[Path, typer.Argument(help="A file, a sequence folder or a corpus.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """What a file or corpus holds, and what is odd about it."""
+    """Contents of a file or corpus, and what is odd about it."""
     from rich.console import Console
     from rich.table import Table
 

@@ -21,7 +21,7 @@ MEANINGS = (
 
 
 class Method(StrEnum):
-    """How the warp is found."""
+    """Method that finds the warp."""
 
     dp = "dp"
     lee2019 = "lee2019"
@@ -63,7 +63,7 @@ def retime(
 
 
 def _print(retimed: Retimed) -> None:
-    """What was won, and what it took."""
+    """A table of scores before and after, and of the bending between."""
     import numpy as np
     from rich.console import Console
     from rich.table import Table

@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import json
 import webbrowser
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harmolab.cli.common import plain_errors, progress, sequences_of, show, write_text
+from harmolab.cli.common import AsJson, left_out, plain_errors, progress, show, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from harmolab.lab.listening.answers import Answers
     from harmolab.lab.listening.corpus_study import Pieces
     from harmolab.lab.listening.presenting import StudyServer
-    from harmolab.types import Clip, Motion
 
 
 Tables = dict[str, list[dict[str, Any]]]
 
 ANYONE = "anyone"  # whom the trials in the folder are for; each rater has an order of their own
-COUNTERPARTS = ("{}/motion.npz", "{}/skeletons.json", "{}.npz", "{}.bvh")
 
 study_app = typer.Typer(
     no_args_is_help=True,
@@ -70,6 +65,7 @@ def make(
 
     Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab study make demo my_study --n 20`
     """
+    from harmolab.lab.listening.corpus_study import study_pieces
     from harmolab.lab.listening.folders import TRIALS_FILE
 
     with plain_errors():
@@ -79,47 +75,11 @@ def make(
             raise ValueError("--against compares two dances; it goes with --kind choice")
         if (out / TRIALS_FILE).exists():
             raise ValueError(f"{out}: holds a study already; name another folder")
-        pieces = _pieces(corpus, against, wrong, seconds, seed)
+        pieces = study_pieces(
+            corpus, against, wrong=wrong, seconds=seconds, seed=seed, progress=progress, report=left_out
+        )
         _write_study(out, pieces, kind, n, seed, "true" if against is None else "")
     typer.echo(f"{n} trials in {out}; next: harmolab study ask {out} --rater NAME")
-
-
-def _pieces(corpus: Path, against: Path | None, wrong: Wrong, seconds: float, seed: int) -> Pieces:
-    """The pieces that may be shown; sequences that give none are named on standard error."""
-    from harmolab.lab.listening.corpus_study import lagged_pieces, paired_pieces, swapped_pieces
-
-    if against is not None:
-        versions = (corpus.resolve().name, against.resolve().name)
-        pieces = paired_pieces(_pairs(corpus, against), versions, seconds=seconds, seed=seed)
-    else:
-        cut = lagged_pieces if wrong == "lagged" else swapped_pieces
-        pieces = cut(_clips(corpus), seconds=seconds, seed=seed)
-    for text in pieces.left_out:
-        typer.echo(f"harmolab: left out: {text}", err=True)
-    if not pieces.pieces:
-        raise ValueError(f"{corpus}: no sequence gives a trial of {seconds:g} s; try fewer --seconds")
-    return pieces
-
-
-def _clips(corpus: Path) -> Iterator[Clip]:
-    """The clips of a corpus, named after their folders there."""
-    for sequence in sequences_of(corpus):
-        yield replace(sequence.clip, name=sequence.folder.relative_to(corpus).as_posix())
-
-
-def _pairs(corpus: Path, against: Path) -> Iterator[tuple[Clip, Motion]]:
-    """Each clip with the motion of the same name in another folder."""
-    from harmolab.corpora.folders import load_any_motion
-
-    if not against.is_dir():
-        raise ValueError(f"{against}: no such folder")
-    for clip in _clips(corpus):
-        paths = [against / name.format(clip.name) for name in COUNTERPARTS]
-        path = next((path for path in paths if path.is_file()), None)
-        if path is None:
-            typer.echo(f"harmolab: left out: {against} holds no dance called {clip.name}", err=True)
-        else:
-            yield clip, load_any_motion(path)
 
 
 def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth: str) -> None:
@@ -132,7 +92,7 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
     out.mkdir(parents=True, exist_ok=True)
     for trial, entry in progress(key.trials.items(), "writing trials"):
-        write_page(out, trial, blind_page(*pieces.shown(entry)))
+        write_page(out, trial, blind_page(*pieces.presented(entry)))
     write_scores(out, pieces.scores(progress(key.trials.values(), "scoring")))
     write_study(out, trials, key)
 
@@ -187,7 +147,7 @@ def analyse(
     out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,
     raters: Annotated[Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")] = "all",
     seed: Annotated[int, typer.Option(help="Seed of the bootstrap.", min=0)] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what all raters answered: rates with 95 % intervals, agreement, and which score goes with their answers.
 

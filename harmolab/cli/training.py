@@ -90,16 +90,16 @@ def accepted(function: Callable[..., Any], context: typer.Context, extras: Mappi
     ValueError
         For an option that it does not take.
     """
-    known = signature(function).parameters
-    takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values())
+    parameters = signature(function).parameters
+    takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     options = {
         name: value
         for name, value in context.params.items()
         if name not in ANY_SYSTEM and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
     }
-    if other := [name for name in options if name not in known and not takes_all]:
+    if other := [name for name in options if name not in parameters and not takes_all]:
         raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
-    return options | {name: value for name, value in extras.items() if name in known}
+    return options | {name: value for name, value in extras.items() if name in parameters}
 
 
 @contextmanager

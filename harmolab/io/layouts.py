@@ -138,7 +138,7 @@ def people_by_frame(content: Any) -> list[list[FloatArray]]:
     layout = next((layout for layout in LAYOUTS if layout.fits(sample)), None)
     if layout is None:
         raise ValueError(
-            f"holds {_shown(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
+            f"holds {_summary(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
             "nor COCO-17 key points (entries with image_id and keypoints)"
         )
     people: dict[int, list[FloatArray]] = {}
@@ -154,7 +154,7 @@ def people_by_frame(content: Any) -> list[list[FloatArray]]:
     return [people.get(number, []) for number in range(first, last + 1)]
 
 
-def _shown(content: Any) -> str:
+def _summary(content: Any) -> str:
     """A JSON content in a few words."""
     if isinstance(content, dict):
         return "an object with " + (", ".join(repr(str(name)[:20]) for name in list(content)[:5]) or "nothing in it")

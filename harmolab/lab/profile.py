@@ -1,4 +1,4 @@
-"""How much work a notebook does."""
+"""Amount of work that a notebook does."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RunProfile:
-    """How much work a notebook does; the notebook itself never asks which profile it runs in.
+    """Amount of work that a notebook does; the notebook itself never asks which profile it runs in.
 
     Parameters
     ----------

@@ -238,21 +238,21 @@ def best_path(candidates: Candidates, slowest: float, fastest: float) -> IntArra
     count = candidates.target.size
     total, back = np.full(count, np.inf), np.zeros(count, dtype=np.int64)
     total[0] = 0.0
-    for here in range(1, count):
-        first = max(0, here - MEMORY)
-        before = np.arange(first, here) if first == 0 else np.append(0, np.arange(first, here))
-        sums = total[before] + _step_costs(candidates, before, here, slowest, fastest)
+    for index in range(1, count):
+        first = max(0, index - MEMORY)
+        before = np.arange(first, index) if first == 0 else np.append(0, np.arange(first, index))
+        sums = total[before] + _step_costs(candidates, before, index, slowest, fastest)
         best = int(np.argmin(sums))
-        total[here], back[here] = sums[best] + candidates.costs[here], before[best]
+        total[index], back[index] = sums[best] + candidates.costs[index], before[best]
     path = [count - 1]
     while path[-1] > 0:
         path.append(int(back[path[-1]]))
     return np.array(path[::-1])
 
 
-def _step_costs(candidates: Candidates, before: IntArray, here: int, slowest: float, fastest: float) -> FloatArray:
+def _step_costs(candidates: Candidates, before: IntArray, index: int, slowest: float, fastest: float) -> FloatArray:
     """Cost of going from each earlier candidate straight to this one; infinite where a bound would break."""
-    source, seconds, visual, music = (field[here] - field[before] for field in candidates[:4])
+    source, seconds, visual, music = (field[index] - field[before] for field in candidates[:4])
     allowed = (visual > 0) & (music > 0) & (source >= slowest * seconds) & (source <= fastest * seconds) & (seconds > 0)
     speed = np.divide(source, seconds, out=np.ones_like(seconds), where=allowed)
     costs = MUSIC_SKIP * (music - 1) + VISUAL_SKIP * (visual - 1) + BEND * seconds * np.log(speed) ** 2

@@ -136,8 +136,8 @@ def compare(
 def _common_beats(*corpora: Corpus | None) -> Literal["annotated", "tracked"]:
     """ "annotated" when every recording of the folders has a beats.json, else "tracked"."""
     roots = [corpus for corpus in corpora if isinstance(corpus, str | os.PathLike)]
-    found = [folder for root in roots for folder in folders.find_recordings(root).folders]
-    return "annotated" if all((folder / "beats.json").is_file() for folder in found) else "tracked"
+    recordings = [folder for root in roots for folder in folders.find_recordings(root).folders]
+    return "annotated" if all((folder / "beats.json").is_file() for folder in recordings) else "tracked"
 
 
 def _fit_note(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None) -> str:
@@ -187,14 +187,14 @@ def _summarise(
 ) -> CorpusResult:
     """AUC, interval, chance band and per-dance values of every score."""
     windows = _Windows.of(clips)
-    here = np.zeros(len(clips), dtype=np.int64)
+    origin = np.zeros(len(clips), dtype=np.int64)
     true: dict[str, FloatArray] = {}
     wrong: dict[str, FloatArray] = {}
     scores: dict[str, Any] = {}
     origins = _origins(clips, n_rotations, seed)
     for name, grid in grids.items():
         strange = None if others is None else others[name]
-        true[name], wrong[name] = _true_and_wrong(grid, here, windows, strange)
+        true[name], wrong[name] = _true_and_wrong(grid, origin, windows, strange)
         scores[name] = _row(true[name], wrong[name], windows.sequences, seed, n_rotations)
         scores[name]["chance_band"] = _quantiles([auc(*_true_and_wrong(grid, at, windows, strange)) for at in origins])
         scores[name]["by_dance"] = _rows_by_dance(true[name], wrong[name], windows, seed, n_rotations)

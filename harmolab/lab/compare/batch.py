@@ -131,7 +131,7 @@ class PatternBatch:
 
     @cached_property
     def is_ranked(self) -> list[bool]:
-        """Whether each clip has beats and movement enough to be ranked."""
+        """True for each clip that has beats and movement enough to be ranked."""
         return [len(track) > 1 and bool(speed.any()) for track, (_, speed) in zip(self.music, self.speeds, strict=True)]
 
     def moved(self, seconds: FloatArray) -> PatternBatch:
@@ -252,8 +252,8 @@ def _ranks(ordered: FloatArray, places: IntArray, values: FloatArray) -> FloatAr
     """Number of entries below each value in its row of (rows, G), half of those equal to it counted."""
     below = np.empty(values.size)
     for place, row in enumerate(ordered):
-        here = places == place
-        below[here] = (row.searchsorted(values[here]) + row.searchsorted(values[here], side="right")) / 2
+        own = places == place
+        below[own] = (row.searchsorted(values[own]) + row.searchsorted(values[own], side="right")) / 2
     return below
 
 

@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 
 from harmolab.lab.experiments.generation import VARIANTS, Trained, generator_corpora, trained, weight_sweep
-from harmolab.lab.experiments.judging import RECORDED, danced_units, generate, judge, recorded_motions, score_unit
+from harmolab.lab.experiments.judging import RECORDED, danced_units, judge, recorded_motions, score_unit
 from harmolab.lab.profile import RunProfile
 from harmolab.params import HarmonyParams
 from harmolab.significance import mean_interval
 from harmolab.systems.common.units import UnitSet
+from harmolab.systems.harmogan.generate import generate_units
 from harmolab.types import FloatArray, Motion
 
 LOSSES = ("paper", "recommended")
@@ -67,7 +68,7 @@ def ablation(profile: RunProfile) -> pd.DataFrame:
 
 def _judged(run: Trained, seed: int) -> dict[str, float]:
     """A generator's motion for the test units."""
-    return judge(generate(run.generator, run.split.test), run.split.test, run.pose_net, seed=seed)
+    return judge(generate_units(run.generator, run.split.test), run.split.test, run.pose_net, seed=seed)
 
 
 def _recorded(run: Trained, seed: int) -> dict[str, float]:
@@ -193,7 +194,7 @@ def targets_met(table: pd.DataFrame) -> pd.DataFrame:
             mean, low, high = mean_interval(values)
             good = int(((values >= least) & (values <= most)).sum())
             row: dict[str, Any] = {"corpus": corpus, "loss": loss, "target": TARGET_WORDS[measure]}
-            row |= {"asked": _asked(least, most), "reached": mean, "low": low, "high": high}
+            row |= {"asked": _range_text(least, most), "reached": mean, "low": low, "high": high}
             row["met"] = bool(least <= mean <= most)
             rows.append({**row, "seeds that meet it": f"{good} of {len(values)}"})
     return pd.DataFrame(rows)
@@ -210,7 +211,7 @@ def _reached(seeds: Mapping[str, pd.DataFrame]) -> dict[str, pd.Series[float]]:
     }
 
 
-def _asked(least: float, most: float) -> str:
+def _range_text(least: float, most: float) -> str:
     """A range in words."""
     if np.isinf(most):
         return f"at least {least:g}"

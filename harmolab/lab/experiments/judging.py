@@ -10,22 +10,19 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-import torch
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_harmony
-from harmolab.kinematics import resample_motion
 from harmolab.lab.experiments.generation import VARIANTS, trained
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.frechet import diversity, frechet_distance, standardise
 from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
-from harmolab.systems.common.motion_code import decode_motion, encode_motion
-from harmolab.systems.common.pose_network import PoseNet
-from harmolab.systems.common.units import DanceUnit, UnitSet, collate
-from harmolab.systems.harmogan.networks import Generator
-from harmolab.types import BeatTrack, FloatArray, HarmonyScore, Motion
+from harmolab.systems.common.pose_network import PoseNet, embed_meters
+from harmolab.systems.common.units import DanceUnit, UnitSet
+from harmolab.systems.harmogan.generate import generate_units
+from harmolab.types import BeatTrack, HarmonyScore, Motion
 
 RECORDED = "recorded"
 MODES = MappingProxyType({"paper_": HarmonyParams.paper(), "": HarmonyParams.valleys()})  # prefix of a column -> score
@@ -40,28 +37,13 @@ def danced_units(
     """
     runs = {name: trained(profile, corpus, VARIANTS[name], 1) for name in variants}
     units = runs[variants[0]].split.test
-    motions = {name: generate(run.generator, run.split.test) for name, run in runs.items()}
+    motions = {name: generate_units(run.generator, run.split.test) for name, run in runs.items()}
     return units, {RECORDED: recorded_motions(units), **motions}
-
-
-@torch.no_grad()
-def generate(generator: Generator, units: UnitSet) -> list[Motion]:
-    """A dance to each whole unit, from its music and the poses before the meter; one batch through the generator."""
-    batch = collate(units.units)
-    codes = generator.eval()(torch.from_numpy(batch.audio), torch.from_numpy(batch.initial)).motion
-    pairs = zip(codes, units.units, strict=True)
-    return [_decoded(code[: unit.n_frames].double().numpy(), units) for code, unit in pairs]
 
 
 def recorded_motions(units: UnitSet) -> list[Motion]:
     """The recorded motion of each unit: whole units, with the beats before the meter."""
-    return [_decoded(unit.motion.astype(np.float64), units) for unit in units.units]
-
-
-def _decoded(code: FloatArray, units: UnitSet) -> Motion:
-    """The motion that a code (T, C) of these units stands for."""
-    fps = units.features.fps
-    return Motion(decode_motion(code, fps, units.skeleton), fps, units.skeleton)
+    return [units.decoded(unit.motion.astype(np.float64)) for unit in units.units]
 
 
 def meter_motion(motion: Motion, unit: DanceUnit) -> Motion:
@@ -112,7 +94,7 @@ def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed:
     """
     recorded = recorded_motions(units)
     meters, recorded_meters = (meter_motions(whole, units) for whole in (motions, recorded))
-    values, target = (embed(whole, units, pose_net) for whole in (motions, recorded))
+    values, target = (embed_meters(whole, units, pose_net) for whole in (motions, recorded))
     kinetic, reference = (np.stack([kinetic_features(motion) for motion in cut]) for cut in (meters, recorded_meters))
     kinetic, reference = standardise(kinetic, reference), standardise(reference, reference)
     return {
@@ -147,33 +129,6 @@ def _harmony(motions: Sequence[Motion], units: UnitSet) -> dict[str, float]:
     means = {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
     ratios = {mode: means[f"{mode}n_visual"] / max(means[f"{mode}n_audio"], 1e-9) for mode in MODES}
     return means | {f"{mode}count_ratio": ratio for mode, ratio in ratios.items()}
-
-
-@torch.no_grad()
-def embed(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -> FloatArray:
-    """Pose network's features (N, D) of the meters of motions, one for each whole unit.
-
-    Every motion, recorded or generated, is coded from its joints: heading and path are those of the body, not
-    those in a generator's code. Whole units are coded and then cut, since the heading is smoothed over time.
-
-    Raises
-    ------
-    ValueError
-        If the motions are not as many as the units, or move other joints than the pose network's.
-    """
-    codes = [_meter_code(motion, unit, pose_net) for motion, unit in zip(motions, units.units, strict=True)]
-    mask = torch.nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
-    return pose_net.eval().embed(torch.nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
-
-
-def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> torch.Tensor:
-    """Motion code (T, C) of a unit's meter at the frame rate of the pose network."""
-    if motion.skeleton.joints != pose_net.skeleton.joints:
-        joints = ", ".join(motion.skeleton.joints)
-        raise ValueError(f"{unit.name}: the motion must have the joints of the pose network, got {joints}")
-    same = resample_motion(motion, pose_net.fps)
-    code = encode_motion(same.positions, same.fps, same.skeleton)
-    return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from harmolab.lab.experiments.judging import (
     DancedUnit,
     danced,
     danced_units,
-    embed,
     meter_motions,
     recorded_motions,
 )
@@ -26,6 +25,7 @@ from harmolab.metrics.geometric import geometric_features
 from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import freezing, pfc, relative_jerk
 from harmolab.systems.common.motion_code import encode_motion
+from harmolab.systems.common.pose_network import embed_meters
 from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.types import FloatArray, Motion
 
@@ -90,7 +90,7 @@ def _features(units: UnitSet, run: Trained) -> dict[str, FloatArray]:
     """Features (N, D) of the recorded motion of units."""
     motions = recorded_motions(units)
     kinetic = np.stack([kinetic_features(motion) for motion in meter_motions(motions, units)])
-    return {"fid": embed(motions, units, run.pose_net), "fid_kinetic": kinetic}
+    return {"fid": embed_meters(motions, units, run.pose_net), "fid_kinetic": kinetic}
 
 
 def motion_measures(profile: RunProfile) -> pd.DataFrame:

@@ -21,7 +21,13 @@ Targets = Mapping[str, tuple[float, float]]  # name -> (least, most); either may
 
 RECORDED = "recorded"
 WEIGHTED = "recommended"  # the loss whose weight the trade-off curve varies
-ASIDE = ((0, -14), (-17, 0), (17, -6), (-15, 8), (15, 10))  # points from mark to label; mirrored on a curve to the left
+SHIFTS = (
+    (0, -14),
+    (-17, 0),
+    (17, -6),
+    (-15, 8),
+    (15, 10),
+)  # points from mark to label; mirrored on a curve to the left
 OUR_WEIGHT = TrainParams.recommended().harmony_weight
 
 # Columns of the ablation, from left to right, with the words for them.
@@ -191,7 +197,7 @@ def draw_trade_off(
     points = [(row[measure], row["above_chance"], row["harmony_weight"]) for row in sweep]
     ax.plot([x for x, _, _ in points], [y for _, y, _ in points], "-", color=look.colour, linewidth=1.2, zorder=2)
     turn = -1 if points[-1][0] < points[0][0] else 1
-    for (x, y, weight), (right, up) in zip(points, cycle(ASIDE), strict=False):
+    for (x, y, weight), (right, up) in zip(points, cycle(SHIFTS), strict=False):
         ax.plot(x, y, **{**look.mark, "markerfacecolor": look.colour if weight else "white"}, zorder=3)
         ax.annotate(
             f"{weight:g}", (x, y), xytext=(turn * right, up), textcoords="offset points", ha="center",

@@ -123,8 +123,10 @@ def figures_folder(profile: RunProfile) -> Path:
     """
     if folder := os.environ.get("HARMOLAB_FIGURES"):
         return Path(folder)
-    here = Path.cwd()
-    root = next((parent for parent in (here, *here.parents) if (parent / "pyproject.toml").is_file()), here)
+    folder_now = Path.cwd()
+    root = next(
+        (parent for parent in (folder_now, *folder_now.parents) if (parent / "pyproject.toml").is_file()), folder_now
+    )
     return root / "figures" if profile.name == "full" else root / "figures" / profile.name
 
 

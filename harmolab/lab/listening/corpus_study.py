@@ -9,15 +9,19 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import visual_beats
+from harmolab.corpora.files import corpus_recordings
+from harmolab.corpora.folders import Problem, load_any_motion
 from harmolab.harmony import music_and_motion, score_clip
+from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.listening.trials import Item, KeyEntry
 from harmolab.metrics.beats import kinematic_params, other_scores
@@ -32,6 +36,7 @@ QUIET = 0.2  # of the sound's root mean square: below, it counts as silent
 STEP = 6  # frames between the moments where a piece may begin
 RECORDED = 0.9  # of the frames shown must be recorded movement
 SHORTEST, LONGEST = 2.0, 60.0  # seconds of a piece
+COUNTERPARTS = ("{}/motion.npz", "{}/skeletons.json", "{}.npz", "{}.bvh")  # files of a dance by its name
 Dances = Mapping[str, tuple[Motion, int]]  # by version: a motion, and the frames by which it comes late
 
 
@@ -80,7 +85,7 @@ class Pieces:
         """The piece of that name, which a key calls item."""
         return next(piece for piece in self.pieces if piece.name == name)
 
-    def shown(self, entry: KeyEntry) -> tuple[Audio, list[Motion]]:
+    def presented(self, entry: KeyEntry) -> tuple[Audio, list[Motion]]:
         """The music of a trial and its dance, or its two dances (left, right): the arguments of `blind_page`."""
         piece = self.named(entry.item)
         return piece.audio, [piece.motions[version] for version in entry.versions]
@@ -163,6 +168,59 @@ def paired_pieces(
     if versions[0] == versions[1]:
         raise ValueError(f"two versions need two names, got {versions[0]!r} twice")
     return _pieces(((clip, partial(_pair, other, versions)) for clip, other in pairs), seconds, seed)
+
+
+def study_pieces(
+    corpus: PathLike,
+    against: PathLike | None = None,
+    *,
+    wrong: str = "lagged",
+    seconds: float,
+    seed: int,
+    progress: Progress = silent,
+    report: Callable[[Problem], object] = lambda problem: None,
+) -> Pieces:
+    """The pieces of a folder of recordings: "lagged" or "swapped", or paired with the dances of another folder.
+
+    Parameters
+    ----------
+    corpus : folder of recordings
+    against : folder with another dance for each recording, under the same name (a recording's folder, npz or bvh)
+    wrong : "lagged" or "swapped", the wrong dances without `against`
+    report : function(Problem), called for each recording that cannot be read, has no other dance or gives no piece
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If a folder does not exist or holds no recording, no recording gives a piece; and as `lagged_pieces`.
+    """
+    recordings = corpus_recordings(corpus, progress=progress, report=report)
+    clips = (replace(each.clip, name=each.folder.relative_to(corpus).as_posix()) for each in recordings)
+    if against is not None:
+        versions = (Path(corpus).resolve().name, Path(against).resolve().name)
+        pieces = paired_pieces(_counterparts(clips, Path(against), report), versions, seconds=seconds, seed=seed)
+    else:
+        pieces = (lagged_pieces if wrong == "lagged" else swapped_pieces)(clips, seconds=seconds, seed=seed)
+    for text in pieces.left_out:
+        report(Problem(Path(corpus), text))
+    if not pieces.pieces:
+        raise ValueError(f"{corpus}: no sequence gives a trial of {seconds:g} s; try fewer --seconds")
+    return pieces
+
+
+def _counterparts(
+    clips: Iterable[Clip], against: Path, report: Callable[[Problem], object]
+) -> Iterator[tuple[Clip, Motion]]:
+    """Each clip with the motion of the same name in another folder."""
+    if not against.is_dir():
+        raise ValueError(f"{against}: no such folder")
+    for clip in clips:
+        paths = [against / name.format(clip.name) for name in COUNTERPARTS]
+        path = next((path for path in paths if path.is_file()), None)
+        if path is None:
+            report(Problem(against, f"{against} holds no dance called {clip.name}"))
+        else:
+            yield clip, load_any_motion(path)
 
 
 def clip_scores(clip: Clip) -> dict[str, float]:

@@ -106,8 +106,8 @@ def render_dance(
     dance = resample_motion(upsample_motion(motion, fps), fps)
     # The camera stands at +z.
     facing = turned(dance.positions, -mean_heading(dance.positions, fps, dance.skeleton))
-    shown = Motion(facing, fps, dance.skeleton, dance.valid)
-    return _frames(shown, height, width, BeatMarks(height, score))
+    turned_motion = Motion(facing, fps, dance.skeleton, dance.valid)
+    return _frames(turned_motion, height, width, BeatMarks(height, score))
 
 
 def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:

@@ -132,12 +132,12 @@ def player_of(
     begins = max(0.0, first.offset, first.offset if start is None else start)
     length = first.audio.duration - begins if seconds is None else seconds
     beats = music_beats(first)
-    shown = [replace(_alike(clip, first), beats=beats).span(begins, length).shared() for clip in clips]
+    spans = [replace(_alike(clip, first), beats=beats).span(begins, length).shared() for clip in clips]
     dancers = []
-    for clip in shown:
+    for clip in spans:
         music, motion = cast(BeatTrack, clip.beats), cast(Motion, clip.motion)
         dancers.append(Dancer(clip.name, motion, score_motion(music, motion, params=HarmonyParams.valleys())))
-    longest = max(shown, key=lambda clip: clip.audio.duration)
+    longest = max(spans, key=lambda clip: clip.audio.duration)
     facts = dict(map(_fact, dancers)) if facts is None else facts
     return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
 

@@ -1,1 +1,1 @@
-"""What systems share: units, motion code, audio features, layers, training, weights. It imports no system."""
+"""Shared by all systems: units, motion code, audio features, layers, training, weights. It imports no system."""

@@ -1,4 +1,4 @@
-"""How the end of one generated piece goes over into the next: the difference fades, nothing jumps."""
+"""Borders between generated pieces: the end of one fades into the next, nothing jumps."""
 
 from __future__ import annotations
 

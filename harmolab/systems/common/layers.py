@@ -1,4 +1,4 @@
-"""What several systems' networks are built from: normalisation by the training split, statistics, a count."""
+"""Parts of several systems' networks: normalisation by the training split, statistics, a count."""
 
 from __future__ import annotations
 

@@ -19,11 +19,13 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from harmolab.io.files import PathLike
+from harmolab.kinematics import resample_motion
 from harmolab.systems.common.layers import Normaliser, channel_statistics
+from harmolab.systems.common.motion_code import encode_motion
 from harmolab.systems.common.torch_code import PATH_CHANNELS
 from harmolab.systems.common.units import DanceUnit, UnitSet, collate
 from harmolab.systems.common.weights import load_weights, stored_skeleton
-from harmolab.types import Skeleton
+from harmolab.types import FloatArray, Motion, Skeleton
 
 # Frames that every clip is brought to, whatever its length and frame rate.
 FRAMES = 32
@@ -108,6 +110,33 @@ class PoseNet(nn.Module):
 def load_pose_net(path: PathLike) -> PoseNet:
     """The pose network stored at `path`; errors as of `harmolab.systems.common.weights.load_weights`."""
     return load_weights(path, PoseNet)
+
+
+@torch.no_grad()
+def embed_meters(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -> FloatArray:
+    """Pose network's features (N, D) of the meters of motions, one for each whole unit.
+
+    Every motion, recorded or generated, is coded from its joints: heading and path are those of the body, not
+    those in a generator's code. Whole units are coded and then cut, since the heading is smoothed over time.
+
+    Raises
+    ------
+    ValueError
+        If the motions are not as many as the units, or move other joints than the pose network's.
+    """
+    codes = [_meter_code(motion, unit, pose_net) for motion, unit in zip(motions, units.units, strict=True)]
+    mask = nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
+    return pose_net.eval().embed(nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
+
+
+def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> Tensor:
+    """Motion code (T, C) of a unit's meter at the frame rate of the pose network."""
+    if motion.skeleton.joints != pose_net.skeleton.joints:
+        joints = ", ".join(motion.skeleton.joints)
+        raise ValueError(f"{unit.name}: the motion must have the joints of the pose network, got {joints}")
+    same = resample_motion(motion, pose_net.fps)
+    code = encode_motion(same.positions, same.fps, same.skeleton)
+    return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])
 
 
 def _block(n_in: int, n_out: int) -> nn.Sequential:

@@ -127,9 +127,9 @@ def _last_values(decay: Tensor, inputs: Tensor) -> Tensor:
 
 def parabola_shift(curve: Tensor) -> Tensor:
     """Offset of the extremum at each frame from the frame, -0.5 to 0.5 frames (`kinematics.refine_extrema`)."""
-    before, here, after = curve[:, :-2], curve[:, 1:-1], curve[:, 2:]
-    bend = before - 2 * here + after
-    flat = bend.abs() <= 1e-12 * here.abs() + 1e-30
+    before, top, after = curve[:, :-2], curve[:, 1:-1], curve[:, 2:]
+    bend = before - 2 * top + after
+    flat = bend.abs() <= 1e-12 * top.abs() + 1e-30
     shift = 0.5 * (before - after) / bend.masked_fill(flat, 1.0)
     return pad(shift.masked_fill(flat, 0.0).clamp(-0.5, 0.5), (1, 1))
 

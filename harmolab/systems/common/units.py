@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import decode_motion
 from harmolab.systems.common.priors import initial_poses
-from harmolab.types import FloatArray, Skeleton
+from harmolab.types import FloatArray, Motion, Skeleton
 
 SingleArray = NDArray[np.float32]
 A = TypeVar("A")  # array or tensor
@@ -112,6 +113,11 @@ class UnitSet:
 
     def __len__(self) -> int:
         return len(self.units)
+
+    def decoded(self, code: FloatArray) -> Motion:
+        """The motion that a code (T, C) of these units stands for."""
+        fps = self.features.fps
+        return Motion(decode_motion(code, fps, self.skeleton), fps, self.skeleton)
 
     def select(self, names: Collection[str] | NDArray[np.bool_]) -> UnitSet:
         """The units with these names, or those where a (len,) mask is True, in the order they have here.

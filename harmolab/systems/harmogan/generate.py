@@ -22,6 +22,7 @@ from harmolab.systems.common.motion_code import decode_motion, encode_motion
 from harmolab.systems.common.poses_bank import PoseBank, retimed
 from harmolab.systems.common.priors import initial_poses, temporal_index
 from harmolab.systems.common.torch_code import PATH_CHANNELS, fix_bones, local_joints
+from harmolab.systems.common.units import UnitSet, collate
 from harmolab.systems.harmogan.grid import MeterFrames, meter_frames
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
@@ -97,6 +98,15 @@ def synthesize_dance(
     if plant_feet:
         positions = planted_feet(positions, generator.fps, generator.skeleton)
     return Motion(positions, generator.fps, generator.skeleton)
+
+
+@torch.no_grad()
+def generate_units(generator: Generator, units: UnitSet) -> list[Motion]:
+    """A dance to each whole unit, from its music and the poses before the meter; one batch through the generator."""
+    batch = collate(units.units)
+    codes = generator.eval()(torch.from_numpy(batch.audio), torch.from_numpy(batch.initial)).motion
+    pairs = zip(codes, units.units, strict=True)
+    return [units.decoded(code[: unit.n_frames].double().numpy()) for code, unit in pairs]
 
 
 def _length(audio: Audio, start: float, seconds: float | None, fps: float) -> int:

@@ -145,7 +145,7 @@ def generator_gan_loss(
     Parameters
     ----------
     cross_domain, spatial_temporal : (N,) logits; None for the first leaves it out
-    cross_domain_weight : float, w; reasons for other weights: `harmolab.params.TrainParams`
+    cross_domain_weight : float, w; reasons for other weights: `harmolab.systems.harmogan.params.TrainParams`
     """
     movement = softplus(-spatial_temporal).mean()
     return movement if cross_domain is None else cross_domain_weight * softplus(-cross_domain).mean() + movement
