@@ -47,7 +47,7 @@ check: $(STAMP) ## format, lint, types and the fast tests: run it before you com
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -q -m "not slow and not data and not browser"
+	HARMOLAB_HOSTILE_TIMES=0.2 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -q --hypothesis-profile quick -m "not slow and not data and not browser"
 
 format: $(STAMP) ## bring the code into the form that `make check` asks for
 	$(BIN)/ruff check --fix .

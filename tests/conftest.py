@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,9 @@ from harmolab.beats.audio import compile_tracker
 from harmolab.types import Audio, Clip, Motion, Skeleton
 
 os.environ["MPLBACKEND"] = "Agg"
+# nbformat asks jsonschema, which would compile a grammar of addresses for three seconds that no notebook needs.
+sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
+
 # Tests run side by side; small networks in several threads each would only fight over the cores.
 os.environ["OMP_NUM_THREADS"] = "1"
 
@@ -23,7 +28,15 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # The first call of librosa compiles for half a minute, which is no property of the code under test.
 settings.register_profile("harmolab", deadline=None)
+# `make check` tries fewer examples: pytest's --hypothesis-profile wins over the one loaded here.
+settings.register_profile("quick", deadline=None, max_examples=25, database=None)
 settings.load_profile("harmolab")
+
+
+def pytest_collection_finish() -> None:
+    """Libraries and tests stay to the end: the garbage collector need not look through them again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

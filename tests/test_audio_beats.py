@@ -276,6 +276,7 @@ for turn in range(150):
 """
 
 
+@pytest.mark.slow  # processes
 def test_two_processes_share_a_cache_without_reading_halves(cache: Path):
     environment = {**os.environ, "HARMOLAB_CACHE": str(cache)}
     rivals = [

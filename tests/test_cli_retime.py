@@ -76,7 +76,7 @@ def test_the_warper_of_2019_can_be_asked_for(dance: Path, song: Path, tmp_path: 
     assert low < 0.7 or high > 1.4
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".webm"])
+@pytest.mark.parametrize("suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.slow)])
 def test_a_film_has_pictures_and_the_song_from_the_offset_on(dance: Path, song: Path, tmp_path: Path, suffix: str):
     film = tmp_path / f"x{suffix}"
     result = call(song, dance, "--out", film, "--offset", -0.5)
@@ -89,6 +89,7 @@ def test_a_film_has_pictures_and_the_song_from_the_offset_on(dance: Path, song: 
     assert np.abs(sound[: int(0.45 * 48_000)]).max() < 1e-3 < np.abs(sound[int(0.5 * 48_000) :]).max()
 
 
+@pytest.mark.slow  # twelve seconds of film, drawn, retimed and read
 def test_in_a_retimed_video_the_dancer_rests_on_the_beats(tmp_path: Path):
     clip = planted_clip(ClipSettings("waltz", seconds=12.0, jitter=0.15, seed=1)).clip
     soundfile.write(tmp_path / "song.wav", clip.audio.samples, round(clip.audio.sample_rate))

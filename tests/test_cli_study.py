@@ -169,6 +169,7 @@ def answer(address: str, choice: str) -> None:
     urllib.request.urlopen(address, urlencode({"trial": trial, "choice": choice}).encode(), timeout=20).close()
 
 
+@pytest.mark.slow  # processes
 def test_rater_is_asked_without_corpus_or_key_killed_interrupted_and_goes_on_to_the_end(
     study: Path, corpus: Path, tmp_path: Path
 ):

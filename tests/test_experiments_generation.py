@@ -93,6 +93,7 @@ def test_the_ablation_shares_pretraining_and_pose_network(paper: generation.Trai
     assert "harmony" not in without.history.columns
 
 
+@pytest.mark.slow  # another training
 def test_another_seed_is_another_training_on_the_same_split(paper: generation.Trained):
     other = trained(PROFILE, SYNTHETIC, VARIANTS["paper"], 2)
     assert other.folder != paper.folder and other.split is paper.split
@@ -136,6 +137,13 @@ def test_histories_name_their_variants():
     assert table.groupby("variant", sort=False).size().to_dict() == dict.fromkeys(VARIANTS, 2)
 
 
+def test_the_weights_of_the_sweep_are_those_of_its_trainings(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(generation, "trained", lambda profile, corpus, variant, seed: (corpus, variant, seed))
+    for weight, (corpus, variant, seed) in weight_sweep(PROFILE, SYNTHETIC):
+        assert (corpus, variant.params.harmony_weight, seed) == (SYNTHETIC, weight, 1)
+
+
+@pytest.mark.slow  # a training for each weight
 def test_the_sweep_goes_from_no_harmony_loss_to_three_times_as_much():
     runs = dict(weight_sweep(PROFILE, SYNTHETIC))
     assert tuple(runs) == SWEEP and (min(SWEEP), max(SWEEP)) == (0.0, 1.0)

@@ -168,6 +168,7 @@ server
 """
 
 
+@pytest.mark.slow  # processes
 def test_killed_kernel_loses_no_answer_and_the_notebook_goes_on_where_it_was(
     tmp_path: Path, trials: TrialSet, log: AnswerLog
 ):

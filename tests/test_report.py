@@ -288,6 +288,7 @@ for number in range(20):
 """
 
 
+@pytest.mark.slow  # processes
 def test_notebooks_that_save_at_the_same_time_lose_no_entry(tmp_path: Path):
     environment = {**os.environ, "HARMOLAB_FIGURES": str(tmp_path)}
     commands = [[sys.executable, "-c", SAVE_TWENTY, name] for name in "ab"]

@@ -341,7 +341,7 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
-@pytest.mark.parametrize("ending", ["mp4", "mkv", "avi"])
+@pytest.mark.parametrize("ending", ["mp4", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mkv", "avi"))])
 def test_damaged_files_give_frames_or_one_error_that_names_them(
     tmp_path: Path, rng: np.random.Generator, ending: str
 ) -> None:
