@@ -46,7 +46,7 @@ test-browser: $(STAMP) ## run the tests that drive JupyterLab and the report in 
 check: $(STAMP) ## format, lint, types and the fast tests: run it before you commit
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers $(JOBS)
 	HARMOLAB_HOSTILE_TIMES=0.2 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -q --hypothesis-profile quick -m "not slow and not data and not browser"
 
 format: $(STAMP) ## bring the code into the form that `make check` asks for

@@ -340,7 +340,9 @@ def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batc
     assert losses[-1] < 0.1 * losses[0]
 
 
-@pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
+@pytest.mark.parametrize(
+    "params", [pytest.param(PAPER, marks=pytest.mark.slow), RECOMMENDED], ids=["paper", "recommended"]
+)
 def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, batch: Tensors):
     alone = replace(params, **dict.fromkeys(OTHERS, 0.0))
     optimiser = torch.optim.Adam(networks.generator.parameters(), lr=3e-3)

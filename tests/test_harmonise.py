@@ -38,7 +38,9 @@ def jerk(motion: Motion) -> float:
     return float(np.sqrt(np.mean(np.diff(motion.positions, n=3, axis=0) ** 2)))
 
 
-@pytest.mark.parametrize(("seed", "fps", "seconds"), [(2, 15.0, 6.0), (2, 60.0, 4.0)])
+@pytest.mark.parametrize(
+    ("seed", "fps", "seconds"), [(2, 15.0, 6.0), pytest.param(2, 60.0, 4.0, marks=pytest.mark.slow)]
+)
 def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(seed: int, fps: float, seconds: float):
     motion, beats = dance(seed, fps=fps, seconds=seconds)
     result = harmonise(motion, beats, steps=120)

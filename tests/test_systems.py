@@ -402,7 +402,10 @@ def stop_at(last: int) -> Callable[[dict[str, Any], int], None]:
     return report
 
 
-@pytest.mark.parametrize("last", [0, 2, 4])
+SLOW = pytest.mark.slow
+
+
+@pytest.mark.parametrize("last", [pytest.param(0, marks=SLOW), 2, pytest.param(4, marks=SLOW)])
 def test_the_toy_goes_on_where_it_was_stopped(
     last: int, run: Path, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
