@@ -18,7 +18,7 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video
 from harmolab.io.video_sound import load_sound
 from harmolab.params import DANCES, HarmonyParams
-from harmolab.types import Clip, HarmonyScore, Motion
+from harmolab.types import Audio, Clip, HarmonyScore, Motion
 
 TRACKED_AT = 22050.0  # hertz: beats are always tracked in sound of this rate
 
@@ -110,10 +110,14 @@ def load_clip(
         raise ValueError(f"{name}: {error}") from None
     if not track or annotated is not None:
         return clip
-    if sample_rate == TRACKED_AT:
-        return replace(clip, beats=music_beats(clip))
-    tracked = load_sound(song) if is_video(song) else resampled(audio, TRACKED_AT)
-    return replace(clip, beats=music_beats(replace(clip, audio=tracked)))
+    return replace(clip, beats=music_beats(replace(clip, audio=tracked_sound(song, audio))))
+
+
+def tracked_sound(song: PathLike, sound: Audio) -> Audio:
+    """The sound of a song at `TRACKED_AT`; a video is read again, since another resampler brings it there."""
+    if sound.sample_rate == TRACKED_AT:
+        return sound
+    return load_sound(song) if is_video(song) else resampled(sound, TRACKED_AT)
 
 
 def corpus_recordings(
