@@ -7,6 +7,7 @@ import inspect
 import sys
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -49,7 +50,7 @@ def passes(call: Callable[[], object]) -> int:
     finally:
         sys.setprofile(None)
     assert len(set(rooms)) > 2, "the call never walked through the house"
-    return sum(left != right for left, right in zip(rooms, rooms[1:], strict=False))
+    return sum(left != right for left, right in pairwise(rooms))
 
 
 def warm_passes(call: Callable[[], object]) -> int:
