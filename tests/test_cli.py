@@ -102,12 +102,6 @@ def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str,
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_score_listens_once(clip_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = counted(monkeypatch, "harmolab.corpora.files", "load_sound", "music_beats")
-    assert run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json").exit_code == 0
-    assert calls == {"load_sound": 1, "music_beats": 1}
-
-
 @pytest.mark.parametrize("command", ["play", "render", "retime"])
 def test_commands_that_write_sound_decode_the_song_once(
     clip_folder: Path, tmp_path: Path, command: str, monkeypatch: pytest.MonkeyPatch

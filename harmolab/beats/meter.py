@@ -84,13 +84,13 @@ def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
     -------
     tuple of MeterUnit
     """
-    strong = strong_beats(track.strengths)
+    strong, last = strong_beats(track.strengths), track.times.size - 1
     units: list[MeterUnit] = []
     beat = 0
-    while beat < len(track) - 1:
+    while beat < last:
         accents = (tuple(strong[beat : beat + length].tolist()) for length in (6, 5, 4))
         marks = next((marks for marks in accents if marks in CATEGORIES), ())
-        if marks and beat + len(marks) < len(track):
+        if marks and beat + len(marks) <= last:
             start, end = track.times[[beat, beat + len(marks)]].tolist()
             units.append(MeterUnit(start, end, np.array(marks), CATEGORIES[marks]))
         beat += len(marks) or 1

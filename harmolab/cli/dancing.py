@@ -11,8 +11,9 @@ from harmolab.cli.common import VIDEOS_OUT, Song, check_out, finding_beats, plai
 from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
+    from harmolab.lab.widgets.player import Dancer
     from harmolab.systems import System
-    from harmolab.types import Audio, BeatTrack, Motion
+    from harmolab.types import Audio, BeatTrack
 
 SUFFIXES = (*VIDEOS_OUT, ".html", ".bvh", ".npz")
 MEANINGS = (
@@ -44,17 +45,21 @@ def dance(
     """
     with plain_errors():
         paths = _paths(out, seed, samples)
-        dancer = _dancer(weights, system)
-        options = accepted(dancer.generate, context, {"progress": progress})
-        audio, track = _music(song, dance)
+        trained = _system(weights, system)
+        options = accepted(trained.generate, context, {"progress": progress})
+        sound, audio, track = _music(song, dance)
+        from harmolab import HarmonyParams, score_motion
         from harmolab.lab.evaluate.dance_scores import dance_scores
+        from harmolab.lab.widgets.player import Dancer
 
-        table: dict[str, dict[str, float | int | None]] = {}
+        table: dict[str, dict[str, str]] = {}
         for number, path in paths.items():
-            motion = dancer.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
-            scores = dance_scores(motion, track.span(start, motion.duration))
-            _write(path, motion, track, song, start, scores)
-            table[f"seed {number}"] = scores
+            motion = trained.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
+            music = track.span(start, motion.duration)
+            dancer = Dancer("generated", motion, score_motion(music, motion, params=HarmonyParams.valleys()))
+            facts = {name: show(value) for name, value in dance_scores(motion, music, dancer.score).items()}
+            _write(path, dancer, sound.span(start, motion.duration), music, song.stem, facts)
+            table[f"seed {number}"] = facts
     _print(table)
     for path in paths.values():
         typer.echo(f"wrote {path}")
@@ -68,7 +73,7 @@ def _paths(out: Path, seed: int, samples: int) -> dict[int, Path]:
     return {number: out.with_stem(f"{out.stem}_{number}") for number in range(seed, seed + samples)}
 
 
-def _dancer(weights: Path | None, system: str | None) -> System:
+def _system(weights: Path | None, system: str | None) -> System:
     """The system in a folder; the shipped one when left out."""
     import harmolab
 
@@ -86,53 +91,42 @@ def _dancer(weights: Path | None, system: str | None) -> System:
         raise ValueError(f"dancing needs {error.name}; install it with: pip install 'harmolab[train]'") from None
 
 
-def _music(song: Path, dance: str) -> tuple[Audio, BeatTrack]:
-    """The song and its beats."""
-    from harmolab.beats.audio import music_beats
+def _music(song: Path, dance: str) -> tuple[Audio, Audio, BeatTrack]:
+    """The song at its own sample rate, as beats are tracked in it, and its beats."""
+    from harmolab import Clip, music_beats
+    from harmolab.corpora.files import tracked_sound
     from harmolab.io.video_sound import load_sound
-    from harmolab.types import Clip
 
-    clip = Clip(song.stem, load_sound(song), dance=dance)
+    sound = load_sound(song, sample_rate=None)
+    audio = tracked_sound(song, sound)
     with finding_beats():
-        return clip.audio, music_beats(clip)
+        return sound, audio, music_beats(Clip(song.stem, audio, dance=dance))
 
 
-def _write(
-    path: Path,
-    motion: Motion,
-    track: BeatTrack,
-    song: Path,
-    start: float,
-    scores: dict[str, float | int | None],
-) -> None:
-    """The dance in the form that the name asks for."""
+def _write(path: Path, dancer: Dancer, sound: Audio, music: BeatTrack, title: str, facts: dict[str, str]) -> None:
+    """The dance with its part of the sound and the beats, in the form that the name asks for."""
     from harmolab.io.motion import save_motion
+    from harmolab.lab.render.video import write_dance
+    from harmolab.lab.widgets.player import Player
+    from harmolab.types import Clip
 
     suffix = path.suffix.lower()
-    if suffix in (".npz", ".bvh"):
-        save_motion(path, motion)
-        return
-    from harmolab.io.video_sound import load_sound
-    from harmolab.lab.render.video import write_dance
-    from harmolab.lab.widgets.player import player_of
-    from harmolab.types import Clip
-
-    clip = Clip("generated", load_sound(song, sample_rate=None), motion, start, beats=track)
     if suffix in VIDEOS_OUT:
-        write_dance(path, clip, progress=progress)
-        return
-    facts = {name: show(value) for name, value in scores.items()}
-    player_of([clip], title=song.stem, facts=facts).save(path)
+        write_dance(path, Clip(dancer.name, sound, dancer.motion, beats=music), score=dancer.score, progress=progress)
+    elif suffix == ".html":
+        Player(sound, [dancer], music=music, title=title, facts=facts).save(path)
+    else:
+        save_motion(path, dancer.motion)
 
 
-def _print(table: dict[str, dict[str, float | int | None]]) -> None:
+def _print(table: dict[str, dict[str, str]]) -> None:
     """One column a dance."""
     from rich.console import Console
     from rich.table import Table
 
     columns = Table("", *table, title="the dance and its music")
     for name in next(iter(table.values())):
-        columns.add_row(name, *(show(scores[name]) for scores in table.values()))
+        columns.add_row(name, *(facts[name] for facts in table.values()))
     console = Console()
     console.print(columns)
     console.print(MEANINGS, highlight=False)

@@ -18,7 +18,7 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video
 from harmolab.io.video_sound import load_sound
 from harmolab.params import DANCES, HarmonyParams
-from harmolab.types import Clip, HarmonyScore, Motion
+from harmolab.types import Audio, Clip, HarmonyScore, Motion
 
 TRACKED_AT = 22050.0  # hertz: beats are always tracked in sound of this rate
 
@@ -97,12 +97,12 @@ def load_clip(
     if seconds is not None and not 0 < seconds < inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
-    audio = load_sound(song, sample_rate=sample_rate)
+    if offset is None:
+        offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
     movement = motion if isinstance(motion, Motion) else load_any_motion(motion, fps=fps, joints=joints)
     if seconds is not None:
         movement = movement.span(0.0, seconds)
-    if offset is None:
-        offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
+    audio = load_sound(song, sample_rate=sample_rate)
     annotated = None if beats is None else load_annotation(beats).track(audio.duration)
     try:
         clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
@@ -110,10 +110,13 @@ def load_clip(
         raise ValueError(f"{name}: {error}") from None
     if not track or annotated is not None:
         return clip
-    if sample_rate == TRACKED_AT:
-        return replace(clip, beats=music_beats(clip))
-    tracked = load_sound(song) if is_video(song) else resampled(audio, TRACKED_AT)
-    return replace(clip, beats=music_beats(replace(clip, audio=tracked)))
+    tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
+    return replace(clip, beats=music_beats(tracked))
+
+
+def tracked_sound(song: PathLike, sound: Audio) -> Audio:
+    """The sound of a song at `TRACKED_AT`; a video is read again, since another resampler brings it there."""
+    return load_sound(song) if is_video(song) else resampled(sound, TRACKED_AT)
 
 
 def corpus_recordings(

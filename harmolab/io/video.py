@@ -271,30 +271,28 @@ def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: A
         atomic_write(path) as part,
         av.open(f"file:{part}", "w", format=path.suffix[1:].lower(), container_options=coding.container) as container,
     ):
-        _encode(container, coding, _checked(path, frames), Fraction(fps).limit_denominator(100_000), audio)
+        _encode(container, coding, path, map(np.asarray, frames), Fraction(fps).limit_denominator(100_000), audio)
 
 
-def _checked(path: Path, frames: Iterable[Frame]) -> Iterator[Frame]:
-    """The frames with even sides, each checked to be a picture of the size of the first."""
-    shape: tuple[int, ...] | None = None
-    for number, frame in enumerate(map(np.asarray, frames)):
-        shape = shape or frame.shape
-        if frame.dtype != np.uint8 or frame.ndim not in (2, 3) or frame.shape[2:] not in ((), (3,)):
-            raise ValueError(f"{path}: frame {number} must be (H, W) or (H, W, 3) of uint8, got {frame.shape}")
-        if min(frame.shape[:2]) < SMALLEST_SIDE or frame.shape[0] * frame.shape[1] > MAX_PIXELS:
-            raise ValueError(f"{path}: frame {number} of shape {frame.shape} is too small or too large for a video")
-        if frame.shape != shape:
-            raise ValueError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
-        odd = [(0, side % 2) for side in frame.shape[:2]] + [(0, 0)] * (frame.ndim - 2)
-        yield np.pad(frame, odd, mode="edge") if any(map(any, odd)) else frame
-    if shape is None:
+def _check_frame(path: Path, frame: Frame, number: int) -> None:
+    """ValueError unless the frame is a picture that a video can hold."""
+    if frame.dtype != np.uint8 or frame.ndim not in (2, 3) or frame.shape[2:] not in ((), (3,)):
+        raise ValueError(f"{path}: frame {number} must be (H, W) or (H, W, 3) of uint8, got {frame.shape}")
+    if min(frame.shape[:2]) < SMALLEST_SIDE or frame.shape[0] * frame.shape[1] > MAX_PIXELS:
+        raise ValueError(f"{path}: frame {number} of shape {frame.shape} is too small or too large for a video")
+
+
+def _encode(
+    container: Any, coding: _Coding, path: Path, frames: Iterator[Frame], rate: Fraction, audio: Audio | None
+) -> None:
+    """The frames, each of the form of the first, with even sides; the errors name `path`."""
+    first = next(frames, None)
+    if first is None:
         raise ValueError(f"{path}: a video needs at least one frame, got none")
-
-
-def _encode(container: Any, coding: _Coding, frames: Iterator[Frame], rate: Fraction, audio: Audio | None) -> None:
-    first = next(frames)
+    _check_frame(path, first, 0)
+    odd = [(0, side % 2) for side in first.shape[:2]] + [(0, 0)] * (first.ndim - 2)
     video = container.add_stream(coding.video, rate=rate, options=coding.options)
-    video.height, video.width, video.pix_fmt = *first.shape[:2], "yuv420p"
+    video.height, video.width, video.pix_fmt = *(side + side % 2 for side in first.shape[:2]), "yuv420p"
     # Said, so that players need not guess: many take other colours for large pictures.
     video.codec_context.colorspace, video.codec_context.color_range = Colorspace.ITU601, ColorRange.MPEG
     video.codec_context.thread_count = min(MAX_THREADS, os.cpu_count() or 1)
@@ -303,7 +301,11 @@ def _encode(container: Any, coding: _Coding, frames: Iterator[Frame], rate: Frac
         # Sound first: the muxer keeps it until the pictures catch up, and coded sound is small.
         _encode_audio(container, sound, audio)
     for index, frame in enumerate(itertools.chain([first], frames)):
-        picture = av.VideoFrame.from_ndarray(frame, format="gray" if frame.ndim == 2 else "rgb24")
+        if frame.shape != first.shape or frame.dtype != first.dtype:
+            _check_frame(path, frame, index)
+            raise ValueError(f"{path}: frame {index} has shape {frame.shape}, the first has {first.shape}")
+        even = np.pad(frame, odd, mode="edge") if any(map(any, odd)) else frame
+        picture = av.VideoFrame.from_ndarray(even, format="gray" if frame.ndim == 2 else "rgb24")
         picture.pts, picture.time_base = index, 1 / rate
         container.mux(video.encode(picture))
     container.mux(video.encode(None))

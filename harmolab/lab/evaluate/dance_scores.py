@@ -7,18 +7,21 @@ from collections.abc import Callable
 from harmolab.harmony import score_motion
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Motion
+from harmolab.types import BeatTrack, HarmonyScore, Motion
 
 
-def dance_scores(motion: Motion, music: BeatTrack) -> dict[str, float | int | None]:
+def dance_scores(
+    motion: Motion, music: BeatTrack, valleys: HarmonyScore | None = None
+) -> dict[str, float | int | None]:
     """Name -> number of every score of a dance; None where it is too short for that, or has no feet to judge.
 
     Parameters
     ----------
     motion : Motion
     music : BeatTrack on the motion's time line
+    valleys : HarmonyScore of the two by speed valleys, computed when left out
     """
-    valleys = score_motion(music, motion, params=HarmonyParams.valleys())
+    valleys = valleys or score_motion(music, motion, params=HarmonyParams.valleys())
     paper = score_motion(music, motion, params=HarmonyParams.paper(), n_rotations=0)
     return {
         "harmony above chance": valleys.harmony_above_chance,

@@ -54,11 +54,11 @@ def draw_curve(
     top = 1.08 * max(float(values.max(initial=0.0)), 1e-12)
     if track is not None:
         _draw_lines(ax, track.times, 0.0, top, color=colour, alpha=0.45, linewidth=1.2, zorder=1)
-        heights = np.interp(track.times, seconds, values) if len(track) else track.times
+        heights = np.interp(track.times, seconds, values) if track.times.size else track.times
         mark = "o" if kind == "audio" else MARKERS[kind]
         ax.plot(
             track.times, heights, linestyle="none", marker=mark, color=colour, markersize=6, zorder=3,
-            markeredgecolor="white", markeredgewidth=0.6, label=f"{NAMES[kind]} ({len(track)})",
+            markeredgecolor="white", markeredgewidth=0.6, label=f"{NAMES[kind]} ({track.times.size})",
         )  # fmt: skip
         ax.set_xlim(0.0, track.duration)
     ax.set_ylim(min(0.0, 1.08 * float(values.min(initial=0.0))), top)
@@ -111,11 +111,11 @@ def draw_stems(
     ignored : bool
         Beats that are not salient (Eq. 11-13) are thin, grey and dotted.
     """
-    lengths = np.ones(len(track)) if heights is None else np.asarray(heights, np.float64)
+    lengths = np.ones(track.times.size) if heights is None else np.asarray(heights, np.float64)
     look: dict[str, Any] = {"color": COLOURS[kind], "linewidth": 2.2}
     if ignored:
         look = {"color": COLOURS["chance"], "linewidth": 1.4, "linestyle": (0, (1, 1.5))}
-    if len(track):
+    if track.times.size:
         name = f"{NAMES[kind]}, not noticed" if ignored else NAMES[kind]
         _draw_lines(ax, track.times, 0.0, SIDES[kind] * lengths, zorder=2, label=name, **look)
     return ax
@@ -153,9 +153,9 @@ def draw_hits(
         Lengths of the stems; 1 when left out, as in Fig. 1.
     """
     partners = np.asarray(pairs, np.int64)
-    up = np.ones(len(audio_track)) if audio_heights is None else np.asarray(audio_heights, np.float64)
-    down = np.ones(len(visual_track)) if visual_heights is None else np.asarray(visual_heights, np.float64)
-    used = np.isin(np.arange(len(visual_track)), partners[partners >= 0])
+    up = np.ones(audio_track.times.size) if audio_heights is None else np.asarray(audio_heights, np.float64)
+    down = np.ones(visual_track.times.size) if visual_heights is None else np.asarray(visual_heights, np.float64)
+    used = np.isin(np.arange(down.size), partners[partners >= 0])
     draw_tolerance(ax, audio_track.times + lag, delay)
     draw_stems(ax, audio_track, kind="audio", heights=up)
     draw_stems(ax, visual_track, kind="visual", heights=down)
@@ -211,7 +211,7 @@ def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float)
     """
     ranks = np.asarray(shares, np.float64)
     weights = track.strengths / max(float(track.strengths.max(initial=0.0)), 1e-12)
-    if len(track):
+    if track.times.size:
         _draw_lines(
             ax, track.times, chance, ranks, color=COLOURS["audio"], linewidth=1.0 + 5.0 * weights, zorder=2,
             label="music beat, wider if stronger",

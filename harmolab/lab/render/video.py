@@ -32,6 +32,7 @@ def write_dance(
     marks: bool = True,
     rate: float | None = None,
     height: int = 480,
+    score: HarmonyScore | None = None,
     progress: Progress = silent,
 ) -> None:
     """Write the motion of a clip with its part of the sound as a video, a stick figure on a floor or over a video.
@@ -44,6 +45,8 @@ def write_dance(
     marks : bool, whether marks light up on the beats of the clip, if it has any, on the dancer's and on hits
     rate : float, pictures a second, 30 when left out; a video keeps its own
     height : int, pixels
+    score : HarmonyScore, optional
+        Of the motion with its music, whose beats and hits the marks show; that of speed valleys when left out.
 
     Raises
     ------
@@ -53,7 +56,7 @@ def write_dance(
     motion = _motion(clip)
     if over is None:
         rate = rate or RATE
-        frames = render_dance(motion, fps=rate, height=height, score=_score(clip, motion) if marks else None)
+        frames = render_dance(motion, fps=rate, height=height, score=(score or _score(clip, motion)) if marks else None)
     elif rate is not None:
         raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
     elif Path(out).exists() and Path(out).samefile(over):
@@ -61,7 +64,7 @@ def write_dance(
     else:
         video = video_frames(over, height=height, colour=True)
         motion, rate = points_in_picture(motion, video), video.fps
-        frames = overlay_skeleton(video, rate, motion, score=_score(clip, motion) if marks else None)
+        frames = overlay_skeleton(video, rate, motion, score=(score or _score(clip, motion)) if marks else None)
     write_video(out, progress(frames, "drawing"), rate, audio=sound_of(clip))
 
 

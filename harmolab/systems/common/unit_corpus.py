@@ -52,7 +52,7 @@ def meter_spans(track: BeatTrack, params: FeatureParams) -> list[tuple[int, int]
     Fewer than two beats make no span. One to three intervals make one short span; seven, which cannot be cut into 4 to
     6, make one span where `params.unit_beats` leaves a beat before it, else 4 and 3.
     """
-    total = len(track) - 1
+    total = track.times.size - 1
     if total < 1:
         return []
     if total < min(METERS) or total == 7 < params.unit_beats:

@@ -50,9 +50,9 @@ def filled_beats(track: BeatTrack, start: float, end: float, *, before: int) -> 
     strength, so that they are never accents. Without two beats to go by they are half a second apart.
     """
     times, strengths = track.times, track.strengths
-    period = float(np.median(np.diff(times))) if len(track) > 1 else DEFAULT_PERIOD
-    usual = float(np.median(strengths)) if len(track) else 1.0
-    if not len(track):
+    period = float(np.median(np.diff(times))) if times.size > 1 else DEFAULT_PERIOD
+    usual = float(np.median(strengths)) if times.size else 1.0
+    if not times.size:
         times, strengths = np.array([start]), np.array([usual])
     early = before + max(0, int(np.ceil((times[0] - start) / period)))
     late = max(0, int(np.ceil((end - times[-1]) / period + EDGE)))

@@ -130,9 +130,9 @@ def _draw_beats(ax: Axes, music: BeatTrack, visual: BeatTrack, score: HarmonySco
         ax, score.music, score.visual, score.pairs, delay=params.reaction_delay, lag=params.lag,
         audio_heights=heights[audio], visual_heights=steps[dance],
     )  # fmt: skip
-    if len(music):
+    if heights.size:
         draw_threshold(ax, params.audio_threshold * float(heights.std()), kind="audio")
-    if params.visual_threshold is not None and len(visual) > 1:
+    if params.visual_threshold is not None and steps.size > 1:
         draw_threshold(ax, params.visual_threshold * float(steps[1:].std()), kind="visual")
     ax.set(ylabel="how noticeable", xlabel=HITS_KEY)
 

@@ -1,0 +1,193 @@
+"""How far a call walks: passes between the rooms of the house, and how often the costly steps are taken."""
+
+from __future__ import annotations
+
+import builtins
+import inspect
+import sys
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import harmolab
+from harmolab.beats import audio as beats_of_sound
+from harmolab.beats import visual
+from harmolab.cli import app
+from harmolab.corpora import files
+from harmolab.io import audio as sound_files
+from harmolab.lab.widgets.labs.scoring import scoring_lab
+from harmolab.params import HarmonyParams
+from tests.builders import called, planted_dance, write_dance, write_song
+
+HOUSE = Path(harmolab.__file__).parent
+
+
+def room(frame: FrameType) -> str | None:
+    """The top-level entry of harmolab/ that a function stands in; None for other code, lambdas and comprehensions."""
+    path = Path(frame.f_code.co_filename)
+    if frame.f_code.co_name.startswith("<") or not path.is_relative_to(HOUSE):
+        return None
+    return path.relative_to(HOUSE).parts[0].removesuffix(".py")
+
+
+def passes(call: Callable[[], object]) -> int:
+    """How often execution goes from one room to another during a call; generators count each time they go on."""
+    rooms: list[str] = []
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and (name := room(frame)) is not None:
+            rooms.append(name)
+
+    sys.setprofile(note)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+    assert len(set(rooms)) > 2, "the call never walked through the house"
+    return sum(left != right for left, right in pairwise(rooms))
+
+
+def warm_passes(call: Callable[[], object]) -> int:
+    """The passes of a second call in this process, when all is imported and compiled."""
+    call()
+    return passes(call)
+
+
+@pytest.fixture
+def song(tmp_path: Path) -> Path:
+    return write_song(tmp_path / "song.wav", planted_dance())
+
+
+@pytest.fixture
+def bvh(tmp_path: Path) -> Path:
+    return write_dance(tmp_path / "dance.bvh", planted_dance())
+
+
+def succeed(*arguments: object) -> None:
+    result = called(app, *arguments)
+    assert result.exit_code == 0, result.output
+
+
+def test_passes_are_counted_between_rooms_and_not_within_one() -> None:
+    clip = planted_dance()
+    assert clip.motion is not None
+    curve = partial(visual.motion_curve, clip.motion, HarmonyParams.paper())
+    curve()
+
+    def walk() -> None:
+        curve()
+        curve()
+        HarmonyParams.paper()
+        curve()
+        len(planted_beats)
+
+    planted_beats = visual.visual_beats(clip.motion)
+    assert passes(walk) == 3  # beats, params, beats, types
+
+
+def test_a_score_walks_at_most_fifty_passes(song: Path, bvh: Path) -> None:
+    assert warm_passes(lambda: succeed("score", song, bvh)) <= 50
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_a_dance_with_its_video_walks_at_most_two_hundred_and_fifty_passes(song: Path, tmp_path: Path) -> None:
+    out = tmp_path / "dance.mp4"
+    assert warm_passes(lambda: succeed("dance", song, "--seconds", 6, "--out", out)) <= 250
+    assert out.is_file()
+
+
+def test_a_move_of_a_slider_walks_at_most_thirty_five_passes() -> None:
+    lab = scoring_lab(planted_dance())
+    delay = lab.controls["delay"]
+    delay.value, before = 0.15, lab.png
+    delay.value = 0.2
+    assert lab.png != before
+
+    def move() -> None:
+        delay.value = 0.1
+
+    before = lab.png
+    assert passes(move) <= 35
+    assert lab.png != before
+
+
+class Calls(list[dict[str, Any]]):
+    """The arguments by name of every call of one function, wherever it was imported to."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, function: Callable[..., Any]) -> None:
+        signature = inspect.signature(function)
+
+        def counting(*arguments: object, **options: object) -> Any:
+            self.append(signature.bind(*arguments, **options).arguments)
+            return function(*arguments, **options)
+
+        for name, module in list(sys.modules.items()):
+            if name.startswith("harmolab") and vars(module).get(function.__name__) is function:
+                patch.setattr(module, function.__name__, counting)
+
+
+def test_a_score_decodes_the_song_and_finds_its_beats_once(
+    song: Path, bvh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded, tracked = (Calls(monkeypatch, one) for one in (sound_files.load_audio, beats_of_sound.audio_beats))
+    succeed("score", song, bvh)
+    assert [Path(call["path"]) for call in decoded] == [song]
+    assert len(tracked) == 1
+
+
+@pytest.mark.parametrize("arguments", [(), ("--others",), ("--plot", "score.png")])
+def test_a_score_computes_each_curve_once(
+    song: Path, bvh: Path, arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(song.parent)
+    computed = Calls(monkeypatch, visual._motion_curve)
+    succeed("score", song, bvh, *arguments)
+    curves = [visual.motion_curve(call["motion"], call["params"])[0] for call in computed]
+    assert len(computed) >= 2  # the two modes read two curves
+    assert not any(
+        one.shape == other.shape and np.array_equal(one, other)
+        for place, one in enumerate(curves)
+        for other in curves[:place]
+    )
+
+
+@pytest.mark.parametrize("others", [False, True])
+def test_mir_eval_is_imported_only_where_its_rows_are_printed(
+    song: Path, bvh: Path, others: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    imported: list[str] = []
+    plain = builtins.__import__
+
+    def noting(name: str, *arguments: Any, **options: Any) -> Any:
+        imported.append(name.partition(".")[0])
+        return plain(name, *arguments, **options)
+
+    monkeypatch.setattr(builtins, "__import__", noting)
+    succeed("score", song, bvh, *(["--others"] if others else []))
+    assert ("mir_eval" in imported) == others
+
+
+@pytest.mark.parametrize("ending", ["mp4", "html"])
+def test_a_dance_decodes_the_song_once_and_scores_each_dance_once_a_mode(
+    song: Path, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from harmolab.harmony import score_motion
+
+    succeed("dance", song, "--seconds", 4, "--out", tmp_path / "first.npz")  # all modules are there to be counted in
+    decoded, tracked, scored = (
+        Calls(monkeypatch, one) for one in (sound_files.load_audio, beats_of_sound.audio_beats, score_motion)
+    )
+    succeed("dance", song, "--seconds", 4, "--samples", 2, "--out", tmp_path / f"dance.{ending}")
+    assert (len(decoded), len(tracked)) == (1, 1)
+    assert [call["params"].detector for call in scored] == ["valleys", "turns"] * 2
+
+
+def test_beats_are_tracked_in_the_same_sound_whatever_rate_the_clip_keeps(song: Path) -> None:
+    own = files.load_sound(song, sample_rate=None)
+    assert np.array_equal(files.tracked_sound(song, own).samples, files.load_sound(song).samples)
