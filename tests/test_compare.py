@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 from harmolab.bar_pattern import fit_pattern
-from harmolab.corpora.folders import Recording
-from harmolab.corpora.music_beats import music_beats
+from harmolab.corpora.folders import Recording, recording_beats
 from harmolab.io.beats import BeatAnnotation, Unit
 from harmolab.lab.compare.auc import LAGS, CorpusResult, compare
 from harmolab.lab.compare.windows import cut_clips, dance_patterns, learn_patterns, score_shifts
@@ -123,7 +122,7 @@ def test_late_music_has_every_beat_later():
 
 
 def test_beats_of_silent_music_all_have_strength_one():
-    assert set(music_beats(danced("S", dancer(1)), "annotated").strengths) == {1.0}
+    assert set(recording_beats(danced("S", dancer(1)), "annotated").strengths) == {1.0}
 
 
 def test_the_grid_of_scores_moves_the_music_by_tenths_of_a_beat():
@@ -377,7 +376,7 @@ def test_tracked_beats_are_found_in_the_sound(click_track):
     sounding = replace(sequence, clip=replace(sequence.clip, audio=clicks), annotation=None)
     result = compared([sounding], beats="tracked", n_rotations=0)
     assert (result.summary["beats"], result.summary["n"]) == ("tracked", 1)
-    tracked = music_beats(sounding, "tracked")
+    tracked = recording_beats(sounding, "tracked")
     assert np.abs(tracked.times - 0.5 * np.round(tracked.times / 0.5)).max() < 0.035
 
 

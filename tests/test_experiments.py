@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.corpora.folders import Recording, load_recording
-from harmolab.corpora.music_beats import music_beats
+from harmolab.corpora.folders import Recording, load_recording, recording_beats
 from harmolab.io.motion import save_motion
 from harmolab.lab.experiments import study
 from harmolab.lab.experiments.study import (
@@ -227,7 +226,7 @@ def test_agreement_without_music_is_defined():
 
 
 def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(study, "music_beats", lambda sequence, beats: music_beats(sequence, "annotated"))
+    monkeypatch.setattr(study, "music_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
     table = beat_agreement(TINY, detectors=["turns", "valleys"], delays=[0.12, 0.25])
     assert table[["detector", "tolerance (s)"]].values.tolist() == [
         ["turns", 0.12], ["turns", 0.25], ["valleys", 0.12], ["valleys", 0.25],

@@ -18,12 +18,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from harmolab.beats.audio import beat_strengths, music_beats
 from harmolab.corpora import tang2018
 from harmolab.io.audio import load_audio
 from harmolab.io.beats import BeatAnnotation, load_annotation
 from harmolab.io.files import PathLike, reading
 from harmolab.io.motion import load_motion
-from harmolab.types import Clip, Motion
+from harmolab.types import BeatTrack, Clip, Motion
 
 _MAX_DEPTH = 4
 _PARTS = ("skeletons.json", "config.json", "motion.npz")
@@ -214,3 +217,29 @@ def load_any_motion(
     if path.name.endswith("skeletons.json"):
         return tang2018.load_skeletons(path)
     return load_motion(path, fps=fps, scale=scale, joints=joints)
+
+
+def recording_beats(recording: Recording, beats: str) -> BeatTrack:
+    """Beats of a recording's music on the audio time line.
+
+    Parameters
+    ----------
+    recording : Recording
+    beats : "annotated" or "tracked"
+        Annotated beats take their strengths from the music's onsets; tracked ones are the clip's `music_beats`.
+
+    Raises
+    ------
+    ValueError
+        If annotated beats are asked for and there are none.
+    """
+    clip, annotation = recording.clip, recording.annotation
+    if beats == "annotated":
+        if annotation is None:
+            raise ValueError(f"{recording.folder}: no beats.json; use tracked beats")
+        if annotation.times.size == 0:
+            raise ValueError(f"{recording.folder}: beats.json holds no beats; use tracked beats")
+        duration = max(clip.audio.duration, float(annotation.times[-1]) + 1e-3)
+        strengths = np.maximum(beat_strengths(clip.audio, annotation.times), 0.0)
+        return replace(annotation.track(duration), strengths=strengths if strengths.any() else annotation.times * 0 + 1)
+    return music_beats(replace(clip, beats=None))

@@ -17,7 +17,7 @@ from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
 from harmolab.corpora import folders
 from harmolab.corpora.files import corpus_recordings
-from harmolab.corpora.music_beats import music_beats
+from harmolab.corpora.folders import recording_beats
 from harmolab.harmony import above_chance
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.lab.compare.batch import BeatBatch, rescore
@@ -81,7 +81,7 @@ def cut_clips(recording: folders.Recording, beats: str, window: float | None, pa
     motion = recording.clip.motion
     if motion is None:
         raise ValueError(f"{recording.folder}: no motion")
-    track = music_beats(recording, beats)
+    track = recording_beats(recording, beats)
     cycle = cycle_of_meter(_meter(recording, beats) if track.bar_places is not None else None)
     n_windows = 1 if window is None else max(1, int(motion.duration / window + 1e-6))
     length = motion.duration if window is None else min(window, motion.duration)

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harmolab.corpora.folders import Recording, load_recording
-from harmolab.corpora.music_beats import music_beats
+from harmolab.corpora.folders import Recording, load_recording, recording_beats
 from harmolab.harmony import score_motion
 from harmolab.lab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
 from harmolab.lab.profile import RunProfile
@@ -141,7 +140,7 @@ def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds
 
 def _danced(run: Trained, song: Recording, seconds: float) -> tuple[Motion, BeatTrack]:
     """A generated dance, `seconds` long unless the recorded one is shorter, and the music's beats on its time line."""
-    clip, beats = song.clip, music_beats(song, "annotated" if song.annotation is not None else "tracked")
+    clip, beats = song.clip, recording_beats(song, "annotated" if song.annotation is not None else "tracked")
     dance = _generated(run, clip, beats, min(seconds, _dancer(song).duration))
     return dance, beats.span(clip.offset, dance.duration)
 

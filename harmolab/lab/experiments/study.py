@@ -14,8 +14,14 @@ import pandas as pd
 
 from harmolab.beats.meter import strong_beats
 from harmolab.beats.visual import visual_beats
-from harmolab.corpora.folders import Problem, Recording, find_recordings, iter_recordings, load_recording
-from harmolab.corpora.music_beats import music_beats
+from harmolab.corpora.folders import (
+    Problem,
+    Recording,
+    find_recordings,
+    iter_recordings,
+    load_recording,
+    recording_beats,
+)
 from harmolab.corpora.synthetic import ClipSettings, planted_clip, write_corpus
 from harmolab.harmony import hit_mask
 from harmolab.io.files import cache_folder
@@ -169,7 +175,7 @@ def excerpt(recording: Recording, seconds: float, beats: str = "tracked") -> Cli
         If the recording has no motion.
     """
     start, length = middle_span(recording, seconds)
-    track = music_beats(recording, "tracked" if recording.annotation is None else beats)
+    track = recording_beats(recording, "tracked" if recording.annotation is None else beats)
     clip = replace(recording.clip, name=f"{recording.clip.name} from {start:.1f} s", beats=track)
     return replace(clip.span(start, length), offset=0.0)  # the span starts on a frame
 
@@ -317,7 +323,7 @@ def strong_by_place(profile: RunProfile) -> pd.DataFrame:
 
 def _beats_in_bars(recording: Recording, beats: str) -> pd.DataFrame:
     """Meter, place in the bar and strength class of every music beat of one recording whose place is known."""
-    annotation, track = recording.annotation, music_beats(recording, beats)
+    annotation, track = recording.annotation, recording_beats(recording, beats)
     places = None if annotation is None else annotation.bar_places()
     if annotation is None or places is None or len(track) < 2:
         return pd.DataFrame()

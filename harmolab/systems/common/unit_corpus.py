@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.meter import meter_units
-from harmolab.corpora.folders import Recording, find_recordings, load_recording
-from harmolab.corpora.music_beats import music_beats
+from harmolab.corpora.folders import Recording, find_recordings, load_recording, recording_beats
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.systems.common.audio_features import audio_features
@@ -142,7 +141,7 @@ def _coded(recording: Recording, params: FeatureParams) -> _Coded:
     """Features and motion code of every frame of a recording, and the beats that fall into the motion."""
     clip, annotation = recording.clip, recording.annotation
     motion = resample_motion(motion_in_space(recording), params.fps)
-    track = music_beats(recording, "annotated" if annotation is not None and annotation.times.size else "tracked")
+    track = recording_beats(recording, "annotated" if annotation is not None and annotation.times.size else "tracked")
     # Half a frame of grace: recordings start on a frame, not on the beat.
     start, end = clip.offset - 0.5 / motion.fps, clip.offset + (motion.n_frames + 0.5) / motion.fps
     times = clip.offset + np.arange(motion.n_frames) / motion.fps

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import audio_beats
+from harmolab.beats.audio import music_beats
 from harmolab.io.files import Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.params import DANCES
@@ -25,7 +25,7 @@ from harmolab.systems.common.torch_code import PATH_CHANNELS, fix_bones, local_j
 from harmolab.systems.common.units import UnitSet, collate
 from harmolab.systems.harmogan.grid import MeterFrames, meter_frames
 from harmolab.systems.harmogan.networks import Generator
-from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 
 
 def synthesize_dance(
@@ -82,7 +82,7 @@ def synthesize_dance(
     if generator.features is None:
         raise ValueError("this generator does not say which audio features it hears; build it with features=...")
     code = _first_movement(generator, poses, dance, seed) if initial is None else _coded(generator, initial)
-    track = audio_beats(audio, tempo=dance if dance in DANCES else None) if beats is None else beats
+    track = music_beats(Clip("", audio, beats=beats, dance=dance or ""))
     meters = meter_frames(track, generator.features, start=start, n_frames=n_frames, fps=generator.fps)
     first, last = meters[0].begin, meters[-1].end
     times = start + np.arange(first, last) / generator.fps
