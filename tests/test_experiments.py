@@ -226,7 +226,7 @@ def test_agreement_without_music_is_defined():
 
 
 def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(study, "music_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
+    monkeypatch.setattr(study, "recording_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
     table = beat_agreement(TINY, detectors=["turns", "valleys"], delays=[0.12, 0.25])
     assert table[["detector", "tolerance (s)"]].values.tolist() == [
         ["turns", 0.12], ["turns", 0.25], ["valleys", 0.12], ["valleys", 0.25],
