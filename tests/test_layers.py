@@ -26,6 +26,8 @@ CORE = (
     "bar_pattern",
     "significance",
     "metrics",
+    "shape_speed",
+    "verdict",
 )
 ROWS = (CORE, ("retime", "corpora"), ("systems",), ("lab",), ("cli",))
 ROW = {room: number for number, rooms in enumerate(ROWS) for room in rooms}
