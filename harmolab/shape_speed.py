@@ -71,7 +71,8 @@ class ShapeSignal:
     times, values : (T,) arrays, seconds, and the signal: mean 0 and SD 1 over the valid samples (0 when nothing moves)
     valid : (T,) bool array
     pulse : float, per second
-        SD of the speed without its drift over the body's size: how strongly the movement swells and fades.
+        SD of the speed without its drift over the body's size: how strongly the movement swells and fades. NaN for
+        one point that moves, which has no size.
     share : float
         Movement inside the body over movement in the room, root mean squares: 0 for a statue on a turntable.
     joints : float in (0, 1], participation of the joints: 1 when all move alike, 1 / J when one joint does everything
@@ -208,7 +209,8 @@ def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> 
         times=shape.times[inside],
         values=np.zeros_like(rest) if still else (rest - rest[valid].mean()) / spread,
         valid=valid,
-        pulse=spread / size if size > 0 else 0.0,
+        # One point has no size to compare with: no pulse is known, unless it rests.
+        pulse=spread / size if size > 0 else 0.0 if still else np.nan,
         share=float(np.sqrt(energy.mean() / room)) if room > 0 else 0.0,
         joints=float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum())) if by_joint.any() else 0.0,
         dimensions=shape.dimensions,

@@ -13,6 +13,8 @@ import typer
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
+    from harmolab.params import HarmonyParams
+    from harmolab.verdict.judge import Judgement
 
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
@@ -35,9 +37,9 @@ def plain_errors() -> Iterator[None]:
         refuse(str(error))
 
 
-def _not(suffixes: tuple[str, ...], path: Path) -> Path:
+def _not(suffixes: tuple[str, ...], path: Path | None) -> Path | None:
     """The path of a song or a dance; an end of the command where its name is that of the other."""
-    if path.suffix.lower() in suffixes:
+    if path is not None and path.suffix.lower() in suffixes:
         refuse(f"{path}: the order is SONG DANCE, the music first and then the movement; swap the two")
     return path
 
@@ -60,23 +62,27 @@ Song = Annotated[
         help="The music: wav, flac, ogg or mp3, or a video with sound.",
     ),
 ]
-Dance = Annotated[
-    Path,
-    typer.Argument(
-        metavar="DANCE",
-        callback=lambda path: _not(SOUNDS, path),
-        help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder; to explain "
-        "and retime also a video.",
-    ),
-]
+_DANCE: Any = typer.Argument(
+    metavar="DANCE",
+    callback=lambda path: _not(SOUNDS, path),
+    help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder; to explain "
+    "and retime also a video.",
+)
+Dance = Annotated[Path, _DANCE]
+DanceOrNone = Annotated[Path | None, _DANCE]
 Offset = Annotated[
     float | None,
-    typer.Option(help="Audio time in seconds at which the motion begins (default: what its folder says, else 0)."),
+    typer.Option(
+        help="Audio time in seconds at which the motion begins (default: what its file or folder says, else 0)."
+    ),
 ]
 Start = Annotated[float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")]
 Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from there.")]
 DanceName = Annotated[
-    str, typer.Option("--dance", help="Dance of the music: a prior for its tempo (waltz, ...), and its bar pattern.")
+    str,
+    typer.Option(
+        "--dance", help="Dance of the music (waltz, ...): what its dancers do in the bar, and its usual tempo."
+    ),
 ]
 Beats = Annotated[
     Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
@@ -87,6 +93,21 @@ Joints = Annotated[
 ]
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def recommended(pattern: Path | None, dance: str) -> HarmonyParams:
+    """The recommended settings, with the pattern of a file, or else with that of the dance where one is shipped."""
+    from harmolab.bar_pattern import load_pattern
+    from harmolab.params import DANCE_PATTERNS, HarmonyParams
+
+    return HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else DANCE_PATTERNS.get(dance))
+
+
+def print_verdict(judgement: Judgement | None, name: str = "") -> None:
+    """The verdict in words and its remarks, a line each, or all in one after a name; nothing without a judgement."""
+    if judgement is not None:
+        lines = [judgement.verdict, *judgement.remarks]
+        typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
 
 
 def names_in(text: str) -> tuple[str, ...]:
