@@ -90,7 +90,10 @@ def test_a_folder_alone_is_scored_with_its_song_its_dance_and_its_beats(recordin
 
 
 def test_a_song_alone_is_no_recording(recording: Path, tmp_path: Path) -> None:
-    for path, fault in ((recording / "audio.wav", "score takes SONG DANCE"), (tmp_path, "has no motion.npz and no audio.wav")):
+    for path, fault in (
+        (recording / "audio.wav", "score takes SONG DANCE"),
+        (tmp_path, "has no motion.npz and no audio.wav"),
+    ):
         result = run("score", path)
         assert result.exit_code == 2
         assert fault in result.stderr
@@ -117,7 +120,7 @@ def test_the_earlier_score_is_kept_for_comparison(recording: Path) -> None:
 
 def test_joints_can_be_chosen_to_score(recording: Path) -> None:
     clip = load_recording(recording).clip
-    names = ("left_wrist", "right_wrist", "left_hip", "right_knee")
+    names = ("hand L", "finger R", "hip L", "knee R")
     printed = json.loads(run("score", recording, "--joints", ",".join(names), "--json").stdout)["recommended"]
     keep = [clip.motion.skeleton.joints.index(name) for name in names]
     part = Motion(clip.motion.positions[:, keep], clip.motion.fps, Skeleton(names, (-1,) * 4))
