@@ -58,9 +58,9 @@ def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def told_of(folder: Path, dance: str, **more: Any) -> OwnDance:
+def told_of(folder: Path, name: str | Path, **more: Any) -> OwnDance:
     """The dance beside its song, whose beats are annotated, so that planted times are exact."""
-    return explain_performance(folder / "song.wav", load_performance(folder / dance), beats=folder / "s.beats", **more)
+    return explain_performance(folder / "song.wav", load_performance(folder / name), beats=folder / "s.beats", **more)
 
 
 @pytest.fixture(scope="module")
@@ -199,6 +199,15 @@ def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance):
     assert "harmolabPlayer" in inside
     assert "What may be wrong" in page
     assert "0.40 s of the song, as you said" in text
+
+
+def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: Path):
+    named = told_of(folder, "dance.npz", offset=START, dance="cha-cha")
+    page = html.unescape(dance_page(named))
+    assert "1 is the best moment, 0.5 the middle one" in page
+    assert "nearest moment of rest" not in page
+    unplaced = told_of(folder, "dance.npz", dance="cha-cha")
+    assert "nearest moment of rest" in html.unescape(dance_page(unplaced))
 
 
 def test_page_asks_the_network_for_nothing(late: OwnDance, filmed: OwnDance):

@@ -41,8 +41,7 @@ def score_files(
     Parameters
     ----------
     song, motion, offset, seconds, dance, beats, fps : as in `load_clip`
-    params : HarmonyParams, default ``HarmonyParams.recommended()``
-    n_rotations, seed : as in `score_clip`
+    params, n_rotations, seed : as in `score_clip`
 
     Raises
     ------

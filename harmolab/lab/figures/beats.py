@@ -290,10 +290,16 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figu
 def draw_score(ax: Axes, score: HarmonyScore) -> Axes:
     """The beats of one score: hit or missed, or ranked where they are compared with a pattern."""
     params = score.params
-    is_judged = score.judgement is not None and score.judgement.place is not None and params.pattern is not None
-    if params.measure == "pattern" or is_judged:
+    if is_ranked(score):
         return draw_shares(ax, score.music, score.shares, chance=score.chance)
     return draw_hits(ax, score.music, score.visual, score.pairs, delay=params.reaction_delay, lag=params.lag)
+
+
+def is_ranked(score: HarmonyScore) -> bool:
+    """True where the shares of a score are ranks of its beats by the fit to a pattern."""
+    if score.judgement is None:
+        return score.params.measure == "pattern"
+    return score.judgement.place is not None and score.judgement.pattern is not None
 
 
 def headline(score: HarmonyScore) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.lab.figures.beats import draw_marks
+from harmolab.lab.figures.beats import draw_marks, draw_shares
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.types import FloatArray, HarmonyScore
 
@@ -74,6 +74,14 @@ def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
     return ax
 
 
+def ranks_figure(score: HarmonyScore, *, size: tuple[float, float] = (9.0, 3.6)) -> Figure:
+    """The rank of each music beat by the fit to a dance's pattern (`is_ranked`), with a legend; `size` in inches."""
+    with styled_axes(size) as (figure, (ax,)):
+        draw_shares(ax, score.music, score.shares, chance=score.chance).set_ylabel("rank of the fit")
+        _add_legend(ax, size)
+    return figure
+
+
 def timing_figure(
     score: HarmonyScore,
     *,
@@ -93,5 +101,10 @@ def timing_figure(
     with styled_axes(size) as (figure, (ax,)):
         draw_means(draw_timing(ax, score), means)
         ax.set_title(title)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)
+        _add_legend(ax, size)
     return figure
+
+
+def _add_legend(ax: Axes, size: tuple[float, float]) -> None:
+    """A legend below the axes, folded in a narrow figure."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from harmolab.io.files import PathLike, write_text
 from harmolab.io.video import video_frames
-from harmolab.lab.figures.timing import event_name, timing_figure
+from harmolab.lab.figures.beats import is_ranked
+from harmolab.lab.figures.timing import event_name, ranks_figure, timing_figure
 from harmolab.lab.report.templates import rendered
 from harmolab.lab.timing.performance import OwnDance
 from harmolab.lab.widgets.player import LONGEST, Dancer, Player
@@ -79,6 +80,7 @@ def dance_page(dance: OwnDance) -> str:
         stills=list(_stills(dance)) if dance.performance.is_video else [],
         numbers=_numbers(dance),
         event=event_name(dance.score),
+        is_ranked=_is_ranked(dance),
         delay=1000 * dance.score.params.reaction_delay,
         settings=", ".join(f"{name} {value}" for name, value in vars(dance.score.params).items() if name != "pattern"),
         version=version("harmolab"),
@@ -89,11 +91,17 @@ def _title(dance: OwnDance) -> str:
     return f"{dance.name} to {dance.song}"
 
 
+def _is_ranked(dance: OwnDance) -> bool:
+    """True where the dance is compared with a pattern, at its own place in the song: rests say little about it then."""
+    return dance.placement.is_absolute and is_ranked(dance.score)
+
+
 def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
-    """Distances from the beats along time, with the lags of the halves, as base64 of PNG."""
-    # The lag after a dance's pattern is no distance of rests from beats.
-    means = dance.words.halves if dance.judgement.pattern is None else ()
-    figure = timing_figure(dance.score, means=means, title="", size=size)
+    """Every beat along time, by its rank or by the distance of the nearest rest or hit, as base64 of PNG."""
+    if _is_ranked(dance):
+        figure = ranks_figure(dance.score, size=size)
+    else:
+        figure = timing_figure(dance.score, means=dance.words.halves, title="", size=size)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
     return base64.b64encode(stream.getvalue()).decode("ascii")

@@ -141,23 +141,23 @@ def player_of(
     dancers, spans = [], []
     for clip in clips:
         is_whole = seconds is None and begins == max(0.0, clip.offset)
-        danced, shown = (
+        original, picture = (
             (each if is_whole else each.span(begins, length)).shared()
             for each in (replace(clip, beats=beats), replace(_alike(clip, first), beats=beats))
         )
-        dancers.append(_scored(danced, shown, params))
-        spans.append(shown)
+        dancers.append(_scored(original, picture, params))
+        spans.append(picture)
     longest = max(spans, key=lambda clip: clip.audio.duration)
     if facts is None:
         facts = {name: text for dancer in dancers for name, text in _facts(dancer).items()}
     return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
 
 
-def _scored(danced: Clip, shown: Clip, params: HarmonyParams | None) -> Dancer:
-    """The dancer of a part as it is shown; its number is that of the part as it was danced."""
-    score = score_clip(shown, params)
-    is_same = cast(Motion, danced.motion).fps == cast(Motion, shown.motion).fps
-    return Dancer(shown.name, cast(Motion, shown.motion), score, None if is_same else score_clip(danced, params))
+def _scored(original: Clip, picture: Clip, params: HarmonyParams | None) -> Dancer:
+    """The dancer of a part as the page shows it; the number is that of the part as it was danced."""
+    motion, score = cast(Motion, picture.motion), score_clip(picture, params)
+    is_same = cast(Motion, original.motion).fps == motion.fps
+    return Dancer(picture.name, motion, score, None if is_same else score_clip(original, params))
 
 
 def _alike(clip: Clip, other: Clip) -> Clip:
