@@ -293,6 +293,16 @@ def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
     assert [recorded_offset(path) for path in (ours / "another.npz", theirs / "audio.flac", bare)] == [None, None, None]
 
 
+def test_joints_of_a_recording_can_be_chosen(tmp_path: Path) -> None:
+    folder = tang(tmp_path / "DANCE_R_3")
+    names = load_any_motion(folder).skeleton.joints[3:6]
+    part = load_any_motion(folder, joints=names)
+    assert part.skeleton.joints == names
+    np.testing.assert_array_equal(part.positions, load_any_motion(folder).positions[:, 3:6])
+    with pytest.raises(ValueError, match=r"skeletons\.json: .*no joints named \['tail'\]"):
+        load_any_motion(folder, joints=("tail",))
+
+
 def test_start_is_what_a_motion_file_keeps(tmp_path: Path) -> None:
     save_motion(tmp_path / "dance.npz", Motion(upright(), 25.0, ARM), offset=7.5)
     assert recorded_offset(tmp_path / "dance.npz") == 7.5

@@ -25,7 +25,7 @@ from harmolab.corpora import tang2018
 from harmolab.io.audio import load_audio
 from harmolab.io.beats import BeatAnnotation, load_annotation
 from harmolab.io.files import PathLike, reading
-from harmolab.io.motion import load_motion, load_offset
+from harmolab.io.motion import load_motion, load_offset, motion_part
 from harmolab.types import BeatTrack, Clip, Motion
 
 _MAX_DEPTH = 4
@@ -232,7 +232,7 @@ def load_any_motion(
 ) -> Motion:
     """The motion in any file that `load_motion` reads, in a recording's folder, or in a skeletons.json.
 
-    Parameters are those of `load_motion`; `joints` is for the files that it reads.
+    Parameters are those of `load_motion`; `fps` and `scale` are for the files that it reads.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def load_any_motion(
     if path.is_dir() and (path / "skeletons.json").is_file() and not (path / "motion.npz").is_file():
         path = path / "skeletons.json"
     if path.name.endswith("skeletons.json"):
-        return tang2018.load_skeletons(path)
+        return motion_part(tang2018.load_skeletons(path), joints, path)
     return load_motion(path, fps=fps, scale=scale, joints=joints)
 
 

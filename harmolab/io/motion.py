@@ -94,7 +94,11 @@ def load_motion(
     FileNotFoundError, ValueError
         Both name the file.
     """
-    motion = _load(Path(path), fps, scale, joints)
+    return motion_part(_load(Path(path), fps, scale, joints), joints, path)
+
+
+def motion_part(motion: Motion, joints: Sequence[str] | None, path: PathLike) -> Motion:
+    """The motion of these joints only, of all where there are no names; ValueError names file and joints."""
     if joints is None or motion.skeleton.joints == tuple(joints):
         return motion
     try:
