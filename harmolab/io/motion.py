@@ -50,12 +50,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.aist import AIST_FPS, is_aist_name, load_aist
-from harmolab.io.arrays import checked_motion, in_metres, read_npy
+from harmolab.io.arrays import check_joints, checked_motion, in_metres, read_npy
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.files import MAX_BYTES, MissingFrameRate, PathLike, atomic_write, reading
 from harmolab.io.keypoints import keypoints_motion, load_keypoints
 from harmolab.io.layouts import named_skeleton
+from harmolab.io.video import is_video
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import Motion, Skeleton
 
@@ -112,6 +113,8 @@ def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[s
     if suffix in (".pkl", ".pickle"):
         return load_aist(path, fps=AIST_FPS if fps is None else fps, scale=0.01 if scale is None else scale)
     with reading(path, "a motion", max_bytes=None):
+        if is_video(path):
+            raise ValueError("is a video, no motion file; `harmolab explain` and `harmolab retime` read videos")
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json")
 
 
@@ -121,7 +124,7 @@ def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[
         with file.open("rb") as stream:
             values = read_npy(stream, file.stat().st_size)
         if fps is None and not is_aist_name(file):
-            raise MissingFrameRate("holds no frame rate; pass fps")
+            raise MissingFrameRate("holds no frame rate; pass fps, such as --fps 25")
         rate = AIST_FPS if fps is None else fps
         if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             return keypoints_motion(values, rate, joints=joints)
@@ -154,6 +157,8 @@ def _load_npz(path: PathLike, fps: float | None) -> Motion:
 
 def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
     """The skeleton of an `.npz`; joints without names, or without bones, where it holds one of the two only."""
+    for name in ("joints", "parents"):
+        check_joints(arrays[name].size if name in arrays else 0)
     parts = {name: tuple(arrays[name].ravel().tolist()) for name in ("joints", "parents") if name in arrays}
     return replace(Skeleton.unnamed(len(next(iter(parts.values())))), **parts) if parts else None
 
