@@ -64,6 +64,9 @@ class BarPattern:
         return cls(1, (-1.0,), (0.0,), "assumed: movements end on the beat")
 
 
+MAX_LAG = 2.0  # seconds: a beat of 30 bpm
+
+
 @dataclass(frozen=True)
 class HarmonyParams:
     """Every choice a harmony score depends on. ``paper()`` is the paper; ``recommended()`` is what we advise.
@@ -94,7 +97,7 @@ class HarmonyParams:
         the top of the parabola through three samples; motion below 120 hertz is interpolated by cubic splines first.
         Makes beat times independent of the frame rate.
     lag : float, seconds
-        How much later than the music's beats the visual ones are expected; taken off before scoring.
+        How much later than the music's beats the visual ones are expected, at most 2; taken off before scoring.
     clock : float
         Time stretch of the motion: its times are multiplied by this (1.013 fits most Tang 2018 recordings).
     speed, plateau, saliency, visual_saliency, first_beat, matching, normalisation
@@ -135,8 +138,8 @@ class HarmonyParams:
             raise ValueError(f"visual_threshold must be zero or more, or None, got {self.visual_threshold}")
         if self.fps is not None and not 0 < self.fps < float("inf"):
             raise ValueError(f"fps must be positive or None, got {self.fps}")
-        if not abs(self.lag) < float("inf"):
-            raise ValueError(f"lag must be finite, got {self.lag}")
+        if not abs(self.lag) <= MAX_LAG:
+            raise ValueError(f"lag must lie within {MAX_LAG:g} s of the beat, got {self.lag:g}")
         for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueError(f"{name} must be one of {', '.join(choices)}; got {getattr(self, name)!r}")

@@ -76,4 +76,4 @@ def explain(
         return
     typer.echo("\n".join([result.verdict, "", str(result.placement), *result.words.sentences]))
     if out is not None:
-        typer.echo(f"wrote {out}")
+        common.wrote(out)

@@ -40,4 +40,4 @@ def play(
         if other is not None:
             clips.append(replace(clip, name=other.stem or other.name, motion=load_any_motion(other, fps=fps)))
         player_of(clips, start=start, seconds=seconds, title=f"{clip.name} to {song.name}").save(out)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)

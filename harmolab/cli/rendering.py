@@ -56,4 +56,4 @@ def render(
                 joints=names, sample_rate=None,
             )  # fmt: skip
         write_dance(out, clip, over=over, marks=marks, rate=rate, height=height, progress=common.progress)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)

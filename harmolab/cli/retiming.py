@@ -59,7 +59,7 @@ def retime(
             dance=dance, beats=beats, method=method.value, fps=fps, progress=common.progress,
         )  # fmt: skip
     _print(retimed)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)
 
 
 def _print(retimed: Retimed) -> None:

@@ -60,6 +60,8 @@ def score(
     from harmolab.harmony import music_and_motion, other_measures, score_motion
 
     with common.plain_errors():
+        if plot:
+            common.check_place(plot)
         modes = settings(mode, pattern, dance, lag, clock)
         with common.finding_beats():
             clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps)

@@ -138,15 +138,20 @@ def corpus_recordings(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the folder; ValueError where it holds no recording.
+        Both name the folder; ValueError where it holds no recording, or none of these dances.
     """
     if not isinstance(corpus, str | os.PathLike):
         yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
         return
     if not find_recordings(corpus).folders:
         raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    names = set()
     for item in progress(iter_recordings(corpus), Path(corpus).name):
         if isinstance(item, Problem):
             report(item)
-        elif not dances or item.clip.dance in dances:
-            yield item
+        else:
+            names.add(item.clip.dance or "unknown")
+            if not dances or item.clip.dance in dances:
+                yield item
+    if dances and names.isdisjoint(dances):
+        raise ValueError(f"{corpus}: holds no {' or '.join(dances)}; its dances: {', '.join(sorted(names)) or 'none'}")

@@ -10,7 +10,7 @@ import numpy as np
 from harmolab.beats.audio import music_beats
 from harmolab.corpora.files import load_clip
 from harmolab.harmony import score_motion
-from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, check_output, silent
 from harmolab.io.motion import save_motion
 from harmolab.io.video import CODINGS, is_video, video_frames, write_video
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
@@ -59,9 +59,8 @@ def write_dance(
         frames = render_dance(motion, fps=rate, height=height, score=(score or _score(clip, motion)) if marks else None)
     elif rate is not None:
         raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
-    elif Path(out).exists() and Path(out).samefile(over):
-        raise ValueError(f"{out}: is the video to draw over; choose another name")
     else:
+        check_output(out, [over])
         video = video_frames(over, height=height, colour=True)
         motion, rate = points_in_picture(motion, video), video.fps
         frames = overlay_skeleton(video, rate, motion, score=(score or _score(clip, motion)) if marks else None)
@@ -99,6 +98,7 @@ def retime_files(
     FileNotFoundError, ValueError
         Both name the file; ValueError also for a setting out of range.
     """
+    check_output(out, [song, motion])
     video = video_frames(motion) if is_video(motion) else None
     movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
     for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
