@@ -23,7 +23,7 @@ from harmolab.cli.common import printable
 from harmolab.cli.comparing import print_comparison
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import keep_arrays
-from harmolab.io.motion import save_motion
+from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.render.video import retime_files
 from tests.builders import called, planted_dance, still, write_dance, write_song
 
@@ -230,6 +230,26 @@ def test_files_that_killed_processes_left_in_the_cache_go(tmp_path: Path, monkey
         os.utime(file, (0, 0))
     keep_arrays("z", {"a": np.zeros(2)})
     assert {file.name for file in tmp_path.iterdir()} == {new.name, foreign.name, "z.npz"}
+
+
+# Units
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("score",), ("explain",), ("play", "--out", "x.html"), ("render", "--out", "x.mp4"), ("retime", "--out", "x.npz")],
+    ids=lambda words: words[0],
+)
+def test_every_command_that_reads_a_dance_takes_its_scale(pair: tuple[Any, ...], words: tuple[str, ...]):
+    command, *out = words
+    assert "dance.npz: scale must be positive" in line(run(command, *pair, *out, "--scale", -1))
+
+
+def test_a_dance_in_millimetres_is_read_by_its_scale(pair: tuple[Any, ...]):
+    song, dance, *beats = pair
+    result = run("retime", song, dance, *beats, "--strength", 0, "--scale", 0.001, "--out", "x.npz")
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(load_motion("x.npz").positions, 0.001 * load_motion(dance).positions, rtol=1e-12)
 
 
 # Messages

@@ -98,7 +98,7 @@ def test_nan_is_named_by_file_frame_and_joint(tmp_path: Path):
         ({"positions": walk()[0], "fps": 25}, r"got shape \(3, 3\)"),
         ({"positions": walk(), "fps": 0}, "fps must lie between 1 and 1000, got 0"),
         ({"positions": walk(), "fps": 0.04}, "was this the time of one frame"),
-        ({"positions": walk(), "fps": 25, "units": "cm"}, "'cm'; multiply them to metres"),
+        ({"positions": walk(), "fps": 25, "units": "cm"}, "'cm'; pass scale, the metres in one"),
         ({"positions": walk(), "fps": 25, "joints": ["a"], "parents": [-1]}, "3 joints, the skeleton 1"),
         ({"positions": walk(), "fps": 25, "valid": [True]}, "one entry per frame"),
     ],

@@ -98,6 +98,9 @@ Beats = Annotated[
     Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
 ]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
+Scale = Annotated[
+    float | None, typer.Option(help="Metres in one unit of a 3-D file: 0.001 for millimetres, 0.056444 for CMU's BVH.")
+]
 Joints = Annotated[
     str, typer.Option(help="Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).")
 ]

@@ -107,9 +107,9 @@ def _check_file(path: Path, max_bytes: int | None) -> None:
 
 def _message(path: str, what: str, error: Exception) -> str:
     """`error` in one line behind the file's name; an error that is none of ours says what was expected."""
+    text = " ".join(str(error).removeprefix(path).split())[:400]  # a name may hold new lines itself
     if str(error).startswith(path):
-        return str(error)
-    text = " ".join(str(error).split())[:400]
+        return path + text
     if type(error) in (ValueError, MissingFrameRate):
         return f"{path}: {text}"
     return f"{path}: cannot be read as {what} ({text or type(error).__name__})"

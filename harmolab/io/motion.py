@@ -13,7 +13,7 @@ name            shape and type                      meaning
 ``joints``      (J,) strings, optional              names of the joints
 ``parents``     (J,) integers, optional             index of each joint's parent, -1 at a root
 ``valid``       (T,) bool, optional                 False where a frame is filler (a splice, an occlusion)
-``units``       one string, optional                ``"m"`` for 3-D (nothing else is read), any for 2-D
+``units``       one string, optional                ``"m"`` for 3-D (else pass `scale`), any for 2-D
 ==============  ==================================  =======================================================
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
@@ -76,7 +76,7 @@ def load_motion(
     fps : float or None, frames per second
         Needed where the file holds no rate (`.npy`, OpenPose, COCO); elsewhere it takes the place of the file's.
     scale : float or None
-        Metres in one unit of a 3-D file. None: 1 for `.npy`, 0.01 for AIST++, see `load_bvh` for BVH.
+        Metres in one unit of a 3-D file. None: 1 for `.npz` and `.npy`, 0.01 for AIST++, see `load_bvh` for BVH.
     joints : names, optional
         Keep these joints only. For a camera that never sees the legs, since a joint that is never seen is an error.
 
@@ -105,7 +105,7 @@ def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[s
     if path.is_dir() or suffix in (".json", ".jsonl"):
         return load_keypoints(path, fps=fps, joints=joints)
     if suffix == ".npz":
-        return _load_npz(path, fps)
+        return _load_npz(path, fps, scale)
     if suffix == ".npy":
         return _load_npy(path, fps, 1.0 if scale is None else scale, joints)
     if suffix == ".bvh":
@@ -139,7 +139,7 @@ def _has_confidence(values: NDArray[Any]) -> bool:
     )
 
 
-def _load_npz(path: PathLike, fps: float | None) -> Motion:
+def _load_npz(path: PathLike, fps: float | None, scale: float | None) -> Motion:
     """Our own format, as in the module's docstring."""
     with reading(path, "an .npz motion") as file:
         arrays = _npz_arrays(file)
@@ -150,8 +150,10 @@ def _load_npz(path: PathLike, fps: float | None) -> Motion:
         units = str(arrays["units"]) if "units" in arrays else "m"
         if rate.size != 1:
             raise ValueError(f"fps must be one number, got shape {rate.shape}")
-        if positions.ndim == 3 and positions.shape[2] == 3 and units != "m":
-            raise ValueError(f"has positions in {units[:20]!r}; multiply them to metres ('m') first")
+        if positions.ndim == 3 and positions.shape[2] == 3:
+            if scale is None and units != "m":
+                raise ValueError(f"has positions in {units[:20]!r}; pass scale, the metres in one of them")
+            positions = positions if scale is None else in_metres(positions, scale)
         return checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid"))
 
 

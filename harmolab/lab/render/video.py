@@ -76,6 +76,7 @@ def retime_files(
     dance: str = "",
     beats: PathLike | None = None,
     fps: float | None = None,
+    scale: float | None = None,
     strength: float = 1.0,
     phase: float = 0.0,
     slowest: float = 0.7,
@@ -87,7 +88,7 @@ def retime_files(
 
     Parameters
     ----------
-    song, motion, offset, dance, beats, fps : as in `load_clip`; `motion` may also be a video
+    song, motion, offset, dance, beats, fps, scale : as in `load_clip`; `motion` may also be a video
         A video moves as its pictures do as a whole, whose rests are those of the dancer.
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
@@ -102,7 +103,9 @@ def retime_files(
     video = video_frames(motion) if is_video(motion) else None
     movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
     for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
-        clip = load_clip(path, movement, offset=offset, dance=dance, beats=beats, fps=fps, sample_rate=None)
+        clip = load_clip(
+            path, movement, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+        )
     moves = _motion(clip)
     music = music_beats(clip).span(clip.offset, moves.duration)
     retimed = retime(moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method)
