@@ -294,6 +294,13 @@ def test_a_name_with_a_new_line_stays_in_one_line():
     Path("two\nlines.npz").write_text("x")
     message = line(run("score", "song.wav", "two\nlines.npz"))
     assert message.startswith(r"two\nlines.npz: cannot be read") and message.count("lines") == 1
+    np.save("two\nlines.npy", np.zeros((9, 3, 3)))
+    assert r"odd: two\nlines.npy: holds no frame rate" in run("data", "check", "two\nlines.npy").stdout
+
+
+def test_a_name_too_long_to_be_written_is_that_of_the_output(pair: tuple[Any, ...]):
+    name = f"{'a' * 240}.html"
+    assert line(run("play", *pair, "--out", name)) == f"{name}: File name too long"
 
 
 def test_no_control_code_of_a_name_reaches_the_screen():

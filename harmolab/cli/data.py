@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from harmolab.cli.checks import CheckedCommand
-from harmolab.cli.common import AsJson, plain_errors, progress, show
+from harmolab.cli.common import AsJson, plain_errors, printable, progress, show
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
@@ -40,7 +40,7 @@ def data_check(
     console.print(table)
     for finding in findings:
         for oddity in finding.odd:
-            console.print(f"odd: {_short(finding.path, path)}: {oddity}", markup=False, highlight=False)
+            console.print(printable(f"odd: {_short(finding.path, path)}: {oddity}"), markup=False, highlight=False)
 
 
 def _short(name: str, root: Path) -> str:
