@@ -1,4 +1,4 @@
-"""In time? Does a movement keep the tempo of these beats better than other tempi?
+"""The time test: does a movement keep the tempo of these beats better than other tempi?
 
 Beats turned round the end of a clip prove nothing about periodic movement: whatever recurs once a beat fits any phase.
 The null here is another tempo. For a cycle of beats the movement is cut into blocks, each block gives a Fourier vector
@@ -32,7 +32,7 @@ RATIOS: FloatArray = np.exp(np.linspace(np.log(SLOWEST), -np.log(SLOWEST), N_RAT
 
 @dataclass(frozen=True, eq=False)
 class TimeTest:
-    """How well movements agree from block to block on grids of many tempi.
+    """Agreement of the movements from block to block on grids of many tempi.
 
     Parameters
     ----------
