@@ -163,7 +163,7 @@ def _deviations(
     return np.divide(deviations, pick(scale), out=np.zeros_like(deviations), where=pick(scale) > 0)
 
 
-def _block_edges(phase: FloatArray, beats: int) -> tuple[FloatArray, FloatArray]:
+def _block_edges(phase: FloatArray, beats: int) -> tuple[IntArray, IntArray]:
     """First sample of every whole block of so many beats, and the end of the last: (ratios, blocks + 1), (ratios,)."""
     first = np.ceil(RATIOS * phase[0] - 1e-6)
     counts = np.maximum((RATIOS * phase[-1] + 1e-6 - first) // beats, 0).astype(np.int64)
