@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harmolab.io.files import plain
 from harmolab.skeletons import Skeleton as Skeleton
 
 if TYPE_CHECKING:
@@ -115,8 +116,7 @@ class Motion:
             raise ValueError(f"positions have {positions.shape[1]} joints, the skeleton {len(self.skeleton.joints)}")
         if np.abs(positions).max(initial=0.0) > 1e12:
             raise ValueError("positions exceed 1e12: not metres, nor any other unit of length")
-        valid = np.ones(len(positions), bool) if self.valid is None else self.valid
-        valid = _frozen(valid, "valid", bool)
+        valid = _frozen(np.ones(len(positions), bool) if self.valid is None else self.valid, "valid", bool)
         if valid.shape != positions.shape[:1]:
             raise ValueError(f"valid must have one entry per frame ({len(positions)}), got shape {valid.shape}")
         object.__setattr__(self, "positions", positions)
@@ -141,6 +141,13 @@ class Motion:
         return Motion(self.positions[first:last], self.fps, self.skeleton, self.valid[first:last])
 
 
+def beat_period(times: FloatArray) -> float:
+    """Seconds from beat to beat: the slope of a line through two or more beats, gaps counted as whole beats."""
+    steps = np.diff(times)
+    numbers = np.cumsum(np.round(steps / np.median(steps)))
+    return float(np.polyfit(np.concatenate([[0.0], numbers]), times, 1)[0])
+
+
 @dataclass(frozen=True, eq=False)
 class BeatTrack:
     """Beats on a time line.
@@ -152,6 +159,7 @@ class BeatTrack:
     fps : float, rate of the curve the beats were read from, hertz
     duration : float, seconds
     bar_places : (B,) array of int: place of each beat in its bar, 0 for the downbeat; None when unknown
+    quality : float, of tracked beats: share of them within 70 ms of one steady grid; None for any others
     """
 
     times: FloatArray
@@ -159,6 +167,7 @@ class BeatTrack:
     fps: float
     duration: float
     bar_places: IntArray | None = None
+    quality: float | None = None
 
     def __post_init__(self) -> None:
         times, strengths = _frozen(self.times, "beat times"), _frozen(self.strengths, "beat strengths")
@@ -185,16 +194,20 @@ class BeatTrack:
     def __len__(self) -> int:
         return self.times.size
 
+    @property
+    def tempo(self) -> float:
+        """Beats per minute, from a line through all beats, gaps counted as whole beats; NaN with fewer than two."""
+        return 60.0 / beat_period(self.times) if len(self) > 1 else float("nan")
+
     def select(self, mask: BoolArray) -> BeatTrack:
         """The beats where `mask` is True, on the same time line."""
         places = None if self.bar_places is None else self.bar_places[mask]
-        return BeatTrack(self.times[mask], self.strengths[mask], self.fps, self.duration, places)
+        return replace(self, times=self.times[mask], strengths=self.strengths[mask], bar_places=places)
 
     def span(self, start: float, duration: float) -> BeatTrack:
         """The beats in [start, start + duration), counted from `start`."""
-        inside = (self.times >= start) & (self.times < start + duration)
-        places = None if self.bar_places is None else self.bar_places[inside]
-        return BeatTrack(self.times[inside] - start, self.strengths[inside], self.fps, duration, places)
+        part = self.select((self.times >= start) & (self.times < start + duration))
+        return replace(part, times=part.times - start, duration=duration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,12 +347,4 @@ class HarmonyScore:
         inner = ("params", "music", "visual", "null")
         numbers = {name: value for name, value in vars(self).items() if name not in inner}
         counts = {"hits": self.hits, "n_audio": self.n_audio, "n_visual": self.n_visual}
-        return {name: _plain(value) for name, value in (numbers | counts | beats).items()}
-
-
-def _plain(value: Any) -> Any:
-    """Lists and finite numbers in place of arrays, tuples and what is not finite."""
-    value = value.tolist() if isinstance(value, np.ndarray) else value
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+        return dict(plain(numbers | counts | beats))

@@ -81,6 +81,16 @@ DanceName = Annotated[
 Beats = Annotated[
     Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
 ]
+One = Annotated[
+    float | None,
+    typer.Option(
+        "--one",
+        metavar="SECONDS",
+        help="Audio time of a beat on which a bar begins, any one of them: play the song, count, and note the time on "
+        "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another. Needs --dance for the "
+        "beats in a bar. `harmolab tap` finds it by ear.",
+    ),
+]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
 Joints = Annotated[
     str, typer.Option(help="Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).")

@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 
 from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import with_one
 from harmolab.corpora import folders
 from harmolab.corpora.folders import Problem, find_recordings, iter_recordings, load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
@@ -31,6 +32,7 @@ def score_files(
     seconds: float | None = None,
     dance: str = "",
     beats: PathLike | None = None,
+    one: float | None = None,
     fps: float | None = None,
     params: HarmonyParams | None = None,
     n_rotations: int = 1000,
@@ -40,7 +42,7 @@ def score_files(
 
     Parameters
     ----------
-    song, motion, offset, seconds, dance, beats, fps : as in `load_clip`
+    song, motion, offset, seconds, dance, beats, one, fps : as in `load_clip`
     params : HarmonyParams, default ``HarmonyParams.recommended()``
     n_rotations, seed : as in `score_clip`
 
@@ -54,7 +56,7 @@ def score_files(
     >>> score_files("song.mp3", "dance.bvh", offset=12.4, dance="waltz").harmony_above_chance  # doctest: +SKIP
     0.61
     """
-    clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps)
+    clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps)
     return score_clip(clip, params, n_rotations=n_rotations, seed=seed)
 
 
@@ -66,6 +68,7 @@ def load_clip(
     seconds: float | None = None,
     dance: str = "",
     beats: PathLike | None = None,
+    one: float | None = None,
     track: bool = True,
     fps: float | None = None,
     joints: tuple[str, ...] | None = None,
@@ -81,6 +84,7 @@ def load_clip(
     seconds : float, length of the motion that is taken; all of it when left out
     dance : str, a prior of the tempo where it is one of `DANCES`
     beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
+    one : float, seconds, audio time of any beat on which a bar begins; the dance tells how long the bars are
     track : bool; False leaves the clip without beats where none are annotated
     fps, joints : as in `load_motion`, for a motion that is read
     sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
@@ -90,10 +94,13 @@ def load_clip(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. ValueError also for an unknown dance without annotated beats.
+        Both name the file. ValueError also for an unknown dance without annotated beats or with `one`, and where no
+        beat is near `one`.
     """
     if dance and beats is None and dance not in DANCES:
         raise ValueError(f"unknown dance {dance!r}; known: {', '.join(DANCES)}")
+    if one is not None and dance not in DANCES:
+        raise ValueError(f"to count from --one, say how long the bars are with --dance: {', '.join(DANCES)}")
     if seconds is not None and not 0 < seconds < inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
@@ -108,10 +115,12 @@ def load_clip(
         clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-    if not track or annotated is not None:
+    if track and annotated is None:
+        tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
+        clip = replace(clip, beats=music_beats(tracked))
+    if one is None or clip.beats is None:
         return clip
-    tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
-    return replace(clip, beats=music_beats(tracked))
+    return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))
 
 
 def tracked_sound(song: PathLike, sound: Audio) -> Audio:
