@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.io.files import plain
 from harmolab.skeletons import Skeleton as Skeleton
 
 if TYPE_CHECKING:
@@ -141,13 +140,6 @@ class Motion:
         return Motion(self.positions[first:last], self.fps, self.skeleton, self.valid[first:last])
 
 
-def beat_period(times: FloatArray) -> float:
-    """Seconds from beat to beat: the slope of a line through two or more beats, gaps counted as whole beats."""
-    steps = np.diff(times)
-    numbers = np.cumsum(np.round(steps / np.median(steps)))
-    return float(np.polyfit(np.concatenate([[0.0], numbers]), times, 1)[0])
-
-
 @dataclass(frozen=True, eq=False)
 class BeatTrack:
     """Beats on a time line.
@@ -197,7 +189,9 @@ class BeatTrack:
     @property
     def tempo(self) -> float:
         """Beats per minute, from a line through all beats, gaps counted as whole beats; NaN with fewer than two."""
-        return 60.0 / beat_period(self.times) if len(self) > 1 else float("nan")
+        steps = np.diff(self.times)
+        numbers = np.cumsum(np.round(steps / np.median(steps))) if steps.size else steps
+        return float(60.0 / np.polyfit([0.0, *numbers], self.times, 1)[0]) if steps.size else float("nan")
 
     def select(self, mask: BoolArray) -> BeatTrack:
         """The beats where `mask` is True, on the same time line."""
@@ -344,7 +338,13 @@ class HarmonyScore:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, ready for JSON, without settings and null; a number that does not exist is None."""
         beats = {"music_times": self.music.times, "visual_times": self.visual.times, "pairs": self.pairs}
-        inner = ("params", "music", "visual", "null")
-        numbers = {name: value for name, value in vars(self).items() if name not in inner}
+        numbers = {name: vars(self)[name] for name in vars(self) if name not in ("params", "music", "visual", "null")}
         counts = {"hits": self.hits, "n_audio": self.n_audio, "n_visual": self.n_visual}
-        return dict(plain(numbers | counts | beats))
+        return {name: _plain(value) for name, value in (numbers | counts | beats).items()}
+
+
+def _plain(value: Any) -> Any:
+    """Lists and finite numbers in place of arrays, tuples and what is not finite."""
+    if isinstance(value, np.ndarray | tuple):
+        return [_plain(item) for item in np.asarray(value).tolist()]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -72,10 +72,10 @@ def audio_beats(audio: Audio, *, tempo: str | tuple[float, float] | None = None)
     """
     analysis = _cached_analysis(audio, tempo_range(tempo))
     rate = audio.sample_rate / HOP
+    strengths = _largest_near(analysis.envelope, rate, analysis.beats)
     times = analysis.beats - LATENESS / rate
-    times = times[(times >= 0) & (times <= audio.duration)]
-    strengths = _largest_near(analysis.envelope, rate, times + LATENESS / rate)
-    return BeatTrack(times, strengths, rate, audio.duration, quality=analysis.quality)
+    inside = (times >= 0) & (times <= audio.duration)
+    return BeatTrack(times[inside], strengths[inside], rate, audio.duration, quality=analysis.quality)
 
 
 def music_beats(clip: Clip) -> BeatTrack:

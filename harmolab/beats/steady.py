@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
-from harmolab.types import FloatArray, IntArray, beat_period
+from harmolab.types import FloatArray, IntArray
 
 NEAR = 0.07  # seconds within which a tracked beat lies on a grid; mir_eval's tolerance
 STEADY = 0.9  # share of the tracked beats on the grid from which on music has one tempo throughout
@@ -76,7 +76,9 @@ def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: t
     if tracked.size < FEWEST:
         return SteadyBeats(tracked, 0.0)
     curve = accents(envelope, rate)
-    grid = best_grid(curve, rate, 60.0 / beat_period(tracked), SEARCH)
+    steps = np.diff(tracked)
+    step = float(steps[np.abs(steps / np.median(steps) - 1) < 0.25].mean())
+    grid = best_grid(curve, rate, 60.0 / step, SEARCH)
     quality = float((np.abs(grid.deviations(tracked)) <= NEAR).mean())
     if quality >= STEADY:
         return SteadyBeats(grid.beats(*span), quality)

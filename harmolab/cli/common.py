@@ -87,8 +87,8 @@ One = Annotated[
         "--one",
         metavar="SECONDS",
         help="Audio time of a beat on which a bar begins, any one of them: play the song, count, and note the time on "
-        "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another. Needs --dance for the "
-        "beats in a bar. `harmolab tap` finds it by ear.",
+        "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another. Needs --dance for "
+        "the beats in a bar. `harmolab tap` finds it by ear.",
     ),
 ]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
