@@ -21,7 +21,7 @@ FEWEST = 8  # tracked beats: less of them fit many a grid
 SEARCH = 0.04  # part of the tempo by which a grid may differ from the tracked beats
 HARMONICS = 4  # of the tempo
 PHASES = 96  # steps of a beat at which a phase is tried
-REFINEMENT = 10  # times finer in frequency than the Fourier transform of the piece
+REFINEMENT = 40  # times finer in frequency than the Fourier transform of the piece
 STEPS = 64  # places in the beat that a path may take
 REACH = 3  # places by which a path may move from one beat to the next: 5 % of the tempo
 STIFFNESS = 0.1  # of a path; mean accents a squared place
@@ -131,6 +131,11 @@ def likelier_tempo(envelope: FloatArray, rate: float, tempo: float) -> float:
     smooth, times = gaussian_filter1d(curve, SHARPNESS * rate), np.arange(curve.size) / rate
     strong, weak = (np.interp(half.beats(0.0, end) + late, times, smooth).mean() for late in (0.0, half.period / 2))
     return (60.0 if weak < strong / 2 else 120.0) / half.period
+
+
+def octave_remark(tempo: float) -> str:
+    """A sentence that says that half or twice the tempo sounds alike."""
+    return f"Counted by ear alone; {tempo / 2:.0f} or {2 * tempo:.0f} would sound alike: --dance decides."
 
 
 def _path(curve: FloatArray, rate: float, grid: Grid, span: tuple[float, float]) -> FloatArray:

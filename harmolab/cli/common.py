@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import webbrowser
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -13,6 +14,7 @@ import typer
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
+    from harmolab.lab.listening.local_page import LocalPage
 
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
@@ -122,8 +124,14 @@ def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
         raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
     if not out.resolve().parent.is_dir():
         raise ValueError(f"{out.parent}: no such folder")
-    if out.suffix.lower() in PAGES and find_spec("jinja2") is None:
-        raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
+    if out.suffix.lower() in PAGES:
+        check_pages(str(out))
+
+
+def check_pages(name: str) -> None:
+    """ValueError that begins with `name` unless the library that fills pages is installed."""
+    if find_spec("jinja2") is None:
+        raise ValueError(f"{name}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
 
 
 @contextmanager
@@ -133,6 +141,19 @@ def finding_beats() -> Iterator[None]:
 
     with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
         yield
+
+
+def serve(page: LocalPage, no_open: bool, comfort: str) -> None:
+    """A local page served until it is finished, or Ctrl-C, of which `comfort` says what it does no harm to."""
+    with page.running() as address:
+        typer.echo(f"open {address}\nCtrl-C stops; {comfort}")
+        if not no_open:
+            webbrowser.open(address)
+        try:
+            while not page.finished.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            typer.echo("")
 
 
 def show(value: Any) -> str:

@@ -19,7 +19,7 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video
 from harmolab.io.video_sound import load_sound
 from harmolab.params import DANCES, HarmonyParams
-from harmolab.types import Audio, Clip, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
 
 TRACKED_AT = 22050.0  # hertz: beats are always tracked in sound of this rate
 
@@ -97,10 +97,7 @@ def load_clip(
         Both name the file. ValueError also for an unknown dance without annotated beats or with `one`, and where no
         beat is near `one`.
     """
-    if dance and beats is None and dance not in DANCES:
-        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(DANCES)}")
-    if one is not None and dance not in DANCES:
-        raise ValueError(f"to count from --one, say how long the bars are with --dance: {', '.join(DANCES)}")
+    _check_dance(dance, beats, one)
     if seconds is not None and not 0 < seconds < inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
@@ -110,17 +107,41 @@ def load_clip(
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
-    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
     try:
-        clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
+        clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, dance=dance)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-    if track and annotated is None:
-        tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
-        clip = replace(clip, beats=music_beats(tracked))
-    if one is None or clip.beats is None:
+    if beats is None and not track:
         return clip
-    return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))
+    sound = audio if sample_rate == TRACKED_AT or beats is not None else tracked_sound(song, audio)
+    return replace(clip, beats=song_beats(sound, dance=dance, beats=beats, one=one))
+
+
+def _check_dance(dance: str, beats: PathLike | None, one: float | None) -> None:
+    """ValueError for an unknown dance where its tempo or its bars are needed."""
+    if dance and beats is None and dance not in DANCES:
+        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(DANCES)}")
+    if one is not None and dance not in DANCES:
+        raise ValueError(f"to count from --one, say how long the bars are with --dance: {', '.join(DANCES)}")
+
+
+def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, one: float | None = None) -> BeatTrack:
+    """The beats of a whole song: annotated ones of a file, else tracked ones; with bar places where "one" is told.
+
+    Parameters
+    ----------
+    audio : Audio, of `TRACKED_AT` hertz where beats are tracked
+    dance, beats, one : as in `load_clip`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As in `load_clip`.
+    """
+    _check_dance(dance, beats, one)
+    clip = Clip("", audio, dance=dance, beats=None if beats is None else load_annotation(beats).track(audio.duration))
+    track = music_beats(clip)
+    return track if one is None else with_one(track, one, DANCES[dance].meter)
 
 
 def tracked_sound(song: PathLike, sound: Audio) -> Audio:

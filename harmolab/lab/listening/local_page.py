@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self
 
 HOST = "127.0.0.1"
 IDLE_SECONDS = 30.0
-HTML = "text/html; charset=utf-8"
+HTML, TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
 
 
 class Reply(NamedTuple):
@@ -56,12 +56,12 @@ class LocalPage:
         raise NotImplementedError
 
     def post(self, body: str) -> Reply:
-        """The reply to what the page sends; a ValueError or OSError is said by `refusal`."""
+        """The reply to what the page sends; a ValueError or OSError becomes a `refusal`."""
         raise NotImplementedError
 
-    def refusal(self, error: Exception) -> str:
-        """The text that says that what was sent, or the page itself, is at fault."""
-        return str(error)
+    def refusal(self, error: Exception) -> Reply:
+        """The reply that says the fault of what was sent, or of what is behind the page."""
+        return Reply(str(error), kind=TEXT)
 
     @property
     def address(self) -> str:
@@ -109,7 +109,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             reply = self.page.get(self.path.removeprefix(self.page.path))
         except (ValueError, OSError) as error:  # a damaged file behind the page
-            reply = Reply(self.page.refusal(error), HTTPStatus.INTERNAL_SERVER_ERROR)
+            reply = self.page.refusal(error)._replace(status=HTTPStatus.INTERNAL_SERVER_ERROR)
         self._nothing() if reply is None else self._send(reply)
 
     def do_POST(self) -> None:
@@ -118,7 +118,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             reply = self.page.post(self._body())
         except (ValueError, OSError) as error:
-            reply = Reply(self.page.refusal(error), HTTPStatus.BAD_REQUEST)
+            reply = self.page.refusal(error)._replace(status=HTTPStatus.BAD_REQUEST)
         self._send(reply)
 
     def _body(self) -> str:
@@ -128,7 +128,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self.rfile.read(int(length)).decode("utf-8", "replace")
 
     def _nothing(self) -> None:
-        self._send(Reply("There is nothing here.", HTTPStatus.NOT_FOUND, "text/plain"))
+        self._send(Reply("There is nothing here.", HTTPStatus.NOT_FOUND, TEXT))
 
     def _send(self, reply: Reply) -> None:
         """Sends a reply; a browser that has closed the page before it has come is no fault."""

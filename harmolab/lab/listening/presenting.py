@@ -89,9 +89,9 @@ class StudyServer(LocalPage):
             raise ValueError(f"The answer was not saved: {error}") from None
         return Reply("", HTTPStatus.SEE_OTHER, location=self.path)
 
-    def refusal(self, error: Exception) -> str:
+    def refusal(self, error: Exception) -> Reply:
         """A page with the fault."""
-        return _page(text=str(error))
+        return Reply(_page(text=str(error)))
 
     def turn(self) -> tuple[tuple[Trial, ...], str]:
         """The trials without an answer, and the page that asks the first of them."""
