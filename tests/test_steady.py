@@ -121,7 +121,7 @@ def test_beats_of_recordings_are_those_of_annotators(data_root: Path):
 
 @pytest.mark.data
 def test_of_23_dances_four_get_another_tempo_when_the_dance_is_not_told(data_root: Path):
-    # Two rumbas and a waltz at twice their tempo, and a waltz without drums, in which no beat is tracked.
+    # Two rumbas and a waltz at twice their tempo, and a waltz with hardly an accent, in which the tracker fails.
     wrong = []
     for folder in sorted((data_root / "beatlocked").glob("DANCE_*")):
         tempo = audio_beats(load_recording(folder).clip.audio).tempo

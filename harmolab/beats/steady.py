@@ -83,8 +83,7 @@ def steady_beats(envelope: FloatArray, rate: float, tracked: FloatArray, span: t
     if quality >= STEADY:
         return SteadyBeats(grid.beats(*span), quality)
     path = _path(curve, rate, grid, span)
-    is_followed = path.size > 0 and (np.abs(tracked[:, None] - path).min(axis=1) <= NEAR).mean() >= FOLLOWED
-    return SteadyBeats(path if is_followed else tracked, quality)
+    return SteadyBeats(path if _share_near(tracked, path) >= FOLLOWED else tracked, quality)
 
 
 def accents(envelope: FloatArray, rate: float) -> FloatArray:
@@ -133,9 +132,17 @@ def likelier_tempo(envelope: FloatArray, rate: float, tempo: float) -> float:
     return (60.0 if weak < strong / 2 else 120.0) / half.period
 
 
+def _share_near(times: FloatArray, beats: FloatArray) -> float:
+    """Share of the times within `NEAR` of their nearest beat; 0 without beats."""
+    if beats.size == 0:
+        return 0.0
+    nearest = np.round(np.interp(times, beats, np.arange(beats.size))).astype(np.int64)
+    return float((np.abs(times - beats[nearest]) <= NEAR).mean())
+
+
 def octave_remark(tempo: float) -> str:
-    """A sentence that says that half or twice the tempo sounds alike."""
-    return f"Counted by ear alone; {tempo / 2:.0f} or {2 * tempo:.0f} would sound alike: --dance decides."
+    """A sentence that says that the tempo might be counted at half or twice as much."""
+    return f"The sound alone does not tell this tempo from {tempo / 2:.0f} or {2 * tempo:.0f}: --dance decides."
 
 
 def _path(curve: FloatArray, rate: float, grid: Grid, span: tuple[float, float]) -> FloatArray:

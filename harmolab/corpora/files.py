@@ -107,14 +107,17 @@ def load_clip(
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
+    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
     try:
-        clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, dance=dance)
+        clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-    if beats is None and not track:
+    if track and annotated is None:
+        tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
+        clip = replace(clip, beats=music_beats(tracked))
+    if one is None or clip.beats is None:
         return clip
-    sound = audio if sample_rate == TRACKED_AT or beats is not None else tracked_sound(song, audio)
-    return replace(clip, beats=song_beats(sound, dance=dance, beats=beats, one=one))
+    return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))
 
 
 def _check_dance(dance: str, beats: PathLike | None, one: float | None) -> None:
@@ -139,8 +142,8 @@ def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, 
         As in `load_clip`.
     """
     _check_dance(dance, beats, one)
-    clip = Clip("", audio, dance=dance, beats=None if beats is None else load_annotation(beats).track(audio.duration))
-    track = music_beats(clip)
+    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
+    track = music_beats(Clip("", audio, beats=annotated, dance=dance))
     return track if one is None else with_one(track, one, DANCES[dance].meter)
 
 

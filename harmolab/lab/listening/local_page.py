@@ -18,7 +18,7 @@ HTML, TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
 
 
 class Reply(NamedTuple):
-    """What is sent to the browser; after a reply that `is_last` the page is finished."""
+    """Content, status and kind of an answer to a browser; after one that `is_last` the page is finished."""
 
     content: str | bytes
     status: HTTPStatus = HTTPStatus.OK
