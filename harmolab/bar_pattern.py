@@ -23,6 +23,7 @@ from harmolab.beats.visual import RATE, motion_curve
 from harmolab.io.files import PathLike, read_json, reading, write_json
 from harmolab.kinematics import upsample_motion
 from harmolab.params import BarPattern, HarmonyParams
+from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
 
 GRID = 24  # samples per beat on which curve and pattern are compared
@@ -65,13 +66,16 @@ class PatternSums:
 
 
 def normalised_speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArray]:
-    """Joint speed without its slow drift, in standard deviations of the clip.
+    """Joint speed in the room, or shape speed, without its slow drift, in standard deviations of the clip.
 
     Returns
     -------
     times : (T',) array, seconds; a frame difference belongs half way between its frames
     speed : (T',) array with mean 0; all 0 when nothing moves
     """
+    if params.measure == "shape":
+        signal = shape_signal(shape_speed(motion, smoothing=params.position_smoothing))
+        return signal.times, signal.values
     is_fine = params.subframe or params.fps is not None  # `motion_curve` interpolates by itself
     curve, fps = motion_curve(motion if is_fine else upsample_motion(motion, RATE), params)
     rest: FloatArray = curve - gaussian_filter1d(curve, DRIFT * fps, mode="nearest")
@@ -163,10 +167,11 @@ def fit_of_speed(
     curve, first = beat_curve(times - params.lag, speed, audio_track)
     if curve.size == 0:
         return neutral
-    ranks = moment_ranks(curve, params.pattern)
+    pattern = params.pattern or BarPattern.stop_on_the_beat()
+    ranks = moment_ranks(curve, pattern)
     beats = np.round(beat_positions(music.times, audio_track)).astype(np.int64)
     moments = beat_moments(beats, first, curve.size)
-    is_placed = audio_track.bar_places is not None or params.pattern.beats == 1
+    is_placed = audio_track.bar_places is not None or pattern.beats == 1
     return _best_places(ranks, moments, beats, music, n_rotations, is_placed)
 
 
@@ -279,6 +284,6 @@ def load_pattern(path: PathLike, dance: str = "") -> BarPattern:
         if name not in patterns:
             raise ValueError(f"holds no pattern for --dance {name!r}; it has {', '.join(patterns)}")
         row = patterns[name]
-        if not isinstance(row, dict) or set(row) != {"beats", "cosines", "sines", "source"}:
+        if not isinstance(row, dict) or set(row) - {"dance"} != {"beats", "cosines", "sines", "source"}:
             raise ValueError(f"pattern {name!r} must have beats, cosines, sines and source")
-        return BarPattern(int(row["beats"]), tuple(row["cosines"]), tuple(row["sines"]), str(row["source"]))
+        return BarPattern(int(row["beats"]), tuple(row["cosines"]), tuple(row["sines"]), str(row["source"]), name)

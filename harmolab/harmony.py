@@ -19,9 +19,11 @@ from harmolab.beats.audio import music_beats
 from harmolab.beats.saliency import salient_audio, salient_visual
 from harmolab.beats.visual import visual_beats
 from harmolab.metrics.beats import kinematic_params, other_scores
-from harmolab.params import HarmonyParams
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
+from harmolab.shape_speed import shape_speed
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares
 from harmolab.types import Audio, BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore, IntArray, Motion
+from harmolab.verdict.judge import judge
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9
@@ -218,7 +220,7 @@ def _with_null(score: HarmonyScore, null: FloatArray | None, count: int, seed: i
         null = rotated_shares(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
         null = null / music.strengths.sum()
     low, high = bootstrap_interval(score.shares, music.strengths, count=count, seed=seed)
-    p = p_value(score.share, null)
+    p = p_value(score.mean_share, null)
     interval = above_chance(low, score.chance), above_chance(high, score.chance)
     return replace(score, null=null, p_value=p, interval=interval)
 
@@ -234,19 +236,42 @@ def score_motion(
     """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names.
 
     Cut the beats to the motion first (`Clip.shared` does it for a clip): all of them count. `params` are
-    ``HarmonyParams.recommended()`` when left out.
+    ``HarmonyParams.recommended()`` when left out. The measure "shape" has its p-value and spread without rotations.
     """
     params = params or HarmonyParams.recommended()
     timed = motion if params.clock == 1 else replace(motion, fps=motion.fps / params.clock)
     visual = visual_beats(timed, params=params)
     if params.measure == "hits":
         return score_harmony(audio_track, visual, params=params, n_rotations=n_rotations, seed=seed)
+    if params.measure == "shape":
+        return _judged(audio_track, timed, params, visual, seed)
     fit = fit_of_motion(audio_track, timed, params, n_rotations=n_rotations)
     # In the paper's terms a music beat is hit where it fits better than the median moment.
     share, times = fit.mean if fit.music.times.size else fit.chance, visual.times - params.lag
     pairs = hit_pairs(fit.music.times, times, delay=params.reaction_delay, matching=params.matching)
     score = _score(params, fit.music, visual, pairs, fit.shares, share, fit.chance)
     return _with_null(score, fit.null, n_rotations, seed) if n_rotations and fit.music.times.size else score
+
+
+def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: BeatTrack, seed: int) -> HarmonyScore:
+    """The score of `judge`; in the paper's terms its movements are rests, or hits where the body hits the beats."""
+    late = track.times + params.lag
+    music = track.select((late >= 0) & (late <= track.duration))
+    shape = shape_speed(motion, smoothing=params.position_smoothing)
+    judgement = judge(shape, replace(music, times=music.times + params.lag), pattern=params.pattern, seed=seed)
+    if judgement.reading == "hit" and params.detector == "valleys":
+        visual = visual_beats(motion, params=replace(params, detector="peaks"))
+    pairs = hit_pairs(music.times, visual.times - params.lag, delay=params.reaction_delay, matching=params.matching)
+    place = judgement.place
+    if place is None:
+        score = _score(params, music, visual, pairs, np.full(len(music), np.nan), np.nan, np.nan)
+        return replace(score, harmony_above_chance=np.nan, judgement=judgement)
+    curve = place.curve
+    score = _score(params, music, visual, pairs, place.shares(len(music)), float(curve[0]), place.chance)
+    return replace(
+        score, null=curve, p_value=judgement.p_value, interval=judgement.interval, judgement=judgement,
+        harmony_above_chance=judgement.harmony_above_chance,
+    )  # fmt: skip
 
 
 def score_clip(
@@ -264,7 +289,7 @@ def score_clip(
     Parameters
     ----------
     clip : Clip with a motion
-    params : HarmonyParams, default ``HarmonyParams.recommended()``
+    params : HarmonyParams, default ``HarmonyParams.recommended()`` with the pattern of the clip's dance, if known
     tracker : function from Audio to BeatTrack
         Another beat tracker, or ``lambda audio: load_beats("song.beats")``; for clips without annotated beats.
     n_rotations : int
@@ -286,7 +311,7 @@ def score_clip(
     >>> score.music.times[score.hits].size == score.hits.sum()
     True
     """
-    params = params or HarmonyParams.recommended()
+    params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))
     if clip.beats is None and tracker is not None:
         clip = replace(clip, beats=tracker(clip.audio))
     beats, motion = music_and_motion(clip, clock=params.clock)

@@ -16,6 +16,7 @@ from harmolab.skeletons import Skeleton as Skeleton
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
+    from harmolab.verdict.judge import Judgement
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -23,6 +24,7 @@ IntArray = NDArray[np.int64]
 
 # Share of a frame by which a time may miss the frame it stands for: rounding, not another frame.
 FRAME_EDGE = 1e-6
+MOST_CHANCE = 0.9  # share of the beats reached by chance, above which a score above chance says nothing
 
 
 def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[Any]:
@@ -287,8 +289,8 @@ class HarmonyScore:
     shares : (N,) array
         Share of each attentional music beat in the score: 1 for a hit and 0 for a miss, or with a bar pattern its
         percentile rank among all moments.
-    share : float, their mean, weighted by the strengths of the beats: what `chance` is taken off
-    null : (R,) array, that mean after each rotation in time; empty when not computed
+    mean_share : float, their mean, weighted by the strengths of the beats: what `chance` is taken off
+    null : (R,) array, that mean after each rotation in time, or at each lag; empty when not computed
     harmony, audio_harmony, visual_harmony : float
         h of Eq. 20-21, h_a = h_s / N and h_v = h_s / M.
     hitting_score : float, h_s of Eq. 19
@@ -298,8 +300,10 @@ class HarmonyScore:
     harmony_above_chance : float: 0 is what chance reaches, 1 is every beat hit
     intervals : (N,) array, from each attentional music beat to its nearest visual beat, less the lag (Eq. 17)
     p_value : float
-        Share of random rotations in time that score as high; NaN when not computed.
-    interval : (float, float), 95 % interval of harmony_above_chance; NaN when not computed
+        Share of random rotations in time that score as high; NaN when not computed. The recommended score's is that of
+        its `judgement`.
+    interval : (float, float), spread of harmony_above_chance from beat to beat or from bar to bar, 95 %; NaN without
+    judgement : Judgement of `harmolab.verdict.judge`, None unless the measure is "shape"
     """
 
     params: HarmonyParams
@@ -307,7 +311,7 @@ class HarmonyScore:
     visual: BeatTrack
     pairs: IntArray
     shares: FloatArray
-    share: float
+    mean_share: float
     harmony: float
     audio_harmony: float
     visual_harmony: float
@@ -319,6 +323,12 @@ class HarmonyScore:
     null: FloatArray = field(default_factory=lambda: np.zeros(0))
     p_value: float = float("nan")
     interval: tuple[float, float] = (float("nan"), float("nan"))
+    judgement: Judgement | None = None
+
+    @property
+    def above_chance(self) -> float:
+        """`harmony_above_chance` where it means something: NaN where chance alone reaches more than .9 of the beats."""
+        return self.harmony_above_chance if self.chance <= MOST_CHANCE else float("nan")
 
     @property
     def hits(self) -> BoolArray:
@@ -338,9 +348,11 @@ class HarmonyScore:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers and lists, ready for JSON, without settings and null; a number that does not exist is None."""
         beats = {"music_times": self.music.times, "visual_times": self.visual.times, "pairs": self.pairs}
-        numbers = {name: vars(self)[name] for name in vars(self) if name not in ("params", "music", "visual", "null")}
+        inner = ("params", "music", "visual", "null", "judgement")
+        numbers = {name: value for name, value in vars(self).items() if name not in inner}
         counts = {"hits": self.hits, "n_audio": self.n_audio, "n_visual": self.n_visual}
-        return {name: _plain(value) for name, value in (numbers | counts | beats).items()}
+        verdict = self.judgement.to_dict() if self.judgement else {}
+        return {name: _plain(value) for name, value in (numbers | counts | beats | verdict).items()}
 
 
 def _plain(value: Any) -> Any:

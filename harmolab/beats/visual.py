@@ -19,6 +19,7 @@ from harmolab.kinematics import (
     valley_frames,
 )
 from harmolab.params import HarmonyParams
+from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, FloatArray, Motion
 
 RATE = 120.0  # hertz: with `subframe`, slower motion is interpolated first, so that its frame rate does not show
@@ -33,11 +34,13 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
     Returns
     -------
     curve : (T',) array
-        Joint speed in units per second (Eq. 7), or the direction spread, smoothed by ``params.smoothing``; read-only.
+        Joint speed in units per second (Eq. 7), the shape speed (measure "shape"), or the direction spread, smoothed by
+        ``params.smoothing``; read-only.
     fps : float, hertz
     """
     direction = params.detector == "direction"
-    key = (params.fps, params.subframe, params.position_smoothing, params.smoothing, direction, params.speed)
+    is_shape = params.measure == "shape"
+    key = (params.fps, params.subframe, params.position_smoothing, params.smoothing, direction, params.speed, is_shape)
     curves = _curves.setdefault(motion, {})
     if key not in curves:
         curves[key] = _motion_curve(motion, params)
@@ -46,6 +49,9 @@ def motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, flo
 
 def _motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, float]:
     """The curve of `motion_curve`, computed; read-only, since it is shared."""
+    if params.measure == "shape":
+        shape = shape_speed(motion, smoothing=params.position_smoothing)
+        return shape.speed, shape.fps
     positions, fps = motion.positions, motion.fps
     if params.fps is not None:
         positions, fps = resample_positions(positions, fps, params.fps), params.fps
@@ -73,7 +79,9 @@ def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTra
     """
     find = {"turns": turning_points, "valleys": valley_frames}.get(params.detector, peak_frames)
     frames = find(curve, plateau=params.plateau)
-    positions = refine_extrema(curve, frames) - 0.5 if params.subframe else frames.astype(np.float64)
+    positions = refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)
+    if params.subframe and params.measure != "shape":
+        positions -= 0.5  # a frame difference belongs half a frame before its frame
     # The speed may be signed in one reading; a strength never is.
     return BeatTrack(positions / fps, np.abs(curve[frames]), fps, len(curve) / fps)
 

@@ -52,7 +52,6 @@ def beats(
             check_beats_file(out)
         if clicks is not None:
             common.check_out(clicks, "the song with clicks", (".wav",))
-        _check_outputs((out, clicks), (song, beats))
         audio = load_sound(song)
         track = _beats(audio, dance, one, beats, tracker, checkpoint)
         text = describe_beats(track)
@@ -64,7 +63,7 @@ def beats(
     if not dance and track.quality is not None and len(track) > 1:
         typer.echo(octave_remark(track.tempo))
     for path in filter(None, (out, clicks)):
-        typer.echo(f"wrote {path}")
+        common.wrote(path)
 
 
 def _beats(
@@ -80,14 +79,6 @@ def _beats(
         return neural_beats(audio, checkpoint)
     with common.finding_beats():
         return song_beats(audio, dance=dance, beats=beats, one=one)
-
-
-def _check_outputs(outputs: tuple[Path | None, ...], inputs: tuple[Path | None, ...]) -> None:
-    """ValueError where an output is an input."""
-    present = [path for path in inputs if path is not None and path.exists()]
-    for out in outputs:
-        if out is not None and out.exists() and any(out.samefile(path) for path in present):
-            raise ValueError(f"{out}: is an input here; choose another name for the output")
 
 
 def tap(

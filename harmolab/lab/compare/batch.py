@@ -22,7 +22,7 @@ from harmolab.bar_pattern import beat_curve, beat_moments, joint_fits, normalise
 from harmolab.beats.saliency import normalise_strengths, strength_steps
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import EDGE
-from harmolab.params import HarmonyParams
+from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
 
 
@@ -200,7 +200,8 @@ def rescore_patterns(batch: PatternBatch, params: HarmonyParams) -> BatchScores:
         Where the best place in the bar would have to be searched for, or for another reading of saliency: use
         `score_motion` for those.
     """
-    if params.pattern.beats > 1 and any(track.bar_places is None for track in batch.music):
+    pattern = params.pattern or BarPattern.stop_on_the_beat()
+    if pattern.beats > 1 and any(track.bar_places is None for track in batch.music):
         raise ValueError("rescore_patterns needs to know the bar places of all beats; use score_motion")
     if params.saliency != "threshold":
         raise ValueError(f"rescore_patterns knows the saliency 'threshold' only, not {params.saliency!r}")
@@ -236,14 +237,15 @@ def _beat_ranks(batch: PatternBatch, params: HarmonyParams) -> FloatArray:
         beat_curve(times - params.lag, speed, track) if moves else nothing
         for track, (times, speed), moves in zip(batch.music, batch.speeds, batch.is_ranked, strict=True)
     ]
-    fits = joint_fits([curve for curve, _ in curves], params.pattern)
+    pattern = params.pattern or BarPattern.stop_on_the_beat()
+    fits = joint_fits([curve for curve, _ in curves], pattern)
     ordered = np.sort(fits, axis=-1)
     ranks = [np.zeros(0)]
     for clip, (beats, (curve, first)) in enumerate(zip(batch.beat_numbers, curves, strict=True)):
         if curve.size == 0:
             ranks.append(np.full(beats.size, 0.5))
             continue
-        places, moments = beats % params.pattern.beats, beat_moments(beats, first, curve.size)
+        places, moments = beats % pattern.beats, beat_moments(beats, first, curve.size)
         ranks.append(_ranks(ordered[clip], places, fits[clip, places, moments]) / curve.size)
     return np.concatenate(ranks)
 

@@ -196,7 +196,7 @@ def dance_patterns(
     if not rows:
         raise ValueError("no sequence with annotated beats to learn from")
     return {
-        dance: fit_pattern(sums, source=f"{len(sums)} clips of {dance or 'unknown dance'}")
+        dance: replace(fit_pattern(sums, source=f"{len(sums)} clips of {dance or 'unknown dance'}"), dance=dance)
         for dance, sums in rows.items()
     }
 

@@ -147,7 +147,7 @@ def _draw_moved(ax: Axes, shifts: FloatArray, score: HarmonyScore) -> None:
     duration = score.music.duration
     around = np.mod(shifts + duration / 2, duration) - duration / 2
     order = np.argsort(around)
-    draw_rotations(ax, around[order], score.null[order], observed=score.share, chance=score.chance)
+    draw_rotations(ax, around[order], score.null[order], observed=score.mean_share, chance=score.chance)
 
 
 def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
@@ -160,8 +160,9 @@ def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, par
     draw_shares(above, music, score.shares, chance=score.chance)
     above.set(ylabel="rank of the moment", xlabel=RANKS_KEY)
     draw_curve(below, times, speed)
-    if len(stage.music) > 1 and (stage.music.bar_places is not None or params.pattern.beats == 1):
-        expected = evaluate_pattern(params.pattern, beat_positions(times - params.lag, stage.music))
+    pattern = params.pattern or BarPattern.stop_on_the_beat()
+    if len(stage.music) > 1 and (stage.music.bar_places is not None or pattern.beats == 1):
+        expected = evaluate_pattern(pattern, beat_positions(times - params.lag, stage.music))
         below.plot(times, 1.5 * expected / max(np.ptp(expected) / 2, 1e-12), color=COLOURS["ink"], linestyle="--")
     high = max(3.0, float(np.abs(speed).max(initial=0.0)))
     below.vlines(music.times, -high, high, color=COLOURS["audio"], alpha=0.35, linewidth=1.2)

@@ -1,0 +1,212 @@
+"""The movement signal of our score: the speed of the shape of the body, which nothing rigid can raise.
+
+A body that is carried, turned, tilted or bobbed as one piece keeps its shape, and its shape speed is 0. What is left is
+dance inside the body: limbs that swing, bends, twists. Score, loss, report and guard read this signal and no other.
+
+==================  ==================================================================================================
+positions           taken out of the movement
+==================  ==================================================================================================
+3-D, 3 joints up    where the body stands, how it turns about the vertical, and every other rotation of the whole body
+2-D, 3 joints up    what a camera does to a picture: pan, roll, zoom, shear. A statue that turns still moves in it.
+fewer joints        nothing: two points have no shape, so their speed in the room (head and hand of a game) is read
+==================  ==================================================================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from harmolab.kinematics import ROUNDING, smooth_positions, upsample_motion
+from harmolab.types import BoolArray, FloatArray, Motion
+
+RATE = 100.0  # hertz: slower motion is interpolated first, so that its frame rate does not show
+SMOOTHING = 0.06  # seconds, Gaussian over the positions: sensors tremble faster than people move
+DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat
+RIDGE = 1e-6  # share of the trace added to the inertia, so that joints in one line can be solved for
+FEWEST = 3  # joints; fewer have no shape
+
+# Several questions are asked about one motion: its signal is computed once while the motion is alive.
+_signals: WeakKeyDictionary[Motion, dict[float, ShapeSpeed]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeSpeed:
+    """The speed of a body's shape at every moment, and what it is made of. Arrays are read-only.
+
+    Parameters
+    ----------
+    fps : float, hertz; sample i belongs to second i / fps
+    speed : (T,) array, root mean square over the joints, units per second
+    energy : (T, J) array, squared speed of each joint inside the body
+    room : (T,) array, mean over the joints of their squared speed in the room
+    extent : (T,) array, root mean square distance of the joints from their mean
+    valid : (T,) bool array, False on filler frames
+    dimensions : 3, 2, or 0 where there are too few joints to have a shape
+    """
+
+    fps: float
+    speed: FloatArray
+    energy: FloatArray
+    room: FloatArray
+    extent: FloatArray
+    valid: BoolArray
+    dimensions: int
+
+    @property
+    def times(self) -> FloatArray:
+        """(T,) seconds from the motion's first frame."""
+        return np.arange(self.speed.size) / self.fps
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeSignal:
+    """Shape speed over one stretch of time, without its slow drift, in standard deviations; and how much it is.
+
+    Parameters
+    ----------
+    times, values : (T,) arrays, seconds, and the signal: mean 0 and SD 1 over the valid samples (0 when nothing moves)
+    valid : (T,) bool array
+    pulse : float, per second
+        SD of the speed without its drift over the body's size: how strongly the movement swells and fades.
+    share : float
+        Movement inside the body over movement in the room, root mean squares: 0 for a statue on a turntable, NaN when
+        nothing moves.
+    joints : float in (0, 1], participation of the joints: 1 when all move alike, 1 / J when one joint does everything
+    dimensions : int, as in `ShapeSpeed`
+    """
+
+    times: FloatArray
+    values: FloatArray
+    valid: BoolArray
+    pulse: float
+    share: float
+    joints: float
+    dimensions: int
+
+
+def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
+    """Speed of the shape of a body, at 100 hertz or the motion's own rate if that is higher.
+
+    With X the joints around their mean, turned back about the vertical by the sum of the steps
+    ``atan2(sum cross(X(t-1), X(t)), sum dot(X(t-1), X(t)))`` seen from above (at the motion's own rate, before anything
+    is interpolated), interpolated by cubics and smoothed, and W their velocity: ``Z = W - w x X``, where the rotation w
+    fits W best; the speed is ``sqrt(mean |Z|^2)``. In 2-D the best 2 x 2 matrix A takes the place of the rotations.
+
+    Parameters
+    ----------
+    motion : Motion
+    smoothing : float, seconds, standard deviation of the Gaussian over the positions
+
+    Examples
+    --------
+    >>> from harmolab.types import Skeleton
+    >>> body = np.array([[0.0, 0.0, 0.2], [0.3, 1.0, 0.0], [-0.3, 1.0, 0.0], [0.0, 1.7, 0.1]])
+    >>> angle = np.linspace(0, 9, 200)[:, None]
+    >>> x, y, z = body[:, 0], np.broadcast_to(body[:, 1], (200, 4)), body[:, 2]
+    >>> turned = np.stack([x * np.cos(angle) + z * np.sin(angle), y, z * np.cos(angle) - x * np.sin(angle)], axis=-1)
+    >>> statue = shape_speed(Motion(turned, 30.0, Skeleton.unnamed(4)))
+    >>> bool(statue.speed.max() < 1e-9 * np.sqrt(statue.room.max()))
+    True
+    """
+    signals = _signals.setdefault(motion, {})
+    if smoothing not in signals:
+        signals[smoothing] = _shape_speed(motion, smoothing)
+    return signals[smoothing]
+
+
+def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
+    """The signal of `shape_speed`, computed."""
+    fine = upsample_motion(motion, RATE)
+    dimensions = motion.positions.shape[2] if motion.positions.shape[1] >= FEWEST else 0
+    room = _velocity(smooth_positions(fine.positions, smoothing, fine.fps), fine.fps)
+    inner = room
+    shape = _centred(fine.positions)
+    if dimensions == 3:
+        unturned = replace(motion, positions=unturn(motion.positions))
+        shape = smooth_positions(upsample_motion(unturned, RATE).positions, smoothing, fine.fps)
+        inner = _without_rotation(_centred(shape), _centred(_velocity(shape, fine.fps)))
+    elif dimensions == 2:
+        shape = smooth_positions(shape, smoothing, fine.fps)
+        inner = _without_affine(shape, _centred(room))
+    energy = np.einsum("tjd,tjd->tj", inner, inner)
+    arrays = {
+        "speed": np.sqrt(energy.mean(axis=1)),
+        "energy": energy,
+        "room": np.einsum("tjd,tjd->tj", room, room).mean(axis=1),
+        "extent": np.sqrt(np.einsum("tjd,tjd->tj", shape, shape).mean(axis=1)),
+        "valid": fine.valid,
+    }
+    for array in arrays.values():
+        array.setflags(write=False)
+    return ShapeSpeed(fps=fine.fps, dimensions=dimensions, **arrays)
+
+
+def unturn(positions: FloatArray) -> FloatArray:
+    """Joints (T, J, 3) around their mean, turned back about the vertical: constant for a rigid body that only turns.
+
+    Frame by frame the turn is the one that brings the joints closest to where they were (least squares).
+    """
+    centred = _centred(positions)
+    x, z = centred[..., 0], centred[..., 2]
+    cross = (z[:-1] * x[1:] - x[:-1] * z[1:]).sum(axis=1)
+    dot = (x[:-1] * x[1:] + z[:-1] * z[1:]).sum(axis=1)
+    angle = np.concatenate([[0.0], np.cumsum(np.arctan2(cross, dot))])[:, None]
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.stack([cos * x - sin * z, centred[..., 1], sin * x + cos * z], axis=-1)
+
+
+def _centred(positions: FloatArray) -> FloatArray:
+    return positions - positions.mean(axis=1, keepdims=True)
+
+
+def _velocity(positions: FloatArray, fps: float) -> FloatArray:
+    """Central differences (one-sided at the ends), units per second."""
+    return np.gradient(positions, 1 / fps, axis=0)
+
+
+def _without_rotation(shape: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Velocities (T, J, 3) less those of the rotation w that fits best: ``(sum |X|^2 I - X X^T) w = sum X x W``."""
+    outer = np.einsum("tja,tjb->tab", shape, shape)
+    trace = np.trace(outer, axis1=1, axis2=2)
+    inertia = trace[:, None, None] * np.eye(3) - outer
+    inertia += np.maximum(2 * RIDGE * trace, np.finfo(float).tiny)[:, None, None] * np.eye(3)
+    moment = np.cross(shape, velocity).sum(axis=1)
+    rotation = np.linalg.solve(inertia, moment[..., None])[..., 0]
+    return velocity - np.cross(rotation[:, None], shape)
+
+
+def _without_affine(shape: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Velocities (T, J, 2) less those of the 2 x 2 matrix A that fits them best, ``W = A X``."""
+    outer = np.einsum("tja,tjb->tab", shape, shape)
+    ridge = np.maximum(RIDGE * np.trace(outer, axis1=1, axis2=2), np.finfo(float).tiny)
+    mixed = np.einsum("tja,tjb->tab", shape, velocity)
+    matrix = np.linalg.solve(outer + ridge[:, None, None] * np.eye(2), mixed)
+    return velocity - np.einsum("tja,tab->tjb", shape, matrix)
+
+
+def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> ShapeSignal:
+    """The signal from second `start` to second `end`: nothing before or after has any part in it.
+
+    All is 0, and the share NaN, where nothing moves or fewer than two valid samples lie between.
+    """
+    inside = slice(*np.searchsorted(shape.times, [start - ROUNDING, end + ROUNDING]))
+    speed, valid, times = shape.speed[inside], shape.valid[inside], shape.times[inside]
+    room = float(shape.room[inside][valid].mean()) if valid.sum() > 1 else 0.0
+    if room == 0:
+        return ShapeSignal(times, np.zeros_like(speed), valid, 0.0, np.nan, 0.0, shape.dimensions)
+    rest = speed - gaussian_filter1d(speed, DRIFT * shape.fps, mode="nearest")
+    spread, by_joint = float(rest[valid].std()), shape.energy[inside][valid].mean(axis=0)
+    is_still = spread <= 1e-9 * np.sqrt(room)
+    return ShapeSignal(
+        times=times,
+        values=np.zeros_like(rest) if is_still else (rest - rest[valid].mean()) / spread,
+        valid=valid,
+        pulse=spread / max(float(np.median(shape.extent[inside][valid])), np.finfo(float).tiny),
+        share=float(np.sqrt(by_joint.mean() / room)),
+        joints=float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum())) if by_joint.any() else 0.0,
+        dimensions=shape.dimensions,
+    )

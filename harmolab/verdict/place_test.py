@@ -1,0 +1,199 @@
+"""The place test: at which lag does a movement do on the beats what dancers do there?
+
+A reading says what is expected around a beat: the learnt curve of a dance; without a dance that the body rests on the
+beat, hits it, or rests on every second one. Every moment of the take is ranked by how well the next cycle of movement
+fits; moved by a lag u, the beats have the mean rank M_f(u), and the best reading T(u) = max_f M_f(u). The choice of the
+reading is part of the null, since every lag has it too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import lcm
+
+import numpy as np
+from scipy.stats import rankdata
+
+from harmolab.bar_pattern import evaluate_pattern
+from harmolab.params import BarPattern
+from harmolab.shape_speed import ShapeSignal
+from harmolab.types import FloatArray, IntArray
+
+MOMENTS = 48  # a beat
+TIE = 0.03  # of the range of T: lags that fit as well as the best
+BLOCK = 4  # beats that are drawn together, at least
+N_DRAWS = 200
+REST, HIT = BarPattern(1, (-1.0,), (0.0,), "rest"), BarPattern(1, (1.0,), (0.0,), "hit")
+HALF_TIME = BarPattern(2, (-1.0,), (0.0,), "half time")
+FREE = (REST, HIT, HALF_TIME)
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceTest:
+    """Ranks of the beats among all moments of a take, by reading and lag.
+
+    Parameters
+    ----------
+    readings : tuple of (BarPattern, int), F readings: a pattern, and the number of the beat it begins on
+    ranks : (F, B, U) array in (0, 1)
+        Rank of each of B beats moved by u / 48 beats, for the U lags of one cycle.
+    first : int, number of the first of these beats among the music's
+    reach : float, beats: lags up to so far on either side are told apart
+    """
+
+    readings: tuple[tuple[BarPattern, int], ...]
+    ranks: FloatArray
+    first: int
+    reach: float
+
+    @property
+    def curve(self) -> FloatArray:
+        """T(u), (U,): mean rank of the beats moved by u, of the best reading there."""
+        return self.ranks.mean(axis=1).max(axis=0)
+
+    @property
+    def chance(self) -> float:
+        """Mean rank at a random lag: 1/2 for one reading, above that where the best of several is taken."""
+        return _chance(self.curve, len(self.readings))
+
+    @property
+    def harmony_above_chance(self) -> float:
+        """H = (T(0) - c) / (1 - c), in [-1, 1]: 1 when every beat is the best moment of the take."""
+        return float(_above(self.curve, len(self.readings)))
+
+    @property
+    def p_value(self) -> float:
+        """Share of the lags at which the beats rank at least as high as where they are."""
+        curve = self.curve
+        return float(np.mean(curve >= curve[0] - 1e-12))
+
+    @property
+    def lag(self) -> float:
+        """The lag (beats, late is positive) at which the beats rank highest."""
+        return float(_lags(self.curve, self.reach))
+
+    @property
+    def reading(self) -> BarPattern:
+        """The pattern that fits best at the lag."""
+        moment = int(np.floor(self.lag * MOMENTS + 0.5)) % self.ranks.shape[2]
+        return self.readings[int(self.ranks.mean(axis=1)[:, moment].argmax())][0]
+
+    def shares(self, n_beats: int) -> FloatArray:
+        """Rank of each of the music's beats, (n_beats,), in the reading that fits best at lag 0."""
+        best = int(self.ranks.mean(axis=1)[:, 0].argmax())
+        return self.ranks[best, (np.arange(n_beats) - self.first) % self.ranks.shape[1], 0]
+
+    def spread(self, *, seed: int = 0, level: float = 0.95) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Intervals of H and of the lag (beats) from bar to bar: blocks of 4 beats or more are drawn with replacement.
+
+        They say how steady the take is, not how likely its place in the beat is by luck: a take has one phase. Both are
+        NaN with fewer than two blocks.
+        """
+        cycle = lcm(*(pattern.beats for pattern, _ in self.readings))
+        starts = np.arange(0, self.ranks.shape[1], cycle * -(-BLOCK // cycle))
+        if starts.size < 2:
+            return (np.nan, np.nan), (np.nan, np.nan)
+        sums = np.add.reduceat(self.ranks, starts, axis=1)
+        sizes = np.diff(np.append(starts, self.ranks.shape[1]))
+        counts = np.random.default_rng(seed).multinomial(starts.size, np.full(starts.size, 1 / starts.size), N_DRAWS)
+        means = np.einsum("db,fbu->dfu", counts, sums) / (counts @ sizes)[:, None, None]
+        curves = means.max(axis=1)
+        away = (_lags(curves, self.reach) - self.lag + self.reach) % (2 * self.reach) - self.reach
+        edges = (1 - level) / 2, (1 + level) / 2
+        harmony = np.quantile(_above(curves, len(self.readings)), edges)
+        lags = self.lag + np.quantile(away, edges)
+        return (float(harmony[0]), float(harmony[1])), (float(lags[0]), float(lags[1]))
+
+
+def place_test(
+    signal: ShapeSignal, beats: FloatArray, bar_places: IntArray | None = None, pattern: BarPattern | None = None
+) -> PlaceTest:
+    """The test of a movement against beats.
+
+    Parameters
+    ----------
+    signal : ShapeSignal over the span of the beats
+    beats : (B,) array, seconds on the signal's time line
+    bar_places : (B,) array of int, or None when unknown: then every place of the bar is a reading
+    pattern : BarPattern, or None for rest, hit and half time at either place
+
+    Raises
+    ------
+    ValueError
+        If the beats do not hold one whole cycle of the readings.
+    """
+    readings = _readings(bar_places, pattern)
+    cycle = lcm(*(reading.beats for reading, _ in readings))
+    first = int(np.ceil(np.interp(signal.times[0], beats, np.arange(beats.size)) - 1e-6))
+    count = (beats.size - 1 - first) // cycle * cycle
+    if count < 1:
+        raise ValueError(f"{beats.size} beats hold no whole cycle of {cycle}")
+    moments = np.interp(first + np.arange(count * MOMENTS) / MOMENTS, np.arange(beats.size), beats)
+    speed = np.interp(moments, signal.times[signal.valid], signal.values[signal.valid])
+    origin = 0 if bar_places is None else int(bar_places[0])
+    ranks = [_beat_ranks(speed, pattern, first + origin - place, cycle) for pattern, place in readings]
+    reach = 0.25 if pattern is None else 0.5 * (cycle if len(readings) == 1 else 1)
+    return PlaceTest(readings, np.array(ranks), first, reach)
+
+
+def _readings(bar_places: IntArray | None, pattern: BarPattern | None) -> tuple[tuple[BarPattern, int], ...]:
+    """The patterns to try, each at every place where it may begin."""
+    patterns = FREE if pattern is None else (pattern,)
+    is_placed = pattern is not None and bar_places is not None
+    return tuple((each, place) for each in patterns for place in range(1 if is_placed else each.beats))
+
+
+def _beat_ranks(speed: FloatArray, pattern: BarPattern, origin: int, cycle: int) -> FloatArray:
+    """(B, U) ranks of the beats of a circular speed at every lag within `cycle` beats.
+
+    `origin` is the number of the first beat counted from where the pattern begins.
+    """
+    places = [_rank(_circular_fit(speed, pattern, place)) for place in range(pattern.beats)]
+    numbers = np.arange(speed.size // MOMENTS)
+    moments = (numbers[:, None] * MOMENTS + np.arange(cycle * MOMENTS)) % speed.size
+    return np.array(places)[(numbers + origin)[:, None] % pattern.beats, moments]
+
+
+def _circular_fit(speed: FloatArray, pattern: BarPattern, place: int) -> FloatArray:
+    """Correlation of a circular speed around each moment with the pattern around one of its places, (G,).
+
+    The pattern is seen through a Hann window of one cycle, and has no mean.
+    """
+    half = pattern.beats * MOMENTS // 2
+    offsets = np.arange(-half, half + 1) / MOMENTS
+    window = 0.5 + 0.5 * np.cos(np.pi * offsets * MOMENTS / half)
+    template = window * evaluate_pattern(pattern, offsets + place)
+    template -= window * template.sum() / window.sum()
+    kernel = np.zeros(speed.size)
+    np.add.at(kernel, np.arange(-half, half + 1) % speed.size, template)
+    return np.fft.irfft(np.fft.rfft(speed) * np.conj(np.fft.rfft(kernel)), speed.size)
+
+
+def _rank(fits: FloatArray) -> FloatArray:
+    """Ranks in (0, 1); what differs by rounding only is a tie."""
+    return (rankdata(np.round(fits / max(np.abs(fits).max(), 1e-300), 9)) - 0.5) / fits.size
+
+
+def _chance(curve: FloatArray, n_readings: int) -> float:
+    return 0.5 if n_readings == 1 else float(curve.mean())
+
+
+def _above(curves: FloatArray, n_readings: int) -> FloatArray:
+    """H of curves (..., U)."""
+    chance = 0.5 if n_readings == 1 else curves.mean(axis=-1)
+    return (curves[..., 0] - chance) / (1 - chance)
+
+
+def _lags(curves: FloatArray, reach: float) -> FloatArray:
+    """Lag in beats of the top of curves (..., U) within the reach: the middle of its plateau, the one nearest 0."""
+    size = curves.shape[-1]
+    lags = np.arange(-int(reach * MOMENTS), int(reach * MOMENTS) + 1)
+    heights = curves[..., lags % size]
+    tie = TIE * (curves.max(axis=-1) - curves.min(axis=-1))
+    outside = heights < (heights.max(axis=-1) - tie)[..., None]
+    nearest = np.where(outside, size, np.abs(lags)).argmin(axis=-1)[..., None]
+    places = np.arange(lags.size)
+    before = np.maximum.accumulate(np.where(outside, places, -1), axis=-1)
+    after = np.minimum.accumulate(np.where(outside, places, lags.size)[..., ::-1], axis=-1)[..., ::-1]
+    ends = [np.take_along_axis(edge, nearest, axis=-1)[..., 0] for edge in (before, after)]
+    return (0.5 * (ends[0] + ends[1]) + lags[0]) / MOMENTS
