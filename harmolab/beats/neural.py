@@ -16,9 +16,7 @@ from harmolab.io.files import PathLike, reading
 from harmolab.types import Audio, BeatTrack
 
 PACKAGE = "beat_this"
-HELP = (
-    "get a checkpoint (final0.ckpt, 81 MB) from https://github.com/CPJKU/beat_this and name the file with --checkpoint"
-)
+HELP = "get a checkpoint (final0.ckpt) from https://github.com/CPJKU/beat_this and name the file with --checkpoint"
 
 
 def neural_beats(audio: Audio, checkpoint: PathLike | None) -> BeatTrack:
