@@ -7,17 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from harmolab.cli.checks import check_unread
 from harmolab.cli.common import (
     VIDEOS_OUT,
     PatternFile,
     Song,
     check_out,
     finding_beats,
+    note,
     plain_errors,
     print_verdict,
     progress,
     recommended,
     show,
+    wrote,
 )
 from harmolab.cli.training import accepted
 
@@ -62,6 +65,8 @@ def dance(
     """
     with plain_errors():
         paths = _paths(out, seed, samples)
+        for path in paths.values():
+            check_unread(context, path)
         trained = _system(weights, system)
         options = accepted(trained.generate, context, {"progress": progress})
         sound, audio, track = _music(song, dance)
@@ -74,6 +79,8 @@ def dance(
         for number, path in paths.items():
             motion = trained.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
             music = track.span(start, motion.duration)
+            if len(music) < 2:
+                note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
             score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
             print_verdict(score.judgement, f"seed {number}")
             table[f"seed {number}"] = facts = {
@@ -82,7 +89,7 @@ def dance(
             _write(path, Dancer("generated", motion, score), sound, track, start, song.stem, facts)
     _print(table)
     for path in paths.values():
-        typer.echo(f"wrote {path}")
+        wrote(path)
     if start and out.suffix.lower() != ".npz":
         typer.echo(f"it begins at {start:g} s of the song: pass --offset {start:g} with it")
 

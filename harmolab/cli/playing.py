@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Seconds, Song, Start
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Scale, Seconds, Song, Start
 
 
 def play(
@@ -28,6 +28,7 @@ def play(
     beats: Beats = None,
     pattern: PatternFile = None,
     fps: Fps = None,
+    scale: Scale = None,
 ) -> None:
     """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
 
@@ -44,12 +45,14 @@ def play(
         common.check_out(out, "the player", common.PAGES)
         params = common.recommended(pattern, dance)
         with common.finding_beats():
-            clip = load_clip(song, motion, offset=offset, dance=dance, beats=beats, fps=fps, sample_rate=None)
+            clip = load_clip(
+                song, motion, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+            )
         clips = [clip]
         if other is not None:
             begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
-            movement, name = load_any_motion(other, fps=fps), other.stem or other.name
+            movement, name = load_any_motion(other, fps=fps, scale=scale), other.stem or other.name
             clips.append(replace(clip, name=name, motion=movement, offset=begins))
         title = f"{clip.name} to {song.name}"
         player_of(clips, start=start, seconds=seconds, title=title, params=params).save(out)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)

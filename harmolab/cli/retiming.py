@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Song, show
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Scale, Song, show
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -43,6 +43,7 @@ def retime(
         Method, typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
     ] = Method.dp,
     fps: Fps = None,
+    scale: Scale = None,
 ) -> None:
     """Bend the time of a motion, or of a video, until its rests meet the music's beats, and say how much was bent.
 
@@ -58,11 +59,11 @@ def retime(
         common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))
         retimed = retime_files(
             song, motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest, fastest=fastest,
-            dance=dance, beats=beats, method=method.value, fps=fps, progress=common.progress,
+            dance=dance, beats=beats, method=method.value, fps=fps, scale=scale, progress=common.progress,
             params=common.recommended(pattern, dance),
         )  # fmt: skip
     _print(retimed)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)
 
 
 def _print(retimed: Retimed) -> None:

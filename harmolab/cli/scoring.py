@@ -12,7 +12,20 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import Beats, DanceName, DanceOrNone, Fps, Joints, Offset, PatternFile, Seconds, Song, show
+from harmolab.cli.common import (
+    Beats,
+    DanceName,
+    DanceOrNone,
+    Fps,
+    Joints,
+    Offset,
+    One,
+    PatternFile,
+    Scale,
+    Seconds,
+    Song,
+    show,
+)
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -50,8 +63,10 @@ def score(
         Mode, typer.Option(help="The paper's settings, ours, or both; room: what we advised before, for comparison.")
     ] = Mode.both,
     fps: Fps = None,
+    scale: Scale = None,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
     joints: Joints = "",
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
@@ -85,6 +100,8 @@ def score(
     from harmolab.harmony import music_and_motion, other_measures, score_motion
 
     with common.plain_errors():
+        if plot:
+            common.check_place(plot)
         if motion is None:
             if not song.is_dir():
                 raise ValueError(f"{song}: score takes SONG DANCE, or the folder of one recording")
@@ -94,8 +111,9 @@ def score(
         names = common.names_in(joints) or None
         with common.finding_beats():
             clip = load_clip(
-                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps, joints=names
-            )
+                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps, scale=scale,
+                joints=names,
+            )  # fmt: skip
         music, movement = music_and_motion(clip, clock=clock)
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
         measures = other_measures(clip, clock=clock) if others else {}

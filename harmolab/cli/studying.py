@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harmolab.cli.common import AsJson, left_out, plain_errors, progress, show, write_text
+from harmolab.cli.checks import CheckedCommand
+from harmolab.cli.common import AsJson, left_out, plain_errors, progress, serve, show, write_text
 
 if TYPE_CHECKING:
     from harmolab.lab.listening.answers import Answers
     from harmolab.lab.listening.corpus_study import Pieces
-    from harmolab.lab.listening.presenting import StudyServer
 
 
 Tables = dict[str, list[dict[str, Any]]]
@@ -33,7 +32,7 @@ Wrong = Literal["lagged", "swapped"]
 Raters = Literal["all", "people", "simulated"]
 
 
-@study_app.command()
+@study_app.command(cls=CheckedCommand)
 def make(
     corpus: Annotated[Path, typer.Argument(help="Folder of sequences (Tang 2018 layout, or ours).")],
     out: Annotated[Path, typer.Argument(help="Folder for the study; `ask` needs nothing else.")],
@@ -97,7 +96,7 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     write_study(out, trials, key)
 
 
-@study_app.command()
+@study_app.command(cls=CheckedCommand)
 def ask(
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`.")],
     rater: Annotated[str, typer.Option(help="Name of the rater; it decides the order of the trials.")],
@@ -123,25 +122,12 @@ def ask(
         log = answer_log(study, rater)
         if log.resume(trials):
             server = StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
-            _serve(server, no_open)
+            serve(server, no_open, "nothing that was answered is lost")
         done = len(trials) - len(log.resume(trials))
     typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
 
 
-def _serve(server: StudyServer, no_open: bool) -> None:
-    """Serves the trials until all are answered, or Ctrl-C."""
-    with server.running() as address:
-        typer.echo(f"open {address}\nCtrl-C stops; nothing that was answered is lost")
-        if not no_open:
-            webbrowser.open(address)
-        try:
-            while not server.finished.wait(0.5):
-                pass
-        except KeyboardInterrupt:
-            typer.echo("")
-
-
-@study_app.command()
+@study_app.command(cls=CheckedCommand)
 def analyse(
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`, with answers.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,

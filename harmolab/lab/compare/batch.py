@@ -143,7 +143,7 @@ def _moved_track(track: BeatTrack, seconds: float) -> BeatTrack:
     """The beats moved round the end of their time line; two that fall on one moment become one."""
     times, kept = np.unique(np.mod(track.times + seconds, track.duration), return_index=True)
     places = None if track.bar_places is None else track.bar_places[kept]
-    return BeatTrack(times, track.strengths[kept], track.fps, track.duration, places)
+    return replace(track, times=times, strengths=track.strengths[kept], bar_places=places)
 
 
 @dataclass(frozen=True, eq=False)
