@@ -53,6 +53,7 @@ def dances(beats: np.ndarray) -> dict[str, tuple[Motion, float, tuple[str, ...]]
         "hits": (waving(phase + 0.5), 0.0, ()),
         "statue": (turning(phase), 0.0, ()),
         "noise": (noise(), 0.0, ("--dance", "cha-cha")),
+        "one told": (clip.motion, 0.0, ("--dance", "cha-cha", "--one", f"{beats[8]:.2f}")),
     }
 
 
@@ -79,8 +80,9 @@ def numbers(song: Path, motion: Path, *options: object) -> dict[str, dict[str, A
         run("play", song, motion, *options, "--out", page),
     ]
     assert [result.exit_code for result in results] == [0, 0, 0], [result.output for result in results]
-    dance = options[1] if "--dance" in options else ""
-    before = retime_files(song, motion, bent, dance=str(dance), strength=0.0).before.to_dict()
+    dance, one = (options[options.index(name) + 1] if name in options else None for name in ("--dance", "--one"))
+    told = {"dance": str(dance or ""), "one": None if one is None else float(str(one))}
+    before = retime_files(song, motion, bent, strength=0.0, **told).before.to_dict()
     score, explained = json.loads(results[0].stdout)["recommended"], json.loads(results[1].stdout)
     return {"score": score, "explain": explained, "play": number_of_page(page), "retime": before}
 

@@ -10,6 +10,7 @@ import typer
 from harmolab.cli.checks import check_unread
 from harmolab.cli.common import (
     VIDEOS_OUT,
+    One,
     PatternFile,
     Song,
     check_out,
@@ -54,6 +55,7 @@ def dance(
         str, typer.Option(help="Start as this dance (waltz, ...), and be judged as one; also a prior for the tempo.")
     ] = "",
     pattern: PatternFile = None,
+    one: One = None,
     samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
     plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
 ) -> None:
@@ -69,7 +71,7 @@ def dance(
             check_unread(context, path)
         trained = _system(weights, system)
         options = accepted(trained.generate, context, {"progress": progress})
-        sound, audio, track = _music(song, dance)
+        sound, audio, track = _music(song, dance, one)
         from harmolab import Clip, score_clip
         from harmolab.lab.evaluate.dance_scores import dance_scores
         from harmolab.lab.widgets.player import Dancer
@@ -120,16 +122,15 @@ def _system(weights: Path | None, system: str | None) -> System:
         raise ValueError(f"dancing needs {error.name}; install it with: pip install 'harmolab[train]'") from None
 
 
-def _music(song: Path, dance: str) -> tuple[Audio, Audio, BeatTrack]:
+def _music(song: Path, dance: str, one: float | None) -> tuple[Audio, Audio, BeatTrack]:
     """The song at its own sample rate, as beats are tracked in it, and its beats."""
-    from harmolab import Clip, music_beats
-    from harmolab.corpora.files import tracked_sound
+    from harmolab.corpora.files import song_beats, tracked_sound
     from harmolab.io.video_sound import load_sound
 
     sound = load_sound(song, sample_rate=None)
     audio = tracked_sound(song, sound)
     with finding_beats():
-        return sound, audio, music_beats(Clip(song.stem, audio, dance=dance))
+        return sound, audio, song_beats(audio, dance=dance, one=one)
 
 
 def _write(

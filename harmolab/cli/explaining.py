@@ -10,7 +10,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, PatternFile, Scale, Song
+from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Song
 
 
 def explain(
@@ -29,6 +29,7 @@ def explain(
     search: Annotated[float, typer.Option(help="How many seconds from the guess to look, to either side.")] = 2.0,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
     fps: Fps = None,
     scale: Scale = None,
@@ -67,6 +68,7 @@ def explain(
                 guess=guess,
                 search=search,
                 beats=beats,
+                one=one,
                 dance=dance,
                 params=params,
             )

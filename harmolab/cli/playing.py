@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Scale, Seconds, Song, Start
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Seconds, Song, Start
 
 
 def play(
@@ -26,6 +26,7 @@ def play(
     seconds: Seconds = None,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
     fps: Fps = None,
     scale: Scale = None,
@@ -46,7 +47,7 @@ def play(
         params = common.recommended(pattern, dance)
         with common.finding_beats():
             clip = load_clip(
-                song, motion, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+                song, motion, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
             )
         clips = [clip]
         if other is not None:

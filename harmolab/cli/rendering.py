@@ -8,7 +8,20 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Joints, Offset, PatternFile, Scale, Seconds, Song, show
+from harmolab.cli.common import (
+    Beats,
+    Dance,
+    DanceName,
+    Fps,
+    Joints,
+    Offset,
+    One,
+    PatternFile,
+    Scale,
+    Seconds,
+    Song,
+    show,
+)
 
 
 def render(
@@ -25,6 +38,7 @@ def render(
     ] = True,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
     height: Annotated[
         int, typer.Option(help="Pixels; the width is 4/3 of it, or the video's (never enlarged).", min=120, max=2160)
@@ -59,7 +73,7 @@ def render(
         movement = load_points(motion, fps=fps, joints=names) if over else motion
         with common.finding_beats():
             clip = load_clip(
-                song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, track=marks, fps=fps,
+                song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, track=marks, fps=fps,
                 scale=scale, joints=names, sample_rate=None,
             )  # fmt: skip
         write_dance(

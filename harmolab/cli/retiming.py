@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Scale, Song, show
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Song, show
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -38,6 +38,7 @@ def retime(
     fastest: Annotated[float, typer.Option(help="Highest local speed, 1 or more.")] = 1.4,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
     method: Annotated[
         Method, typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
@@ -59,7 +60,7 @@ def retime(
         common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))
         retimed = retime_files(
             song, motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest, fastest=fastest,
-            dance=dance, beats=beats, method=method.value, fps=fps, scale=scale, progress=common.progress,
+            dance=dance, beats=beats, one=one, method=method.value, fps=fps, scale=scale, progress=common.progress,
             params=common.recommended(pattern, dance),
         )  # fmt: skip
     _print(retimed)

@@ -79,6 +79,7 @@ def retime_files(
     offset: float | None = None,
     dance: str = "",
     beats: PathLike | None = None,
+    one: float | None = None,
     fps: float | None = None,
     scale: float | None = None,
     params: HarmonyParams | None = None,
@@ -93,7 +94,7 @@ def retime_files(
 
     Parameters
     ----------
-    song, motion, offset, dance, beats, fps, scale : as in `load_clip`; `motion` may also be a video
+    song, motion, offset, dance, beats, one, fps, scale : as in `load_clip`; `motion` may also be a video
         A video moves as its pictures do as a whole, whose rests are those of the dancer.
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
     params : HarmonyParams of the number before and after, as in `harmolab.harmony.score_clip`
@@ -110,7 +111,7 @@ def retime_files(
     movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
     for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
         clip = load_clip(
-            path, movement, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+            path, movement, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
         )
     moves = _motion(clip)
     music = music_beats(clip).span(clip.offset, moves.duration)

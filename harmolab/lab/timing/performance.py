@@ -262,6 +262,7 @@ def explain_performance(
     guess: float | None = None,
     search: float = 2.0,
     beats: PathLike | None = None,
+    one: float | None = None,
     dance: str = "",
     params: HarmonyParams | None = None,
     n_rotations: int = 1000,
@@ -276,7 +277,7 @@ def explain_performance(
     offset : float, seconds, optional
         Song time of the first frame; default that of `place_performance`.
     guess, search : see `place_performance`
-    beats, dance : as in `harmolab.corpora.files.load_clip`
+    beats, one, dance : as in `harmolab.corpora.files.load_clip`
     params : HarmonyParams of measure "shape", default the recommended ones with the pattern of the dance, if known
     n_rotations, seed : see `harmolab.harmony.score_clip`
 
@@ -285,7 +286,7 @@ def explain_performance(
     FileNotFoundError, ValueError
         Both name the file.
     """
-    unplaced = load_clip(song, performance.motion, offset=0.0, dance=dance, beats=beats)
+    unplaced = load_clip(song, performance.motion, offset=0.0, dance=dance, beats=beats, one=one)
     music = music_beats(unplaced)
     if offset is not None:
         placement = Placement(offset, "given")
