@@ -36,7 +36,8 @@ def test_words_are_printed_and_the_page_is_written(long_files: tuple[Path, Path]
     assert result.exit_code == 0, result.output
     head, _, body = result.stdout.partition("\n\n")
     verdict, *remarks = head.splitlines()
-    placement, *words = body.splitlines()
+    placement, music, *words = body.splitlines()
+    assert music.startswith("music: ") and music.endswith('"one": not known')
     assert verdict.startswith("You are on the beat: you rest on it (lag ")
     assert "movement alone cannot tell which is meant" in " ".join(remarks)
     assert placement == "Your dance begins at 0.00 s of the song, as you said."
@@ -61,6 +62,7 @@ def test_few_beats_give_no_number_and_no_milliseconds(files: tuple[Path, Path]):
     assert result.stdout.startswith("Cannot tell: ")
     assert "ms" not in result.stdout.split()
     assert "above chance" not in result.stdout
+    assert result.stdout.splitlines()[-1].startswith("music: ")
 
 
 def test_annotated_beats_take_the_place_of_tracking(files: tuple[Path, Path], planted_clip: Clip, tmp_path: Path):

@@ -100,8 +100,8 @@ def test_a_line_about_beats_says_tempo_steadiness_and_one():
     ]
     assert lines == [
         'annotated, 120.0 bpm; "one": not known',
-        '120.0 bpm, steady (97% of tracked beats within 70 ms); "one" known, 3 beats a bar',
-        '120.0 bpm, not steady (50% of tracked beats within 70 ms); "one": not known',
+        '120.0 bpm, steady (97% of tracked beats on one grid); "one" known, 3 beats a bar',
+        '120.0 bpm, not steady (50% of tracked beats on one grid); "one": not known',
         '120.0 bpm, too few beats to call it steady; "one": not known',
         "one beat: no tempo",
         "no beats",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.beats.steady import NEAR, STEADY
+from harmolab.beats.steady import STEADY
 from harmolab.types import BeatTrack, BoolArray
 
 # Accent pattern (True = strong) -> signature. Three types in four categories, as Sec. 4.1 counts them: a quarter-note
@@ -109,7 +109,7 @@ def describe_beats(track: BeatTrack) -> str:
     if track.quality == 0:
         return f"{tempo}, too few beats to call it steady; {one}"
     steadiness = "steady" if track.quality >= STEADY else "not steady"
-    return f"{tempo}, {steadiness} ({track.quality:.0%} of tracked beats within {1000 * NEAR:.0f} ms); {one}"
+    return f"{tempo}, {steadiness} ({track.quality:.0%} of tracked beats on one grid); {one}"
 
 
 def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
     from harmolab.lab.listening.local_page import LocalPage
     from harmolab.params import HarmonyParams
+    from harmolab.types import BeatTrack
     from harmolab.verdict.judge import Judgement
 
 PAGES = (".html", ".htm")
@@ -139,6 +140,13 @@ def print_verdict(judgement: Judgement | None, name: str = "") -> None:
     if judgement is not None:
         lines = [judgement.verdict, *judgement.remarks]
         typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
+
+
+def print_music(beats: BeatTrack) -> None:
+    """A line about the beats that a dance was judged by: tempo, steadiness, "one"."""
+    from harmolab.beats.meter import describe_beats
+
+    typer.echo(f"music: {describe_beats(beats)}")
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from harmolab.cli.common import (
     finding_beats,
     note,
     plain_errors,
+    print_music,
     print_verdict,
     progress,
     recommended,
@@ -89,6 +90,7 @@ def dance(
                 name: show(value) for name, value in dance_scores(motion, music, score).items()
             }
             _write(path, Dancer("generated", motion, score), sound, track, start, song.stem, facts)
+    print_music(music)
     _print(table)
     for path in paths.values():
         wrote(path)

@@ -79,6 +79,9 @@ def explain(
     if as_json:
         typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
         return
-    typer.echo("\n".join([result.verdict, *result.remarks, "", str(result.placement), *result.words.sentences]))
+    typer.echo("\n".join([result.verdict, *result.remarks, "", str(result.placement)]))
+    common.print_music(result.music)
+    for sentence in result.words.sentences:
+        typer.echo(sentence)
     if out is not None:
         common.wrote(out)

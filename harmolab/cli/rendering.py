@@ -82,5 +82,6 @@ def render(
         score = score_clip(clip, params) if marks else None
     if score is not None:
         common.print_verdict(score.judgement)
+        common.print_music(score.music)
         typer.echo(f"harmony above chance {show(score.above_chance)}, p {show(score.p_value)}")
     common.wrote(out)

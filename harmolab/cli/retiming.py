@@ -76,6 +76,7 @@ def _print(retimed: Retimed) -> None:
     before, after, warp = retimed.before, retimed.after, retimed.warp
     common.print_verdict(before.judgement, "before")
     common.print_verdict(after.judgement, "after")
+    common.print_music(before.music)
     table = Table("", "before", "after", title="the motion and its music")
     for name, key in (("harmony above chance", "above_chance"), ("p value", "p_value")):
         table.add_row(name, show(getattr(before, key)), show(getattr(after, key)))

@@ -95,6 +95,7 @@ def score(
 
     `harmolab score recordings/DANCE_W_3` reads song, motion, dance and annotated beats from one folder.
     """
+    from harmolab.beats.meter import describe_beats
     from harmolab.corpora.files import load_clip
     from harmolab.corpora.folders import recording_files
     from harmolab.harmony import music_and_motion, other_measures, score_motion
@@ -124,11 +125,13 @@ def score(
             write_figure(score_figure(scores, title=clip.name), plot)
     if as_json:
         about = {"audio": str(song), "motion": str(motion), "offset": clip.offset, "version": __version__}
-        about |= {"beats": "tracked" if beats is None else str(beats), "dance": dance}
+        about |= {"beats": "tracked" if beats is None else str(beats), "dance": dance, "music": describe_beats(music)}
         content = {"clip": about, **{name: result.to_dict() for name, result in scores.items()}}
         typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
-    else:
-        print_scores(scores, measures)
+        return
+    common.print_verdict(next((score.judgement for score in scores.values() if score.judgement), None))
+    common.print_music(music)
+    print_scores(scores, measures)
 
 
 def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: float) -> dict[str, HarmonyParams]:
@@ -146,11 +149,10 @@ def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: fl
 
 
 def print_scores(scores: dict[str, HarmonyScore], measures: dict[str, float]) -> None:
-    """The verdict in words, a table with a row a number and a column a mode, and the other measures, if any."""
+    """A table with a row a number and a column a mode, and the other measures, if any."""
     from rich.console import Console
     from rich.table import Table
 
-    common.print_verdict(next((score.judgement for score in scores.values() if score.judgement), None))
     table = Table("", *scores, title="harmony of motion and music")
     for cells in zip(*map(score_rows, scores.values()), strict=True):
         texts = [text for _, text in cells]

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.beats.meter import describe_beats
 from harmolab.io.files import PathLike, write_text
 from harmolab.io.video import video_frames
 from harmolab.lab.figures.beats import is_ranked
@@ -115,7 +116,7 @@ def _numbers(dance: OwnDance) -> dict[str, str]:
         numbers["p in place"] = f"{judgement.p_place:.3f}"
         numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"
         numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
-    numbers["Music beats"] = f"{len(dance.music)}, {judgement.tempo:.1f} a minute"
+    numbers["Music beats"] = f"{len(dance.music)}: {describe_beats(dance.music)}"
     numbers["Your own tempo"] = f"{judgement.own_tempo:.1f} a minute"
     if judgement.signal is not None:
         numbers["Movement inside the body, of all movement"] = f"{100 * judgement.signal.share:.0f} %"

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import describe_beats
 from harmolab.corpora.files import load_clip
 from harmolab.corpora.folders import load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
@@ -246,6 +247,7 @@ class OwnDance:
             "harmony_above_chance": self.score.harmony_above_chance,
             "interval": self.score.interval,
             "p_value": self.score.p_value,
+            "music": describe_beats(self.music),
             "music_beats": len(self.music),
             "movements": len(self.score.visual),
             "seconds": self.motion.duration,

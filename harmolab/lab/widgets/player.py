@@ -14,6 +14,7 @@ import soundfile
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import describe_beats
 from harmolab.beats.visual import motion_curve
 from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, write_text
@@ -150,6 +151,7 @@ def player_of(
     longest = max(spans, key=lambda clip: clip.audio.duration)
     if facts is None:
         facts = {name: text for dancer in dancers for name, text in _facts(dancer).items()}
+        facts["music"] = describe_beats(cast(BeatTrack, longest.beats))
     return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
 
 
