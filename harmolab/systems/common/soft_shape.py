@@ -26,7 +26,7 @@ RATE = 30.0  # hertz, at least: the rate of the shape speed; between its samples
 MOMENTS = 24  # a beat
 REST_SPEED = 1e-4  # body sizes a second: the root of 0 has no gradient
 LEAST_SPREAD = 1e-12  # body sizes a second: a signal that varies less does not vary
-SPLINE_REACH = 8  # frames: a cubic through all frames forgets one by a factor 3.7 a frame
+SPLINE_REACH = 4  # frames: a cubic through all frames forgets one by a factor 3.7 a frame, and smoothing by more
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +77,14 @@ def soft_shape_speed(positions: Tensor, mask: Tensor, fps: float, *, smoothing: 
     centred = positions - positions.mean(dim=2, keepdim=True)
     n_joints, n_axes = positions.shape[2:]
     source = unturned(centred) if n_axes == 3 and n_joints >= FEWEST else centred
-    moments, rate = _second_moments(source, last, fps, smoothing)
-    extent = moments[..., :n_axes, :n_axes].diagonal(dim1=-2, dim2=-1).sum(dim=-1)
+    shape, velocity, rate = _smoothed(source, last, fps, smoothing)
     if n_joints < FEWEST:
-        moments, _ = _second_moments(positions, last, fps, smoothing)
-    energy = _inner_energy(moments, n_axes, has_shape=n_joints >= FEWEST)
+        _, velocity, _ = _smoothed(positions, last, fps, smoothing)
+    energy = velocity.square().sum(dim=(1, 2))
+    if n_joints >= FEWEST:
+        energy = (energy - _outer_energy(shape, velocity)).clamp(min=0)
     last = (last * rate / fps).round().long()
-    size = _median(extent, last)
+    size = _median(shape.square().sum(dim=(1, 2)), last)
     is_point = size <= torch.finfo(size.dtype).tiny ** 0.5
     energy = (energy / size.masked_fill(is_point, 1.0)).masked_fill(is_point, 0.0)
     return SoftShape((energy + REST_SPEED**2).sqrt(), last, rate)
@@ -102,8 +103,8 @@ def unturned(centred: Tensor) -> Tensor:
     return torch.stack([cos * x - sin * z, centred[..., 1], sin * x + cos * z], dim=-1)
 
 
-def _second_moments(positions: Tensor, last: Tensor, fps: float, smoothing: float) -> tuple[Tensor, float]:
-    """(N, S, 2 D, 2 D) sums over the joints of products of smoothed positions and velocities, and the rate of S.
+def _smoothed(positions: Tensor, last: Tensor, fps: float, smoothing: float) -> tuple[Tensor, Tensor, float]:
+    """Smoothed positions and velocities between the frames, (N, D, J, S) each, and the rate of S.
 
     Beyond both ends of each clip the motion goes on as it came: an odd reflection.
     """
@@ -115,12 +116,13 @@ def _second_moments(positions: Tensor, last: Tensor, fps: float, smoothing: floa
     end = last[:, None]
     nearest = torch.minimum(frames.clamp(min=0), end)
     mirrored = (end - (end - frames.abs()).abs()).clamp(min=0)
-    clips = torch.arange(n_clips, device=positions.device)[:, None]
-    extended = 2 * positions[clips, nearest] - positions[clips, mirrored]
-    columns = extended.flatten(2).movedim(1, 2).reshape(-1, 1, frames.shape[1])
+    start = n_frames * torch.arange(n_clips, device=positions.device)[:, None]
+    rows = positions.reshape(n_clips * n_frames, -1)
+    near, far = (rows.index_select(0, (start + each).flatten()) for each in (nearest, mirrored))
+    columns = (2 * near - far).view(n_clips, frames.shape[1], -1).mT.reshape(-1, 1, frames.shape[1])
     both = conv1d(columns, kernels[:, None]).view(n_clips, n_joints, n_axes, 2, factor, n_frames)
-    joints = both.permute(0, 5, 4, 3, 2, 1).reshape(n_clips, n_frames * factor, 2 * n_axes, n_joints)
-    return joints @ joints.mT, factor * fps
+    smooth, velocity = both.permute(3, 0, 2, 1, 5, 4).flatten(4)
+    return smooth, velocity, factor * fps
 
 
 @lru_cache(maxsize=16)
@@ -138,25 +140,35 @@ def _kernels(fps: float, factor: int, smoothing: float) -> FloatArray:
     return np.concatenate([each[2 * reach * finer + moments] for each in (curve, slope)])
 
 
-def _inner_energy(moments: Tensor, n_axes: int, *, has_shape: bool) -> Tensor:
-    """Sum over the joints of their squared speed less that of the rotation, in 2-D the 2 x 2 matrix, that fits it best.
+def _outer_energy(shape: Tensor, velocity: Tensor) -> Tensor:
+    """(N, S) sum over the joints of what the rotation, in 2-D the 2 x 2 matrix, that fits best explains of |W|^2.
 
-    With ``(M + r) A = B`` the fit, r its ridge, what is left of ``|W|^2`` is ``|W|^2 - A B - r A^2``.
+    With ``(M + r) A = B`` the fit and r its ridge, that is ``A B + r A^2``. Time is the last axis of every product:
+    solved as a matrix of each moment it takes three times as long.
     """
-    total = moments[..., n_axes:, n_axes:].diagonal(dim1=-2, dim2=-1).sum(dim=-1)
-    if not has_shape:
-        return total
-    outer, mixed = moments[..., :n_axes, :n_axes], moments[..., :n_axes, n_axes:]
-    trace = outer.diagonal(dim1=-2, dim2=-1).sum(dim=-1)[..., None, None]
-    unit = torch.eye(n_axes, dtype=moments.dtype, device=moments.device)
-    ridge = trace * RIDGE * (n_axes - 1) + torch.finfo(moments.dtype).tiny
+    outer, mixed = ((shape[:, :, None] * each[:, None]).sum(dim=3) for each in (shape, velocity))  # (N, D, D, S)
+    trace = outer.diagonal(dim1=1, dim2=2).sum(dim=-1).clamp(min=torch.finfo(shape.dtype).tiny)[:, None, None]
+    n_axes = shape.shape[1]
+    unit, ridge = torch.eye(n_axes, dtype=shape.dtype, device=shape.device)[..., None], RIDGE * (n_axes - 1)
     if n_axes == 3:
-        turns = [mixed[..., row, column] - mixed[..., column, row] for row, column in ((1, 2), (2, 0), (0, 1))]
-        matrix, target = trace * unit - outer, torch.stack(turns, dim=-1)[..., None]
+        turns = [mixed[:, row, column] - mixed[:, column, row] for row, column in ((1, 2), (2, 0), (0, 1))]
+        inertia, target = (1 + ridge) * unit - outer / trace, torch.stack(turns, dim=1)[:, :, None] / trace
     else:
-        matrix, target = outer, mixed
-    fit = torch.linalg.solve(matrix + ridge * unit, target)
-    return (total - (fit * (target + ridge * fit)).sum(dim=(-2, -1))).clamp(min=0)
+        inertia, target = outer / trace + ridge * unit, mixed / trace
+    fit = (_inverse(inertia)[:, :, :, None] * target[:, None]).sum(dim=2)
+    return (trace * fit * (target + ridge * fit)).sum(dim=(1, 2))
+
+
+def _inverse(matrices: Tensor) -> Tensor:
+    """Inverses of (N, D, D, S) matrices, D = 2 or 3, by their determinants."""
+    if matrices.shape[1] == 2:
+        (a, b), (c, d) = (row.unbind(1) for row in matrices.unbind(1))
+        columns = [torch.stack([d, -c], dim=1), torch.stack([-b, a], dim=1)]
+    else:
+        a, b, c = matrices.unbind(1)
+        columns = [torch.linalg.cross(*pair, dim=1) for pair in ((b, c), (c, a), (a, b))]
+    determinants = (matrices[:, 0] * columns[0]).sum(dim=1)
+    return torch.stack(columns, dim=2) / determinants[:, None, None]
 
 
 def _median(values: Tensor, last: Tensor) -> Tensor:
@@ -267,12 +279,13 @@ def _beat_means(ranks: Tensor, rows: Tensor, size: Tensor) -> Tensor:
 @torch.no_grad()
 def _chance(fits: Tensor, rows: Tensor, size: Tensor) -> Tensor:
     """(N,) mean over all lags of the best reading's mean rank, -1 to 1; a constant to the gradient."""
-    moments = torch.arange(fits.shape[2], device=fits.device)
+    cycle, moments = fits.shape[1], torch.arange(fits.shape[2], device=fits.device)
     order = fits.masked_fill((moments >= size)[:, None], float("inf")).argsort(dim=2).argsort(dim=2)
-    ranks = (2 * order + 1) / size.clamp(min=1)[..., None] - 1
-    best = []
-    for lag in range(MOMENTS * fits.shape[1]):
-        moved = (moments[::MOMENTS] + lag) % size.clamp(min=1)
-        at_lag = ranks.gather(2, moved[:, None].expand(-1, fits.shape[1], -1))
-        best.append(_beat_means(at_lag, rows, size).amax(dim=1))
-    return torch.stack(best).mean(dim=0).to(fits.dtype)
+    ranks = (2 * order + 1).to(fits.dtype) / size.clamp(min=1)[..., None] - 1
+    starts = torch.arange(MOMENTS * cycle, device=fits.device)[:, None] + moments[::MOMENTS]
+    at_lags = (starts.flatten() % size.clamp(min=1))[:, None].expand(-1, cycle, -1)
+    moved = ranks.gather(2, at_lags).unflatten(2, starts.shape)  # (N, places, lags, beats)
+    rows = rows[:, :, None].expand(-1, -1, len(starts), -1)
+    inside = (moments[::MOMENTS] < size).to(fits.dtype)[:, None, None]
+    means = (moved.gather(1, rows) * inside).sum(dim=3) / inside.sum(dim=3).clamp(min=1)
+    return means.amax(dim=1).mean(dim=1)
