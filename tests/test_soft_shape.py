@@ -18,6 +18,7 @@ from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.systems.common.soft_beats import soft_speed
 from harmolab.systems.common.soft_harmony import SoftHarmony, soft_harmony
 from harmolab.systems.common.soft_shape import SoftShape, soft_place, soft_shape_speed, unturned
+from harmolab.systems.harmogan.terms import above_chance_loss
 from harmolab.types import Motion, Skeleton
 from harmolab.verdict.place_test import HIT, REST, place_test
 
@@ -116,6 +117,17 @@ def test_the_rest_is_the_pattern_when_none_is_given():
     assert float(soft.hit_rate) == pytest.approx((1 + float(soft.above_chance)) / 2, abs=0.01)
     assert float(soft.n_audio) == float(soft.n_visual) == BEATS.size
     assert float(soft.hitting_score) == pytest.approx(float(soft.hit_rate) * BEATS.size)
+
+
+def test_the_training_loss_takes_it_without_counting_beats():
+    walks = 0.1 * np.random.default_rng(3).normal(size=(2, 60, 5, 3)).cumsum(axis=1)
+    beats = (0.2 + 0.4 * torch.arange(9)).expand(2, 9)
+    soft = soft_harmony(
+        torch.tensor(walks), beats, torch.ones_like(beats), torch.ones_like(beats), torch.ones(2, 60),
+        fps=15.0, tau=0.2, params=HarmonyParams.recommended(CHA_CHA),
+    )  # fmt: skip
+    assert float(above_chance_loss(soft)) == pytest.approx(-float(soft.above_chance.mean()))
+    assert abs(float(soft.above_chance.mean())) > 0.01
 
 
 def test_flat_pictures_and_two_points_have_the_same_score():
