@@ -26,7 +26,7 @@ RATE = 30.0  # hertz, at least: the rate of the shape speed; between its samples
 MOMENTS = 24  # a beat
 REST_SPEED = 1e-4  # body sizes a second: the root of 0 has no gradient
 LEAST_SPREAD = 1e-12  # body sizes a second: a signal that varies less does not vary
-SPLINE_REACH = 4  # frames: a cubic through all frames forgets one by a factor 3.7 a frame, and smoothing by more
+SPLINE_REACH = 6  # frames: a cubic through all frames forgets one by a factor 3.7 a frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class SoftShape:
 
 @dataclass(frozen=True, eq=False)
 class SoftPlace:
-    """How well the beats of a batch of clips are placed; each field is an (N,) tensor.
+    """Place of the beats in the movement of a batch of clips; each field is an (N,) tensor.
 
     Parameters
     ----------
