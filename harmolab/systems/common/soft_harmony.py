@@ -112,7 +112,7 @@ def soft_harmony(
     mask : (N, T) tensor, 1 at real frames; padding stands at the end
     fps : float, hertz
     tau : float
-        Softness: 0.5 lets gradients reach most frames, 0.05 is close to the hard score, 1e-8 is that of hits.
+        Softness: 0.5 lets gradients reach most frames, 0.05 is close to the hard score, 1e-8 the hard score of hits.
     params : HarmonyParams
         With ``subframe`` beats lie between frames at the top of a parabola, which the gradient can move; the cubic
         interpolation to 120 hertz of the hard score is not done here. The measure "shape" asks for the pattern, or

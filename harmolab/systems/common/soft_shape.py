@@ -35,7 +35,7 @@ class SoftShape:
 
     Parameters
     ----------
-    speed : (N, S) tensor, body sizes a second; padded clips keep their last moment
+    speed : (N, S) tensor, body sizes a second; padding behind the last sample
     last : (N,) tensor of int, the last sample of each clip
     rate : float, hertz
     """
@@ -64,12 +64,12 @@ class SoftPlace:
 
 
 def soft_shape_speed(positions: Tensor, mask: Tensor, fps: float, *, smoothing: float) -> SoftShape:
-    """Speed of the shape of the body over its size, at 50 hertz or more (see `harmolab.shape_speed`).
+    """Speed of the shape of the body over its size, at 30 hertz or more (see `harmolab.shape_speed`).
 
     Parameters
     ----------
     positions : (N, T, J, D) tensor
-    mask : (N, T) tensor, 1 at real frames; padding stands at the end
+    mask : (N, T) tensor, 1 at real frames; padding stands at the end, and what is not real before counts as it is
     fps : float, hertz
     smoothing : float, seconds, standard deviation of the Gaussian over the positions
     """
@@ -184,7 +184,8 @@ def soft_place(
 
     With F the fit of the speed around every moment, the rank of a beat b is ``mean_g erf((F(b) - F(g)) / (sqrt(2) tau
     SD F))``, from -1 to 1. H is the mean over the beats times ``pulse^2 / (pulse^2 + .03^2)``: a body that hardly
-    changes its shape gets 0.
+    changes its shape gets 0. Dancers get the hard H within .02 at ``tau = .1``; a strictly periodic movement, whose fit
+    is as high beside a beat as on it, gets up to .17 less.
 
     Parameters
     ----------
