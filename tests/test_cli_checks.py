@@ -331,5 +331,5 @@ def test_a_slow_motion_that_would_become_too_many_frames_is_refused_before_it_is
     save_motion("long.npz", still(500_000, fps=1.0, joints=4))
     song = pair[0]
     assert line(run("explain", song, "long.npz", *pair[2:])).startswith(
-        "long.npz: 500000 frames of 4 joints at 1 fps would be 60000000 frames at 120 fps, too many"
+        "long.npz: 500000 frames of 4 joints at 1 fps would be 50000000 frames at 100 fps, too many"
     )

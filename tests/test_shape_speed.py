@@ -120,9 +120,10 @@ def test_frames_that_are_filler_count_for_nothing() -> None:
     assert abs(signal.values[signal.valid].mean()) < 1e-12
 
 
-def test_a_span_without_movement_is_an_error() -> None:
-    with pytest.raises(ValueError, match="no movement between 90 and 91 s"):
-        shape_signal(shape_speed(DANCE), 90.0, 91.0)
+def test_a_span_without_movement_is_all_zero() -> None:
+    signal = shape_signal(shape_speed(DANCE), 90.0, 91.0)
+    assert (signal.values.size, signal.pulse) == (0, 0.0)
+    assert np.isnan(signal.share)
 
 
 def test_unturned_positions_lie_around_their_mean() -> None:
