@@ -161,11 +161,20 @@ def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
     assert "harmolab data check" in result.stderr
 
 
-def test_learnt_patterns_can_be_scored_with(corpus: Path, clip_folder: Path, tmp_path: Path) -> None:
+def test_compare_tells_how_many_recordings_reach_each_verdict(corpus: Path) -> None:
+    result = run("compare", corpus, "--dances", "rumba,waltz", "--rotations", 20)
+    lines = [line.replace("│", " ").split() for line in result.stdout.splitlines()]
+    # Six seconds hold fewer than 16 beats: no verdict on any of the six.
+    assert ["true", "6", "0", "0", "0", "0"] in lines
+    assert ["lagged", "6", "0", "0", "0", "0"] in lines
+
+
+def test_learnt_patterns_can_be_scored_with(corpus: Path, tmp_path: Path) -> None:
     patterns = tmp_path / "patterns.json"
     assert run("learn", corpus, "--out", patterns).exit_code == 0
     assert set(json.loads(patterns.read_text())) >= {"rumba", "waltz"}
-    inputs = (clip_folder / "audio.wav", clip_folder / "motion.npz", "--beats", clip_folder / "beats.json")
+    folder = sorted(write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3).glob("clip_*_rumba"))[0]
+    inputs = (folder / "audio.wav", folder / "motion.npz", "--beats", folder / "beats.json")
     result = run("score", *inputs, "--pattern", patterns, "--dance", "rumba", "--mode", "recommended", "--json")
     assert json.loads(result.stdout)["recommended"]["harmony_above_chance"] > 0.3
 

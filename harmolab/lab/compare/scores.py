@@ -48,14 +48,14 @@ class ScoreTable:
 
         Whatever is fitted inside the corpus is fitted anew.
         """
-        rows = {name: self._lookup(name, grid, origins) for name, grid in self.hits.items()}
-        late = origins + self.lags.at(origins)
-        rows["peaks_lagged"] = self._lookup("peaks", self.hits["peaks"], late)
+        rows = {}
         for name, fitted in self.fitted.items():
             grid, others = fitted.at(origins / TENTHS)
             true, lagged = self._lagged(grid, origins)
             rows[name] = true, lagged if others is None else others
-        return rows
+        rows |= {name: self._lookup(name, grid, origins) for name, grid in self.hits.items()}
+        late = origins + self.lags.at(origins)
+        return rows | {"peaks_lagged": self._lookup("peaks", self.hits["peaks"], late)}
 
     def _lookup(self, name: str, grid: FloatArray, origins: IntArray) -> Scores:
         true, lagged = self._lagged(grid, origins)
@@ -146,7 +146,7 @@ class PatternScores:
 
 
 def with_one_place(grid: FloatArray, sequences: IntArray) -> FloatArray:
-    """Scores at every lag where nobody knows which beat is "one": each clip takes the place best for its recording.
+    """Scores at every lag with one place of "one" a recording, for clips that are not placed.
 
     Parameters
     ----------
