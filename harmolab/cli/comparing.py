@@ -38,7 +38,7 @@ def compare(
     ] = None,
     fit_on: Annotated[Path | None, typer.Option(help="Fit patterns and lags on this corpus instead.")] = None,
     dances: Annotated[str, typer.Option(help="Only these dances, such as cha-cha,rumba.")] = "",
-    rotations: Annotated[int, typer.Option(help="Null corpora behind each chance band.", min=20)] = 1000,
+    rotations: Annotated[int, typer.Option(help="Null corpora behind each chance band.", min=20)] = 400,
     seed: Annotated[int, typer.Option(help="Seed of rotations and resampling.")] = 0,
     as_json: AsJson = False,
 ) -> None:

@@ -61,7 +61,7 @@ def compare(
     null: Literal["lagged", "other"] = "lagged",
     beats: Literal["annotated", "tracked"] | None = None,
     fit_on: Corpus | None = None,
-    n_rotations: int = 1000,
+    n_rotations: int = 400,
     seed: int = 0,
     progress: Progress = silent,
     report: Callable[[folders.Problem], object] = lambda problem: None,
