@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import webbrowser
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -13,6 +14,7 @@ import typer
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
+    from harmolab.lab.listening.local_page import LocalPage
 
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
@@ -97,6 +99,16 @@ DanceName = Annotated[
 Beats = Annotated[
     Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
 ]
+One = Annotated[
+    float | None,
+    typer.Option(
+        "--one",
+        metavar="SECONDS",
+        help="Audio time of a beat on which a bar begins, any one of them: play the song, count, and note the time on "
+        "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another. Needs --dance for "
+        "the beats in a bar. `harmolab tap` finds it by ear.",
+    ),
+]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
 Scale = Annotated[
     float | None, typer.Option(help="Metres in one unit of a 3-D file: 0.001 for millimetres, 0.056444 for CMU's BVH.")
@@ -130,8 +142,14 @@ def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
     if out.suffix.lower() not in suffixes:
         raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
     check_place(out)
-    if out.suffix.lower() in PAGES and find_spec("jinja2") is None:
-        raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
+    if out.suffix.lower() in PAGES:
+        check_pages(str(out))
+
+
+def check_pages(name: str) -> None:
+    """ValueError that begins with `name` unless the library that fills pages is installed."""
+    if find_spec("jinja2") is None:
+        raise ValueError(f"{name}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
 
 
 def check_place(out: Path) -> None:
@@ -149,6 +167,19 @@ def finding_beats() -> Iterator[None]:
 
     with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
         yield
+
+
+def serve(page: LocalPage, no_open: bool, comfort: str) -> None:
+    """A local page served until it is finished, or Ctrl-C, of which `comfort` says what it does no harm to."""
+    with page.running() as address:
+        typer.echo(f"open {address}\nCtrl-C stops; {comfort}")
+        if not no_open:
+            webbrowser.open(address)
+        try:
+            while not page.finished.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            typer.echo("")
 
 
 def show(value: Any) -> str:

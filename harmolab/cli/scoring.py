@@ -11,7 +11,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Scale, Seconds, Song, show
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Seconds, Song, show
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -38,6 +38,7 @@ def score(
     scale: Scale = None,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
     clock: Annotated[float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.")] = 1.0,
@@ -66,7 +67,7 @@ def score(
         modes = settings(mode, pattern, dance, lag, clock)
         with common.finding_beats():
             clip = load_clip(
-                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps, scale=scale
+                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps, scale=scale
             )
         music, movement = music_and_motion(clip, clock=clock)
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
