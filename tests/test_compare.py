@@ -441,6 +441,31 @@ def test_tracked_beats_are_found_in_the_sound(click_track):
     assert np.abs(tracked.times - 0.5 * np.round(tracked.times / 0.5)).max() < 0.035
 
 
+def test_tracked_beats_are_counted_through_a_recording_and_teachers_keep_their_bars(click_track):
+    sequence = danced("S", dancer(1, seconds=13.0), "X")
+    assert sequence.annotation is not None
+    clicks = click_track(120, seconds=sequence.clip.audio.duration)
+    clip = replace(sequence.clip, audio=clicks, beats=sequence.annotation.track(clicks.duration))
+    parts, placed = (cut_clips(replace(sequence, clip=clip), beats, 6.0) for beats in ("tracked", "annotated"))
+    assert [part.is_placed for part in (*parts, *placed)] == [False, False, True, True]
+    for part, other in zip(parts, placed, strict=True):
+        assert part.cycle == 2
+        np.testing.assert_array_equal(part.track.bar_places, np.arange(len(part.track)) % 2)
+        np.testing.assert_array_equal(part.sums["recommended"].sums, other.sums["recommended"].sums)
+
+
+def test_true_music_ranks_above_lagged_music_where_one_is_not_known(click_track):
+    sequences = []
+    for number in range(4):
+        sequence = danced(f"S{number}", dancer(number, seconds=12.0, extra=0.1), f"figure {number}")
+        clicks = click_track(120, seconds=sequence.clip.audio.duration)
+        beats = sequence.annotation.track(clicks.duration)
+        sequences.append(replace(sequence, clip=replace(sequence.clip, audio=clicks, beats=beats)))
+    row = compared(sequences, beats="tracked").summary["scores"]["recommended"]
+    assert row["auc"] > 0.9
+    assert row["auc"] > row["chance_band"][1]
+
+
 def nothing() -> Iterator[Recording]:
     yield from ()
 

@@ -44,6 +44,7 @@ class BeatClip:
     start, duration : float, seconds on the audio time line
     track : BeatTrack, all music beats of the recording
     cycle : int, beats in a bar pattern's cycle
+    is_placed : bool; False where beats are counted from the recording's first, since "one" is not known
     visual : dict from "turns", "valleys", "peaks", "kinematic" to that kind of visual beats
     speeds : dict from the names of `FITTED` to (times, speed), the normalised movement signal
     sums : dict from the same names to what it adds to a bar pattern; empty when it has no tempo
@@ -58,14 +59,10 @@ class BeatClip:
     duration: float
     track: BeatTrack
     cycle: int
+    is_placed: bool
     visual: Mapping[str, BeatTrack]
     speeds: Mapping[str, tuple[FloatArray, FloatArray]]
     sums: Mapping[str, PatternSums]
-
-    @property
-    def is_placed(self) -> bool:
-        """Is the place of each beat in the cycle known?"""
-        return self.cycle == 1 or self.track.bar_places is not None
 
     @property
     def period(self) -> float:
@@ -89,15 +86,18 @@ def cut_clips(recording: folders.Recording, beats: str, window: float | None) ->
     track = recording_beats(recording, beats)
     annotated = recording.clip.beats
     teacher = annotated if beats == "tracked" and annotated is not None and len(annotated) else track
+    cycle = cycle_of_meter(None if teacher.bar_places is None else _meter(recording))
+    judged = track if track.bar_places is not None else replace(track, bar_places=np.arange(len(track)) % cycle)
     n_windows = 1 if window is None else max(1, int(motion.duration / window + 1e-6))
     length = motion.duration if window is None else min(window, motion.duration)
     per_window = max(1, int(length / CLIP_SECONDS + 1e-6))
     clips = []
+    is_placed = cycle == 1 or track.bar_places is not None
     for index in range(n_windows * per_window):
         # On a frame, or the music would be up to half a frame off.
         start = round(index * length / per_window * motion.fps) / motion.fps
         movement = motion.span(start, length / per_window)
-        clips.append(_beat_clip(recording, index // per_window, start, movement, track, teacher))
+        clips.append(_beat_clip(recording, index // per_window, start, movement, judged, teacher, cycle, is_placed))
     return clips
 
 
@@ -109,7 +109,14 @@ def _meter(recording: folders.Recording) -> int | None:
 
 
 def _beat_clip(
-    recording: folders.Recording, window: int, start: float, motion: Motion, track: BeatTrack, teacher: BeatTrack
+    recording: folders.Recording,
+    window: int,
+    start: float,
+    motion: Motion,
+    track: BeatTrack,
+    teacher: BeatTrack,
+    cycle: int,
+    is_placed: bool,
 ) -> BeatClip:
     """The clip of a span of the motion; the motion itself is not kept, so a large corpus stays small in memory.
 
@@ -118,7 +125,6 @@ def _beat_clip(
     folder, begins = str(recording.folder), recording.clip.offset + start
     units = _units_in(recording, begins, motion.duration)
     longest = max(units, key=units.__getitem__)[1] if units else folder
-    cycle = cycle_of_meter(None if teacher.bar_places is None else _meter(recording))
     speeds = {name: _speed(motion, params) for name, params in FITTED.items()}
     beats = teacher.span(begins, motion.duration)
     is_timed = len(beats) > 1
@@ -127,7 +133,7 @@ def _beat_clip(
     }
     return BeatClip(
         folder, window, recording.clip.dance, frozenset(figure for figure, _ in units), longest, begins,
-        motion.duration, track, cycle, _visual_tracks(motion), speeds, sums,
+        motion.duration, track, cycle, is_placed, _visual_tracks(motion), speeds, sums,
     )  # fmt: skip
 
 
