@@ -169,6 +169,19 @@ def test_compare_tells_how_many_recordings_reach_each_verdict(corpus: Path) -> N
     assert ["lagged", "6", "0", "0", "0", "0"] in lines
 
 
+def test_compare_gives_the_verdict_of_score(tmp_path: Path) -> None:
+    root = write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3)
+    command = ("compare", root, "--dances", "jive,samba", "--rotations", 20, "--json")
+    rows = json.loads(run(*command).stdout)["recordings"]
+    assert [row["dance"] for row in rows] == ["jive", "samba"]
+    for row in rows:
+        folder = root / row["name"]
+        dance = ("--dance", row["dance"], "--beats", folder / "beats.json")
+        printed = json.loads(run("score", folder / "audio.wav", folder / "motion.npz", *dance, "--json").stdout)
+        names = ("harmony_above_chance", "p_value", "level", "verdict", "p_time", "p_place", "lag_s")
+        assert {name: printed["recommended"][name] for name in names} == {name: row[name] for name in names}
+
+
 def test_learnt_patterns_can_be_scored_with(corpus: Path, tmp_path: Path) -> None:
     patterns = tmp_path / "patterns.json"
     assert run("learn", corpus, "--out", patterns).exit_code == 0

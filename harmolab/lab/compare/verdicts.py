@@ -17,11 +17,10 @@ from harmolab.lab.compare.scores import LAGS
 from harmolab.lab.compare.windows import BeatClip, usable
 from harmolab.params import DANCE_PATTERNS
 from harmolab.shape_speed import ShapeSpeed, shape_speed
-from harmolab.types import BeatTrack, Clip
+from harmolab.types import BeatTrack
 from harmolab.verdict.judge import Judgement, judge
 
 N_LEVELS = 5
-Take = tuple[ShapeSpeed, BeatTrack]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +32,16 @@ class RecordingVerdict:
     clip : BeatClip, the first clip of the recording, with the figures of all
     judgement : Judgement with true music
     lagged_level : int, level with the music 0.3-0.7 beat late
-    takes : two pairs (shape speed, beats), with true and with lagged music; the energy is that of all joints
+    shape : ShapeSpeed of the motion; its energy is that of all joints together
+    tracks : the true and the lagged beats
     """
 
     clip: BeatClip
     name: str
     judgement: Judgement
     lagged_level: int
-    takes: tuple[Take, ...]
+    shape: ShapeSpeed
+    tracks: tuple[BeatTrack, BeatTrack]
 
     @property
     def row(self) -> dict[str, Any]:
@@ -66,17 +67,19 @@ def recording_verdict(
     if beats == "tracked" or clip.beats is None:
         clip = replace(clip, beats=recording_beats(recording, beats))
     lag = int(np.random.default_rng(seed).choice(LAGS)) / TENTHS * clips[0].period
-    takes = _take(clip), _take(replace(clip, offset=clip.offset - lag))
-    true, lagged = (judge(*take, pattern=DANCE_PATTERNS.get(clip.dance)) for take in takes)
+    music, motion = music_and_motion(clip)
+    shape, tracks = shape_speed(motion), (music, _later(music, lag))
+    true, lagged = (judge(shape, track, pattern=DANCE_PATTERNS.get(clip.dance)) for track in tracks)
     figures = frozenset[str]().union(*(one.figures for one in clips))
-    slim = tuple((replace(shape, energy=shape.energy.mean(axis=1, keepdims=True)), beats) for shape, beats in takes)
-    return RecordingVerdict(replace(clips[0], figures=figures), clip.name, true, lagged.level, slim)
+    slim = replace(shape, energy=shape.energy.mean(axis=1, keepdims=True))
+    return RecordingVerdict(replace(clips[0], figures=figures), clip.name, true, lagged.level, slim, tracks)
 
 
-def _take(clip: Clip) -> Take:
-    """Shape speed and beats of the stretch that music and motion share."""
-    beats, motion = music_and_motion(clip)
-    return shape_speed(motion), beats
+def _later(track: BeatTrack, seconds: float) -> BeatTrack:
+    """The beats later by so many seconds, but for those that leave the time line."""
+    times = track.times + seconds
+    inside = times <= track.duration
+    return replace(track.select(inside), times=times[inside])
 
 
 def verdict_summary(
@@ -102,7 +105,7 @@ def verdict_summary(
         ]
         if sums:
             pattern = replace(fit_pattern(sums), dance=verdict.clip.dance)
-            for name, take in zip(("true, learnt", "lagged, learnt"), verdict.takes, strict=True):
-                levels[name].append(judge(*take, pattern=pattern).level)
+            for name, track in zip(("true, learnt", "lagged, learnt"), verdict.tracks, strict=True):
+                levels[name].append(judge(verdict.shape, track, pattern=pattern).level)
     counts = {name: np.bincount(np.array(row, np.int64), minlength=N_LEVELS).tolist() for name, row in levels.items()}
     return {"recordings": [verdict.row for verdict in verdicts], "levels": counts}
