@@ -128,7 +128,9 @@ def place_test(
     """
     readings = _readings(bar_places, pattern)
     cycle = lcm(*(reading.beats for reading, _ in readings))
-    first = int(np.ceil(np.interp(signal.times[0], beats, np.arange(beats.size)) - 1e-6))
+    # The first sample after a beat may lie up to a step behind it.
+    start = signal.times[0] - (signal.times[1] - signal.times[0])
+    first = int(np.ceil(np.interp(start, beats, np.arange(beats.size)) - 1e-6))
     count = (beats.size - 1 - first) // cycle * cycle
     if count < 1:
         raise ValueError(f"{beats.size} beats hold no whole cycle of {cycle}")
