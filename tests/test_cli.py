@@ -235,11 +235,34 @@ def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
     assert "harmolab data check" in result.stderr
 
 
-def test_learnt_patterns_can_be_scored_with(corpus: Path, recording: Path, tmp_path: Path) -> None:
+def test_compare_tells_how_many_recordings_reach_each_verdict(corpus: Path) -> None:
+    result = run("compare", corpus, "--dances", "rumba,waltz", "--rotations", 20)
+    lines = [line.replace("│", " ").split() for line in result.stdout.splitlines()]
+    # Six seconds hold fewer than 16 beats: no verdict on any of the six.
+    assert ["true", "6", "0", "0", "0", "0"] in lines
+    assert ["lagged", "6", "0", "0", "0", "0"] in lines
+
+
+def test_compare_gives_the_verdict_of_score(tmp_path: Path) -> None:
+    root = write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3)
+    command = ("compare", root, "--dances", "jive,samba", "--rotations", 20, "--json")
+    rows = json.loads(run(*command).stdout)["recordings"]
+    assert [row["dance"] for row in rows] == ["jive", "samba"]
+    for row in rows:
+        folder = root / row["name"]
+        dance = ("--dance", row["dance"], "--beats", folder / "beats.json")
+        printed = json.loads(run("score", folder / "audio.wav", folder / "motion.npz", *dance, "--json").stdout)
+        names = ("harmony_above_chance", "p_value", "level", "verdict", "p_time", "p_place", "lag_s")
+        assert {name: printed["recommended"][name] for name in names} == {name: row[name] for name in names}
+
+
+def test_learnt_patterns_can_be_scored_with(corpus: Path, tmp_path: Path) -> None:
     patterns = tmp_path / "patterns.json"
     assert run("learn", corpus, "--out", patterns).exit_code == 0
     assert set(json.loads(patterns.read_text())) >= {"rumba", "waltz"}
-    result = run("score", recording, "--pattern", patterns, "--mode", "recommended", "--json")
+    folder = sorted(write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3).glob("clip_*_rumba"))[0]
+    inputs = (folder / "audio.wav", folder / "motion.npz", "--beats", folder / "beats.json")
+    result = run("score", *inputs, "--pattern", patterns, "--dance", "rumba", "--mode", "recommended", "--json")
     assert json.loads(result.stdout)["recommended"]["harmony_above_chance"] > 0.3
 
 

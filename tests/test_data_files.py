@@ -84,7 +84,10 @@ def test_a_recording_that_cannot_be_read_is_reported_and_left_out(tmp_path: Path
 
 
 def test_bar_patterns_come_back_as_they_were(tmp_path: Path) -> None:
-    patterns = {"waltz": BarPattern(3, (0.5, 0.25), (-0.1, 0.0), "planted"), "rumba": BarPattern.stop_on_the_beat()}
+    patterns = {
+        "waltz": BarPattern(3, (0.5, 0.25), (-0.1, 0.0), "planted", "waltz"),
+        "rumba": BarPattern(1, (-1.0,), (0.0,), "planted", "rumba"),
+    }
     save_patterns(tmp_path / "patterns.json", patterns)
     named = {dance: replace(pattern, dance=dance) for dance, pattern in patterns.items()}
     assert {dance: load_pattern(tmp_path / "patterns.json", dance) for dance in patterns} == named

@@ -136,7 +136,7 @@ def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(human_clip: Cli
 
 
 @pytest.mark.parametrize(
-    ("name", "idle"), [("scoring", {"matching", "lambda2", "delay"}), ("corpus", {"lambda2", "delay"})]
+    ("name", "idle"), [("scoring", {"matching", "lambda2", "delay"}), ("corpus", {"lambda1", "lambda2", "delay"})]
 )
 def test_controls_that_mean_nothing_in_a_mode_are_greyed_out_and_do_nothing(
     human_clip: Clip, name: str, idle: set[str]
@@ -145,7 +145,7 @@ def test_controls_that_mean_nothing_in_a_mode_are_greyed_out_and_do_nothing(
     lab.controls["mode"].value = "recommended"
     assert {control for control, widget in lab.controls.items() if widget.disabled} == idle
     before = lab.png
-    for control, value in {"matching": "nearest", "lambda2": 2.5, "delay": 0.4}.items():
+    for control, value in {"matching": "nearest", "lambda1": 0.5, "lambda2": 2.5, "delay": 0.4}.items():
         if control in idle:
             lab.controls[control].value = value
     assert lab.png == before
