@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from harmolab.lab.experiments.nulls import NEAR, NULLS, dancer, null_table, recorded_nulls, smooth_noise, steady_beats
+from harmolab.lab.experiments.nulls import FAR, NULLS, dancer, null_table, recorded_nulls, smooth_noise, steady_beats
 from harmolab.lab.figures.verdicts import draw_false_alarms, nulls_figure
 from harmolab.lab.profile import RunProfile
 from harmolab.shape_speed import shape_speed
@@ -43,9 +43,18 @@ def test_dancer_has_the_tempo_of_the_row(kind: str, least: float, most: float):
     assert least <= abs(own_ratio(motion, beats) - 1) <= most
 
 
-def test_dancer_of_another_tempo_is_never_near():
-    ratios = [own_ratio(*NULLS["dancer, other tempo"][0](30.0, np.random.default_rng(seed))) for seed in range(6)]
-    assert min(abs(ratio - 1) for ratio in ratios) > 0.9 * NEAR
+def test_dancer_whose_tempo_is_far_off_is_never_near():
+    draw, _ = NULLS["dancer, tempo over 4 % off"]
+    ratios = np.log([own_ratio(*draw(30.0, np.random.default_rng(seed))) for seed in range(6)])
+    assert np.abs(ratios).min() > 0.95 * FAR
+    assert min(ratios) < 0 < max(ratios)
+
+
+def test_tempo_drawn_apart_is_that_of_no_beat_in_particular():
+    draw, _ = NULLS["dancer, tempo drawn apart"]
+    ratios = [own_ratio(*draw(30.0, np.random.default_rng(seed))) for seed in range(5)]
+    assert 0.55 < min(ratios) < 0.95
+    assert 1.05 < max(ratios) < 1.8
 
 
 def own_ratio(motion: Motion, beats: BeatTrack) -> float:
@@ -126,7 +135,7 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
     ax = draw_false_alarms(Figure().subplots(), rows)
     marks = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines[1:]}
     assert marks["old score"] == ([0.17, 0.17], [1, 0])
-    assert marks["H"][0][0] == 0.02
+    assert marks["H: in time, and where"][0][0] == 0.02
     assert [text.get_text() for text in ax.texts] == ["too short: not judged"]
 
 

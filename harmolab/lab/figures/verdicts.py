@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,8 +17,12 @@ from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
 
 NOMINAL = 0.05
-P_LOOKS = MappingProxyType(
-    {"old p": ("X", COLOURS["miss"], "old score"), "p_time": ("s", "#56B4E9", "in time?"), "p": ("o", "#222222", "H")}
+P_LOOKS: Mapping[str, dict[str, Any]] = MappingProxyType(
+    {
+        "old p": {"marker": "X", "markersize": 7, "color": COLOURS["miss"], "label": "old score"},
+        "p_time": {"marker": "s", "markersize": 10, "color": "#56B4E9", "markerfacecolor": "none", "label": "in time?"},
+        "p": {"marker": "o", "markersize": 5, "color": COLOURS["ink"], "label": "H: in time, and where"},
+    }
 )
 # From white to green, so that the order of the levels is seen without colour too.
 LEVEL_COLOURS = ("#FFFFFF", "#D9D9D9", "#C7E3D8", "#7FC4AB", COLOURS["hit"])
@@ -36,9 +41,8 @@ def draw_false_alarms(ax: Axes, rows: Sequence[Record], *, level: str = ".05") -
     places = rows_by_name(ax, names)
     ax.hlines([*places.values()], 0.0, 1.0, color=COLOURS["faint"], linewidth=0.8, zorder=0)
     ax.axvline(float(level), color=COLOURS["chance"], linewidth=1.5, linestyle=":")
-    for name, (marker, colour, label) in P_LOOKS.items():
-        shares = [row[f"{name} {level}"] for row in rows]
-        ax.plot(shares, [*places.values()], marker, color=colour, label=label, markersize=6, linestyle="none")
+    for name, look in P_LOOKS.items():
+        ax.plot([row[f"{name} {level}"] for row in rows], [*places.values()], linestyle="none", **look)
     for row, place in zip(rows, places.values(), strict=True):
         if row["cannot tell"] == 1:
             ax.annotate("too short: not judged", (0.27, place), va="center", fontsize=8.5, color=COLOURS["chance"])
@@ -53,8 +57,8 @@ def nulls_figure(rows: Iterable[Record]) -> Figure:
     with styled_axes((9.0, 0.27 * len(table) + 1.6)) as (figure, (ax,)):
         draw_false_alarms(ax, table)
         in_time = [row["kind"] for row in table if row["p_time .05"] > 0.42]
-        note = "beyond the edge: in time? of dancers whose tempo is the music's" if in_time else ""
-        ax.legend(loc="outside lower right" if False else "lower right", title=note, fontsize=9, title_fontsize=8)
+        note = "beyond the edge: “in time?” of dancers who have the music's tempo" if in_time else ""
+        ax.legend(loc="lower right", title=note, fontsize=9, title_fontsize=8)
         finding = f"No harmony here: the old score finds it in up to {old:.0%} of clips, H in up to {new:.0%}"
         ax.set_title(f"{finding} (n = {table[0]['n']} a row)", loc="left", x=-0.3)
     return figure
@@ -94,7 +98,8 @@ def levels_figure(tables: Mapping[str, Sequence[Record]]) -> Figure:
     with styled_axes((9.0, 2.1 * len(tables) + 0.6), len(tables)) as (figure, axes):
         for ax, (corpus, rows) in zip(axes, tables.items(), strict=True):
             draw_level_counts(ax, rows).set_title(f"{corpus}: what recordings are told, by the music they are given")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=9)
+        # Above: below the canvas is where synthetic data is marked.
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=9)
     return figure
 
 
@@ -106,7 +111,8 @@ def draw_speeds(ax: Axes, motion: Motion, beats: BeatTrack) -> Axes:
     ax.plot(shape.times, shape.speed, color=COLOURS["visual"], linewidth=2, label="shape of the body")
     for beat in beats.times:
         ax.axvline(beat, color=COLOURS["audio"], linewidth=0.8, alpha=0.5)
-    ax.set(ylabel="speed (m/s)", xlim=(0.0, motion.duration), ylim=(0.0, None))
+    top = 1.08 * float(max(np.sqrt(shape.room).max(), shape.speed.max()))
+    ax.set(ylabel="speed (m/s)", xlim=(0.0, motion.duration), ylim=(-0.03 * top, top))
     ax.annotate(f"inside the body: {share:.0%}", (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
     return ax
 
@@ -118,9 +124,9 @@ def shape_speed_figure(bodies: Mapping[str, tuple[Motion, BeatTrack]]) -> Figure
     ----------
     bodies : title -> motion, and the music's beats on its time line
     """
-    with styled_axes((10.0, 2.3 * len(bodies) + 0.4), len(bodies), sharey=True) as (figure, axes):
+    with styled_axes((10.0, 2.3 * len(bodies) + 0.4), len(bodies)) as (figure, axes):
         for ax, (title, (motion, beats)) in zip(axes, bodies.items(), strict=True):
             draw_speeds(ax, motion, beats).set_title(title)
         axes[-1].set_xlabel("time (s); blue: music beats")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
