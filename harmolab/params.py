@@ -78,6 +78,7 @@ DANCE_PATTERNS = MappingProxyType(
         ),
     }
 )
+MAX_LAG = 2.0  # seconds: a beat of 30 bpm
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ class HarmonyParams:
         the top of the parabola through three samples; motion below 120 hertz is interpolated by cubic splines first.
         Makes beat times independent of the frame rate.
     lag : float, seconds
-        How much later than the music's beats the visual ones are expected; taken off before scoring.
+        How much later than the music's beats the visual ones are expected, at most 2; taken off before scoring.
     clock : float
         Time stretch of the motion: its times are multiplied by this (1.013 fits most Tang 2018 recordings).
     speed, plateau, saliency, visual_saliency, first_beat, matching, normalisation
@@ -153,8 +154,8 @@ class HarmonyParams:
             raise ValueError(f"visual_threshold must be zero or more, or None, got {self.visual_threshold}")
         if self.fps is not None and not 0 < self.fps < float("inf"):
             raise ValueError(f"fps must be positive or None, got {self.fps}")
-        if not abs(self.lag) < float("inf"):
-            raise ValueError(f"lag must be finite, got {self.lag}")
+        if not abs(self.lag) <= MAX_LAG:
+            raise ValueError(f"lag must lie within {MAX_LAG:g} s of the beat, got {self.lag:g}")
         for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueError(f"{name} must be one of {', '.join(choices)}; got {getattr(self, name)!r}")

@@ -73,7 +73,8 @@ class ShapeSignal:
     pulse : float, per second
         SD of the speed without its drift over the body's size: how strongly the movement swells and fades.
     share : float
-        Movement inside the body over movement in the room, root mean squares: 0 for a statue on a turntable.
+        Movement inside the body over movement in the room, root mean squares: 0 for a statue on a turntable, NaN when
+        nothing moves.
     joints : float in (0, 1], participation of the joints: 1 when all move alike, 1 / J when one joint does everything
     dimensions : int, as in `ShapeSpeed`
     """
@@ -190,26 +191,22 @@ def _without_affine(shape: FloatArray, velocity: FloatArray) -> FloatArray:
 def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> ShapeSignal:
     """The signal from second `start` to second `end`: nothing before or after has any part in it.
 
-    Raises
-    ------
-    ValueError
-        If fewer than two valid samples lie between.
+    All is 0, and the share NaN, where nothing moves or fewer than two valid samples lie between.
     """
     inside = slice(*np.searchsorted(shape.times, [start - ROUNDING, end + ROUNDING]))
-    speed, valid = shape.speed[inside], shape.valid[inside]
-    if valid.sum() < 2:
-        raise ValueError(f"no movement between {start:g} and {end:g} s")
+    speed, valid, times = shape.speed[inside], shape.valid[inside], shape.times[inside]
+    room = float(shape.room[inside][valid].mean()) if valid.sum() > 1 else 0.0
+    if room == 0:
+        return ShapeSignal(times, np.zeros_like(speed), valid, 0.0, np.nan, 0.0, shape.dimensions)
     rest = speed - gaussian_filter1d(speed, DRIFT * shape.fps, mode="nearest")
-    spread, largest = float(rest[valid].std()), float(np.sqrt(shape.room[inside].max(initial=0.0)))
-    still = spread <= 1e-9 * largest or spread == 0
-    energy, room = shape.energy[inside][valid], float(shape.room[inside][valid].mean())
-    size, by_joint = float(np.median(shape.extent[inside][valid])), energy.mean(axis=0)
+    spread, by_joint = float(rest[valid].std()), shape.energy[inside][valid].mean(axis=0)
+    is_still = spread <= 1e-9 * np.sqrt(room)
     return ShapeSignal(
-        times=shape.times[inside],
-        values=np.zeros_like(rest) if still else (rest - rest[valid].mean()) / spread,
+        times=times,
+        values=np.zeros_like(rest) if is_still else (rest - rest[valid].mean()) / spread,
         valid=valid,
-        pulse=spread / size if size > 0 else 0.0,
-        share=float(np.sqrt(energy.mean() / room)) if room > 0 else 0.0,
+        pulse=spread / max(float(np.median(shape.extent[inside][valid])), np.finfo(float).tiny),
+        share=float(np.sqrt(by_joint.mean() / room)),
         joints=float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum())) if by_joint.any() else 0.0,
         dimensions=shape.dimensions,
     )

@@ -64,7 +64,7 @@ def test_joints_can_be_chosen(files: tuple[Path, Path], planted_clip: Clip):
         (("--out", "/nowhere/page.html"), "/nowhere: no such folder"),
         (("--search", "-1"), "dance.npz: search must lie between 0 and 600 s"),
         (("--offset", "1000"), "does not overlap"),
-        (("--offset", "nan"), "offset must be finite"),
+        (("--offset", "nan"), "--offset must be a finite number"),
         (("--beats", "none.beats"), "none.beats: no such file"),
     ],
 )

@@ -94,7 +94,7 @@ def test_an_unreadable_video_to_draw_over_is_one_line(
 def test_the_video_to_draw_over_is_not_written_over(take: tuple[Path, Path]):
     before = take[0].read_bytes()
     result = render(*take, "--fps", 25, "--over", take[0], "--out", take[0])
-    assert result.exit_code == 2 and "is the video to draw over; choose another name" in result.output.replace("\n", "")
+    assert result.exit_code == 2 and "is an input here" in result.output.replace("\n", "")
     assert take[0].read_bytes() == before
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -97,7 +98,7 @@ def test_nan_is_named_by_file_frame_and_joint(tmp_path: Path):
         ({"positions": walk()[0], "fps": 25}, r"got shape \(3, 3\)"),
         ({"positions": walk(), "fps": 0}, "fps must lie between 1 and 1000, got 0"),
         ({"positions": walk(), "fps": 0.04}, "was this the time of one frame"),
-        ({"positions": walk(), "fps": 25, "units": "cm"}, "'cm'; multiply them to metres"),
+        ({"positions": walk(), "fps": 25, "units": "cm"}, "'cm'; pass scale, the metres in one"),
         ({"positions": walk(), "fps": 25, "joints": ["a"], "parents": [-1]}, "3 joints, the skeleton 1"),
         ({"positions": walk(), "fps": 25, "valid": [True]}, "one entry per frame"),
     ],
@@ -427,8 +428,26 @@ def test_unknown_missing_and_empty_files_are_told_apart(tmp_path: Path):
         load_motion(tmp_path / "empty.npz")
     with pytest.raises(FileNotFoundError, match=r"none\.bvh: no such file"):
         load_motion(tmp_path / "none.bvh")
-    with pytest.raises(ValueError, match="holds no frame rate"):
+    with pytest.raises(ValueError, match=r"holds no motion: neither motion\.npz nor skeletons\.json, nor"):
         load_motion(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "arrays"),
+    [
+        ("points.npz", {"positions": np.zeros((2, 10_001, 3)), "fps": 25.0}),
+        ("bones.npz", {"positions": np.zeros((2, 3, 3)), "fps": 25.0, "parents": np.arange(10_001) - 1}),
+        ("points.npy", np.zeros((2, 10_001, 3))),
+        ("picture.npy", np.zeros((2, 10_001, 2))),
+    ],
+)
+def test_more_joints_than_any_body_has_are_refused(tmp_path: Path, name: str, arrays: Any):
+    if name.endswith("npz"):
+        np.savez(tmp_path / name, **arrays)
+    else:
+        np.save(tmp_path / name, arrays)
+    with pytest.raises(ValueError, match=f"{name}: has 10001 joints, more than the 10000 allowed"):
+        load_motion(tmp_path / name, fps=25.0)
 
 
 # JSON: what it holds decides

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +14,13 @@ from harmolab.kinematics import (
     peak_frames,
     refine_extrema,
     resample_motion,
+    resample_positions,
     smooth,
     smooth_positions,
     step_signs,
     turning_points,
     upsample_motion,
+    upsample_positions,
     valley_frames,
 )
 from harmolab.types import Motion, Skeleton
@@ -222,3 +225,10 @@ def test_upsampling_loses_far_less_of_a_swing_than_straight_lines_do():
     straight = resample_motion(swing(15.0), 120.0).positions[60:400]
     assert np.abs(cubic - truth).max() < 0.005
     assert np.abs(straight - truth).max() > 0.04  # (pi / 10)^2 / 2 at a peak
+
+
+@pytest.mark.parametrize("change_rate", [upsample_positions, resample_positions])
+def test_no_motion_is_blown_up_beyond_all_memory(change_rate: Callable[..., np.ndarray]):
+    positions = np.broadcast_to(0.0, (500_000, 4, 3))  # takes no room itself
+    with pytest.raises(ValueError, match="500000 frames of 4 joints at 1 fps would be 60000000 frames at 120 fps"):
+        change_rate(positions, 1.0, 120.0)

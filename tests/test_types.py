@@ -241,8 +241,9 @@ def test_paper_mode_has_the_papers_values():
 def test_recommended_mode_takes_a_learnt_pattern():
     learnt = BarPattern(2, (1.0,), (0.0,))
     assert HarmonyParams.recommended(learnt).pattern == learnt
-    assert HarmonyParams.recommended().pattern == BarPattern.stop_on_the_beat()
-    assert HarmonyParams.recommended().measure == "pattern"
+    assert HarmonyParams.recommended().pattern is None
+    assert HarmonyParams.room_speed().pattern == BarPattern.stop_on_the_beat()
+    assert HarmonyParams.recommended().measure == "shape"
 
 
 @pytest.mark.parametrize(
@@ -255,7 +256,7 @@ def test_recommended_mode_takes_a_learnt_pattern():
         ({"clock": -1.0}, "clock must be positive, got -1.0"),
         ({"visual_threshold": -1.0}, "visual_threshold must be zero or more, or None, got -1.0"),
         ({"fps": 0.0}, "fps must be positive or None, got 0.0"),
-        ({"lag": float("inf")}, "lag must be finite, got inf"),
+        ({"lag": float("inf")}, "lag must lie within 2 s of the beat, got inf"),
         ({"detector": "jumps"}, "detector must be one of turns, valleys, peaks, direction; got 'jumps'"),
         ({"matching": "one"}, "matching must be one of many, nearest, max; got 'one'"),
     ],

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from harmolab import __version__
+from harmolab.cli.checks import CheckedCommand
 from harmolab.cli.comparing import compare, learn
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
@@ -26,16 +27,16 @@ app = typer.Typer(
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
 for command in (score, compare, learn, train, dance, play, render, retime, explain):
-    app.command()(command)
+    app.command(cls=CheckedCommand)(command)
 app.add_typer(data_app, name="data")
 app.add_typer(study_app, name="study")
 
 
-@app.command()
+@app.command(cls=CheckedCommand)
 def report(
     notebooks: Annotated[Path, typer.Option(help="Folder of notebooks.")] = Path("notebooks"),
     out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("report"),
-    profile: Annotated[str, typer.Option(help="quick (minutes) or full.")] = "quick",
+    profile: Annotated[Literal["quick", "full"], typer.Option(help="quick (minutes) or full.")] = "quick",
 ) -> None:
     """Run the notebooks and build the offline HTML report."""
     from harmolab.lab.report.run import main as build

@@ -20,9 +20,24 @@ SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json")
 
 
+def printable(text: str) -> str:
+    """`text` in one line: new lines, and all else that no terminal should get, as escape sequences."""
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
+def note(message: str) -> None:
+    """One line on standard error."""
+    typer.echo(f"harmolab: {printable(message)}", err=True)
+
+
+def wrote(path: Path, *, err: bool = False) -> None:
+    """The line that a file was written."""
+    typer.echo(printable(f"wrote {path}"), err=err)
+
+
 def refuse(message: str) -> NoReturn:
     """One line on standard error, and exit code 2."""
-    typer.echo(f"harmolab: {message}", err=True)
+    note(message)
     raise typer.Exit(2)
 
 
@@ -32,7 +47,8 @@ def plain_errors() -> Iterator[None]:
     try:
         yield
     except (ValueError, OSError) as error:
-        refuse(str(error))
+        is_plain = isinstance(error, OSError) and error.filename is not None and error.strerror
+        refuse(f"{error.filename}: {error.strerror}" if is_plain else str(error))  # type: ignore[union-attr]
 
 
 def _not(suffixes: tuple[str, ...], path: Path) -> Path:
@@ -82,6 +98,9 @@ Beats = Annotated[
     Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
 ]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
+Scale = Annotated[
+    float | None, typer.Option(help="Metres in one unit of a 3-D file: 0.001 for millimetres, 0.056444 for CMU's BVH.")
+]
 Joints = Annotated[
     str, typer.Option(help="Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).")
 ]
@@ -103,17 +122,24 @@ def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
 
 def left_out(problem: Problem) -> None:
     """A line about a recording that cannot be read."""
-    typer.echo(f"harmolab: left out: {problem.message}", err=True)
+    note(f"left out: {problem.message}")
 
 
 def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
     """ValueError unless `out` ends in one of the suffixes and can be written; to be asked before any work."""
     if out.suffix.lower() not in suffixes:
         raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
-    if not out.resolve().parent.is_dir():
-        raise ValueError(f"{out.parent}: no such folder")
+    check_place(out)
     if out.suffix.lower() in PAGES and find_spec("jinja2") is None:
         raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
+
+
+def check_place(out: Path) -> None:
+    """ValueError unless the folder of a file to be written is there, and no folder has its name."""
+    if not out.resolve().parent.is_dir():
+        raise ValueError(f"{out.parent}: no such folder")
+    if out.is_dir():
+        raise ValueError(f"{out}: is a folder; name a file in it")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from harmolab.cli.common import AsJson, left_out, names_in, plain_errors, progress, show
+from harmolab.cli.common import AsJson, check_out, left_out, names_in, plain_errors, progress, show
 
 
 class Null(StrEnum):
@@ -65,7 +65,10 @@ def print_comparison(summary: dict[str, Any]) -> None:
     from rich.table import Table
 
     title = f"{summary['corpus']}: {summary['n']} windows, {summary['beats']} beats, {summary['null']} music"
-    table = Table("score", "AUC", "interval", "chance band", "tells?", title=title)
+    table = Table(title=title)
+    table.add_column("score", no_wrap=True)
+    for heading in ("AUC", "interval", "chance band", "tells?"):
+        table.add_column(heading)
     dances = sorted({dance for row in summary["scores"].values() for dance in row["by_dance"]})
     for dance in dances:
         table.add_column(dance)
@@ -89,7 +92,27 @@ def learn(
     from harmolab.lab.compare.windows import dance_patterns
 
     with plain_errors():
+        check_out(out, "a file of patterns", (".json",))
+        _check_patterns(out)
         patterns = dance_patterns(corpus, progress=progress, report=left_out)
         save_patterns(out, patterns)
     for name, pattern in patterns.items():
         typer.echo(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
+    example = next(iter(patterns))
+    typer.echo(f"use them: harmolab score SONG DANCE --pattern {out}" + (f" --dance {example}" if example else ""))
+
+
+def _check_patterns(out: Path) -> None:
+    """ValueError where `out` exists and holds anything but patterns: learning must not take its place."""
+    from harmolab.bar_pattern import load_pattern
+    from harmolab.io.files import read_json, reading
+
+    if not out.exists():
+        return
+    try:
+        with reading(out, "bar patterns") as file:
+            names = list(read_json(file))
+        for name in names or [""]:
+            load_pattern(out, name)
+    except ValueError:
+        raise ValueError(f"{out}: exists, and holds no patterns of `harmolab learn`; choose another name") from None

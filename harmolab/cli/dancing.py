@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import VIDEOS_OUT, Song, check_out, finding_beats, plain_errors, progress, show
+from harmolab.cli.checks import check_unread
+from harmolab.cli.common import (
+    VIDEOS_OUT,
+    Song,
+    check_out,
+    finding_beats,
+    note,
+    plain_errors,
+    progress,
+    show,
+    wrote,
+)
 from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
@@ -45,6 +56,8 @@ def dance(
     """
     with plain_errors():
         paths = _paths(out, seed, samples)
+        for path in paths.values():
+            check_unread(context, path)
         trained = _system(weights, system)
         options = accepted(trained.generate, context, {"progress": progress})
         sound, audio, track = _music(song, dance)
@@ -56,13 +69,15 @@ def dance(
         for number, path in paths.items():
             motion = trained.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
             music = track.span(start, motion.duration)
+            if len(music) < 2:
+                note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
             dancer = Dancer("generated", motion, score_motion(music, motion, params=HarmonyParams.valleys()))
             facts = {name: show(value) for name, value in dance_scores(motion, music, dancer.score).items()}
             _write(path, dancer, sound.span(start, motion.duration), music, song.stem, facts)
             table[f"seed {number}"] = facts
     _print(table)
     for path in paths.values():
-        typer.echo(f"wrote {path}")
+        wrote(path)
 
 
 def _paths(out: Path, seed: int, samples: int) -> dict[int, Path]:

@@ -10,12 +10,13 @@ from typing import Annotated
 
 import typer
 
-from harmolab.cli.common import AsJson, plain_errors, progress, show
+from harmolab.cli.checks import CheckedCommand
+from harmolab.cli.common import AsJson, plain_errors, printable, progress, show
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
 
-@data_app.command("check")
+@data_app.command("check", cls=CheckedCommand)
 def data_check(
     path: Annotated[Path, typer.Argument(help="A file, a sequence folder or a corpus.")],
     as_json: AsJson = False,
@@ -39,7 +40,7 @@ def data_check(
     console.print(table)
     for finding in findings:
         for oddity in finding.odd:
-            console.print(f"odd: {_short(finding.path, path)}: {oddity}", markup=False, highlight=False)
+            console.print(printable(f"odd: {_short(finding.path, path)}: {oddity}"), markup=False, highlight=False)
 
 
 def _short(name: str, root: Path) -> str:
@@ -47,7 +48,7 @@ def _short(name: str, root: Path) -> str:
     return Path(name).name if name == str(root) else os.path.relpath(name, root)
 
 
-@data_app.command("synth")
+@data_app.command("synth", cls=CheckedCommand)
 def data_synth(
     out: Annotated[Path, typer.Argument(help="New folder for the corpus.")],
     clips: Annotated[int, typer.Option(help="Number of clips; the seven dances take turns.", min=1)] = 200,

@@ -10,7 +10,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, PatternFile, Song
+from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, PatternFile, Scale, Song
 
 
 def explain(
@@ -29,6 +29,7 @@ def explain(
     beats: Beats = None,
     pattern: PatternFile = None,
     fps: Fps = None,
+    scale: Scale = None,
     joints: Joints = "",
     as_json: AsJson = False,
 ) -> None:
@@ -53,7 +54,7 @@ def explain(
             common.check_out(out, "the page", common.PAGES)
         params = HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else None)
         performance = load_performance(
-            motion, fps=fps, joints=common.names_in(joints) or None, progress=common.progress
+            motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, progress=common.progress
         )
         annotation = None if beats is None else load_annotation(beats)
         with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
@@ -76,4 +77,4 @@ def explain(
         return
     typer.echo("\n".join([result.verdict, "", str(result.placement), *result.words.sentences]))
     if out is not None:
-        typer.echo(f"wrote {out}")
+        common.wrote(out)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Seconds, Song, Start
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Scale, Seconds, Song, Start
 
 
 def play(
@@ -23,6 +23,7 @@ def play(
     dance: DanceName = "",
     beats: Beats = None,
     fps: Fps = None,
+    scale: Scale = None,
 ) -> None:
     """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
 
@@ -35,9 +36,13 @@ def play(
     with common.plain_errors():
         common.check_out(out, "the player", common.PAGES)
         with common.finding_beats():
-            clip = load_clip(song, motion, offset=offset, dance=dance, beats=beats, fps=fps, sample_rate=None)
+            clip = load_clip(
+                song, motion, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+            )
         clips = [clip]
         if other is not None:
-            clips.append(replace(clip, name=other.stem or other.name, motion=load_any_motion(other, fps=fps)))
+            clips.append(
+                replace(clip, name=other.stem or other.name, motion=load_any_motion(other, fps=fps, scale=scale))
+            )
         player_of(clips, start=start, seconds=seconds, title=f"{clip.name} to {song.name}").save(out)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Joints, Offset, Seconds, Song
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Joints, Offset, Scale, Seconds, Song
 
 
 def render(
@@ -32,6 +32,7 @@ def render(
         float | None, typer.Option(help="Pictures a second: 30, or those of the video.", min=10, max=120)
     ] = None,
     fps: Fps = None,
+    scale: Scale = None,
     joints: Joints = "",
 ) -> None:
     """Write a video of a motion with its music: a stick figure on a floor, or a skeleton over the dancer's own video.
@@ -53,7 +54,7 @@ def render(
         with common.finding_beats():
             clip = load_clip(
                 song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, track=marks, fps=fps,
-                joints=names, sample_rate=None,
+                scale=scale, joints=names, sample_rate=None,
             )  # fmt: skip
         write_dance(out, clip, over=over, marks=marks, rate=rate, height=height, progress=common.progress)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Song, show
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Scale, Song, show
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -42,6 +42,7 @@ def retime(
         Method, typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
     ] = Method.dp,
     fps: Fps = None,
+    scale: Scale = None,
 ) -> None:
     """Bend the time of a motion, or of a video, until it is in time with the music, and say how much was bent.
 
@@ -56,10 +57,10 @@ def retime(
         common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))
         retimed = retime_files(
             song, motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest, fastest=fastest,
-            dance=dance, beats=beats, method=method.value, fps=fps, progress=common.progress,
+            dance=dance, beats=beats, method=method.value, fps=fps, scale=scale, progress=common.progress,
         )  # fmt: skip
     _print(retimed)
-    typer.echo(f"wrote {out}")
+    common.wrote(out)
 
 
 def _print(retimed: Retimed) -> None:

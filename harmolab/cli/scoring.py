@@ -11,7 +11,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Seconds, Song, show
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Scale, Seconds, Song, show
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -35,6 +35,7 @@ def score(
     seconds: Seconds = None,
     mode: Annotated[Mode, typer.Option(help="The paper's settings, ours, or both.")] = Mode.both,
     fps: Fps = None,
+    scale: Scale = None,
     dance: DanceName = "",
     beats: Beats = None,
     pattern: PatternFile = None,
@@ -60,9 +61,13 @@ def score(
     from harmolab.harmony import music_and_motion, other_measures, score_motion
 
     with common.plain_errors():
+        if plot:
+            common.check_place(plot)
         modes = settings(mode, pattern, dance, lag, clock)
         with common.finding_beats():
-            clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps)
+            clip = load_clip(
+                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps, scale=scale
+            )
         music, movement = music_and_motion(clip, clock=clock)
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
         measures = other_measures(clip, clock=clock) if others else {}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from harmolab.cli.checks import CheckedCommand
 from harmolab.cli.common import AsJson, left_out, plain_errors, progress, show, write_text
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ Wrong = Literal["lagged", "swapped"]
 Raters = Literal["all", "people", "simulated"]
 
 
-@study_app.command()
+@study_app.command(cls=CheckedCommand)
 def make(
     corpus: Annotated[Path, typer.Argument(help="Folder of sequences (Tang 2018 layout, or ours).")],
     out: Annotated[Path, typer.Argument(help="Folder for the study; `ask` needs nothing else.")],
@@ -97,7 +98,7 @@ def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth
     write_study(out, trials, key)
 
 
-@study_app.command()
+@study_app.command(cls=CheckedCommand)
 def ask(
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`.")],
     rater: Annotated[str, typer.Option(help="Name of the rater; it decides the order of the trials.")],
@@ -141,7 +142,7 @@ def _serve(server: StudyServer, no_open: bool) -> None:
             typer.echo("")
 
 
-@study_app.command()
+@study_app.command(cls=CheckedCommand)
 def analyse(
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`, with answers.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,

@@ -217,7 +217,7 @@ def _shape_oddities(motion: Motion) -> list[str]:
     if motion.positions.shape[2] == 3:
         extent = float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
         if not _HEIGHTS[0] <= extent <= _HEIGHTS[1]:
-            odd.append(f"the body extends over {extent:.3g} m: other units? pass scale")
+            odd.append(f"the body extends over {extent:.3g} m: other units? pass scale (--scale)")
     return odd
 
 

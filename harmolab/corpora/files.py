@@ -68,6 +68,7 @@ def load_clip(
     beats: PathLike | None = None,
     track: bool = True,
     fps: float | None = None,
+    scale: float | None = None,
     joints: tuple[str, ...] | None = None,
     sample_rate: float | None = TRACKED_AT,
 ) -> Clip:
@@ -82,7 +83,7 @@ def load_clip(
     dance : str, a prior of the tempo where it is one of `DANCES`
     beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
     track : bool; False leaves the clip without beats where none are annotated
-    fps, joints : as in `load_motion`, for a motion that is read
+    fps, scale, joints : as in `load_motion`, for a motion that is read
     sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
         The beats are the same at every rate. A sound file is decoded once; a video's sound twice unless the rate is
         22,050 Hz, since another resampler brings it there.
@@ -99,7 +100,7 @@ def load_clip(
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
     if offset is None:
         offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
-    movement = motion if isinstance(motion, Motion) else load_any_motion(motion, fps=fps, joints=joints)
+    movement = motion if isinstance(motion, Motion) else load_any_motion(motion, fps=fps, scale=scale, joints=joints)
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
@@ -138,15 +139,20 @@ def corpus_recordings(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the folder; ValueError where it holds no recording.
+        Both name the folder; ValueError where it holds no recording, or none of these dances.
     """
     if not isinstance(corpus, str | os.PathLike):
         yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
         return
     if not find_recordings(corpus).folders:
         raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    names = set()
     for item in progress(iter_recordings(corpus), Path(corpus).name):
         if isinstance(item, Problem):
             report(item)
-        elif not dances or item.clip.dance in dances:
-            yield item
+        else:
+            names.add(item.clip.dance or "unknown")
+            if not dances or item.clip.dance in dances:
+                yield item
+    if dances and names.isdisjoint(dances):
+        raise ValueError(f"{corpus}: holds no {' or '.join(dances)}; its dances: {', '.join(sorted(names)) or 'none'}")

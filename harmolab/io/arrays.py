@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
 MIN_FPS, MAX_FPS = 1.0, 1000.0
+MAX_JOINTS = 10_000
 
 
 def read_npy(stream: BinaryIO, size: int, *, kinds: str = "fiu") -> NDArray[Any]:
@@ -89,6 +90,12 @@ def checked_fps(fps: Any) -> float:
     return rate
 
 
+def check_joints(count: int) -> None:
+    """ValueError for more joints than any body or cloth of markers has."""
+    if count > MAX_JOINTS:
+        raise ValueError(f"has {count} joints, more than the {MAX_JOINTS} allowed; were these frames?")
+
+
 def checked_motion(
     positions: ArrayLike, fps: Any, skeleton: Skeleton | None = None, valid: BoolArray | None = None
 ) -> Motion:
@@ -104,6 +111,7 @@ def checked_motion(
     array = np.asarray(positions)
     if array.ndim != 3 or array.shape[2] not in (2, 3) or array.shape[1] == 0:
         raise ValueError(f"positions must be (frames, joints, 3) or (frames, joints, 2), got shape {array.shape}")
+    check_joints(array.shape[1])
     skeleton = Skeleton.unnamed(array.shape[1]) if skeleton is None else skeleton
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):

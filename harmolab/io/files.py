@@ -10,17 +10,20 @@ import json
 import math
 import os
 import pickle
+import re
 import shutil
 import stat
 import struct
 import tempfile
 import threading
+import time
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +40,8 @@ MAX_BYTES = 512 * 2**20
 # Parsed text takes many times its room.
 MAX_JSON_BYTES = 256 * 2**20
 MAX_TEXT_BYTES = 16 * 2**20
+LEFTOVER_SECONDS = 86_400.0  # a file that is written for a day was left by a killed process
+_LEFTOVER = re.compile(r"\..+\.npz\.\d+\.\d+\.tmp")
 UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
 
 # RuntimeError stands for RecursionError, NotImplementedError and the errors of libsndfile.
@@ -102,9 +107,9 @@ def _check_file(path: Path, max_bytes: int | None) -> None:
 
 def _message(path: str, what: str, error: Exception) -> str:
     """`error` in one line behind the file's name; an error that is none of ours says what was expected."""
-    text = " ".join(str(error).split())[:400]
-    if text.startswith(path):
-        return text
+    text = " ".join(str(error).removeprefix(path).split())[:400]  # a name may hold new lines itself
+    if str(error).startswith(path):
+        return path + text
     if type(error) in (ValueError, MissingFrameRate):
         return f"{path}: {text}"
     return f"{path}: cannot be read as {what} ({text or type(error).__name__})"
@@ -120,19 +125,63 @@ def read_json(path: Path) -> Any:
     return json.loads(path.read_bytes())
 
 
+def check_output(out: PathLike, inputs: Iterable[PathLike]) -> None:
+    """Checks that what is read is not written over.
+
+    Parameters
+    ----------
+    out : str or path of a file or folder to be written
+    inputs : the files and folders that it is made from
+
+    Raises
+    ------
+    ValueError
+        `out` is one of them, be it through a link, or a file that is there already inside of one; names both.
+    """
+    out = Path(out)
+    if not out.exists():
+        return
+    places = set() if out.is_dir() else {out.resolve(), out.parent.resolve() / out.name}
+    for path in filter(Path.exists, map(Path, inputs)):
+        if out.samefile(path):
+            raise ValueError(f"{out}: is an input here ({path}); choose another name for the output")
+        if any(path.resolve() in place.parents for place in places):
+            raise ValueError(f"{out}: is there already, inside an input ({path}); choose another name for the output")
+
+
 @contextmanager
 def atomic_write(path: PathLike) -> Iterator[Path]:
     """A hidden neighbour of `path` to write to; it takes the place of `path` at the end, or is removed after an error.
 
     A reader of `path` meanwhile gets the former content.
+
+    Raises
+    ------
+    OSError
+        It cannot be written; names `path`.
     """
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_native_id()}.tmp")
+    with _naming(path, part):
+        try:
+            yield part
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _naming(path: Path, part: Path) -> Iterator[None]:
+    """OSErrors of the block name `path`, where they name nothing or the hidden `part` in its place."""
     try:
-        yield part
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+        yield
+    except OSError as error:
+        if error.errno is not None:
+            name = str(error.filename or part).removeprefix("file:").replace(str(part), str(path))
+            raise OSError(error.errno, os.strerror(error.errno), name) from error
+        if type(error) is OSError:  # of numpy: so many values requested, so many written
+            raise OSError(f"{path}: {error}") from error
+        raise
 
 
 @contextmanager
@@ -142,10 +191,11 @@ def atomic_folder(path: PathLike) -> Iterator[Path]:
     part = Path(tempfile.mkdtemp(prefix=f"{UNFINISHED}{path.name}_", dir=path.parent))
     try:
         part.chmod(0o755)
-        yield part
-        if path.exists():
-            shutil.rmtree(path)
-        part.replace(path)
+        with _naming(path, part):
+            yield part
+            if path.exists():
+                shutil.rmtree(path)
+            part.replace(path)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
@@ -204,6 +254,15 @@ def cached_arrays(name: str) -> Arrays | None:
         return None
 
 
+@cache
+def remove_leftovers(folder: Path) -> None:
+    """Remove the files that killed processes left half written in the cache; once a process, and not its folders."""
+    for file in folder.glob(".*.tmp"):
+        with suppress(OSError):  # another process may have removed it first
+            if _LEFTOVER.fullmatch(file.name) and time.time() - file.lstat().st_mtime > LEFTOVER_SECONDS:
+                file.unlink()
+
+
 def keep_arrays(name: str, arrays: Arrays) -> None:
     """Keep arrays under a name; a cache that cannot be written is no error."""
     folder = cache_folder()
@@ -211,6 +270,7 @@ def keep_arrays(name: str, arrays: Arrays) -> None:
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(folder)
         with atomic_write(folder / f"{name}.npz") as part, part.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
     except OSError:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io import layouts
-from harmolab.io.arrays import checked_motion, read_npy
+from harmolab.io.arrays import check_joints, checked_motion, read_npy
 from harmolab.io.files import MAX_BYTES, MAX_JSON_BYTES, MissingFrameRate, PathLike, read_json, reading
 from harmolab.io.layouts import MEDIAPIPE_33
 from harmolab.skeletons import joint_indices, skeleton_part
@@ -71,7 +71,7 @@ def load_keypoints(
             values = _dancer(layouts.people_by_frame(content))
         rate = about.get("fps") if fps is None else fps
         if rate is None:
-            raise MissingFrameRate("holds key points but no frame rate; pass fps")
+            raise MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
         is_world = about.get("world", False) if world is None else world
         if not isinstance(is_world, bool):
             raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
@@ -103,6 +103,7 @@ def keypoints_motion(
     """
     are_landmarks = values.ndim == 3 and values.shape[1] == _LANDMARKS and values.shape[2] in (3, 4)
     points = values if are_landmarks else _with_joints(values)
+    check_joints(points.shape[1])
     named = MEDIAPIPE_33 if are_landmarks else layouts.named_skeleton(points.shape[1])
     skeleton = named or Skeleton.unnamed(points.shape[1])
     keep = joint_indices(skeleton, skeleton.joints if joints is None else joints)
@@ -157,10 +158,11 @@ def _filled(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> Flo
 
 def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
     """One dancer from OpenPose's JSON files, one a frame in the order of their numbers."""
+    files = _frame_files(folder)
     if fps is None:
-        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps")
+        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 25")
     frames = []
-    for path in _frame_files(folder):
+    for path in files:
         with reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):
             frames.append(layouts.entry_poses(read_json(path), layouts.OPENPOSE, "frame"))
     try:
@@ -174,7 +176,10 @@ def _frame_files(folder: Path) -> list[Path]:
     digits = {file: re.findall(r"\d+", file.stem.removesuffix("_keypoints")) for file in folder.glob("*.json")}
     files = sorted((int(numbers[-1][-18:]), file) for file, numbers in digits.items() if numbers)
     if not files:
-        raise ValueError(f"{folder}: holds no numbered JSON files as OpenPose writes them (name_000000000000.json)")
+        raise ValueError(
+            f"{folder}: holds no motion: neither motion.npz nor skeletons.json, nor numbered JSON files as OpenPose "
+            "writes them (name_000000000000.json)"
+        )
     for (number, file), (following, other) in itertools.pairwise(files):
         if following == number:
             raise ValueError(f"{folder}: has two files for frame {number}: {file.name} and {other.name}")

@@ -13,7 +13,7 @@ name            shape and type                      meaning
 ``joints``      (J,) strings, optional              names of the joints
 ``parents``     (J,) integers, optional             index of each joint's parent, -1 at a root
 ``valid``       (T,) bool, optional                 False where a frame is filler (a splice, an occlusion)
-``units``       one string, optional                ``"m"`` for 3-D (nothing else is read), any for 2-D
+``units``       one string, optional                ``"m"`` for 3-D (else pass `scale`), any for 2-D
 ==============  ==================================  =======================================================
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
@@ -50,12 +50,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.aist import AIST_FPS, is_aist_name, load_aist
-from harmolab.io.arrays import checked_motion, in_metres, read_npy
+from harmolab.io.arrays import check_joints, checked_motion, in_metres, read_npy
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.files import MAX_BYTES, MissingFrameRate, PathLike, atomic_write, reading
 from harmolab.io.keypoints import keypoints_motion, load_keypoints
 from harmolab.io.layouts import named_skeleton
+from harmolab.io.video import is_video
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import Motion, Skeleton
 
@@ -75,7 +76,7 @@ def load_motion(
     fps : float or None, frames per second
         Needed where the file holds no rate (`.npy`, OpenPose, COCO); elsewhere it takes the place of the file's.
     scale : float or None
-        Metres in one unit of a 3-D file. None: 1 for `.npy`, 0.01 for AIST++, see `load_bvh` for BVH.
+        Metres in one unit of a 3-D file. None: 1 for `.npz` and `.npy`, 0.01 for AIST++, see `load_bvh` for BVH.
     joints : names, optional
         Keep these joints only. For a camera that never sees the legs, since a joint that is never seen is an error.
 
@@ -104,7 +105,7 @@ def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[s
     if path.is_dir() or suffix in (".json", ".jsonl"):
         return load_keypoints(path, fps=fps, joints=joints)
     if suffix == ".npz":
-        return _load_npz(path, fps)
+        return _load_npz(path, fps, scale)
     if suffix == ".npy":
         return _load_npy(path, fps, 1.0 if scale is None else scale, joints)
     if suffix == ".bvh":
@@ -112,6 +113,8 @@ def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[s
     if suffix in (".pkl", ".pickle"):
         return load_aist(path, fps=AIST_FPS if fps is None else fps, scale=0.01 if scale is None else scale)
     with reading(path, "a motion", max_bytes=None):
+        if is_video(path):
+            raise ValueError("is a video, no motion file; `harmolab explain` and `harmolab retime` read videos")
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json")
 
 
@@ -121,7 +124,7 @@ def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[
         with file.open("rb") as stream:
             values = read_npy(stream, file.stat().st_size)
         if fps is None and not is_aist_name(file):
-            raise MissingFrameRate("holds no frame rate; pass fps")
+            raise MissingFrameRate("holds no frame rate; pass fps, such as --fps 25")
         rate = AIST_FPS if fps is None else fps
         if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
             return keypoints_motion(values, rate, joints=joints)
@@ -136,7 +139,7 @@ def _has_confidence(values: NDArray[Any]) -> bool:
     )
 
 
-def _load_npz(path: PathLike, fps: float | None) -> Motion:
+def _load_npz(path: PathLike, fps: float | None, scale: float | None) -> Motion:
     """Our own format, as in the module's docstring."""
     with reading(path, "an .npz motion") as file:
         arrays = _npz_arrays(file)
@@ -147,13 +150,17 @@ def _load_npz(path: PathLike, fps: float | None) -> Motion:
         units = str(arrays["units"]) if "units" in arrays else "m"
         if rate.size != 1:
             raise ValueError(f"fps must be one number, got shape {rate.shape}")
-        if positions.ndim == 3 and positions.shape[2] == 3 and units != "m":
-            raise ValueError(f"has positions in {units[:20]!r}; multiply them to metres ('m') first")
+        if positions.ndim == 3 and positions.shape[2] == 3:
+            if scale is None and units != "m":
+                raise ValueError(f"has positions in {units[:20]!r}; pass scale, the metres in one of them")
+            positions = positions if scale is None else in_metres(positions, scale)
         return checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid"))
 
 
 def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
     """The skeleton of an `.npz`; joints without names, or without bones, where it holds one of the two only."""
+    for name in ("joints", "parents"):
+        check_joints(arrays[name].size if name in arrays else 0)
     parts = {name: tuple(arrays[name].ravel().tolist()) for name in ("joints", "parents") if name in arrays}
     return replace(Skeleton.unnamed(len(next(iter(parts.values())))), **parts) if parts else None
 

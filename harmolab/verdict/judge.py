@@ -162,7 +162,7 @@ def _cycles(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
 
 def _floor(signal: ShapeSignal) -> str:
     """The reason why there is too little movement to judge; "" where there is enough."""
-    if signal.dimensions == 3 and signal.share < LEAST_SHARE and signal.share > 0:
+    if signal.dimensions == 3 and signal.share < LEAST_SHARE:
         return "you only turn and travel"
     return "too little movement inside the body" if signal.pulse < LEAST_PULSE else ""
 
@@ -187,8 +187,8 @@ def _cannot_tell(judgement: Judgement) -> str:
 
 def _no_sign(judgement: Judgement) -> str:
     own = judgement.own_tempo
-    told = "" if np.isnan(own) else f" Your own tempo is {own:.1f} bpm, the music's {judgement.tempo:.1f}."
-    return f"No sign that you follow this beat.{told}"
+    words = "" if np.isnan(own) else f" Your own tempo is {own:.1f} bpm, the music's {judgement.tempo:.1f}."
+    return f"No sign that you follow this beat.{words}"
 
 
 def _no_place(judgement: Judgement) -> str:

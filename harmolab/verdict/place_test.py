@@ -1,4 +1,4 @@
-"""Where in the beat? At which lag does a movement do on the beats what dancers do there?
+"""The place test: at which lag does a movement do on the beats what dancers do there?
 
 A reading says what is expected around a beat: the learnt curve of a dance; without a dance that the body rests on the
 beat, hits it, or rests on every second one. Every moment of the take is ranked by how well the next cycle of movement
@@ -20,7 +20,7 @@ from harmolab.shape_speed import ShapeSignal
 from harmolab.types import FloatArray, IntArray
 
 MOMENTS = 48  # a beat
-TIE = 0.015  # of the range of T: lags that fit as well; the nearest to 0 is taken
+TIE = 0.03  # of the range of T: lags that fit as well as the best
 BLOCK = 4  # beats that are drawn together, at least
 N_DRAWS = 200
 REST, HIT = BarPattern(1, (-1.0,), (0.0,), "rest"), BarPattern(1, (1.0,), (0.0,), "hit")
@@ -75,7 +75,7 @@ class PlaceTest:
     @property
     def reading(self) -> BarPattern:
         """The pattern that fits best at the lag."""
-        moment = round(self.lag * MOMENTS) % self.ranks.shape[2]
+        moment = int(np.floor(self.lag * MOMENTS + 0.5)) % self.ranks.shape[2]
         return self.readings[int(self.ranks.mean(axis=1)[:, moment].argmax())][0]
 
     def shares(self, n_beats: int) -> FloatArray:
@@ -185,12 +185,15 @@ def _above(curves: FloatArray, n_readings: int) -> FloatArray:
 
 
 def _lags(curves: FloatArray, reach: float) -> FloatArray:
-    """Lag in beats of the highest point of curves (..., U) within the reach; of equal ones the nearest to 0."""
+    """Lag in beats of the top of curves (..., U) within the reach: the middle of its plateau, the one nearest 0."""
     size = curves.shape[-1]
-    lags = (np.arange(size) + size // 2) % size - size // 2
-    order = np.argsort(np.abs(lags), kind="stable")
-    order = order[np.abs(lags[order]) <= reach * MOMENTS]
-    ordered = curves[..., order]
-    range_ = curves.max(axis=-1) - curves.min(axis=-1)
-    top = ordered >= (ordered.max(axis=-1) - TIE * range_)[..., None]
-    return lags[order][top.argmax(axis=-1)] / MOMENTS
+    lags = np.arange(-int(reach * MOMENTS), int(reach * MOMENTS) + 1)
+    heights = curves[..., lags % size]
+    tie = TIE * (curves.max(axis=-1) - curves.min(axis=-1))
+    outside = heights < (heights.max(axis=-1) - tie)[..., None]
+    nearest = np.where(outside, size, np.abs(lags)).argmin(axis=-1)[..., None]
+    places = np.arange(lags.size)
+    before = np.maximum.accumulate(np.where(outside, places, -1), axis=-1)
+    after = np.minimum.accumulate(np.where(outside, places, lags.size)[..., ::-1], axis=-1)[..., ::-1]
+    ends = [np.take_along_axis(edge, nearest, axis=-1)[..., 0] for edge in (before, after)]
+    return (0.5 * (ends[0] + ends[1]) + lags[0]) / MOMENTS

@@ -1,4 +1,4 @@
-"""In time? Does a movement keep the tempo of these beats better than other tempi?
+"""The time test: does a movement keep the tempo of these beats better than other tempi?
 
 Beats turned round the end of a clip prove nothing about periodic movement: whatever recurs once a beat fits any phase.
 The null here is another tempo. For a cycle of beats the movement is cut into blocks, each block gives a Fourier vector
@@ -10,13 +10,16 @@ lie between .6 and 1.67 times that of the beats.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harmolab.shape_speed import ShapeSignal
-from harmolab.types import FloatArray
+from harmolab.types import FloatArray, IntArray
 
 SAMPLED_AT = 25.0  # hertz: dance holds little above 3 Hz
 SLOWEST = 0.6  # ratio of the slowest grid; the fastest is 1 / SLOWEST
@@ -32,7 +35,7 @@ RATIOS: FloatArray = np.exp(np.linspace(np.log(SLOWEST), -np.log(SLOWEST), N_RAT
 
 @dataclass(frozen=True, eq=False)
 class TimeTest:
-    """How well movements agree from block to block on grids of many tempi.
+    """Agreement of the movements from block to block on grids of many tempi.
 
     Parameters
     ----------
@@ -113,28 +116,23 @@ class _Agreement(NamedTuple):
 def _agreement(phase: FloatArray, weights: FloatArray, values: FloatArray, cycle: int) -> _Agreement:
     """The agreement of blocks on every grid, for movements that recur after `cycle` beats."""
     edges, counts = _block_edges(phase, cycle * -(-BLOCK // cycle))
-    real = np.arange(edges.shape[1] - 1) < counts[:, None]  # blocks of each ratio
+    is_block = np.arange(edges.shape[1] - 1) < counts[:, None]
+    # One row of samples a ratio, and a 0 behind it, where blocks end that do not exist.
+    rows = np.arange(N_RATIOS)[:, None]
+    places = (edges + rows * (phase.size + 1)).ravel()
 
-    def sums(samples: FloatArray) -> FloatArray:
-        """Weighted sums over the blocks, (ratios, blocks), of (ratios or 1, T) samples."""
-        running = np.zeros((len(samples), samples.shape[1] + 1), samples.dtype)
-        np.cumsum(samples * weights, axis=1, out=running[:, 1:])
-        rows = np.arange(len(samples))[:, None]
-        return np.where(real, np.diff(running[rows, edges], axis=1), 0)
+    def sums(samples: NDArray[Any]) -> NDArray[Any]:
+        """Sums over the blocks, (ratios, blocks), of (ratios, T + 1) samples."""
+        return np.where(is_block, np.add.reduceat(samples.ravel(), places).reshape(edges.shape)[:, :-1], 0)
 
-    mass = sums(np.ones((1, phase.size)))
-    mass = np.where(mass > 0, mass, 1.0)
-    mean = sums(values[None]) / mass
-    spread = np.sqrt(np.maximum(sums(np.square(values)[None]) / mass - mean**2, 0.0))
-    typical = spread.sum(axis=1, keepdims=True) / np.maximum(counts, 1)[:, None]
-    scale = mass * np.maximum(spread, LEAST_SPREAD * typical)
-    scale = np.where(scale > 0, scale, 1.0)
-    turn = np.exp(-2j * np.pi / cycle * RATIOS[:, None] * phase)
-    wave, variance, harmonics = np.ones_like(turn), np.zeros(N_RATIOS), []
+    deviations = _deviations(phase, weights, values, edges, sums)
+    turn = np.zeros(deviations.shape, np.complex128)
+    turn[:, :-1] = np.exp(-2j * np.pi / cycle * RATIOS[:, None] * phase)
+    wave, variance, harmonics = deviations.astype(np.complex128), np.zeros(N_RATIOS), []
     for _ in range(2 * cycle):
         wave *= turn
-        vectors = (sums(wave * values) - mean * sums(wave)) / scale
-        power = np.square(np.abs(vectors))
+        vectors = sums(wave)
+        power = np.square(vectors.real) + np.square(vectors.imag)
         harmonics.append(np.square(np.abs(vectors.sum(axis=1))) - power.sum(axis=1))
         variance += np.square(power.sum(axis=1)) - np.square(power).sum(axis=1)
     enough = (counts >= FEWEST_BLOCKS) & (variance > 0)
@@ -142,7 +140,30 @@ def _agreement(phase: FloatArray, weights: FloatArray, values: FloatArray, cycle
     return _Agreement(z, np.array(harmonics) / np.maximum(counts, 1) ** 2)
 
 
-def _block_edges(phase: FloatArray, beats: int) -> tuple[FloatArray, FloatArray]:
+def _deviations(
+    phase: FloatArray,
+    weights: FloatArray,
+    values: FloatArray,
+    edges: IntArray,
+    sums: Callable[[FloatArray], FloatArray],
+) -> FloatArray:
+    """(ratios, T + 1) weighted deviations from the mean of their block, over its weight and spread."""
+    ones = np.ones((N_RATIOS, 1))
+    mass, first, second = (sums(np.append(weights * power, 0.0) * ones) for power in (1.0, values, np.square(values)))
+    mass = np.where(mass > 0, mass, 1.0)
+    mean = first / mass
+    spread = np.sqrt(np.maximum(second / mass - mean**2, 0.0))
+    typical = spread.sum(axis=1, keepdims=True) / np.maximum((spread > 0).sum(axis=1, keepdims=True), 1)
+    scale = mass * np.maximum(spread, LEAST_SPREAD * typical)
+    block = np.zeros((N_RATIOS, phase.size + 1), np.int64)
+    np.add.at(block, (np.arange(N_RATIOS)[:, None], edges), 1)
+    block = np.clip(np.cumsum(block, axis=1) - 1, 0, mean.shape[1] - 1)
+    pick = partial(np.take_along_axis, indices=block, axis=1)
+    deviations = (np.append(values, 0.0) - pick(mean)) * np.append(weights, 0.0)
+    return np.divide(deviations, pick(scale), out=np.zeros_like(deviations), where=pick(scale) > 0)
+
+
+def _block_edges(phase: FloatArray, beats: int) -> tuple[IntArray, IntArray]:
     """First sample of every whole block of so many beats, and the end of the last: (ratios, blocks + 1), (ratios,)."""
     first = np.ceil(RATIOS * phase[0] - 1e-6)
     counts = np.maximum((RATIOS * phase[-1] + 1e-6 - first) // beats, 0).astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import json
 import re
@@ -18,7 +19,7 @@ from harmolab.corpora.synthetic.beats import ClipSettings
 from harmolab.corpora.synthetic.clip import PlantedClip, planted_clip
 from harmolab.corpora.synthetic.figures import figure_names
 from harmolab.io.beats import Unit
-from harmolab.io.files import UNFINISHED, PathLike, Progress, atomic_folder, plain, silent, write_json
+from harmolab.io.files import UNFINISHED, PathLike, Progress, atomic_folder, atomic_write, plain, silent, write_json
 from harmolab.io.motion import save_motion
 from harmolab.params import DANCES
 
@@ -132,7 +133,10 @@ def _write_clip(folder: Path, planted: PlantedClip) -> None:
     if motion is None:
         raise ValueError(f"{folder}: the clip has no motion")
     with atomic_folder(folder) as part:
-        soundfile.write(part / "audio.wav", audio.samples, round(audio.sample_rate), subtype="PCM_16")
+        sound = io.BytesIO()  # libsndfile itself would not say why a file cannot be written
+        soundfile.write(sound, audio.samples, round(audio.sample_rate), format="WAV", subtype="PCM_16")
+        with atomic_write(part / "audio.wav") as file:
+            file.write_bytes(sound.getvalue())
         save_motion(part / "motion.npz", motion)
         write_json(part / "beats.json", _annotation(planted))
 

@@ -10,7 +10,7 @@ import numpy as np
 from harmolab.beats.audio import music_beats
 from harmolab.corpora.files import load_clip
 from harmolab.harmony import score_motion
-from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, check_output, silent
 from harmolab.io.motion import save_motion
 from harmolab.io.video import CODINGS, is_video, video_frames, write_video
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
@@ -59,9 +59,8 @@ def write_dance(
         frames = render_dance(motion, fps=rate, height=height, score=(score or _score(clip, motion)) if marks else None)
     elif rate is not None:
         raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
-    elif Path(out).exists() and Path(out).samefile(over):
-        raise ValueError(f"{out}: is the video to draw over; choose another name")
     else:
+        check_output(out, [over])
         video = video_frames(over, height=height, colour=True)
         motion, rate = points_in_picture(motion, video), video.fps
         frames = overlay_skeleton(video, rate, motion, score=(score or _score(clip, motion)) if marks else None)
@@ -77,6 +76,7 @@ def retime_files(
     dance: str = "",
     beats: PathLike | None = None,
     fps: float | None = None,
+    scale: float | None = None,
     strength: float = 1.0,
     phase: float = 0.0,
     slowest: float = 0.7,
@@ -88,7 +88,7 @@ def retime_files(
 
     Parameters
     ----------
-    song, motion, offset, dance, beats, fps : as in `load_clip`; `motion` may also be a video
+    song, motion, offset, dance, beats, fps, scale : as in `load_clip`; `motion` may also be a video
         A video moves as its pictures do as a whole, whose rests are those of the dancer.
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
@@ -99,10 +99,13 @@ def retime_files(
     FileNotFoundError, ValueError
         Both name the file; ValueError also for a setting out of range.
     """
+    check_output(out, [song, motion])
     video = video_frames(motion) if is_video(motion) else None
     movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
     for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
-        clip = load_clip(path, movement, offset=offset, dance=dance, beats=beats, fps=fps, sample_rate=None)
+        clip = load_clip(
+            path, movement, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+        )
     moves = _motion(clip)
     music = music_beats(clip).span(clip.offset, moves.duration)
     retimed = retime(moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method)

@@ -66,13 +66,15 @@ def build(
     FileNotFoundError
         If there is no notebook.
     ValueError
-        If `out` holds something that is no report of ours.
+        If `out` is a file, or holds something that is no report of ours.
     """
     notebooks, out = Path(notebooks).resolve(), Path(out).resolve()
     paths = sorted(notebooks.glob("*.ipynb"))
     if not paths:
         raise FileNotFoundError(f"no notebooks (*.ipynb) in {notebooks}")
     index = out / "index.html"
+    if out.is_file():
+        raise ValueError(f"{out} is a file; name a folder for the report")
     is_report = index.is_file() and MARK in index.read_text("utf-8", errors="replace")
     if out.is_dir() and any(out.iterdir()) and not is_report:
         raise ValueError(f"{out} holds files that are no report of ours; name an empty or new folder")
@@ -170,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.timeout = options.timeout or {"quick": 300.0, "full": 3600.0}[options.profile]
     try:
         report = build(**vars(options))
-    except (ValueError, FileNotFoundError) as error:
+    except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     for run in report.failures:

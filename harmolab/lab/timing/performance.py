@@ -102,14 +102,19 @@ class Placement:
 
 
 def load_performance(
-    path: PathLike, *, fps: float | None = None, joints: Sequence[str] | None = None, progress: Progress = silent
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    scale: float | None = None,
+    joints: Sequence[str] | None = None,
+    progress: Progress = silent,
 ) -> Performance:
     """A motion file, a folder, or a video (by its suffix) with its sound.
 
     Parameters
     ----------
     path : str or path
-    fps, joints : see `harmolab.io.motion.load_motion`; not for a video
+    fps, scale, joints : see `harmolab.io.motion.load_motion`; not for a video
     progress : function(iterable, label) -> iterable
 
     Raises
@@ -128,7 +133,7 @@ def load_performance(
         with suppress(ValueError):  # none, or none that can be read: the movement has to do
             sound = video_sound(path)
         return Performance(path, motion, True, sound)
-    motion = load_any_motion(path, fps=fps, joints=None if joints is None else tuple(joints))
+    motion = load_any_motion(path, fps=fps, scale=scale, joints=None if joints is None else tuple(joints))
     return Performance(path, motion, start=recorded_offset(path))
 
 

@@ -1,0 +1,335 @@
+"""Small dangers of every command: nothing that is read is written over, one line names the option or file at fault."""
+
+from __future__ import annotations
+
+import os
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from inspect import signature
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import numpy as np
+import pytest
+import soundfile
+from typer import Typer
+from typer.models import ArgumentInfo
+from typer.testing import Result
+
+from harmolab.cli import app
+from harmolab.cli.common import printable
+from harmolab.cli.comparing import print_comparison
+from harmolab.corpora.synthetic import write_corpus
+from harmolab.io.files import keep_arrays
+from harmolab.io.motion import load_motion, save_motion
+from harmolab.lab.render.video import retime_files
+from tests.builders import called, planted_dance, still, write_dance, write_song
+
+run = partial(called, app)
+
+
+@pytest.fixture(autouse=True)
+def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every test runs in an empty folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_corpus(tmp_path_factory.mktemp("corpus") / "synth", clips=2, seconds=6.0, fps=30.0)
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str, Path]:
+    """A song, a dance, and the option with the song's beats, so that none need be tracked."""
+    folder, clip = tmp_path_factory.mktemp("pair"), planted_dance()
+    (folder / "song.beats").write_text("".join(f"{time:.4f}\n" for time in clip.beats.times))
+    return (
+        write_song(folder / "song.wav", clip), write_dance(folder / "dance.npz", clip), "--beats", folder / "song.beats"
+    )  # fmt: skip
+
+
+def line(result: Result) -> str:
+    """The one line that a command which cannot be done prints."""
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    assert len(result.stderr.splitlines()) == 1
+    return result.stderr.removeprefix("harmolab: ").rstrip("\n")
+
+
+def commands(group: Typer, *names: str) -> Iterator[tuple[tuple[str, ...], Callable[..., None]]]:
+    """Every command below a group: its words and its function."""
+    for info in group.registered_commands:
+        if info.callback is not None:
+            yield (*names, info.name or info.callback.__name__), info.callback
+    for part in group.registered_groups:
+        if part.typer_instance is not None:
+            yield from commands(part.typer_instance, *names, str(part.name))
+
+
+def float_options(words: tuple[str, ...], function: Callable[..., None]) -> Iterator[tuple[str, ...]]:
+    """Calls of a command, with all that it cannot do without, that end in an option for any number.
+
+    Numbers with a range are left out: typer itself refuses NaN there.
+    """
+    hints = {name: get_args(hint) for name, hint in get_type_hints(function, include_extras=True).items()}
+    needed = [
+        name for name, one in signature(function).parameters.items() if one.default is one.empty and hints.get(name)
+    ]
+    for name in needed:
+        word = {"song": "song.wav", "motion": "dance.npz"}.get(name, "x")
+        words = (*words, word) if isinstance(hints[name][1], ArgumentInfo) else (*words, option(name), word)
+    numbers = {name: hint[1] for name, hint in hints.items() if hint and hint[0] in (float, float | None)}
+    yield from ((*words, option(name)) for name, info in numbers.items() if info.min is None and info.max is None)
+
+
+def option(name: str) -> str:
+    """The option of a parameter."""
+    return f"--{name.replace('_', '-')}"
+
+
+FLOATS = [call for words, function in commands(app) for call in float_options(words, function)]
+
+
+def test_the_options_below_are_those_of_nearly_all_commands():
+    assert {words[0] for words in FLOATS} >= {"score", "explain", "play", "render", "retime", "dance", "train", "data"}
+    assert len(FLOATS) > 30
+
+
+@pytest.mark.parametrize("words", FLOATS, ids=" ".join)
+def test_no_option_takes_a_number_that_is_none(words: tuple[str, ...]):
+    assert line(run(*words, "nan")) == f"{words[-1]} must be a finite number, got nan"
+
+
+def test_infinity_is_no_number_of_seconds_either():
+    assert line(run("play", "song.wav", "dance.npz", "--out", "x.html", "--offset=-inf")).startswith("--offset must")
+
+
+# Outputs
+
+
+@pytest.mark.parametrize("is_link", [False, True])
+@pytest.mark.parametrize(
+    ("words", "out"),
+    [
+        (("retime", "song.wav", "dance.npz", "--out"), "dance.npz"),
+        (("retime", "song.mp4", "dance.npz", "--out"), "song.mp4"),
+        (("play", "song.wav", "dance.npz", "--other", "x.html", "--out"), "x.html"),
+        (("explain", "song.wav", "dance.npz", "--beats", "x.html", "--out"), "x.html"),
+        (("render", "song.mp4", "dance.npz", "--out"), "song.mp4"),
+        (("score", "song.wav", "dance.npz", "--plot"), "dance.npz"),
+        (("dance", "song.mp4", "--out"), "song.mp4"),
+        (("dance", "song_1.mp4", "--samples", "3", "--out"), "song_1.mp4"),
+        (("learn", "corpus", "--out"), "corpus/beats.json"),
+        (("render", "song.wav", "corpus", "--out"), "corpus/x.mp4"),
+    ],
+)
+def test_what_is_read_is_not_written_over(words: tuple[str, ...], out: str, is_link: bool):
+    file = Path(out)
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("precious")
+    name = file
+    if is_link:
+        name = Path(f"link{file.suffix}")
+        name.symlink_to(file)
+    message = line(run(*words, name))
+    assert message.startswith(f"{name}: is ") and message.endswith("choose another name for the output")
+    assert file.read_text() == "precious"
+
+
+def test_the_numbered_file_of_a_dance_is_not_the_song():
+    Path("song_1.mp4").write_text("precious")
+    assert "song_1.mp4: is an input" in line(run("dance", "song_1.mp4", "--samples", 3, "--out", "song.mp4"))
+
+
+def test_retiming_from_python_spares_its_inputs_too():
+    Path("take.mp4").write_text("precious")
+    with pytest.raises(ValueError, match=r"take\.mp4: is an input here"):
+        retime_files("song.wav", "take.mp4", "take.mp4")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("retime", "song.wav", "dance.npz", "--out", "x.npz"),
+        ("play", "song.wav", "dance.npz", "--out", "x.html"),
+        ("explain", "song.wav", "dance.npz", "--out", "x.html"),
+        ("render", "song.wav", "dance.npz", "--out", "x.mp4"),
+        ("score", "song.wav", "dance.npz", "--plot", "x.png"),
+        ("dance", "song.wav", "--out", "x.bvh"),
+        ("learn", "corpus", "--out", "x.json"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_an_output_needs_a_folder_and_is_none(words: tuple[str, ...]):
+    *command, name = words
+    assert line(run(*command, f"nodir/{name}")) == "nodir: no such folder"
+    Path(name).mkdir()
+    assert line(run(*command, name)) == f"{name}: is a folder; name a file in it"
+
+
+def test_a_report_is_no_file():
+    Path("page").write_text("precious")
+    Path("nb").mkdir()
+    Path("nb/a.ipynb").write_text("{}")
+    result = run("report", "--notebooks", "nb", "--out", "page")
+    assert result.exit_code == 2 and "page is a file; name a folder" in result.stderr
+    assert Path("page").read_text() == "precious"
+
+
+@pytest.mark.parametrize("content", ["{}", "[1]", "precious", '{"beats_s": [1.0], "dance": "waltz"}', ""])
+def test_learning_takes_the_place_of_patterns_only(corpus: Path, content: str):
+    Path("x.json").write_text(content)
+    message = "x.json: exists, and holds no patterns of `harmolab learn`; choose another name"
+    assert line(run("learn", corpus, "--out", "x.json")) == message
+    assert Path("x.json").read_text() == content
+
+
+def test_learning_again_replaces_the_patterns_and_says_what_they_are_for(corpus: Path):
+    run("learn", corpus, "--out", "x.json")
+    before = Path("x.json").read_text()
+    result = run("learn", corpus, "--out", "x.json")
+    assert "harmolab score SONG DANCE --pattern x.json --dance cha-cha" in result.stdout
+    assert Path("x.json").read_text() == before
+
+
+@contextmanager
+def small_files(limit: int) -> Iterator[None]:
+    """No file may grow over so many bytes: what a full disk does."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_is_a_line_that_names_the_sound_of_a_clip():
+    with small_files(50_000):
+        result = run("data", "synth", "new", "--clips", 1, "--seconds", 6)
+    assert line(result) == "new/clip_0001_cha-cha/audio.wav: File too large"
+    assert [path.name for path in Path("new").iterdir()] == ["corpus.json"]
+
+
+@pytest.mark.parametrize(("command", "name"), [("play", "x.html"), ("retime", "x.npz"), ("retime", "x.bvh")])
+def test_a_full_disk_is_a_line_that_names_the_output(pair: tuple[Any, ...], command: str, name: str):
+    with small_files(50_000):
+        result = run(command, *pair, "--out", name)
+    assert line(result) == f"{name}: File too large"
+    assert list(Path().iterdir()) == []
+
+
+def test_files_that_killed_processes_left_in_the_cache_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path))
+    old, new, foreign = (tmp_path / name for name in (".x.npz.12.34.tmp", ".y.npz.12.34.tmp", ".mine.tmp"))
+    for file in (old, new, foreign):
+        file.write_text("half")
+    for file in (old, foreign):
+        os.utime(file, (0, 0))
+    keep_arrays("z", {"a": np.zeros(2)})
+    assert {file.name for file in tmp_path.iterdir()} == {new.name, foreign.name, "z.npz"}
+
+
+# Units
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("score",), ("explain",), ("play", "--out", "x.html"), ("render", "--out", "x.mp4"), ("retime", "--out", "x.npz")],
+    ids=lambda words: words[0],
+)
+def test_every_command_that_reads_a_dance_takes_its_scale(pair: tuple[Any, ...], words: tuple[str, ...]):
+    command, *out = words
+    assert "dance.npz: scale must be positive" in line(run(command, *pair, *out, "--scale", -1))
+
+
+def test_a_dance_in_millimetres_is_read_by_its_scale(pair: tuple[Any, ...]):
+    song, dance, *beats = pair
+    result = run("retime", song, dance, *beats, "--strength", 0, "--scale", 0.001, "--out", "x.npz")
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(load_motion("x.npz").positions, 0.001 * load_motion(dance).positions, rtol=1e-12)
+
+
+# Messages
+
+
+def test_a_motion_without_a_rate_asks_for_the_option():
+    np.save("m.npy", np.zeros((9, 3, 3)))
+    assert line(run("score", "song.wav", "m.npy")) == "m.npy: holds no frame rate; pass fps, such as --fps 25"
+
+
+def test_an_empty_folder_is_told_what_a_dance_is():
+    Path("empty").mkdir()
+    assert "empty: holds no motion: neither motion.npz nor skeletons.json" in line(run("score", "song.wav", "empty"))
+
+
+def test_a_video_is_sent_to_the_command_that_reads_videos():
+    Path("take.mp4").write_text("x")
+    assert "take.mp4: is a video, no motion file; `harmolab explain`" in line(run("score", "song.wav", "take.mp4"))
+
+
+def test_a_dance_that_no_recording_dances_gets_the_list_of_those_there_are(corpus: Path):
+    message = line(run("compare", corpus, "--dances", "polka"))
+    assert message == f"{corpus}: holds no polka; its dances: cha-cha, jive"
+
+
+def test_a_lag_of_years_is_refused(pair: tuple[Any, ...]):
+    assert line(run("score", *pair, "--lag", "1e9")) == "lag must lie within 2 s of the beat, got 1e+09"
+
+
+def test_a_song_without_beats_is_danced_to_with_a_warning(tmp_path: Path):
+    pytest.importorskip("torch")
+    soundfile.write("quiet.wav", np.zeros(22050), 22050)
+    result = run("dance", "quiet.wav", "--out", "x.npz")
+    if "no weights are shipped" in result.stderr:
+        pytest.skip("no weights here")
+    assert result.exit_code == 0, result.output
+    assert "no beats heard in quiet.wav from 0 s on" in result.stderr
+
+
+def test_a_name_with_a_new_line_stays_in_one_line():
+    assert line(run("score", "song.wav", "two\nlines.npz")) == r"two\nlines.npz: no such file"
+    Path("two\nlines.npz").write_text("x")
+    message = line(run("score", "song.wav", "two\nlines.npz"))
+    assert message.startswith(r"two\nlines.npz: cannot be read") and message.count("lines") == 1
+    np.save("two\nlines.npy", np.zeros((9, 3, 3)))
+    assert r"odd: two\nlines.npy: holds no frame rate" in run("data", "check", "two\nlines.npy").stdout
+
+
+def test_a_name_too_long_to_be_written_is_that_of_the_output(pair: tuple[Any, ...]):
+    name = f"{'a' * 240}.html"
+    assert line(run("play", *pair, "--out", name)) == f"{name}: File name too long"
+
+
+def test_no_control_code_of_a_name_reaches_the_screen():
+    assert printable("naïve \x1b[31m\udcff\t.npz") == r"naïve \x1b[31m\udcff\t.npz"
+
+
+def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv("COLUMNS", "110")
+    row = {
+        "auc": 0.7,
+        "interval": (0.6, 0.8),
+        "chance_band": (0.4, 0.6),
+        "by_dance": {key: {"auc": 0.7} for key in "CJQRSTW"},
+    }
+    names = ("recommended", "paper_above_chance", "beat_align_motion")
+    about = {"corpus": "corpus", "n": 70, "beats": "annotated", "null": "lagged", "fitted_on": "x", "unfitted_parts": 0}
+    print_comparison({**about, "scores": dict.fromkeys(names, row)})
+    table = capsys.readouterr().out
+    assert all(name in table for name in names)
+
+
+# Sizes
+
+
+def test_a_slow_motion_that_would_become_too_many_frames_is_refused_before_it_is_made(pair: tuple[Any, ...]):
+    save_motion("long.npz", still(500_000, fps=1.0, joints=4))
+    song = pair[0]
+    assert line(run("explain", song, "long.npz", *pair[2:])).startswith(
+        "long.npz: 500000 frames of 4 joints at 1 fps would be 50000000 frames at 100 fps, too many"
+    )
