@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
@@ -140,6 +139,9 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
 
 
 def test_title_tells_the_worst_row_of_both_scores():
-    rows = pd.DataFrame([record("a"), record("b", **{"p .05": 0.055, "old p .05": 0.2})]).to_dict("records")
-    (ax,) = nulls_figure(rows).axes
-    assert "up to 20% of clips, H in up to 6%" in ax.get_title(loc="left")
+    rows = [record("a"), record("b", **{"p .05": 0.055, "old p .05": 0.2}), record("c", **{"p .05": np.nan})]
+    assert "up to 20% of clips, H in up to 6%" in nulls_figure(rows).get_suptitle()
+
+
+def test_few_clips_have_no_finding():
+    assert "5 clips a row are too few" in nulls_figure([record("a", n=5)]).get_suptitle()

@@ -16,7 +16,8 @@ from harmolab.lab.figures.variants import Record, rows_by_name
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
 
-NOMINAL = 0.05
+NOMINAL, EDGE = 0.05, 0.42
+FEWEST_ALARMS = 5  # expected in a row, below which its share says nothing
 P_LOOKS: Mapping[str, dict[str, Any]] = MappingProxyType(
     {
         "old p": {"marker": "X", "markersize": 7, "color": COLOURS["miss"], "label": "old score"},
@@ -43,25 +44,31 @@ def draw_false_alarms(ax: Axes, rows: Sequence[Record], *, level: str = ".05") -
     ax.axvline(float(level), color=COLOURS["chance"], linewidth=1.5, linestyle=":")
     for name, look in P_LOOKS.items():
         ax.plot([row[f"{name} {level}"] for row in rows], [*places.values()], linestyle="none", **look)
+    beyond = any(row[f"p_time {level}"] > EDGE for row in rows)
     for row, place in zip(rows, places.values(), strict=True):
         if row["cannot tell"] == 1:
             ax.annotate("too short: not judged", (0.27, place), va="center", fontsize=8.5, color=COLOURS["chance"])
-    ax.set(xlim=(-0.01, 0.42), xlabel=f"share of clips with p ≤ {level} (dotted: what a fair p-value gives)")
+    edge = "\nsquares beyond the edge: dancers who have the music's tempo" if beyond else ""
+    ax.set(xlim=(-0.01, EDGE), xlabel=f"share of clips with p ≤ {level} (dotted: what a fair p-value gives){edge}")
     return ax
 
 
 def nulls_figure(rows: Iterable[Record]) -> Figure:
-    """`draw_false_alarms` with the finding above it."""
+    """`draw_false_alarms` with the finding above it, where there are clips enough for one."""
     table = list(rows)
-    old, new = (max(row[f"{name} .05"] for row in table if np.isfinite(row[f"{name} .05"])) for name in ("old p", "p"))
-    with styled_axes((9.0, 0.27 * len(table) + 1.6)) as (figure, (ax,)):
+    with styled_axes((9.0, 0.25 * len(table) + 1.9)) as (figure, (ax,)):
         draw_false_alarms(ax, table)
-        in_time = [row["kind"] for row in table if row["p_time .05"] > 0.42]
-        note = "beyond the edge: “in time?” of dancers who have the music's tempo" if in_time else ""
-        ax.legend(loc="lower right", title=note, fontsize=9, title_fontsize=8)
-        finding = f"No harmony here: the old score finds it in up to {old:.0%} of clips, H in up to {new:.0%}"
-        ax.set_title(f"{finding} (n = {table[0]['n']} a row)", loc="left", x=-0.3)
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", ncols=3, fontsize=9)
+        figure.suptitle(_nulls_title(table), x=0.01, ha="left", fontsize=11.5)
     return figure
+
+
+def _nulls_title(rows: Sequence[Record]) -> str:
+    """The worst row of the old score and of H."""
+    if rows[0]["n"] * NOMINAL < FEWEST_ALARMS:
+        return f"No harmony here, and {rows[0]['n']} clips a row are too few to tell how often it is found"
+    old, new = (np.nanmax([row[f"{name} .05"] for row in rows]) for name in ("old p", "p"))
+    return f"No harmony here: the old score finds it in up to {old:.0%} of clips, H in up to {new:.0%}"
 
 
 def draw_level_counts(ax: Axes, rows: Sequence[Record]) -> Axes:
