@@ -62,10 +62,10 @@ def strokes(beats: FloatArray, *, width: float) -> FloatArray:
     return number - 0.5 + share**3 * (10 - 15 * share + 6 * share**2)
 
 
-def impacts(beats: FloatArray) -> FloatArray:
-    """Frozen for half a beat, then faster and faster until the beat stops the body dead."""
+def impacts(beats: FloatArray, *, width: float = 0.3) -> FloatArray:
+    """Frozen, then faster and faster for `width` beats until the beat stops the body dead."""
     number = np.floor(beats)
-    return number + np.clip(2 * (beats - number) - 1, 0.0, 1.0) ** 2
+    return number + np.clip((beats - number - 1) / width + 1, 0.0, 1.0) ** 2
 
 
 def dancing(course: Course) -> Body:
@@ -246,7 +246,7 @@ def evidence(judgement: Judgement) -> str:
     if signal is None:
         return f"{len(judgement.beats)} beats"
     if judgement.level == 0:
-        only_turns = signal.dimensions == 3 and 0 < signal.share < LEAST_SHARE
+        only_turns = signal.dimensions == 3 and signal.share < LEAST_SHARE
         return f"share {signal.share:.2f}: one piece" if only_turns else f"pulse {signal.pulse:.3f}: next to nothing"
     if judgement.level == 1:
         own = "" if np.isnan(judgement.own_tempo) else f", own tempo {judgement.own_tempo:.1f} bpm"
