@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from harmolab.harmony import score_clip
+from harmolab.harmony import score_clip, score_motion
 from harmolab.lab.widgets.explorer import Explorer
 from harmolab.lab.widgets.labs.scoring import N_ROTATIONS, draw_lab, lab_params, scoring_lab
 from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion
-from tests.builders import along_x
+from tests.builders import along_x, planted_dance
 
 PNG = b"\x89PNG\r\n"
 HALF_BAR = BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")
@@ -26,20 +26,32 @@ def stage(planted_clip: Clip) -> Stage:
     return Stage.of(planted_clip)
 
 
-def numbers(figure: Figure) -> dict[str, float]:
+def board(figure: Figure) -> dict[str, str]:
     """What stands on the board."""
-    board = figure.axes[3]
-    names = [label.get_text().replace("that fit", "hit") for label in board.get_xticklabels()]
-    values = dict(zip(names, [text.get_text() for text in board.texts], strict=True))
+    ax = figure.axes[3]
+    return dict(
+        zip([label.get_text() for label in ax.get_xticklabels()], [text.get_text() for text in ax.texts], strict=True)
+    )
+
+
+def numbers(figure: Figure) -> dict[str, float]:
+    """The board of a mode that counts hits."""
+    values = board(figure)
     hits, beats = values["music beats hit"].split("/")
     found = {"h": values["harmony h"], "hits": hits, "beats": beats, "chance": values["chance"]}
     found |= {"above": values["above chance"], "p": values["p-value"].replace("–", "nan")}
     return {name: float(value) for name, value in found.items()}
 
 
+@pytest.fixture(scope="module")
+def judged() -> Stage:
+    """Enough beats for a verdict: a waltz danced on the beat."""
+    return Stage.of(planted_dance("waltz", seconds=30.0, seed=3))
+
+
 def test_one_to_one_matching_leaves_a_music_beat_without_the_visual_beat_it_shared():
     music = BeatTrack([1.0, 1.3, 3.0], [1.0, 1.0, 1.0], fps=43.0, duration=6.0)
-    stage = Stage(music, shared_turn(), BarPattern.stop_on_the_beat())
+    stage = Stage(music, shared_turn())
     many, nearest = (numbers(draw_lab(stage, mode="valleys", delay=0.2, matching=how)) for how in ("many", "nearest"))
     assert (many["hits"], nearest["hits"]) == (2, 1)
 
@@ -90,7 +102,7 @@ def widget_state(widget: object) -> dict[str, object]:
     return {name: getattr(widget, name) for name in names if hasattr(widget, name)}
 
 
-@pytest.mark.parametrize("mode", ["paper", "valleys", "recommended"])
+@pytest.mark.parametrize("mode", ["paper", "valleys"])
 def test_headline_tells_what_score_clip_finds(planted_clip: Clip, stage: Stage, mode: str):
     found = numbers(draw_lab(stage, mode=mode))
     score = score_clip(planted_clip, getattr(HarmonyParams, mode)(), n_rotations=N_ROTATIONS)
@@ -99,6 +111,28 @@ def test_headline_tells_what_score_clip_finds(planted_clip: Clip, stage: Stage, 
     assert found["chance"] == pytest.approx(score.chance, abs=0.006)
     assert found["above"] == pytest.approx(score.harmony_above_chance, abs=0.006)
     assert found["p"] == pytest.approx(score.p_value, abs=0.0006)
+
+
+def test_recommended_mode_shows_the_verdict_and_its_numbers(judged: Stage):
+    figure = draw_lab(judged, mode="recommended")
+    judgement = score_motion(judged.music, judged.motion).judgement
+    assert [text.get_text() for text in figure.axes[1].texts] == [judgement.verdict]
+    assert judgement.verdict.startswith("You are on the beat: you rest on it")
+    assert board(figure) == {
+        "level": "4 of 4",
+        "H, above chance": f"{judgement.harmony_above_chance:+.2f}",
+        "p in time": f"{judgement.p_time:.3f}",
+        "p in place": f"{judgement.p_place:.3f}",
+        "lag (ms)": f"{1000 * judgement.lag_s:+.0f}",
+    }
+
+
+def test_few_beats_have_a_sentence_and_no_number(stage: Stage):
+    figure = draw_lab(stage, mode="recommended")
+    (sentence,) = [text.get_text() for text in figure.axes[1].texts]
+    assert sentence.startswith("Cannot tell: ")
+    assert list(board(figure).values()) == ["0 of 4", "–", "–", "–", "–"]
+    assert len(figure.axes[2].lines) == 0
 
 
 def test_picture_of_synthetic_data_says_so(stage: Stage):
@@ -112,9 +146,9 @@ def test_wider_tolerance_brings_chance_close_to_one(stage: Stage):
     assert wide["hits"] >= narrow["hits"]
 
 
-def test_diamond_stands_on_the_curve_of_the_moved_music(stage: Stage):
+def test_diamond_stands_on_the_curve_of_the_moved_music(judged: Stage):
     for mode in ("paper", "recommended"):
-        right = draw_lab(stage, mode=mode).axes[2]
+        right = draw_lab(judged, mode=mode).axes[2]
         curve, _, diamond = right.lines
         height = np.interp(0.0, curve.get_xdata(), curve.get_ydata())
         # The nearest shifts lie a hundredth of a second to either side.
@@ -122,8 +156,8 @@ def test_diamond_stands_on_the_curve_of_the_moved_music(stage: Stage):
         assert diamond.get_xdata()[0] == 0.0
 
 
-def test_planted_beats_put_the_diamond_at_the_top_of_the_recommended_mode(stage: Stage):
-    curve, _, diamond = draw_lab(stage, mode="recommended").axes[2].lines
+def test_planted_beats_put_the_diamond_at_the_top_of_the_recommended_mode(judged: Stage):
+    curve, _, diamond = draw_lab(judged, mode="recommended").axes[2].lines
     assert diamond.get_ydata()[0] >= 0.99 * curve.get_ydata().max()
 
 
@@ -144,19 +178,18 @@ def test_pattern_over_two_beats_is_not_laid_on_beats_whose_places_nobody_knows(p
     assert [len(found) for found in lines] == [2, 1]
 
 
-@pytest.mark.parametrize("mode", ["paper", "valleys", "recommended"])
+@pytest.mark.parametrize("mode", ["paper", "valleys"])
 def test_beats_that_all_go_unnoticed_leave_an_empty_score_and_no_error(planted_clip: Clip, mode: str):
     flat = BeatTrack([1.0, 2.0, 3.0], [1.0, 0.9, 1.1], fps=43.0, duration=6.0)
-    stage = Stage(flat, Stage.of(planted_clip).motion, BarPattern.stop_on_the_beat())
+    stage = Stage(flat, Stage.of(planted_clip).motion)
     found = numbers(draw_lab(stage, mode=mode, lambda1=99.0))
     assert (found["h"], found["hits"], found["beats"]) == (0.0, 0, 0)
 
 
-@pytest.mark.parametrize("mode", ["paper", "recommended"])
-def test_music_without_beats_draws_too(planted_clip: Clip, mode: str):
-    silence = BeatTrack([], [], fps=43.0, duration=6.0)
-    found = numbers(draw_lab(Stage(silence, Stage.of(planted_clip).motion, BarPattern.stop_on_the_beat()), mode=mode))
-    assert found["beats"] == 0
+def test_music_without_beats_draws_too(planted_clip: Clip):
+    silence = Stage(BeatTrack([], [], fps=43.0, duration=6.0), Stage.of(planted_clip).motion)
+    assert numbers(draw_lab(silence, mode="paper"))["beats"] == 0
+    assert board(draw_lab(silence, mode="recommended"))["level"] == "0 of 4"
 
 
 def test_lab_can_start_elsewhere(planted_clip: Clip):

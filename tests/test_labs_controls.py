@@ -25,7 +25,7 @@ from harmolab.lab.widgets.labs.scoring import saliency_lab, scoring_lab
 from harmolab.lab.widgets.quickdraw import plain
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
-from tests.builders import along_x
+from tests.builders import along_x, planted_dance
 
 DPI = 30  # of all pictures here
 PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())
@@ -62,7 +62,7 @@ def make_lab(name: str, clip: Clip) -> Lab:
         lab.controls["mode"].value = "recommended"
         return lab
     if name == "scoring, recommended":
-        return scoring_lab(clip, mode="recommended", lambda1=1.0, beta=1.0, detector="valleys")
+        return scoring_lab(planted_dance("waltz", seconds=30.0, seed=3), mode="recommended")
     if name == "meter":
         return meter_lab(clip, annotated=replace(clip.beats, strengths=1.0 + np.arange(len(clip.beats)) % 2))
     makers: dict[str, Callable[..., Lab]] = {"scoring": scoring_lab, "detector": detector_lab, "saliency": saliency_lab}
@@ -84,7 +84,7 @@ MOVES: dict[str, dict[str, object]] = {
         "mode": "recommended", "detector": "direction", "lambda1": 1.0, "lambda2": 2.0, "delay": 0.05, "beta": 0.5,
         "lag": 0.1,
     },
-    "scoring, recommended": {"lambda1": 0.0, "beta": 0.5, "lag": 0.1, "detector": "direction"},
+    "scoring, recommended": {"lag": 0.1},
     "detector": {
         "detector": "valleys", "fps": 25.0, "smoothing": 0.1, "position_smoothing": 0.1, "subframe": True,
     },
@@ -136,7 +136,11 @@ def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(human_clip: Cli
 
 
 @pytest.mark.parametrize(
-    ("name", "idle"), [("scoring", {"matching", "lambda2", "delay"}), ("corpus", {"lambda1", "lambda2", "delay"})]
+    ("name", "idle"),
+    [
+        ("scoring", {"detector", "matching", "lambda1", "lambda2", "delay", "beta"}),
+        ("corpus", {"lambda1", "lambda2", "delay"}),
+    ],
 )
 def test_controls_that_mean_nothing_in_a_mode_are_greyed_out_and_do_nothing(
     human_clip: Clip, name: str, idle: set[str]
@@ -145,7 +149,8 @@ def test_controls_that_mean_nothing_in_a_mode_are_greyed_out_and_do_nothing(
     lab.controls["mode"].value = "recommended"
     assert {control for control, widget in lab.controls.items() if widget.disabled} == idle
     before = lab.png
-    for control, value in {"matching": "nearest", "lambda1": 0.5, "lambda2": 2.5, "delay": 0.4}.items():
+    moves = {"matching": "nearest", "detector": "peaks", "lambda1": 2.0, "lambda2": 2.5, "delay": 0.4, "beta": 2.5}
+    for control, value in moves.items():
         if control in idle:
             lab.controls[control].value = value
     assert lab.png == before

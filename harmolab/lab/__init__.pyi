@@ -62,6 +62,18 @@ from .experiments.generation import (
     trained as trained,
 )
 from .experiments.judging import danced_unit as danced_unit
+from .experiments.levels import (
+    level_recordings as level_recordings,
+)
+from .experiments.levels import (
+    level_table as level_table,
+)
+from .experiments.locked import (
+    locked_table as locked_table,
+)
+from .experiments.locked import (
+    statue_on_turntable as statue_on_turntable,
+)
 from .experiments.long_dances import (
     dance_limits as dance_limits,
 )
@@ -71,6 +83,7 @@ from .experiments.long_dances import (
 from .experiments.long_dances import (
     long_dances as long_dances,
 )
+from .experiments.nulls import null_table as null_table
 from .experiments.quality import (
     motion_measures as motion_measures,
 )
@@ -131,6 +144,7 @@ from .figures.beats import (
 from .figures.beats import score_figure as score_figure
 from .figures.cheating import CHEAT_MEASURES as CHEAT_MEASURES
 from .figures.cheating import cheating_figure as cheating_figure
+from .figures.cheating import locked_figure as locked_figure
 from .figures.dance import dance_figure as dance_figure
 from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure
@@ -178,6 +192,9 @@ from .figures.training import (
     validation_figure as validation_figure,
 )
 from .figures.variants import LOOKS as LOOKS
+from .figures.verdicts import levels_figure as levels_figure
+from .figures.verdicts import nulls_figure as nulls_figure
+from .figures.verdicts import shape_speed_figure as shape_speed_figure
 from .listening.analysis import (
     agreement_row as agreement_row,
 )

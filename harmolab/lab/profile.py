@@ -16,6 +16,7 @@ class RunProfile:
     n_clips : int, clips of the synthetic corpus
     n_sequences : int or None, recorded sequences to read (None: all)
     n_rotations : int, rotations of a null distribution
+    n_nulls : int, clips in each row of a table of false alarms
     n_seeds : int, trainings of each generator, over which means and intervals are taken
     epochs : (pretraining, adversarial) or None
         Epochs of each training; None: the whole schedule.
@@ -29,6 +30,7 @@ class RunProfile:
     n_clips: int
     n_sequences: int | None
     n_rotations: int
+    n_nulls: int = 400
     n_seeds: int = 3
     epochs: tuple[int, int] | None = None
     pose_epochs: int | None = None
@@ -39,7 +41,15 @@ class RunProfile:
     def quick(cls) -> RunProfile:
         """Under a minute a notebook on two cores; where generators are trained, about a minute for all of them."""
         return cls(
-            "quick", n_clips=35, n_sequences=6, n_rotations=200, n_seeds=1, epochs=(12, 16), pose_epochs=8, hidden=48
+            "quick",
+            n_clips=35,
+            n_sequences=6,
+            n_rotations=200,
+            n_nulls=5,
+            n_seeds=1,
+            epochs=(12, 16),
+            pose_epochs=8,
+            hidden=48,
         )
 
     @classmethod

@@ -180,14 +180,14 @@ def excerpt(recording: Recording, seconds: float, beats: str = "tracked") -> Cli
     return replace(clip.span(start, length), offset=0.0)  # the span starts on a frame
 
 
-def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0) -> BarPattern:
+def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0) -> BarPattern | None:
     """The bar pattern to expect in `clip_of_study`: learnt on other recordings and other figures of its dance.
 
-    Movements that stop on the beat where nothing can be learnt: in synthetic clips, and without annotated beats.
+    None where nothing can be learnt: in synthetic clips, who rest on every beat, and without annotated beats.
     """
     recording = _first_of_dance(profile, dance, seconds)
     if data_root() is None or recording.annotation is None:
-        return BarPattern.stop_on_the_beat()
+        return None
     start, _ = middle_span(recording, seconds)
     near = [
         clip
@@ -198,7 +198,8 @@ def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: fl
     others = (item for item in readable_recordings(recording.folder.parent) if item.folder != recording.folder)
     annotated = (item for item in others if item.annotation is not None and item.clip.dance == recording.clip.dance)
     clips = [clip for item in annotated for clip in cut_clips(item, "annotated", None)]
-    return learn_patterns([judged], clips)[0]
+    pattern = learn_patterns([judged], clips)[0]
+    return None if pattern == BarPattern.stop_on_the_beat() else replace(pattern, dance=recording.clip.dance)
 
 
 @dataclass(frozen=True)

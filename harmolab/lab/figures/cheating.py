@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from harmolab.lab.figures.style import COLOURS
+from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.lab.figures.variants import LOOKS, Look, Record, draw_mean, panels, rows_by_name, spread
 
 CHEAT_MEASURES = MappingProxyType(
@@ -27,6 +27,8 @@ CHEAT_MEASURES = MappingProxyType(
 CHANCE = MappingProxyType({"paper_hit_rate": "paper_chance"})  # measure -> the level that chance reaches in it
 SHARES = ("paper_harmony", "paper_hit_rate")
 TRUE = "true"
+PLEASED = 0.3  # of the old score, above chance
+LEVEL_WORDS = ("cannot tell", "not this beat", "no steady place", "early or late", "on the beat")
 TIMELESS = ("paper_count_ratio", "jerk")  # the same whatever the music
 
 
@@ -103,3 +105,93 @@ def _draw_panel(ax: Axes, rows: list[Record], measure: str) -> None:
     draw_dumbbells(ax, rows, measure=measure)
     if measure == next(iter(CHEAT_MEASURES)):
         ax.set_title(f"{rows[0]['corpus']} (n = {rows[0]['n']})")
+
+
+def draw_old_scores(ax: Axes, rows: Sequence[Record], places: Mapping[str, float]) -> Axes:
+    """A bar for each motion's score on the joint speed in the room; green where the score is pleased.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records with "motion" and "old score"
+    places : motion -> height of its row
+    """
+    for row in rows:
+        colour = COLOURS["hit"] if row["old score"] > PLEASED else COLOURS["chance"]
+        ax.barh(places[row["motion"]], row["old score"], height=0.62, color=colour)
+        side, reach = ("left", 3) if row["old score"] >= 0 else ("right", -3)
+        ax.annotate(
+            f"{row['old score']:.2f}", (row["old score"], places[row["motion"]]), (reach, 0),
+            textcoords="offset points", ha=side, va="center", fontsize=8.5,
+        )  # fmt: skip
+    ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
+    ax.set(xlim=(-1.3, 1.3), xticks=(-1, 0, 1), xlabel="above chance")
+    return ax
+
+
+def draw_levels(ax: Axes, rows: Sequence[Record], places: Mapping[str, float]) -> Axes:
+    """The level of each motion on a scale of five: a green circle where it keeps time, a grey cross where it does not.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records with "motion" and "level"
+    places : motion -> height of its row
+    """
+    for row in rows:
+        height, keeps_time = places[row["motion"]], row["level"] >= 2
+        colour, mark = (COLOURS["hit"], "o") if keeps_time else (COLOURS["chance"], "X")
+        ax.hlines(height, 0, 4, color=COLOURS["faint"], linewidth=1, zorder=0)
+        ax.plot(row["level"], height, mark, color=colour, markersize=9)
+    ax.set(xlim=(-0.4, 4.4), xticks=range(5))
+    ax.set_xticklabels([f"{level} {words}" for level, words in enumerate(LEVEL_WORDS)], rotation=35, ha="right")
+    return ax
+
+
+def locked_figure(rows: Iterable[Record]) -> Figure:
+    """Old score, new level and the number that decides of every body on the metronome, group by group.
+
+    Parameters
+    ----------
+    rows : records of `harmolab.lab.experiments.locked.locked_table`
+    """
+    table = list(rows)
+    places, groups = _grouped_places(table)
+    lowest = min(places.values())
+    with styled_axes((11.0, 0.27 * -lowest + 2.1), 1, 3, sharey=True, width_ratios=(1.0, 1.0, 1.25)) as (figure, axes):
+        draw_old_scores(axes[0], table, places).set_title("old score: joint speed in the room", fontsize=10)
+        draw_levels(axes[1], table, places).set_title("now: level", fontsize=10)
+        for row in table:
+            axes[2].text(0.0, places[row["motion"]], row["revealed by"], va="center", fontsize=9)
+        axes[2].set_title("what decides", fontsize=10)
+        axes[2].set(xlim=(0, 1), xticks=())
+        axes[2].spines[:].set_visible(False)
+        axes[0].set_yticks([*places.values(), *groups.values()], [*places, *groups])
+        for label in axes[0].get_yticklabels()[len(places) :]:
+            label.set_fontweight("bold")
+        for ax in axes:
+            ax.tick_params(axis="y", length=0)
+            ax.set_ylim(lowest - 0.7, 0.7)
+        figure.suptitle(_locked_title(table), x=0.01, ha="left", fontsize=12)
+    return figure
+
+
+def _grouped_places(rows: Sequence[Record]) -> tuple[dict[str, float], dict[str, float]]:
+    """Heights of the rows of motions, and of the headings of their groups."""
+    places: dict[str, float] = {}
+    groups: dict[str, float] = {}
+    for row in rows:
+        groups.setdefault(row["group"], -1.0 * (len(places) + len(groups)))
+        places[row["motion"]] = -1.0 * (len(places) + len(groups))
+    return places, groups
+
+
+def _locked_title(rows: Sequence[Record]) -> str:
+    """The finding: how many of each group please the old score, and how many are now said to keep time."""
+    parts = []
+    for group in dict.fromkeys(row["group"] for row in rows):
+        members = [row for row in rows if row["group"] == group]
+        old = sum(row["old score"] > PLEASED for row in members)
+        new = sum(row["level"] >= 2 for row in members)
+        parts.append(f"{group.lower()} {old} of {len(members)}, now {new}")
+    return f"Who is said to go with the music?  {'; '.join(parts)}"

@@ -17,7 +17,7 @@ from harmolab.lab.figures.variants import LOOKS, Record, rows_by_name
 from harmolab.params import BarPattern
 
 SCORE_LABELS = {
-    "recommended": "recommended (bar pattern)",
+    "recommended": "recommended (shape speed)",
     "peaks_lagged": "speed peaks, one lag a dance",
     "valleys": "speed valleys within 0.1 s",
     "paper": "paper: harmony h",
@@ -61,7 +61,7 @@ def draw_auc(ax: Axes, scores: Mapping[str, Mapping[str, Any]], *, title: str = 
 
 
 def draw_patterns(ax: Axes, patterns: Mapping[str, BarPattern]) -> Axes:
-    """Learnt course of joint speed over the beats, one line a dance; beats are vertical lines."""
+    """Learnt course of shape speed over the beats, one line a dance; beats are vertical lines."""
     longest = max(pattern.beats for pattern in patterns.values())
     styles = zip(patterns.items(), ["-", "--", "-.", ":", "-", "--", "-."], SCORE_COLOURS, strict=False)
     for (name, pattern), style, colour in styles:
@@ -71,7 +71,7 @@ def draw_patterns(ax: Axes, patterns: Mapping[str, BarPattern]) -> Axes:
     for beat in range(longest + 1):
         ax.axvline(beat, color=COLOURS["audio"], linewidth=1, alpha=0.6)
     ax.axhline(0, color=COLOURS["faint"], linewidth=1, zorder=0)
-    ax.set(xlabel="beat of the cycle (0 = first beat of the bar)", ylabel="joint speed (SD from its mean)")
+    ax.set(xlabel="beat of the cycle (0 = first beat of the bar)", ylabel="shape speed (SD from its mean)")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -30,15 +31,18 @@ from harmolab.lab.widgets.labs.stage import Stage, draw_board, placed_axes, writ
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.significance import rotations
 from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore
+from harmolab.verdict.judge import Judgement
+from harmolab.verdict.place_test import MOMENTS, PlaceTest
 
 # Under the pictures; a legend would be drawn anew each time a slider moves.
 HITS_KEY = (
     "pale blue: tolerance field   |   circle: hit   |   cross: missed, or left over   |   grey, dotted: not noticed"
 )
-RANKS_KEY = "rank of each music beat among all moments   |   wider if stronger   |   below, dashed: expected speed"
+RANKS_KEY = "rank of each music beat among all moments   |   below, dashed: expected speed of the shape"
 # Hits over the whole width; below, the dance's curve and, at its right, the moved music.
-PLACES = ((0.085, 0.535, 0.895, 0.34), (0.085, 0.1, 0.57, 0.31), (0.735, 0.1, 0.245, 0.31))
-IDLE = MappingProxyType({"recommended": ("matching", "lambda2", "delay")})  # it asks for no hits
+PLACES = ((0.085, 0.555, 0.895, 0.32), (0.085, 0.14, 0.57, 0.29), (0.735, 0.14, 0.245, 0.29))
+# It asks for no hits, and all beats count alike.
+IDLE = MappingProxyType({"recommended": ("detector", "matching", "lambda1", "lambda2", "delay", "beta")})
 N_ROTATIONS = 200  # as fine as the eye can tell; more would make the sliders sluggish
 
 # Music above, dance below, on one time line; at their right, the share kept at every threshold.
@@ -56,7 +60,7 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
     ----------
     clip : Clip with a motion; a few seconds are best
     pattern : BarPattern, optional
-        Movement that the recommended mode expects; movements that stop on the beat when left out.
+        Movement that the recommended mode expects; rests, hits and half time are tried when left out.
     **values
         Where controls start instead of at the paper mode: ``delay=0.1``; a mode brings its own settings.
 
@@ -74,7 +78,8 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
 
 def lab_params(mode: str, *, pattern: BarPattern | None = None, **values: Any) -> HarmonyParams:
     """A mode's settings but for those of the lab's controls in `values`."""
-    return with_settings(MODES[mode], pattern=pattern or BarPattern.stop_on_the_beat(), **values)
+    params = with_settings(MODES[mode], **values)
+    return replace(params, pattern=pattern) if params.measure == "shape" else params
 
 
 def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None, **values: Any) -> Figure:
@@ -90,22 +95,16 @@ def draw_lab(stage: Stage, *, mode: str = "paper", figure: Figure | None = None,
     """
     params = lab_params(mode, pattern=stage.pattern, **values)
     figure, (above, below, right, board) = placed_axes(figure, (10.0, 5.6), PLACES)
-    draw = _draw_hit_score if params.measure == "hits" else _draw_pattern_score
+    draw = _draw_hit_score if params.measure == "hits" else _draw_verdict
     draw_board(board, draw(above, below, right, stage, params))
     below.set_xlim(above.get_xlim())
     below.set_xlabel(stage.time_label)
     return figure
 
 
-def _numbers(score: HarmonyScore, *, beats: str) -> dict[str, str]:
-    """The score by the names of its parts."""
-    return {
-        "harmony h": f"{score.harmony:.2f}",
-        f"music beats {beats}": f"{score.hits.sum()}/{score.n_audio}",
-        "chance": f"{score.chance:.2f}",
-        "above chance": f"{score.harmony_above_chance:+.2f}",
-        "p-value": "–" if np.isnan(score.p_value) else f"{score.p_value:.3f}",
-    }
+def _number(value: float, form: str) -> str:
+    """A number as text; a dash where there is none."""
+    return "–" if np.isnan(value) else format(value, form)
 
 
 def _draw_hit_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
@@ -116,7 +115,13 @@ def _draw_hit_score(above: Axes, below: Axes, right: Axes, stage: Stage, params:
     draw_motion_curve(below, stage.motion, params, visual)
     _draw_moved(right, -rotations(stage.music.duration, score.null.size), score)
     right.set_ylabel("share of strength hit")
-    return _numbers(score, beats="hit")
+    return {
+        "harmony h": f"{score.harmony:.2f}",
+        "music beats hit": f"{score.hits.sum()}/{score.n_audio}",
+        "chance": f"{score.chance:.2f}",
+        "above chance": f"{score.harmony_above_chance:+.2f}",
+        "p-value": _number(score.p_value, ".3f"),
+    }
 
 
 def _draw_beats(ax: Axes, music: BeatTrack, visual: BeatTrack, score: HarmonyScore) -> None:
@@ -150,26 +155,55 @@ def _draw_moved(ax: Axes, shifts: FloatArray, score: HarmonyScore) -> None:
     draw_rotations(ax, around[order], score.null[order], observed=score.mean_share, chance=score.chance)
 
 
-def _draw_pattern_score(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
-    """The picture of the recommended mode: rank of each beat, and the speed with the pattern laid on the beats."""
-    times, speed = normalised_speed(stage.motion, params)
-    score = score_motion(stage.music, stage.motion, params=params, n_rotations=N_ROTATIONS)
-    music = score.music
-    weak = stage.music.select(~np.isin(stage.music.times, music.times))
-    above.plot(weak.times, np.full(len(weak), score.chance), "|", color=COLOURS["chance"], markersize=10)
-    draw_shares(above, music, score.shares, chance=score.chance)
+def _draw_verdict(above: Axes, below: Axes, right: Axes, stage: Stage, params: HarmonyParams) -> dict[str, str]:
+    """The picture of the recommended mode: rank of each beat, shape speed, and the verdict under it."""
+    score = score_motion(stage.music, stage.motion, params=params)
+    judgement = score.judgement
+    if judgement is None:
+        raise ValueError(f"the measure {params.measure!r} gives no verdict")
+    chance = 0.5 if judgement.place is None else score.chance
+    alike = replace(score.music, strengths=np.ones(score.n_audio))
+    draw_shares(above, alike, score.shares, chance=chance)
     above.set(ylabel="rank of the moment", xlabel=RANKS_KEY)
-    draw_curve(below, times, speed)
-    pattern = params.pattern or BarPattern.stop_on_the_beat()
-    if len(stage.music) > 1 and (stage.music.bar_places is not None or pattern.beats == 1):
-        expected = evaluate_pattern(pattern, beat_positions(times - params.lag, stage.music))
-        below.plot(times, 1.5 * expected / max(np.ptp(expected) / 2, 1e-12), color=COLOURS["ink"], linestyle="--")
-    high = max(3.0, float(np.abs(speed).max(initial=0.0)))
-    below.vlines(music.times, -high, high, color=COLOURS["audio"], alpha=0.35, linewidth=1.2)
-    below.set(ylim=(-high, high), ylabel="joint speed (SD)")
-    _draw_moved(right, np.linspace(0.0, music.duration, score.null.size, endpoint=False), score)
+    _draw_expected(below, stage, params, judgement)
+    # A text of its own: a label would have the whole axis drawn anew with each sentence.
+    below.text(0.0, -0.34, judgement.verdict, transform=below.transAxes, va="top", fontsize=11)
+    if judgement.place is None:
+        right.set(xlim=(-0.5, 0.5), ylim=(-0.03, 1.05), xlabel="music moved by (s)")
+    else:
+        _draw_lags(right, judgement.place, 60 / judgement.tempo)
     right.set_ylabel("mean rank of the beats")
-    return _numbers(score, beats="that fit")
+    lag = 1000 * judgement.lag_s if judgement.level >= 3 else float("nan")
+    return {
+        "level": f"{judgement.level} of 4",
+        "H, above chance": _number(judgement.harmony_above_chance, "+.2f"),
+        "p in time": _number(judgement.p_time, ".3f"),
+        "p in place": _number(judgement.p_place, ".3f"),
+        "lag (ms)": _number(lag, "+.0f"),
+    }
+
+
+def _draw_expected(ax: Axes, stage: Stage, params: HarmonyParams, judgement: Judgement) -> None:
+    """Shape speed, the music's beats, and the reading that fits best laid on them where its place is known."""
+    times, speed = normalised_speed(stage.motion, params)
+    draw_curve(ax, times, speed)
+    pattern = params.pattern or (judgement.place.reading if judgement.place else BarPattern.stop_on_the_beat())
+    is_placed = params.pattern is not None and stage.music.bar_places is not None
+    if len(stage.music) > 1 and (is_placed or pattern.beats == 1):
+        expected = evaluate_pattern(pattern, beat_positions(times - params.lag, stage.music))
+        ax.plot(times, 1.5 * expected / max(np.ptp(expected) / 2, 1e-12), color=COLOURS["ink"], linestyle="--")
+    high = max(3.0, float(np.abs(speed).max(initial=0.0)))
+    ax.vlines(stage.music.times + params.lag, -high, high, color=COLOURS["audio"], alpha=0.35, linewidth=1.2)
+    ax.set(ylim=(-high, high), ylabel="shape speed (SD)")
+
+
+def _draw_lags(ax: Axes, place: PlaceTest, period: float) -> None:
+    """Mean rank of the beats at every lag of one cycle, the lags brought to both sides of 0."""
+    moments = np.arange(place.curve.size)
+    lags = (moments + moments.size // 2) % moments.size - moments.size // 2
+    order = np.argsort(lags)
+    shifts = lags[order] / MOMENTS * period
+    draw_rotations(ax, shifts, place.curve[order], observed=float(place.curve[0]), chance=place.chance)
 
 
 def saliency_lab(clip: Clip, **values: Any) -> Lab:

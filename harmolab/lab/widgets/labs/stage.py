@@ -19,11 +19,11 @@ BOARD = (0.085, 0.94, 0.895, 0.05)  # left, bottom, width, height: at the top of
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Data of one clip's lab: music beats and motion on one time line, the recommended mode's pattern, the source."""
+    """Data of one clip's lab: music beats and motion on one time line, the dance's pattern if known, the source."""
 
     music: BeatTrack
     motion: Motion
-    pattern: BarPattern
+    pattern: BarPattern | None = None
     source: str = ""
 
     @classmethod
@@ -35,7 +35,7 @@ class Stage:
         ValueError
             If the clip has no motion.
         """
-        return cls(*music_and_motion(clip), pattern or BarPattern.stop_on_the_beat(), clip.source)
+        return cls(*music_and_motion(clip), pattern, clip.source)
 
     @property
     def time_label(self) -> str:
