@@ -152,14 +152,7 @@ def fit_of_motion(
 
     When a bar place is not known the best one is taken, and chance is what the best one reaches at random moments.
     """
-    return fit_of_speed(audio_track, *normalised_speed(motion, params), params, n_rotations=n_rotations)
-
-
-def fit_of_speed(
-    audio_track: BeatTrack, times: FloatArray, speed: FloatArray, params: HarmonyParams, *, n_rotations: int = 1000
-) -> PatternFit:
-    """As `fit_of_motion`, from `normalised_speed`: what to call when one motion meets many beat tracks."""
-    music = salient_audio(audio_track, params)
+    music, (times, speed) = salient_audio(audio_track, params), normalised_speed(motion, params)
     neutral = PatternFit(music, np.full(music.times.size, 0.5), np.full(max(n_rotations, 1), 0.5), 0.5)
     if music.times.size == 0 or audio_track.times.size < 2 or not speed.any():
         return neutral
