@@ -109,13 +109,11 @@ from .types import (
     Clip as Clip,
 )
 from .types import (
-    HarmonyScore as HarmonyScore,
-)
-from .types import (
     Motion as Motion,
 )
 from .types import (
     Skeleton as Skeleton,
 )
+from .verdict.score import HarmonyScore as HarmonyScore
 
 __version__: str

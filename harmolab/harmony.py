@@ -22,8 +22,9 @@ from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.shape_speed import shape_speed
 from harmolab.significance import bootstrap_interval, p_value, rotated_shares
-from harmolab.types import Audio, BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore, IntArray, Motion
+from harmolab.types import Audio, BeatTrack, BoolArray, Clip, FloatArray, IntArray, Motion
 from harmolab.verdict.judge import judge
+from harmolab.verdict.score import HarmonyScore
 
 # Distances are compared in floating point; a beat exactly at the delay must stay a hit.
 EDGE = 1e-9

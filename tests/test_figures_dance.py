@@ -18,7 +18,8 @@ from harmolab.harmony import music_and_motion, score_harmony, score_motion
 from harmolab.lab.figures.dance import dance_figure, draw_sheet, draw_speed, sheet_times
 from harmolab.lab.figures.style import COLOURS
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, HarmonyScore, Motion
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.score import HarmonyScore
 
 VALLEYS = HarmonyParams.valleys()
 # The arm swings once a second and rests at 0.25, 0.75, 1.25 ... s.

@@ -12,7 +12,8 @@ from harmolab.corpora.synthetic import synthetic_motion
 from harmolab.harmony import score_motion
 from harmolab.lab.timing.findings import Explanation, explain
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Clip, HarmonyScore
+from harmolab.types import BeatTrack, Clip
+from harmolab.verdict.score import HarmonyScore
 from tests.builders import planted_dance, still
 
 SECONDS = 24.0

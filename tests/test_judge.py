@@ -12,8 +12,9 @@ from harmolab.corpora.synthetic import synthetic_motion
 from harmolab.harmony import score_motion
 from harmolab.params import DANCE_PATTERNS, BarPattern, HarmonyParams
 from harmolab.shape_speed import shape_speed
-from harmolab.types import BeatTrack, HarmonyScore, Motion, Skeleton
+from harmolab.types import BeatTrack, Motion, Skeleton
 from harmolab.verdict.judge import Judgement, judge
+from harmolab.verdict.score import HarmonyScore
 
 SECONDS, PERIOD = 24.0, 0.5
 BEATS = BeatTrack(PERIOD * np.arange(1, 47), np.ones(46), 100.0, SECONDS)

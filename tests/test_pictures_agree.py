@@ -21,7 +21,8 @@ from harmolab.lab.widgets.labs import scoring
 from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.lab.widgets.player import Dancer, Player
 from harmolab.params import CHOICES, HarmonyParams
-from harmolab.types import Audio, BeatTrack, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Motion
+from harmolab.verdict.score import HarmonyScore
 from tests.builders import planted_dance
 
 MODES = {

@@ -13,7 +13,8 @@ from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.render.marks import DANCER, HIT, MUSIC, hit_times
 from harmolab.lab.render.scene import FLOOR, WALL, render_dance
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, HarmonyScore, Motion, Skeleton
+from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.verdict.score import HarmonyScore
 from tests.builders import track
 
 MAN = Skeleton(("foot", "hip", "head"), (-1, 0, 1))

@@ -15,7 +15,8 @@ from harmolab.harmony import score_harmony
 from harmolab.params import HarmonyParams
 from harmolab.systems.common.soft_beats import soft_beats, soft_salience, soft_speed
 from harmolab.systems.common.soft_harmony import SoftHarmony, anneal, soft_harmony
-from harmolab.types import BeatTrack, HarmonyScore, Motion, Skeleton
+from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.verdict.score import HarmonyScore
 
 PAPER = HarmonyParams.paper()
 VALLEYS = replace(HarmonyParams.valleys(), fps=15.0, subframe=False)

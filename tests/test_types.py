@@ -11,7 +11,8 @@ import pytest
 from harmolab.beats.meter import MeterUnit
 from harmolab.lab.profile import RunProfile
 from harmolab.params import CHOICES, DANCES, BarPattern, HarmonyParams
-from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion, Skeleton
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from harmolab.verdict.score import HarmonyScore
 from tests.builders import track
 
 PAIR = Skeleton(("hip", "knee"), (-1, 0))

@@ -29,7 +29,7 @@ from harmolab.cli.common import (
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
-    from harmolab.types import HarmonyScore
+    from harmolab.verdict.score import HarmonyScore
 
 
 # Names in the table, and of the fields behind them.

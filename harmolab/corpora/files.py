@@ -19,7 +19,8 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video
 from harmolab.io.video_sound import load_sound
 from harmolab.params import DANCES, HarmonyParams
-from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.verdict.score import HarmonyScore
 
 TRACKED_AT = 22050.0  # hertz: beats are always tracked in sound of this rate
 

@@ -18,7 +18,8 @@ from harmolab.params import HarmonyParams
 from harmolab.retime.matching import Method, beat_warp
 from harmolab.retime.warps import TimeWarp
 from harmolab.skeletons import tree_order
-from harmolab.types import Audio, BeatTrack, FloatArray, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+from harmolab.verdict.score import HarmonyScore
 
 Frame = NDArray[np.uint8]
 

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from harmolab.harmony import score_motion
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, HarmonyScore, Motion
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.score import HarmonyScore
 
 
 def dance_scores(motion: Motion, music: BeatTrack, score: HarmonyScore | None = None) -> dict[str, float | int | None]:

@@ -22,7 +22,8 @@ from harmolab.params import HarmonyParams
 from harmolab.systems.common.pose_network import PoseNet, embed_meters
 from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.systems.harmogan.generate import generate_units
-from harmolab.types import BeatTrack, HarmonyScore, Motion
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.score import HarmonyScore
 
 RECORDED = "recorded"
 MODES = MappingProxyType({"paper_": HarmonyParams.paper(), "": HarmonyParams.valleys()})  # prefix of a column -> score

@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 from harmolab.beats.visual import motion_curve
 from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, FloatArray, HarmonyScore, Motion
+from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.verdict.score import HarmonyScore
 
 SIDES = MappingProxyType({"audio": 1.0, "visual": -1.0})
 NAMES = MappingProxyType({"audio": "music beat", "visual": "visual beat"})

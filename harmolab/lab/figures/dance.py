@@ -15,7 +15,8 @@ from harmolab.beats.visual import motion_curve
 from harmolab.lab.figures.beats import MARK_LOOKS, draw_marks, draw_tolerance, timed_curve
 from harmolab.lab.figures.motion import draw_film
 from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
-from harmolab.types import BeatTrack, HarmonyScore, Motion
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.score import HarmonyScore
 
 FRAMES = 4  # between two pictures of the paper's Fig. 14, at 15 frames per second
 HEIGHT = 62.0  # points, of a stick figure

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from harmolab.lab.figures.beats import draw_marks, draw_shares
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.types import FloatArray, HarmonyScore
+from harmolab.types import FloatArray
+from harmolab.verdict.score import HarmonyScore
 
 Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
 

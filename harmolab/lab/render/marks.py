@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 
 from harmolab.lab.render.stick import FRACTION_BITS, Frame, fixed
-from harmolab.types import FloatArray, HarmonyScore
+from harmolab.types import FloatArray
+from harmolab.verdict.score import HarmonyScore
 
 # The project's colours for music, dancer and hits.
 MUSIC, DANCER, HIT = (0, 114, 178), (230, 159, 0), (0, 158, 115)

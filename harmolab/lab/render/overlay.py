@@ -16,7 +16,8 @@ from harmolab.kinematics import resample_motion
 from harmolab.lab.render.marks import BeatMarks
 from harmolab.lab.render.stick import FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
 from harmolab.skeletons import skull_and_limbs
-from harmolab.types import HarmonyScore, Motion
+from harmolab.types import Motion
+from harmolab.verdict.score import HarmonyScore
 
 CORE, RIM = (255, 255, 255), (20, 20, 20)  # a light line in a dark one is seen on any picture
 THICKNESS = 1 / 110  # of a limb, in picture heights

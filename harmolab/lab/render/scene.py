@@ -18,7 +18,8 @@ from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.render.marks import BeatMarks
 from harmolab.lab.render.stick import FARTHEST, FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
 from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height, turned
-from harmolab.types import BoolArray, FloatArray, HarmonyScore, IntArray, Motion, Skeleton
+from harmolab.types import BoolArray, FloatArray, IntArray, Motion, Skeleton
+from harmolab.verdict.score import HarmonyScore
 
 WALL, FLOOR, LINE, SHADOW = (246, 246, 246), (232, 232, 228), (196, 196, 192), (205, 205, 200)
 NEAR, FAR = np.array([30.0, 34.0, 42.0]), np.array([140.0, 146.0, 156.0])  # of limbs

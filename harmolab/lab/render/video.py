@@ -19,7 +19,8 @@ from harmolab.lab.timing.movement import picture_motion
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.retime.matching import Method
 from harmolab.retime.retime import Retimed, retime, warp_video
-from harmolab.types import Audio, Clip, HarmonyScore, Motion
+from harmolab.types import Audio, Clip, Motion
+from harmolab.verdict.score import HarmonyScore
 
 RATE = 30.0  # pictures a second where nothing else is asked for
 

@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from harmolab.harmony import chance_level
-from harmolab.types import BeatTrack, HarmonyScore
+from harmolab.types import BeatTrack
 from harmolab.verdict.judge import Judgement
 from harmolab.verdict.place_test import PlaceTest, place_test
+from harmolab.verdict.score import HarmonyScore
 
 SMALLEST = 0.02  # seconds; smaller changes are not noticed
 FEWEST = 8  # beats in a half: two blocks that can be drawn from

@@ -25,8 +25,9 @@ from harmolab.lab.timing.findings import Explanation, explain
 from harmolab.lab.timing.movement import find_offset, picture_motion
 from harmolab.lab.timing.sound import find_sound_offset
 from harmolab.params import HarmonyParams
-from harmolab.types import Audio, BeatTrack, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Motion
 from harmolab.verdict.judge import Judgement
+from harmolab.verdict.score import HarmonyScore
 
 HEIGHT = 160  # pixels of the video that flow is measured on
 SURE = 0.95  # confidence of an offset by movement, below which it means little

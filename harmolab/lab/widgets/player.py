@@ -22,7 +22,8 @@ from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.report.templates import framed, rendered
 from harmolab.params import HarmonyParams
 from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.verdict.score import HarmonyScore
 
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 HEIGHT = 880  # pixels of the frame

@@ -40,7 +40,7 @@ ONLY = {  # choices of HarmonyParams of which one alone has a relaxation
 
 @dataclass(frozen=True, eq=False)
 class SoftHarmony:
-    """The relaxed score of every clip; each field is an (N,) tensor. Names are those of `types.HarmonyScore`.
+    """The relaxed score of every clip; each field is an (N,) tensor. Names are those of `verdict.score.HarmonyScore`.
 
     In the measure "shape" the rank of a music beat among all moments, 0 to 1, takes the place of its hit; its strength
     does not matter, and M = N, since no visual beats are counted.

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn.functional import relu, softplus
 
 from harmolab.systems.common.soft_harmony import SoftHarmony
-from harmolab.types import HarmonyScore
+from harmolab.verdict.score import HarmonyScore
 
 RESTING = 1e-3  # metres per frame: less movement than this counts as this much
 STILL = 1.0  # metres per second cubed: less jerk than this in a recording counts as this much

@@ -30,9 +30,10 @@ from harmolab.lab.widgets.labs.lab import MODES, SCORE_SLIDERS, Lab, menu, setti
 from harmolab.lab.widgets.labs.stage import Stage, draw_board, placed_axes, write_above
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.significance import rotations
-from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray, HarmonyScore
+from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray
 from harmolab.verdict.judge import Judgement
 from harmolab.verdict.place_test import MOMENTS, PlaceTest
+from harmolab.verdict.score import HarmonyScore
 
 # Under the pictures; a legend would be drawn anew each time a slider moves.
 HITS_KEY = (
