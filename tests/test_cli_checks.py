@@ -319,6 +319,7 @@ def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
     }
     names = ("recommended", "paper_above_chance", "beat_align_motion")
     about = {"corpus": "corpus", "n": 70, "beats": "annotated", "null": "lagged", "fitted_on": "x", "unfitted_parts": 0}
+    about["levels"] = {"true": [0, 1, 0, 0, 6]}
     print_comparison({**about, "scores": dict.fromkeys(names, row)})
     table = capsys.readouterr().out
     assert all(name in table for name in names)
