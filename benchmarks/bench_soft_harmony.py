@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from benchmarks.timing import best_of
-from harmolab.params import HarmonyParams
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.soft_harmony import soft_harmony
 from harmolab.systems.harmogan.networks import Generator
@@ -22,7 +22,12 @@ from harmolab.systems.harmogan.terms import charbonnier_mse
 from harmolab.types import Skeleton
 
 N_CLIPS, N_FRAMES, N_JOINTS, N_BEATS, FPS = 10, 60, 23, 10, 15.0
-MODES = {"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys()}
+MODES = {
+    "paper": HarmonyParams.paper(),
+    "valleys": HarmonyParams.valleys(),
+    "shape": HarmonyParams.recommended(DANCE_PATTERNS["cha-cha"]),
+    "shape of a waltz": HarmonyParams.recommended(DANCE_PATTERNS["waltz"]),
+}
 
 
 def harmony_pass(params: HarmonyParams, tau: float) -> Callable[[], object]:
@@ -61,7 +66,7 @@ def generator_step() -> Callable[[], object]:
 
 
 def measure() -> dict[str, float]:
-    """Milliseconds of both modes at the first and last softness, of the generator's step, and the larger shares."""
+    """Milliseconds of all modes at the first and last softness, of the generator's step, and the larger shares."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -4,8 +4,10 @@ from .beats.audio import onset_envelope as onset_envelope
 from .beats.flow import flow_envelope as flow_envelope
 from .beats.impacts import envelope_beats as envelope_beats
 from .beats.meter import MeterUnit as MeterUnit
+from .beats.meter import describe_beats as describe_beats
 from .beats.meter import meter_units as meter_units
 from .beats.meter import strong_beats as strong_beats
+from .beats.meter import with_one as with_one
 from .beats.saliency import salient_audio as salient_audio
 from .beats.saliency import salient_visual as salient_visual
 from .beats.visual import motion_curve as motion_curve
@@ -77,6 +79,7 @@ from .harmony import (
 )
 from .io.audio import load_audio as load_audio
 from .io.beats import load_beats as load_beats
+from .io.beats import save_beats as save_beats
 from .io.motion import load_motion as load_motion
 from .io.motion import save_motion as save_motion
 from .io.video import write_video as write_video

@@ -10,7 +10,7 @@ moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,18 +170,22 @@ def fit_of_speed(
     pattern = params.pattern or BarPattern.stop_on_the_beat()
     ranks = moment_ranks(curve, pattern)
     beats = np.round(beat_positions(music.times, audio_track)).astype(np.int64)
-    moments = beat_moments(beats, first, curve.size)
+    # Those outside count at its ends.
+    moments = np.clip(beats * GRID - first, 0, curve.size - 1)
     is_placed = audio_track.bar_places is not None or pattern.beats == 1
     return _best_places(ranks, moments, beats, music, n_rotations, is_placed)
 
 
-def beat_curve(times: FloatArray, speed: FloatArray, track: BeatTrack) -> tuple[FloatArray, int]:
+def beat_curve(
+    times: FloatArray, speed: FloatArray, track: BeatTrack, *, moments: int = GRID
+) -> tuple[FloatArray, int]:
     """The speed at every moment of the beat grid: (G,) array, empty if there is none, and the first moment's number.
 
     Parameters
     ----------
     times, speed : (T,) arrays, seconds and normalised speed
     track : BeatTrack of two beats at least
+    moments : int, in a beat
 
     Raises
     ------
@@ -189,16 +193,11 @@ def beat_curve(times: FloatArray, speed: FloatArray, track: BeatTrack) -> tuple[
         If the beats lie so close together that there are millions of moments, or are fewer than two.
     """
     positions = beat_positions(times, track)
-    first, last = int(np.ceil(positions[0] * GRID)), int(np.floor(positions[-1] * GRID))
+    first, last = int(np.ceil(positions[0] * moments)), int(np.floor(positions[-1] * moments))
     if last - first > MOST_MOMENTS:
         closest = float(np.diff(track.times).min())
         raise ValueError(f"music beats lie {closest:.2g} s apart: are there doubles among them?")
-    return np.interp(np.arange(first, last + 1) / GRID, positions, speed), first
-
-
-def beat_moments(beats: IntArray, first: int, size: int) -> IntArray:
-    """Places of beats of these numbers in a `beat_curve` of `size` moments; those outside at its ends."""
-    return np.minimum(np.maximum(beats * GRID - first, 0), size - 1)
+    return np.interp(np.arange(first, last + 1) / moments, positions, speed), first
 
 
 def moment_ranks(curve: FloatArray, pattern: BarPattern) -> FloatArray:
@@ -213,35 +212,16 @@ def moment_ranks(curve: FloatArray, pattern: BarPattern) -> FloatArray:
     -------
     (beats, G) array: row k ranks the moments as candidates for place k.
     """
-    return (rankdata(joint_fits([curve], pattern)[0], axis=1) - 0.5) / curve.size
-
-
-def joint_fits(curves: Sequence[FloatArray], pattern: BarPattern) -> FloatArray:
-    """Fit of each curve around each moment to each place of the pattern: many curves in one go.
-
-    Parameters
-    ----------
-    curves : C arrays (G_i,) of `beat_curve`
-    pattern : BarPattern
-
-    Returns
-    -------
-    (C, beats, G) array, G the largest G_i; infinite behind the end of a shorter curve
-    """
     half = pattern.beats * GRID // 2
     offsets = np.arange(-half, half + 1) / GRID
     window = 0.5 + 0.5 * np.cos(np.pi * offsets * GRID / half)
-    sizes = np.array([curve.size for curve in curves], np.int64)
-    # One after the other, with as many zeros between as a template reaches.
-    joined = np.concatenate([np.zeros(half), *(part for curve in curves for part in (curve, np.zeros(half)))])
-    inside = np.arange(sizes.max(initial=0)) < sizes[:, None]
-    moments = ((np.cumsum(sizes + half) - sizes - half)[:, None] + np.arange(inside.shape[1]))[inside]
-    fits = np.full((sizes.size, pattern.beats, inside.shape[1]), np.inf)
+    padded = np.pad(curve, half)
+    fits = []
     for place in range(pattern.beats):
         template = window * evaluate_pattern(pattern, offsets + place)
         template -= window * template.sum() / window.sum()
-        fits[:, place][inside] = np.convolve(joined, template[::-1], mode="valid")[moments]
-    return fits
+        fits.append(np.convolve(padded, template[::-1], mode="valid"))
+    return (rankdata(fits, axis=1) - 0.5) / curve.size
 
 
 def _best_places(

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from harmolab.bar_pattern import fit_of_motion
 from harmolab.beats.audio import music_beats
-from harmolab.beats.saliency import salient_audio, salient_visual
+from harmolab.beats.saliency import normalise_strengths, salient_audio, salient_visual
 from harmolab.beats.visual import visual_beats
 from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
@@ -255,6 +255,7 @@ def score_motion(
 
 def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: BeatTrack, seed: int) -> HarmonyScore:
     """The score of `judge`; in the paper's terms its movements are rests, or hits where the body hits the beats."""
+    track = replace(track, strengths=normalise_strengths(track.strengths, params.normalisation))
     late = track.times + params.lag
     music = track.select((late >= 0) & (late <= track.duration))
     shape = shape_speed(motion, smoothing=params.position_smoothing)

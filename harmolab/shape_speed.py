@@ -71,7 +71,8 @@ class ShapeSignal:
     times, values : (T,) arrays, seconds, and the signal: mean 0 and SD 1 over the valid samples (0 when nothing moves)
     valid : (T,) bool array
     pulse : float, per second
-        SD of the speed without its drift over the body's size: how strongly the movement swells and fades.
+        SD of the speed without its drift over the body's size: how strongly the movement swells and fades. NaN for
+        one point that moves, which has no size.
     share : float
         Movement inside the body over movement in the room, root mean squares: 0 for a statue on a turntable, NaN when
         nothing moves.
@@ -201,11 +202,13 @@ def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> 
     rest = speed - gaussian_filter1d(speed, DRIFT * shape.fps, mode="nearest")
     spread, by_joint = float(rest[valid].std()), shape.energy[inside][valid].mean(axis=0)
     is_still = spread <= 1e-9 * np.sqrt(room)
+    size = float(np.median(shape.extent[inside][valid]))
     return ShapeSignal(
         times=times,
         values=np.zeros_like(rest) if is_still else (rest - rest[valid].mean()) / spread,
         valid=valid,
-        pulse=spread / max(float(np.median(shape.extent[inside][valid])), np.finfo(float).tiny),
+        # One point has no size to compare with: no pulse is known, unless it rests.
+        pulse=spread / size if size > 0 else 0.0 if is_still else np.nan,
         share=float(np.sqrt(by_joint.mean() / room)),
         joints=float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum())) if by_joint.any() else 0.0,
         dimensions=shape.dimensions,

@@ -117,8 +117,7 @@ class Motion:
             raise ValueError(f"positions have {positions.shape[1]} joints, the skeleton {len(self.skeleton.joints)}")
         if np.abs(positions).max(initial=0.0) > 1e12:
             raise ValueError("positions exceed 1e12: not metres, nor any other unit of length")
-        valid = np.ones(len(positions), bool) if self.valid is None else self.valid
-        valid = _frozen(valid, "valid", bool)
+        valid = _frozen(np.ones(len(positions), bool) if self.valid is None else self.valid, "valid", bool)
         if valid.shape != positions.shape[:1]:
             raise ValueError(f"valid must have one entry per frame ({len(positions)}), got shape {valid.shape}")
         object.__setattr__(self, "positions", positions)
@@ -154,6 +153,7 @@ class BeatTrack:
     fps : float, rate of the curve the beats were read from, hertz
     duration : float, seconds
     bar_places : (B,) array of int: place of each beat in its bar, 0 for the downbeat; None when unknown
+    quality : float, of tracked beats: share of them within 70 ms of one steady grid; None for any others
     """
 
     times: FloatArray
@@ -161,6 +161,7 @@ class BeatTrack:
     fps: float
     duration: float
     bar_places: IntArray | None = None
+    quality: float | None = None
 
     def __post_init__(self) -> None:
         times, strengths = _frozen(self.times, "beat times"), _frozen(self.strengths, "beat strengths")
@@ -189,21 +190,20 @@ class BeatTrack:
 
     @property
     def tempo(self) -> float:
-        """Beats per minute, by the line that fits the beats best; NaN with fewer than two."""
-        if self.times.size < 2:
-            return float("nan")
-        return 60.0 / float(np.polyfit(np.arange(self.times.size), self.times, 1)[0])
+        """Beats per minute, from a line through all beats, gaps counted as whole beats; NaN with fewer than two."""
+        steps = np.diff(self.times)
+        numbers = np.cumsum(np.round(steps / np.median(steps))) if steps.size else steps
+        return float(60.0 / np.polyfit([0.0, *numbers], self.times, 1)[0]) if steps.size else float("nan")
 
     def select(self, mask: BoolArray) -> BeatTrack:
         """The beats where `mask` is True, on the same time line."""
         places = None if self.bar_places is None else self.bar_places[mask]
-        return BeatTrack(self.times[mask], self.strengths[mask], self.fps, self.duration, places)
+        return replace(self, times=self.times[mask], strengths=self.strengths[mask], bar_places=places)
 
     def span(self, start: float, duration: float) -> BeatTrack:
         """The beats in [start, start + duration), counted from `start`."""
-        inside = (self.times >= start) & (self.times < start + duration)
-        places = None if self.bar_places is None else self.bar_places[inside]
-        return BeatTrack(self.times[inside] - start, self.strengths[inside], self.fps, duration, places)
+        part = self.select((self.times >= start) & (self.times < start + duration))
+        return replace(part, times=part.times - start, duration=duration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,7 +357,6 @@ class HarmonyScore:
 
 def _plain(value: Any) -> Any:
     """Lists and finite numbers in place of arrays, tuples and what is not finite."""
-    value = value.tolist() if isinstance(value, np.ndarray) else value
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | tuple):
+        return [_plain(item) for item in np.asarray(value).tolist()]
     return None if isinstance(value, float) and not np.isfinite(value) else value

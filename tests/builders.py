@@ -58,6 +58,18 @@ def still(frames: int, *, fps: float, joints: int = 2, axes: int = 3) -> Motion:
     return Motion(positions, fps, Skeleton.unnamed(joints))
 
 
+BODY = np.array(
+    [[0.0, 0.9, 0.0], [0.0, 1.4, 0.0], [0.5, 1.3, 0.1], [-0.5, 1.3, 0.0], [0.1, 0.0, 0.0], [-0.1, 0.0, 0.1]]
+)
+
+
+def waving(phase: np.ndarray, *, fps: float = 30.0) -> Motion:
+    """A body whose hands go up and down once in two units of the phase: at rest at whole ones, fastest between."""
+    positions = np.repeat(BODY[None], phase.size, axis=0)
+    positions[:, 2:4, 1] += 0.3 * np.cos(np.pi * phase)[:, None]
+    return Motion(positions, fps, Skeleton.unnamed(len(BODY)))
+
+
 def bone_lengths(motion: Motion) -> np.ndarray:
     """(T, bones) lengths, in the motion's unit."""
     ends = [motion.positions[:, child] - motion.positions[:, parent] for parent, child in motion.skeleton.bones]

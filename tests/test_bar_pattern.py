@@ -25,7 +25,7 @@ from harmolab.types import Motion, Skeleton
 from tests import builders
 
 track = partial(builders.track, duration=30.0)
-RECOMMENDED = HarmonyParams.recommended()
+RECOMMENDED = HarmonyParams.room_speed()
 Swing = Callable[..., Motion]
 
 

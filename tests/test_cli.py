@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -11,18 +12,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import Result
 
 from harmolab.cli import app
 from harmolab.corpora.folders import load_recording
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.harmony import score_clip
 from harmolab.params import HarmonyParams
+from harmolab.types import Motion, Skeleton
 from tests.builders import called
 
 MODE_KEYS = {
     "harmony", "harmony_above_chance", "hit_rate", "chance", "hitting_score", "n_audio", "n_visual", "p_value",
     "interval", "music_times", "visual_times", "pairs",
 }  # fmt: skip
+JUDGEMENT_KEYS = ("level", "verdict", "p_time", "p_place", "lag_s", "tempo", "own_tempo", "pulse", "share")
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +47,6 @@ def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:
     result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json")
     printed = json.loads(result.stdout)
     clip = load_recording(clip_folder).clip
-    from dataclasses import replace
-
     for mode, params in (("paper", HarmonyParams.paper()), ("recommended", HarmonyParams.recommended())):
         expected = score_clip(replace(clip, beats=None, dance=""), params).to_dict()
         assert set(printed[mode]) >= MODE_KEYS
@@ -56,10 +58,82 @@ def test_score_of_one_mode_prints_that_mode_only(clip_folder: Path) -> None:
     assert set(json.loads(result.stdout)) == {"clip", "paper"}
 
 
-def test_score_table_names_the_number_to_read(clip_folder: Path) -> None:
-    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--beats", clip_folder / "beats.json")
-    assert result.exit_code == 0
-    assert "harmony above chance" in result.stdout
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a rumba of 24 s with annotated beats."""
+    return next(write_corpus(tmp_path_factory.mktemp("long") / "synth", clips=4, seconds=24.0, seed=2).glob("*_rumba"))
+
+
+def cells(result: Result, name: str) -> list[str]:
+    """The cells of a row of the printed table."""
+    rows = ([cell.strip() for cell in line.split("│")] for line in result.stdout.splitlines() if "│" in line)
+    return next(row[2:-1] for row in rows if row[1] == name)
+
+
+def test_score_says_the_verdict_first_and_then_the_numbers(recording: Path) -> None:
+    result = run("score", recording, "--mode", "recommended")
+    assert result.exit_code == 0, result.output
+    score = score_clip(load_recording(recording).clip)
+    assert result.stdout.splitlines()[0] == score.judgement.verdict
+    for name, value in (("harmony above chance", score.harmony_above_chance), ("p in time", score.judgement.p_time)):
+        assert cells(result, name) == [f"{value:.3f}"]
+    assert cells(result, "level, 0 to 4") == [str(score.judgement.level)]
+
+
+def test_a_folder_alone_is_scored_with_its_song_its_dance_and_its_beats(recording: Path) -> None:
+    printed = json.loads(run("score", recording, "--json").stdout)
+    assert printed["clip"]["beats"] == str(recording / "beats.json")
+    assert printed["clip"]["dance"] == "rumba"
+    expected = score_clip(load_recording(recording).clip).to_dict()
+    assert printed["recommended"] == json.loads(json.dumps(expected))
+    assert set(JUDGEMENT_KEYS) <= set(printed["recommended"])
+
+
+def test_a_song_alone_is_no_recording(recording: Path, tmp_path: Path) -> None:
+    for path, fault in (
+        (recording / "audio.wav", "score takes SONG DANCE"),
+        (tmp_path, "has no motion.npz and no audio.wav"),
+    ):
+        result = run("score", path)
+        assert result.exit_code == 2
+        assert fault in result.stderr
+        assert len(result.stderr.splitlines()) == 1
+
+
+def test_where_chance_reaches_nearly_all_beats_nothing_is_above_it(recording: Path) -> None:
+    result = run("score", recording, "--mode", "paper")
+    assert float(cells(result, "chance")[0]) > 0.9
+    assert cells(result, "harmony above chance") == cells(result, "p value") == ["-"]
+
+
+def test_fewer_than_sixteen_beats_have_no_number_above_chance(clip_folder: Path) -> None:
+    result = run("score", clip_folder)
+    assert result.stdout.startswith("Cannot tell: ")
+    assert cells(result, "harmony above chance") == ["-", "-"]
+
+
+def test_the_earlier_score_is_kept_for_comparison(recording: Path) -> None:
+    printed = json.loads(run("score", recording, "--mode", "room", "--json").stdout)
+    expected = score_clip(load_recording(recording).clip, HarmonyParams.room_speed())
+    assert printed["room"]["harmony_above_chance"] == expected.harmony_above_chance
+
+
+def test_joints_can_be_chosen_to_score(recording: Path) -> None:
+    clip = load_recording(recording).clip
+    names = ("hand L", "finger R", "hip L", "knee R")
+    printed = json.loads(run("score", recording, "--joints", ",".join(names), "--json").stdout)["recommended"]
+    keep = [clip.motion.skeleton.joints.index(name) for name in names]
+    part = Motion(clip.motion.positions[:, keep], clip.motion.fps, Skeleton(names, (-1,) * 4))
+    expected = score_clip(replace(clip, motion=part))
+    assert printed["harmony_above_chance"] == pytest.approx(expected.harmony_above_chance, abs=1e-9)
+
+
+def test_other_measures_stand_under_a_heading_of_their_own(recording: Path) -> None:
+    plain, more = (run("score", recording, *options).stdout for options in ((), ("--others",)))
+    assert "mir_eval_f" not in plain
+    table, others = more.split("other measures of the field")
+    assert "mir_eval_f" not in table
+    assert "mir_eval_f" in others
 
 
 def test_score_plot_is_a_png_and_leaves_nothing_else(clip_folder: Path, tmp_path: Path) -> None:
@@ -161,11 +235,33 @@ def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
     assert "harmolab data check" in result.stderr
 
 
-def test_learnt_patterns_can_be_scored_with(corpus: Path, clip_folder: Path, tmp_path: Path) -> None:
+def test_compare_tells_how_many_recordings_reach_each_verdict(corpus: Path) -> None:
+    result = run("compare", corpus, "--dances", "rumba,waltz", "--rotations", 20)
+    lines = [line.replace("│", " ").split() for line in result.stdout.splitlines()]
+    # Six seconds hold fewer than 16 beats: no verdict on any of the six.
+    assert ["true", "6", "0", "0", "0", "0"] in lines
+    assert ["lagged", "6", "0", "0", "0", "0"] in lines
+
+
+def test_compare_gives_the_verdict_of_score(tmp_path: Path) -> None:
+    root = write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3)
+    command = ("compare", root, "--dances", "jive,samba", "--rotations", 20, "--json")
+    rows = json.loads(run(*command).stdout)["recordings"]
+    assert [row["dance"] for row in rows] == ["jive", "samba"]
+    for row in rows:
+        folder = root / row["name"]
+        dance = ("--dance", row["dance"], "--beats", folder / "beats.json")
+        printed = json.loads(run("score", folder / "audio.wav", folder / "motion.npz", *dance, "--json").stdout)
+        names = ("harmony_above_chance", "p_value", "level", "verdict", "p_time", "p_place", "lag_s")
+        assert {name: printed["recommended"][name] for name in names} == {name: row[name] for name in names}
+
+
+def test_learnt_patterns_can_be_scored_with(corpus: Path, tmp_path: Path) -> None:
     patterns = tmp_path / "patterns.json"
     assert run("learn", corpus, "--out", patterns).exit_code == 0
     assert set(json.loads(patterns.read_text())) >= {"rumba", "waltz"}
-    inputs = (clip_folder / "audio.wav", clip_folder / "motion.npz", "--beats", clip_folder / "beats.json")
+    folder = sorted(write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3).glob("clip_*_rumba"))[0]
+    inputs = (folder / "audio.wav", folder / "motion.npz", "--beats", folder / "beats.json")
     result = run("score", *inputs, "--pattern", patterns, "--dance", "rumba", "--mode", "recommended", "--json")
     assert json.loads(result.stdout)["recommended"]["harmony_above_chance"] > 0.3
 

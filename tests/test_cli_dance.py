@@ -19,7 +19,7 @@ from typer.testing import CliRunner, Result
 import harmolab
 from harmolab.cli import app
 from harmolab.io.audio import load_audio
-from harmolab.io.motion import load_motion
+from harmolab.io.motion import load_motion, load_offset
 from harmolab.kinematics import resample_motion
 from harmolab.lab.evaluate.dance_scores import dance_scores
 from harmolab.systems.common.feature_params import FeatureParams
@@ -88,13 +88,25 @@ def test_npz_holds_what_the_function_gives(
     assert [file.name for file in tmp_path.iterdir()] == ["dance.npz"]
 
 
-def test_table_names_every_score_beside_its_chance(dance: Callable[..., Result], tmp_path: Path) -> None:
+def test_table_begins_with_the_number_and_names_every_score_of_the_paper_beside_its_chance(
+    dance: Callable[..., Result], tmp_path: Path
+) -> None:
     output = dance(tmp_path / "dance.npz").output
-    for name in ("harmony above chance", "p value", "paper: harmony", "paper: hit rate", "paper: chance"):
+    assert output.startswith("seed 0: Cannot tell: ")  # two seconds hold too few beats for a number
+    assert re.search(r"harmony above chance\W+-\W+level, 0 to 4\W+0\b", output)
+    for name in ("paper: harmony", "paper: hit rate", "paper: chance"):
         assert re.search(rf"{name}\W+-?\d", output), name
-    for name in ("visual beats M", "music beats N", "jerk", "foot skating"):
+    for name in ("visual beats M", "music beats N", "pulse", "share inside the body", "jerk", "foot skating"):
         assert name in output
     assert f"wrote {tmp_path / 'dance.npz'}" in output.replace("\n", "")
+
+
+def test_a_dance_keeps_the_song_time_it_was_made_for(dance: Callable[..., Result], tmp_path: Path) -> None:
+    kept = dance(tmp_path / "dance.npz", "--start", 1.5)
+    assert load_offset(tmp_path / "dance.npz") == 1.5
+    assert "--offset" not in kept.output
+    written = dance(tmp_path / "dance.bvh", "--start", 1.5)
+    assert "it begins at 1.5 s of the song: pass --offset 1.5 with it" in written.output
 
 
 def test_bvh_and_npz_of_a_seed_are_the_same_dance(dance: Callable[..., Result], tmp_path: Path) -> None:
@@ -184,10 +196,14 @@ def test_help_loads_neither_torch_nor_opencv() -> None:
     assert shown.strip() == ""
 
 
-def test_scores_of_a_planted_dance(clip: Clip) -> None:
+def test_scores_of_a_planted_dance() -> None:
+    clip = planted_dance(seconds=20.0)
     scores = dance_scores(clip.motion, clip.beats)
+    assert next(iter(scores)) == "harmony above chance"
     assert scores["harmony above chance"] > 0.5
+    assert scores["level, 0 to 4"] == 4
     assert scores["p value"] < 0.05
+    assert scores["pulse, 1/s"] > 0.03
     assert scores["music beats N"] == len(clip.beats)
     assert 0 < scores["paper: chance"] <= 1
     assert scores["foot skating, m/s"] is not None
@@ -198,8 +214,9 @@ def test_scores_of_a_dancer_without_feet_have_none_for_skating(swinging_arm: Cal
     beats = BeatTrack(np.arange(0.25, 6.0, 0.5), np.ones(12), 30.0, 6.0)  # the arm rests there
     scores = dance_scores(motion, beats)
     assert scores["foot skating, m/s"] is None
-    assert scores["harmony above chance"] == pytest.approx(1.0)
-    assert scores["visual beats M"] == 12
+    assert scores["music beats N"] == 12
+    assert scores["jerk, m/s³"] > 0
+    assert np.isnan(scores["harmony above chance"])  # twelve beats are too few
 
 
 def test_three_frames_are_a_dance_without_jerk(dance: Callable[..., Result], tmp_path: Path) -> None:

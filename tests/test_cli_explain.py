@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from pathlib import Path
 
@@ -10,36 +11,58 @@ from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
 from harmolab.types import Clip
-from tests.builders import write_dance, write_song
+from tests.builders import planted_dance, write_dance, write_song
 
 
 @pytest.fixture
 def files(planted_clip: Clip, tmp_path: Path) -> tuple[Path, Path]:
-    """Song and motion of a synthetic cha-cha."""
+    """Song and motion of six seconds of a synthetic cha-cha."""
     return write_song(tmp_path / "song.wav", planted_clip), write_dance(tmp_path / "dance.npz", planted_clip)
+
+
+@pytest.fixture
+def long_files(tmp_path: Path) -> tuple[Path, Path]:
+    """Song and motion of 20 seconds, enough beats for a verdict."""
+    clip = planted_dance(seconds=20.0)
+    return write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
 
 
 def explain(*arguments: object) -> Result:
     return CliRunner().invoke(app, ["explain", *map(str, arguments)])
 
 
-def test_words_are_printed_and_the_page_is_written(files: tuple[Path, Path], tmp_path: Path):
-    result = explain(*files, "--offset", 0, "--out", tmp_path / "page.html")
+def test_words_are_printed_and_the_page_is_written(long_files: tuple[Path, Path], tmp_path: Path):
+    result = explain(*long_files, "--offset", 0, "--out", tmp_path / "page.html")
     assert result.exit_code == 0, result.output
-    verdict, _, placement, *words = result.stdout.splitlines()
-    assert verdict == "You keep time with this song. You are on time."
+    head, _, body = result.stdout.partition("\n\n")
+    verdict, *remarks = head.splitlines()
+    placement, music, *words = body.splitlines()
+    assert music.startswith("music: ") and music.endswith('"one": not known')
+    assert verdict.startswith("You are on the beat: you rest on it (lag ")
+    assert "movement alone cannot tell which is meant" in " ".join(remarks)
     assert placement == "Your dance begins at 0.00 s of the song, as you said."
-    assert words[0].startswith("Above-chance harmony is ")
+    assert words[0].startswith("Harmony above chance is ")
     assert words[-1] == f"wrote {tmp_path / 'page.html'}"
-    assert verdict in (tmp_path / "page.html").read_text("utf-8")
+    page = (tmp_path / "page.html").read_text("utf-8")
+    assert verdict in page
+    assert all(remark in html.unescape(page) for remark in remarks)
 
 
-def test_json_holds_the_same(files: tuple[Path, Path]):
-    told = json.loads(explain(*files, "--offset", 0, "--json").stdout)
-    assert told["verdict"] == "You keep time with this song. You are on time."
+def test_json_holds_the_same(long_files: tuple[Path, Path]):
+    told = json.loads(explain(*long_files, "--offset", 0, "--json").stdout)
+    assert told["verdict"].startswith("You are on the beat: you rest on it")
+    assert (told["level"], told["reading"]) == (4, "rest")
     assert told["offset"]["source"] == "given"
-    assert told["findings"][-1]["kind"] == "mean"
+    assert told["findings"][-1]["kind"] == "hits"
     assert told["version"]
+
+
+def test_few_beats_give_no_number_and_no_milliseconds(files: tuple[Path, Path]):
+    result = explain(*files, "--offset", 0)
+    assert result.stdout.startswith("Cannot tell: ")
+    assert "ms" not in result.stdout.split()
+    assert "above chance" not in result.stdout
+    assert result.stdout.splitlines()[-1].startswith("music: ")
 
 
 def test_annotated_beats_take_the_place_of_tracking(files: tuple[Path, Path], planted_clip: Clip, tmp_path: Path):
@@ -89,10 +112,10 @@ def test_damaged_video_is_named(files: tuple[Path, Path], tmp_path: Path):
     assert "film.mp4: cannot be read as video" in result.stderr
 
 
-def test_a_learnt_pattern_changes_the_score_and_an_unknown_one_is_named(files: tuple[Path, Path], tmp_path: Path):
+def test_a_learnt_pattern_changes_the_score_and_an_unknown_one_is_named(long_files: tuple[Path, Path], tmp_path: Path):
     patterns = {"jive": {"beats": 1, "cosines": [1.0], "sines": [0.0], "source": "planted: fastest on the beat"}}
     (tmp_path / "patterns.json").write_text(json.dumps(patterns))
-    asked = (*files, "--offset", 0, "--pattern", tmp_path / "patterns.json", "--json")
+    asked = (*long_files, "--offset", 0, "--pattern", tmp_path / "patterns.json", "--json")
     fits, opposite = (
         json.loads(explain(*words).stdout)["harmony_above_chance"] for words in (asked[:4] + asked[-1:], asked)
     )

@@ -11,9 +11,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
+from harmolab.corpora.files import load_clip
+from harmolab.harmony import score_clip
 from harmolab.io.video import write_video
 from harmolab.types import Clip
-from tests.builders import write_dance, write_song
+from tests.builders import planted_dance, write_dance, write_song
 
 
 @pytest.fixture
@@ -39,6 +41,17 @@ def test_video_has_the_length_size_and_sound_asked_for(files: tuple[Path, Path],
     with av.open(str(out)) as container:
         sound = container.streams.audio[0]
         assert float(sound.duration * sound.time_base) == pytest.approx(2.0, abs=0.1)
+
+
+def test_verdict_and_number_are_printed_with_marks_only(tmp_path: Path):
+    clip = planted_dance(seconds=16.0, fps=30.0)
+    song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
+    small = (song, dance, "--height", 120, "--rate", 10, "--out", tmp_path / "x.mp4")
+    score = score_clip(load_clip(song, dance))
+    text = render(*small).stdout
+    assert text.startswith(score.judgement.verdict)
+    assert f"harmony above chance {score.harmony_above_chance:.3f}, p {score.p_value:.3f}" in text
+    assert "chance" not in render(*small, "--no-marks").stdout
 
 
 def test_webm_has_the_free_codings(files: tuple[Path, Path], tmp_path: Path):

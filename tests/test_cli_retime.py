@@ -52,11 +52,19 @@ def row(result: Result, name: str) -> list[str]:
     return [cell.strip() for cell in line.strip("│ ").split("│")][1:]
 
 
-def test_a_jittered_dance_is_mended_and_the_table_says_how(dance: Path, song: Path, tmp_path: Path):
-    result = call(song, dance, "--out", tmp_path / "x.npz", "--dance", "rumba")
+def test_a_jittered_dance_is_mended_and_the_table_says_how(tmp_path: Path):
+    clip = planted_clip(ClipSettings("rumba", seconds=24.0, jitter=0.15, seed=3)).clip
+    song, dance = write_song(tmp_path / "song.wav", clip), write_dance(tmp_path / "dance.npz", clip)
+    result = call(song, dance, "--out", tmp_path / "x.npz")
     assert result.exit_code == 0, result.output
+    said = [line for line in result.output.splitlines() if line.startswith(("before: ", "after: "))]
+    assert [line.partition(" (lag")[0] for line in said] == [
+        f"{time}: You are on the beat: you rest on it" for time in ("before", "after")
+    ]
     before, after = map(float, row(result, "above chance"))
-    assert after > before + 0.3
+    assert after > before + 0.1
+    fewer, more = map(float, row(result, "beats with a rest near"))
+    assert more > fewer + 0.3
     assert 10 < float(row(result, "mean, ms")[1]) < float(row(result, "largest, ms")[1]) < 500
     low, high = map(float, row(result, "local speed")[1].split(" to "))
     assert 0.7 <= low < 1 < high <= 1.4

@@ -16,17 +16,18 @@ import pytest
 
 from harmolab.bar_pattern import fit_pattern
 from harmolab.corpora.folders import Recording, recording_beats
+from harmolab.harmony import score_clip
 from harmolab.io.beats import BeatAnnotation, Unit
-from harmolab.lab.compare.auc import LAGS, CorpusResult, compare
-from harmolab.lab.compare.windows import cut_clips, dance_patterns, learn_patterns, score_shifts
+from harmolab.lab.compare.auc import CorpusResult, compare
+from harmolab.lab.compare.scores import LAGS, hit_scores, shifted_music
+from harmolab.lab.compare.windows import cut_clips, dance_patterns, learn_patterns
 from harmolab.metrics.beats import beat_align
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.params import BarPattern
 from harmolab.types import Audio, Clip, Motion, Skeleton
 
 PERIOD = 0.5
 START = 1.0  # audio time of motion frame 0
 FPS = 30.0
-RECOMMENDED = HarmonyParams.recommended()
 
 
 @pytest.fixture(autouse=True)
@@ -76,7 +77,7 @@ def corpus(count: int = 6, *, peak: float = 0.3, **options: object) -> list[Reco
 
 
 def part_of(sequence: Recording):
-    (part,) = cut_clips(sequence, "annotated", 6.0, RECOMMENDED)
+    (part,) = cut_clips(sequence, "annotated", 6.0)
     return part
 
 
@@ -88,7 +89,7 @@ def compared(sequences: list[Recording], **options: object) -> CorpusResult:
 
 
 def test_a_part_knows_its_place_its_music_and_its_figures():
-    parts = cut_clips(danced("S", dancer(1, seconds=13.0), "A", "B"), "annotated", 6.0, RECOMMENDED)
+    parts = cut_clips(danced("S", dancer(1, seconds=13.0), "A", "B"), "annotated", 6.0)
     assert [(part.window, part.start, part.duration) for part in parts] == [(0, 1.0, 6.0), (1, 7.0, 6.0)]
     assert [set(part.figures) for part in parts] == [{"A"}, {"A", "B"}]  # A ends at 7.5 s
     assert [part.unit for part in parts] == ["S-0", "S-1"]
@@ -99,18 +100,18 @@ def test_a_part_knows_its_place_its_music_and_its_figures():
 
 def test_parts_start_on_a_frame():
     # 7.0 s at 30 fps in three windows of 2.33 s: frames 0, 69.9 and 139.8.
-    parts = cut_clips(danced("S", dancer(1, seconds=7.0)), "annotated", 2.33, RECOMMENDED)
+    parts = cut_clips(danced("S", dancer(1, seconds=7.0)), "annotated", 2.33)
     np.testing.assert_allclose([part.start for part in parts], START + np.array([0, 70, 140]) / 30)
 
 
 def test_a_whole_sequence_is_one_window_of_parts_of_six_seconds_and_more():
-    parts = cut_clips(danced("S", dancer(1, seconds=20.0)), "annotated", None, RECOMMENDED)
+    parts = cut_clips(danced("S", dancer(1, seconds=20.0)), "annotated", None)
     assert [part.window for part in parts] == [0, 0, 0]
     assert [part.duration for part in parts] == pytest.approx([20 / 3] * 3, abs=1 / 30)
 
 
 def test_a_sequence_shorter_than_the_window_is_one_window():
-    (part,) = cut_clips(danced("S", dancer(1, seconds=4.0)), "annotated", 6.0, RECOMMENDED)
+    (part,) = cut_clips(danced("S", dancer(1, seconds=4.0)), "annotated", 6.0)
     assert part.duration == 4.0
 
 
@@ -130,15 +131,15 @@ def test_the_grid_of_scores_moves_the_music_by_tenths_of_a_beat():
     x = np.arange(180) / FPS / PERIOD
     stopping = travel(x + np.sin(2 * np.pi * (x - 0.3 - 0.5)) / (2 * np.pi))
     part = part_of(danced("S", stopping, "A"))
-    grid = score_shifts([part], [BarPattern.stop_on_the_beat()], RECOMMENDED)
-    assert all(values[0].shape == (20,) for values in grid.values())
-    for name in ("valleys", "mir_eval_f", "beat_align_music", "recommended"):
-        assert grid[name][0][[3, 13]].min() == pytest.approx(grid[name][0].max(), abs=0.05), name
-    assert grid["mir_eval_f"][0][[0, 6, 10, 16]].max() < 0.2
+    grid = hit_scores(part, shifted_music(part))
+    assert all(values.shape == (20,) for values in grid.values())
+    for name in ("valleys", "mir_eval_f", "beat_align_music"):
+        assert grid[name][[3, 13]].min() == pytest.approx(grid[name].max(), abs=0.05), name
+    assert grid["mir_eval_f"][[0, 6, 10, 16]].max() < 0.2
     moves = part.visual["kinematic"].times
     for step in range(20):
         expected = beat_align(part.music(step * 0.05).times, moves)
-        assert grid["beat_align_music"][0][step] == pytest.approx(expected)
+        assert grid["beat_align_music"][step] == pytest.approx(expected)
 
 
 # What is fitted, and on what
@@ -158,7 +159,7 @@ def test_patterns_are_learnt_on_other_sequences_and_other_figures():
     c, d = danced("C", dancer(3), "Y"), danced("D", dancer(4), "Z")
     parts = [part_of(sequence) for sequence in (a, b, c, d)]
     learnt = learn_patterns(parts)
-    others = fit_pattern([parts[2].sums, parts[3].sums])
+    others = fit_pattern([parts[2].sums["recommended"], parts[3].sums["recommended"]])
     assert (learnt[0].cosines, learnt[0].sines) == (others.cosines, others.sines)
     assert learnt[0].cosines[0] > 0.5
     result = compared([a, b, c, d])
@@ -171,12 +172,12 @@ def test_a_figure_that_recurs_beside_another_is_not_fitted_on():
     mixed = danced("B", dancer(2, peak=1.0), "Y", "X")
     other = danced("C", dancer(3), "Z")
     parts = [part_of(sequence) for sequence in (judged, mixed, other)]
-    assert learn_patterns(parts)[0].cosines == fit_pattern([parts[2].sums]).cosines
+    assert learn_patterns(parts)[0].cosines == fit_pattern([parts[2].sums["recommended"]]).cosines
 
 
 def test_another_window_of_the_same_sequence_is_not_fitted_on():
     twice = danced("A", dancer(1, seconds=12.0), "X", "Y")
-    parts = cut_clips(twice, "annotated", 6.0, RECOMMENDED)
+    parts = cut_clips(twice, "annotated", 6.0)
     assert learn_patterns(parts) == [BarPattern.stop_on_the_beat()] * 2
 
 
@@ -185,17 +186,30 @@ def test_other_dances_are_not_fitted_on():
     assert learn_patterns(parts) == [BarPattern.stop_on_the_beat()] * 2
 
 
-def test_without_bars_nothing_is_learnt():
-    parts = [part_of(danced(name, dancer(i), name, bars=False)) for i, name in enumerate("AB")]
+def beating(seed: int, *, peak: float = 0.3) -> Motion:
+    """Speed 2 + cos over every beat, fastest at `peak`, beside a slow wave."""
+    x = np.arange(180) / FPS / PERIOD
+    slow = 0.2 * np.sin(2 * np.pi * 0.11 * x + seed)
+    return travel(2 * x + slow + np.sin(2 * np.pi * (x - peak)) / (2 * np.pi))
+
+
+def test_without_bars_the_curve_over_one_beat_is_learnt():
+    sequences = [danced(f"S{i}", beating(i), f"figure {i}", bars=False) for i in range(4)]
+    parts = [part_of(sequence) for sequence in sequences]
     assert {part.cycle for part in parts} == {1}
-    assert learn_patterns(parts) == [BarPattern.stop_on_the_beat()] * 2
+    for pattern in learn_patterns(parts):
+        assert pattern.beats == 1
+        assert np.arctan2(pattern.sines[0], pattern.cosines[0]) / (2 * np.pi) == pytest.approx(0.3, abs=0.05)
+    row = compared(sequences).summary["scores"]["recommended"]
+    assert row["auc"] > 0.9
+    assert row["mean_true"] > 0.8
 
 
 def test_fitting_on_another_corpus_leaves_out_shared_figures():
     judged = [danced("A", dancer(1, peak=1.0), "X")]
     shared, other = danced("B", dancer(2, peak=1.0), "X"), danced("C", dancer(3), "Y")
     both = compared(judged, fit_on=[shared, other])
-    assert both.patterns["cha-cha"][0].cosines == fit_pattern([part_of(other).sums]).cosines
+    assert both.patterns["cha-cha"][0].cosines == fit_pattern([part_of(other).sums["recommended"]]).cosines
     assert both.true["recommended"][0] < -0.5
     nothing = compared(judged, fit_on=[shared])
     assert nothing.patterns["cha-cha"] == [BarPattern.stop_on_the_beat()]
@@ -205,20 +219,14 @@ def test_fitting_on_another_corpus_takes_nothing_from_the_judged_one():
     judged = corpus(4, peak=1.0)
     teachers = [danced(f"T{i}", dancer(10 + i), f"other {i}") for i in range(4)]
     result = compared(judged, fit_on=teachers)
-    expected = fit_pattern([part_of(teacher).sums for teacher in teachers])
+    expected = fit_pattern([part_of(teacher).sums["recommended"] for teacher in teachers])
     assert {pattern.cosines for pattern in result.patterns["cha-cha"]} == {expected.cosines}
     assert "4 sequences of another corpus" in result.summary["fitted_on"]
 
 
 def test_the_constant_lag_is_the_dancers_own():
     # Fastest 0.3 beat after each beat: speed peaks meet music that is 0.3 beat late, give or take the delay (0.2 beat).
-    def beating(seed: int) -> Motion:
-        x = np.arange(180) / FPS / PERIOD
-        slow = 0.2 * np.sin(2 * np.pi * 0.11 * x + seed)
-        return travel(2 * x + slow + np.sin(2 * np.pi * (x - 0.3)) / (2 * np.pi))
-
-    sequences = [danced(f"S{i}", beating(i), f"figure {i}") for i in range(4)]
-    result = compared(sequences)
+    result = compared([danced(f"S{i}", beating(i), f"figure {i}") for i in range(4)])
     assert list(result.lags) == ["cha-cha"]
     np.testing.assert_allclose(result.lags["cha-cha"], 0.3, atol=0.2 + 1e-9)
     assert result.true["peaks_lagged"].mean() > 0.9
@@ -268,10 +276,24 @@ def test_a_random_motion_lies_inside_its_chance_band():
 
 
 def test_parts_of_one_unit_turn_together():
-    # Six units turned each alone are never all right or all wrong; one unit, danced six times, is.
-    alone = compared(corpus(), n_rotations=200).summary["scores"]["recommended"]["chance_band"]
-    together = compared(corpus(unit="one"), n_rotations=200).summary["scores"]["recommended"]["chance_band"]
-    assert together[1] - together[0] > 0.8 > alone[1] - alone[0]
+    # By patterns of others, six units turned each alone are never all right or wrong; one unit, danced six times, is.
+    teachers = [danced(f"T{i}", dancer(10 + i, peak=0.3), f"other {i}") for i in range(4)]
+
+    def width(**options: object) -> float:
+        result = compared(corpus(**options), fit_on=teachers, n_rotations=200)
+        low, high = result.summary["scores"]["recommended"]["chance_band"]
+        return high - low
+
+    assert width(unit="one") > 0.8 > width()
+
+
+def test_band_is_at_least_as_wide_as_with_recordings_that_turn_as_one():
+    # Two units a recording: alone they turn twelve times, and chance spreads less than over six recordings.
+    motions = [dancer(i, peak=0.3, seconds=12.0) for i in range(6)]
+    named = [danced(f"S{i}", motion, f"A{i}", f"B{i}") for i, motion in enumerate(motions)]
+    unnamed = [danced(f"S{i}", motion) for i, motion in enumerate(motions)]
+    bands = [compared(one, n_rotations=100).summary["scores"]["valleys"]["chance_band"] for one in (named, unnamed)]
+    assert bands[0] == bands[1]
 
 
 def test_a_window_longer_than_a_part_scores_the_mean_of_its_parts():
@@ -361,6 +383,45 @@ def test_the_summary_says_what_was_fitted_on():
     assert "figures are not named here" in compared(unnamed).summary["fitted_on"]
 
 
+# Verdicts
+
+
+def dancing(index: int, *, dance: str = "cha-cha") -> Recording:
+    """Twenty seconds, 40 beats, of a dancer who seldom departs from the cycle."""
+    return danced(f"S{index}", dancer(index, seconds=20.0, extra=0.1), f"figure {index}", dance=dance)
+
+
+def test_verdict_on_a_recording_is_that_of_its_score():
+    sequences = [dancing(0), dancing(1), dancing(2, dance="salsa")]
+    result = compared(sequences, n_rotations=0)
+    assert [row["name"] for row in result.summary["recordings"]] == ["S0", "S1", "S2"]
+    for sequence, row in zip(sequences, result.summary["recordings"], strict=True):
+        score = score_clip(replace(sequence.clip, beats=recording_beats(sequence, "annotated")))
+        assert row["harmony_above_chance"] == score.harmony_above_chance
+        assert row["p_value"] == score.p_value
+        assert (row["level"], row["verdict"]) == (score.judgement.level, score.judgement.verdict)
+        assert (row["p_time"], row["p_place"]) == (score.judgement.p_time, score.judgement.p_place)
+        assert row["lag_s"] == score.judgement.lag_s
+        assert row["dance"] == sequence.clip.dance
+
+
+def test_levels_count_recordings_with_true_and_with_lagged_music():
+    result = compared([dancing(i) for i in range(4)], n_rotations=0)
+    levels = result.summary["levels"]
+    rows = [row["level"] for row in result.summary["recordings"]]
+    assert levels["true"] == np.bincount(rows, minlength=5).tolist()
+    assert sum(levels["lagged"]) == 4
+    # By a curve learnt on the others these dancers, who all do the same, are on the beat; 0.3 beat late and more not.
+    assert levels["true, learnt"] == [0, 0, 0, 0, 4]
+    assert levels["lagged, learnt"][4] == 0
+
+
+def test_recordings_without_a_teacher_are_left_out_of_the_learnt_levels():
+    levels = compared([dancing(0), dancing(1), dancing(2, dance="rumba")], n_rotations=0).summary["levels"]
+    assert sum(levels["true"]) == 3
+    assert sum(levels["true, learnt"]) == sum(levels["lagged, learnt"]) == 2
+
+
 # Odd corpora
 
 
@@ -378,6 +439,31 @@ def test_tracked_beats_are_found_in_the_sound(click_track):
     assert (result.summary["beats"], result.summary["n"]) == ("tracked", 1)
     tracked = recording_beats(sounding, "tracked")
     assert np.abs(tracked.times - 0.5 * np.round(tracked.times / 0.5)).max() < 0.035
+
+
+def test_tracked_beats_are_counted_through_a_recording_and_teachers_keep_their_bars(click_track):
+    sequence = danced("S", dancer(1, seconds=13.0), "X")
+    assert sequence.annotation is not None
+    clicks = click_track(120, seconds=sequence.clip.audio.duration)
+    clip = replace(sequence.clip, audio=clicks, beats=sequence.annotation.track(clicks.duration))
+    parts, placed = (cut_clips(replace(sequence, clip=clip), beats, 6.0) for beats in ("tracked", "annotated"))
+    assert [part.is_placed for part in (*parts, *placed)] == [False, False, True, True]
+    for part, other in zip(parts, placed, strict=True):
+        assert part.cycle == 2
+        np.testing.assert_array_equal(part.track.bar_places, np.arange(len(part.track)) % 2)
+        np.testing.assert_array_equal(part.sums["recommended"].sums, other.sums["recommended"].sums)
+
+
+def test_true_music_ranks_above_lagged_music_where_one_is_not_known(click_track):
+    sequences = []
+    for number in range(4):
+        sequence = danced(f"S{number}", dancer(number, seconds=12.0, extra=0.1), f"figure {number}")
+        clicks = click_track(120, seconds=sequence.clip.audio.duration)
+        beats = sequence.annotation.track(clicks.duration)
+        sequences.append(replace(sequence, clip=replace(sequence.clip, audio=clicks, beats=beats)))
+    row = compared(sequences, beats="tracked").summary["scores"]["recommended"]
+    assert row["auc"] > 0.9
+    assert row["auc"] > row["chance_band"][1]
 
 
 def nothing() -> Iterator[Recording]:

@@ -9,9 +9,9 @@ import pytest
 
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_harmony, score_motion
-from harmolab.lab.compare.batch import BatchScores, BeatBatch, PatternBatch, rescore, rescore_patterns
+from harmolab.lab.compare.batch import BatchScores, BeatBatch, PlaceBatch, rescore, rescore_places
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.types import BeatTrack, Clip, Motion, Skeleton
 
 SETTINGS = {
     "paper": HarmonyParams.paper(),
@@ -60,78 +60,87 @@ def test_an_empty_batch_is_refused() -> None:
 # The recommended mode
 
 PATTERNS = {
-    "recommended": HarmonyParams.recommended(),
-    "sliders moved": replace(HarmonyParams.recommended(), lag=0.03, audio_threshold=1.0, beta=2.0),
-    "two beats, places known": replace(
-        HarmonyParams.recommended(), pattern=BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")
-    ),
+    "rest, hit or half time": HarmonyParams.recommended(),
+    "beta": replace(HarmonyParams.recommended(), beta=2.0),
+    "two beats": HarmonyParams.recommended(BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")),
 }
+
+
+def placed(clip: Clip, seed: int) -> tuple[BeatTrack, Motion]:
+    """Music with strengths and bar places, and the motion."""
+    assert clip.beats is not None and clip.motion is not None
+    count = len(clip.beats)
+    strengths = np.random.default_rng(seed).uniform(0, 5, count)
+    return replace(clip.beats, strengths=strengths, bar_places=(np.arange(count) + seed) % 4), clip.motion
 
 
 @pytest.fixture(scope="module")
 def dances() -> list[tuple[BeatTrack, Motion]]:
-    """Dances of several lengths and tempi, one who stands still, music with one beat and with none."""
-    rng = np.random.default_rng(3)
-    pairs = []
-    for seed, kind in enumerate(["cha-cha", "jive", "waltz", "rumba", "cha-cha", "tango"]):
-        clip = synthetic_clip(kind, seconds=4.0 + seed, fps=25.0 + seed, jitter=0.08, seed=seed)
-        beats = clip.beats
-        assert beats is not None and clip.motion is not None
-        places = (np.arange(len(beats)) + seed) % 4
-        pairs.append((replace(beats, strengths=rng.uniform(0, 5, len(beats)), bar_places=places), clip.motion))
-    still = Motion(np.zeros((100, 1, 3)), 25.0, Skeleton.unnamed(1))
-    few = [BeatTrack(times, np.ones(len(times)), 43.0, 5.0, np.arange(len(times))) for times in ([], [2.0])]
-    return [*pairs, (pairs[0][0], still), *((track, pairs[1][1]) for track in few)]
+    """Dances of several tempi and frame rates; the last is danced half a beat late, so that it hits the beats."""
+    kinds = ["cha-cha", "jive", "waltz", "rumba"]
+    clips = [
+        synthetic_clip(kind, seconds=18.0, fps=25.0 + seed, jitter=0.05, seed=seed) for seed, kind in enumerate(kinds)
+    ]
+    track, motion = placed(clips[0], 0)
+    late = track.times + 30 / track.tempo
+    return [*map(placed, clips, range(4)), (replace(track, times=late, duration=late[-1] + 1), motion)]
 
 
-def assert_as_score_motion(batch: BatchScores, pairs: list[tuple[BeatTrack, Motion]], params: HarmonyParams) -> None:
-    singles = [score_motion(*pair, params=params, n_rotations=0) for pair in pairs]
+@pytest.mark.parametrize("name", PATTERNS)
+def test_place_batch_agrees_with_score_motion(dances: list[tuple[BeatTrack, Motion]], name: str) -> None:
+    params = PATTERNS[name]
+    batch = rescore_places(PlaceBatch.of(dances, params), params)
+    singles = [score_motion(*pair, params=params, n_rotations=0) for pair in dances]
     for field in fields(BatchScores):
         expected = [getattr(single, field.name) for single in singles]
         np.testing.assert_allclose(getattr(batch, field.name), expected, atol=1e-9, err_msg=field.name)
 
 
-@pytest.mark.parametrize("name", PATTERNS)
-def test_pattern_batch_agrees_with_score_motion(dances: list[tuple[BeatTrack, Motion]], name: str) -> None:
-    batch = PatternBatch.of(dances, PATTERNS[name])
-    assert_as_score_motion(rescore_patterns(batch, PATTERNS[name]), dances, PATTERNS[name])
+def test_lag_of_score_or_of_music_is_a_lag_of_the_place_test(dances: list[tuple[BeatTrack, Motion]]) -> None:
+    params = HarmonyParams.recommended()
+    batch = PlaceBatch.of(dances, params)
+    for steps in (5, 24, 60):  # moments of 1/48 beat
+        late = steps / 48 * batch.periods
+        expected = batch.curves[:, steps]
+        for number, seconds in enumerate(late):
+            scores = rescore_places(batch, replace(params, lag=float(seconds)))
+            share = scores.harmony_above_chance * (1 - batch.chance) + batch.chance
+            assert share[number] == pytest.approx(expected[number])
+        moved = rescore_places(batch.moved(late), params)
+        np.testing.assert_allclose(moved.harmony_above_chance, (expected - batch.chance) / (1 - batch.chance))
 
 
-@pytest.mark.parametrize("name", PATTERNS)
-def test_pattern_batch_of_moved_music_agrees_with_score_motion(
-    dances: list[tuple[BeatTrack, Motion]], name: str
-) -> None:
-    late = np.linspace(0.0, 0.9, len(dances))
-    moved = []
-    for (track, motion), seconds in zip(dances, late, strict=True):
-        times = np.mod(track.times + seconds, track.duration)
-        order = np.argsort(times)
-        assert track.bar_places is not None
-        music = replace(track, times=times[order], strengths=track.strengths[order], bar_places=track.bar_places[order])
-        moved.append((music, motion))
-    batch = PatternBatch.of(dances, PATTERNS[name]).moved(late)
-    assert_as_score_motion(rescore_patterns(batch, PATTERNS[name]), moved, PATTERNS[name])
+def test_music_half_a_beat_late_scores_about_as_beats_that_were_moved(dances: list[tuple[BeatTrack, Motion]]) -> None:
+    params = HarmonyParams.recommended(BarPattern.stop_on_the_beat())
+    track, motion = dances[0]
+    seconds = 30 / track.tempo
+    inside = track.times + seconds <= motion.duration
+    music = replace(track.select(inside), times=track.times[inside] + seconds, duration=motion.duration)
+    batch = PlaceBatch.of([(track, motion)], params).moved(np.array([seconds]))
+    expected = score_motion(music, motion, params=params).harmony_above_chance
+    assert rescore_places(batch, params).harmony_above_chance[0] == pytest.approx(expected, abs=0.05)
 
 
 def test_music_that_comes_home_scores_as_before(dances: list[tuple[BeatTrack, Motion]]) -> None:
     params = HarmonyParams.recommended()
-    batch = PatternBatch.of(dances[:3], params)
-    # Times of 0.1 to 10 s keep 12 digits on the way round: no rank changes by that.
-    home = batch.moved(batch.durations)
-    np.testing.assert_allclose(
-        rescore_patterns(home, params).harmony_above_chance,
-        rescore_patterns(batch, params).harmony_above_chance,
-        atol=1e-2,
+    batch = PlaceBatch.of(dances, params)
+    home = batch.moved(batch.curves.shape[1] / 48 * batch.periods)
+    np.testing.assert_array_equal(home.curves, batch.curves)
+
+
+def test_short_clips_are_ranked_and_those_that_cannot_be_have_nothing_above_chance() -> None:
+    params = HarmonyParams.recommended()
+    music, motion = placed(synthetic_clip("cha-cha", seconds=4.0, fps=30.0, seed=1), 0)
+    still = Motion(np.zeros((120, 3, 3)), 30.0, Skeleton.unnamed(3))
+    few = [BeatTrack(times, np.ones(len(times)), 43.0, 4.0) for times in ([], [2.0], [1.0, 1.5])]
+    scores = rescore_places(
+        PlaceBatch.of([(music, motion), (music, still), *((one, motion) for one in few)], params), params
     )
+    assert len(music) < 16
+    assert scores.harmony_above_chance[0] > 0.3
+    np.testing.assert_array_equal(scores.harmony_above_chance[1:], [0.0, 0.0, 0.0, 0.0])
 
 
-def test_pattern_of_a_bar_is_refused_where_places_are_unknown(dances: list[tuple[BeatTrack, Motion]]) -> None:
-    track, motion = dances[0]
-    batch = PatternBatch.of([(replace(track, bar_places=None), motion)], HarmonyParams.recommended())
-    with pytest.raises(ValueError, match="bar places of all beats; use score_motion"):
-        rescore_patterns(batch, PATTERNS["two beats, places known"])
-
-
-def test_an_empty_pattern_batch_is_refused() -> None:
+def test_an_empty_place_batch_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one clip"):
-        PatternBatch.of([], HarmonyParams.recommended())
+        PlaceBatch.of([], HarmonyParams.recommended())

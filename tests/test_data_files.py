@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,8 +84,34 @@ def test_a_recording_that_cannot_be_read_is_reported_and_left_out(tmp_path: Path
 
 
 def test_bar_patterns_come_back_as_they_were(tmp_path: Path) -> None:
-    patterns = {"waltz": BarPattern(3, (0.5, 0.25), (-0.1, 0.0), "planted"), "rumba": BarPattern.stop_on_the_beat()}
+    patterns = {
+        "waltz": BarPattern(3, (0.5, 0.25), (-0.1, 0.0), "planted", "waltz"),
+        "rumba": BarPattern(1, (-1.0,), (0.0,), "planted", "rumba"),
+    }
     save_patterns(tmp_path / "patterns.json", patterns)
-    assert {dance: load_pattern(tmp_path / "patterns.json", dance) for dance in patterns} == patterns
+    named = {dance: replace(pattern, dance=dance) for dance, pattern in patterns.items()}
+    assert {dance: load_pattern(tmp_path / "patterns.json", dance) for dance in patterns} == named
     with pytest.raises(ValueError, match=r"patterns.json: holds no pattern for --dance ''; it has waltz, rumba"):
         load_pattern(tmp_path / "patterns.json")
+
+
+def test_one_gives_each_beat_its_place_in_the_bar_of_the_dance(song: Path, clip: Clip) -> None:
+    assert clip.beats is not None
+    told = load_clip(song, clip.motion, dance="cha-cha", one=float(clip.beats.times[6])).beats
+    nearest = np.abs(told.times - clip.beats.times[6]).argmin()
+    assert told.bar_places.tolist() == ((np.arange(len(told)) - nearest) % 4).tolist()
+    assert load_clip(song, clip.motion, dance="cha-cha").beats.bar_places is None
+
+
+def test_one_is_counted_on_annotated_beats_too(song: Path, clip: Clip, tmp_path: Path) -> None:
+    (tmp_path / "song.beats").write_text("1.0\n1.7\n2.4\n3.1\n")
+    told = load_clip(song, clip.motion, dance="waltz", beats=tmp_path / "song.beats", one=1.69).beats
+    assert told.bar_places.tolist() == [2, 0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("dance", "one", "fault"), [("", 1.0, "with --dance: cha-cha"), ("waltz", 99.0, "no beat is near")]
+)
+def test_a_one_without_a_dance_or_a_beat_is_refused(song: Path, clip: Clip, dance: str, one: float, fault: str) -> None:
+    with pytest.raises(ValueError, match=fault):
+        load_clip(song, clip.motion, dance=dance, one=one)

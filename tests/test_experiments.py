@@ -29,7 +29,7 @@ from harmolab.lab.experiments.study import (
     synthetic_corpus,
 )
 from harmolab.lab.profile import RunProfile
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.params import BarPattern
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import track
 
@@ -188,7 +188,7 @@ def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Pa
     # at 1.82 s; a start rounded to 1.8 s, as in the excerpt's name, would count it in.
     beats = recordings / "A" / "beats.json"
     beats.write_text(json.dumps(json.loads(beats.read_text()) | {"motion_offset_s": 0.34}))
-    (whole,) = study.cut_clips(load_recording(recordings / "A"), "annotated", None, HarmonyParams.recommended())
+    (whole,) = study.cut_clips(load_recording(recordings / "A"), "annotated", None)
     parts = [
         replace(whole, start=0.34, duration=1.48, figures=frozenset({"before"})),
         replace(whole, start=1.82, duration=5.52, figures=frozenset({"inside"})),

@@ -1,8 +1,9 @@
-"""Early and late along time: offsets, their marks, and the means of the halves."""
+"""Distances from the beats along time: offsets, their marks, and the lags of the halves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from harmolab.harmony import score_harmony
+from harmolab.harmony import score_harmony, score_motion
 from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.figures.timing import draw_means, draw_timing, signed_offsets, timing_figure
+from harmolab.lab.figures.timing import draw_means, draw_timing, event_name, signed_offsets, timing_figure
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack
+from tests.builders import track, waving
 
 MUSIC = BeatTrack([1.0, 2.0, 3.0], [1.0, 1.0, 1.0], fps=100.0, duration=4.0)
 DANCE = BeatTrack([0.95, 2.08, 3.3], [1.0, 1.0, 1.0], fps=100.0, duration=4.0)
@@ -57,6 +59,18 @@ def test_all_offsets_lie_inside_the_picture(ax: Axes):
     assert high > 300
 
 
+@pytest.mark.parametrize(("detector", "event"), [("valleys", "rest"), ("peaks", "hit"), ("turns", "visual beat")])
+def test_picture_names_its_events_and_calls_nobody_early(ax: Axes, detector: str, event: str):
+    draw_timing(ax, replace(SCORE, params=replace(SCORE.params, detector=detector)))
+    assert ax.get_ylabel() == f"{event} before  |  after (ms)"
+
+
+def test_events_of_a_dancer_who_hits_the_beats_are_hits():
+    beats = track(np.arange(1, 60) * 0.5, duration=30.0)
+    motion = waving(np.arange(900) / 15 + 0.5)  # fastest every half second
+    assert event_name(score_motion(beats, motion)) == "hit"
+
+
 def test_picture_without_visual_beats_shows_the_band_alone(ax: Axes):
     found = marks(draw_timing(ax, score_harmony(MUSIC, NOBODY, params=HarmonyParams.valleys(), n_rotations=0)))
     assert found.get("hit", ([],))[0] == []
@@ -73,7 +87,7 @@ def test_figure_has_a_legend_with_each_meaning_once():
     figure = timing_figure(SCORE, means=[(0.0, 2.0, 0.02, (0.01, 0.03)), (2.0, 4.0, 0.08, (0.07, 0.09))])
     legend = figure.axes[0].get_legend()
     labels = [text.get_text() for text in legend.get_texts()]
-    assert sorted(labels) == ["hit", "mean and 95 % interval", "missed", "tolerance field"]
+    assert sorted(labels) == ["hit", "lag and spread from bar to bar", "missed", "tolerance field"]
 
 
 def test_narrow_figure_keeps_its_size_and_folds_its_legend():

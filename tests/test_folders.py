@@ -20,6 +20,7 @@ from harmolab.corpora.folders import (
     load_any_motion,
     load_recording,
     recorded_offset,
+    recording_files,
 )
 from harmolab.io.motion import save_motion
 from harmolab.types import Motion, Skeleton
@@ -290,6 +291,37 @@ def test_start_is_what_the_folder_tells(tmp_path: Path) -> None:
     starts = [recorded_offset(path) for path in (ours, ours / "motion.npz", theirs, theirs / "skeletons.json")]
     assert starts == [0.75, 0.75, 0.2, 0.2]
     assert [recorded_offset(path) for path in (ours / "another.npz", theirs / "audio.flac", bare)] == [None, None, None]
+
+
+def test_joints_of_a_recording_can_be_chosen(tmp_path: Path) -> None:
+    folder = tang(tmp_path / "DANCE_R_3")
+    names = load_any_motion(folder).skeleton.joints[3:6]
+    part = load_any_motion(folder, joints=names)
+    assert part.skeleton.joints == names
+    np.testing.assert_array_equal(part.positions, load_any_motion(folder).positions[:, 3:6])
+    with pytest.raises(ValueError, match=r"skeletons\.json: .*no joints named \['tail'\]"):
+        load_any_motion(folder, joints=("tail",))
+
+
+def test_start_is_what_a_motion_file_keeps(tmp_path: Path) -> None:
+    save_motion(tmp_path / "dance.npz", Motion(upright(), 25.0, ARM), offset=7.5)
+    assert recorded_offset(tmp_path / "dance.npz") == 7.5
+    ours = own(tmp_path / "ours", beats={**BEATS, "motion_offset_s": 0.75})
+    save_motion(ours / "motion.npz", Motion(upright(), 25.0, ARM), offset=0.5)
+    save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM), offset=0.25)
+    assert [recorded_offset(ours / name) for name in ("", "motion.npz", "another.npz")] == [0.75, 0.75, 0.25]
+    (ours / "beats.json").unlink()
+    assert [recorded_offset(ours), load_recording(ours).clip.offset] == [0.5, 0.5]
+
+
+def test_files_of_a_recording_are_its_song_its_beats_and_its_dance(tmp_path: Path) -> None:
+    ours = own(tmp_path / "ours", beats={**BEATS, "dance": "waltz"})
+    assert recording_files(ours) == (ours / "audio.wav", ours / "beats.json", "waltz")
+    theirs = tang(tmp_path / "DANCE_R_3")
+    assert recording_files(theirs) == (theirs / "audio.flac", None, "rumba")
+    (ours / "audio.wav").unlink()
+    with pytest.raises(FileNotFoundError, match=r"ours: has no audio\.wav"):
+        recording_files(ours)
 
 
 def test_score_starts_where_the_folder_tells(tmp_path: Path) -> None:

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from harmolab.beats.visual import visual_beats
+from harmolab.corpora.folders import load_recording
 from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.harmony import score_harmony
+from harmolab.harmony import music_and_motion, score_motion
 from harmolab.lab.timing.harmonise import _Body, _Splines, harmonise
-from harmolab.params import HarmonyParams
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
+from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.verdict.judge import FEWEST_BEATS
+from harmolab.verdict.place_test import place_test
 from tests.builders import bone_lengths
 
-VALLEYS = HarmonyParams.valleys()
+VALLEYS, RECOMMENDED = HarmonyParams.valleys(), HarmonyParams.recommended()
+CHA_CHA = DANCE_PATTERNS["cha-cha"]
 TREE = Skeleton(("hip", "knee", "ankle", "spine", "head", "prop"), (-1, 0, 1, 0, 3, -1))
 
 
@@ -28,10 +34,12 @@ def dance(seed: int, *, fps: float = 15.0, seconds: float = 8.0, jitter: float =
     return motion, BeatTrack(beats, np.ones(beats.size), fps, motion.duration)
 
 
-def above_chance(motion: Motion, beats: BeatTrack) -> float:
-    return score_harmony(
-        beats, visual_beats(motion, params=VALLEYS), n_rotations=0, params=VALLEYS
-    ).harmony_above_chance
+def score(motion: Motion, beats: BeatTrack, params: HarmonyParams = RECOMMENDED) -> float:
+    """Harmony above chance, of the place test where there are too few beats for a verdict."""
+    if params.measure == "shape" and len(beats) < FEWEST_BEATS:
+        signal = shape_signal(shape_speed(motion), beats.times[0], beats.times[-1])
+        return place_test(signal, beats.times, beats.bar_places, params.pattern).harmony_above_chance
+    return score_motion(beats, motion, params=params, n_rotations=0).harmony_above_chance
 
 
 def jerk(motion: Motion) -> float:
@@ -39,13 +47,22 @@ def jerk(motion: Motion) -> float:
 
 
 @pytest.mark.parametrize(
-    ("seed", "fps", "seconds"), [(2, 15.0, 6.0), pytest.param(2, 60.0, 4.0, marks=pytest.mark.slow)]
+    ("params", "seed", "fps", "seconds"),
+    [
+        pytest.param(RECOMMENDED, 2, 15.0, 10.0, id="recommended"),
+        pytest.param(RECOMMENDED, 2, 15.0, 6.0, id="recommended, too short to judge"),
+        pytest.param(RECOMMENDED, 2, 60.0, 10.0, marks=pytest.mark.slow, id="recommended, 60 hertz"),
+        pytest.param(VALLEYS, 2, 15.0, 6.0, id="valleys"),
+        pytest.param(VALLEYS, 2, 60.0, 4.0, marks=pytest.mark.slow, id="valleys, 60 hertz"),
+    ],
 )
-def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(seed: int, fps: float, seconds: float):
+def test_a_jittered_dance_is_brought_onto_the_beat_and_stays_itself(
+    params: HarmonyParams, seed: int, fps: float, seconds: float
+):
     motion, beats = dance(seed, fps=fps, seconds=seconds)
-    result = harmonise(motion, beats, steps=120)
-    assert above_chance(motion, beats) < 0.5
-    assert above_chance(result, beats) > above_chance(motion, beats) + 0.35
+    result = harmonise(motion, beats, steps=120, params=params)
+    assert score(motion, beats, params) < 0.5
+    assert score(result, beats, params) > score(motion, beats, params) + 0.35
     assert np.linalg.norm(result.positions - motion.positions, axis=2).max() <= 0.1 + 1e-9
     np.testing.assert_allclose(bone_lengths(result), bone_lengths(motion), atol=1e-6)
     assert jerk(result) < 1.25 * jerk(motion)
@@ -56,14 +73,69 @@ def test_a_small_reach_is_kept_and_gains_less():
     motion, beats = dance(2, seconds=6.0)
     near, far = harmonise(motion, beats, steps=60, reach=0.03), harmonise(motion, beats, steps=60, reach=0.1)
     assert 0 < np.linalg.norm(near.positions - motion.positions, axis=2).max() <= 0.03 + 1e-9
-    assert above_chance(motion, beats) < above_chance(near, beats) < above_chance(far, beats)
+    assert score(motion, beats) < score(near, beats) < score(far, beats)
 
 
 def test_a_perfect_dance_is_left_alone():
     motion, _ = dance(0, jitter=0.0)
     visual = visual_beats(motion, params=VALLEYS)
     beats = BeatTrack(visual.times, np.ones(len(visual)), 15.0, motion.duration)
-    assert harmonise(motion, beats, steps=5) is motion
+    assert harmonise(motion, beats, steps=5, params=VALLEYS) is motion
+
+
+def test_the_score_in_use_never_falls():
+    rests, beats = dance(2, seconds=10.0, jitter=0.0)
+    placed = replace(beats, bar_places=np.arange(len(beats)) % 4)
+    hits = synthetic_motion(beats.times + np.diff(beats.times)[0] / 2, seconds=10.0, fps=15.0, seed=2)
+    strange = synthetic_motion(np.arange(0.4, 9.9, 0.43), seconds=10.0, fps=15.0, seed=2)
+    for motion, track, pattern in (
+        (rests, beats, None), (hits, placed, CHA_CHA), (strange, beats, None), (strange, beats, CHA_CHA),
+    ):  # fmt: skip
+        params = HarmonyParams.recommended(pattern)
+        result = harmonise(motion, track, steps=12, pattern=pattern)
+        assert result is motion or score(result, track, params) > score(motion, track, params)
+
+
+def test_without_a_dance_that_hits_the_beat_still_does():
+    _, beats = dance(2, seconds=10.0)
+    motion = synthetic_motion(beats.times + np.diff(beats.times)[0] / 2 + 0.07, seconds=10.0, fps=15.0, seed=2)
+    result = harmonise(motion, beats, steps=60)
+    before, after = (score_motion(beats, each).judgement for each in (motion, result))
+    assert (before.reading, after.reading) == ("hit", "hit")
+    assert before.lag > 0.08
+    assert abs(after.lag) < 0.05
+    assert after.harmony_above_chance > before.harmony_above_chance + 0.3
+
+
+def test_the_pattern_of_a_dance_is_that_of_the_params():
+    motion, beats = dance(2, seconds=10.0)
+    track = replace(beats, bar_places=np.arange(len(beats)) % 4)
+    named = harmonise(motion, track, steps=12, pattern=CHA_CHA)
+    same = harmonise(motion, track, steps=12, params=HarmonyParams.recommended(CHA_CHA))
+    np.testing.assert_array_equal(named.positions, same.positions)
+    assert score(named, track, HarmonyParams.recommended(CHA_CHA)) > score(
+        motion, track, HarmonyParams.recommended(CHA_CHA)
+    )
+
+
+def test_a_statue_is_given_a_dance_or_left_alone():
+    motion, beats = dance(2, seconds=10.0)
+    statue = replace(motion, positions=np.broadcast_to(motion.positions[:1], motion.positions.shape))
+    result = harmonise(statue, beats, steps=12)
+    assert np.linalg.norm(result.positions - statue.positions, axis=2).max() <= 0.1 + 1e-9
+    np.testing.assert_allclose(bone_lengths(result), bone_lengths(statue), atol=1e-6)
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_a_recorded_rumba_is_danced_more_as_rumba_is(data_root: Path):
+    music, whole = music_and_motion(load_recording(data_root / "beatlocked" / "DANCE_R_4").clip)
+    part = Motion(whole.positions[:500], whole.fps, whole.skeleton, whole.valid[:500])
+    beats = music.span(0.0, part.duration)
+    params = HarmonyParams.recommended(DANCE_PATTERNS["rumba"])
+    result = harmonise(part, beats, steps=60, params=params)
+    assert score(result, beats, params) > score(part, beats, params) + 0.2
+    assert jerk(result) < 1.25 * jerk(part)
 
 
 def test_without_beats_nothing_moves():
@@ -97,7 +169,7 @@ def test_a_flat_picture_without_bones_can_be_harmonised():
     motion, beats = dance(2, seconds=6.0)
     flat = Motion(100 * motion.positions[..., :2], 15.0, Skeleton.unnamed(motion.positions.shape[1]))
     result = harmonise(flat, beats, steps=100, reach=10.0)
-    assert above_chance(result, beats) > above_chance(flat, beats) + 0.3
+    assert score(result, beats) > score(flat, beats) + 0.3
     assert np.linalg.norm(result.positions - flat.positions, axis=2).max() <= 10 + 1e-9
 
 
@@ -161,7 +233,7 @@ def test_splines_add_up_to_one_and_meet_a_straight_line():
         ({"reach": 0.0}, "reach must be positive, got 0.0"),
         ({"reach": float("nan")}, "reach must be positive, got nan"),
         ({"steps": 0}, "steps must be at least 1, got 0"),
-        ({"params": HarmonyParams.recommended()}, "only measure = 'hits' has a relaxation"),
+        ({"params": HarmonyParams.room_speed()}, "measure = 'pattern' has no relaxation"),
     ],
 )
 def test_what_cannot_be_done_is_refused_by_name(options: dict[str, object], message: str):

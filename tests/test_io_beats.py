@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.io.beats import BeatAnnotation, Unit, load_annotation, load_beats
+from harmolab.io.beats import BeatAnnotation, Unit, load_annotation, load_beats, save_beats
+from tests.builders import track
 
 WALTZ = {
     "beats_s": [0.5, 1.0, 1.5, 2.0],
@@ -105,7 +106,7 @@ def test_slow_music_in_whole_seconds_is_no_frames(tmp_path: Path):
         ("song.beats", "time place\n1.0 2\n", "line 1: 'time' is not a number"),
         ("song.csv", "0.5,1,7\n", "has 3 columns"),
         ("song.csv", "0.5,-1\n", "strengths must not be negative"),
-        ("song.csv", "# nothing\n", "holds no beats; pass duration"),
+        ("song.csv", "# nothing\n", "holds no beats; a line for each"),
         ("song.doc", "0.5\n", r"no beat annotation that is known; \.beats"),
         ("beats.json", "{", "cannot be read as a beat annotation"),
         ("beats.json", "[1, 2]", "has no 'beats_s'"),
@@ -123,8 +124,43 @@ def test_damaged_annotation_is_refused_with_its_fault(tmp_path: Path, name: str,
         load_beats(write(tmp_path, name, content))
 
 
-def test_comment_alone_is_an_empty_track_of_a_known_length(tmp_path: Path):
-    assert len(load_beats(write(tmp_path, "song.txt", "# silence\n"), duration=5.0)) == 0
+@pytest.mark.parametrize("name", ["song.txt", "song.csv", "song.beats"])
+@pytest.mark.parametrize("text", ["# silence\n", "\n\n", "hello\n"])
+def test_text_without_a_beat_is_no_annotation(tmp_path: Path, name: str, text: str):
+    fault = "line 1: 'hello' is not a number" if (name, text) == ("song.beats", "hello\n") else "holds no beats"
+    with pytest.raises(ValueError, match=rf"{name}: {fault}"):
+        load_beats(write(tmp_path, name, text), duration=5.0)
+
+
+def test_beats_that_were_written_are_read_again(tmp_path: Path):
+    save_beats(tmp_path / "song.beats", track([0.5, 1.0, 1.5, 2.0], bar_places=[2, 0, 1, 2]), comment="by\nhand")
+    assert (tmp_path / "song.beats").read_text() == "# by hand\n0.5000 3\n1.0000 1\n1.5000 2\n2.0000 3\n"
+    save_beats(tmp_path / "song.beats", track([0.25, 1.0]))
+    assert (tmp_path / "song.beats").read_text() == "0.2500\n1.0000\n"
+    assert load_annotation(tmp_path / "song.beats").meter is None
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "fault"),
+    [
+        ("song.wav", None, "beats are written as .beats"),
+        ("nowhere/song.beats", None, "nowhere: no such folder"),
+        ("song.beats", "my diary", "is there and no beat annotation; it is not written over"),
+        ("song.beats", "", "is there and no beat annotation"),
+    ],
+)
+def test_beats_are_not_written_over_anything_else(tmp_path: Path, name: str, content: str | None, fault: str):
+    if content is not None:
+        write(tmp_path, name, content)
+    with pytest.raises(ValueError, match=fault):
+        save_beats(tmp_path / name, track([0.5, 1.0]))
+    assert content is None or (tmp_path / name).read_text() == content
+
+
+def test_no_beats_are_no_file(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"song.beats: there are no beats to write"):
+        save_beats(tmp_path / "song.beats", track([]))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_annotation_cannot_be_changed():

@@ -14,7 +14,7 @@ import pytest
 from harmolab.io.bvh import load_bvh
 from harmolab.io.keypoints import load_keypoints
 from harmolab.io.layouts import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25
-from harmolab.io.motion import load_motion, save_motion
+from harmolab.io.motion import load_motion, load_offset, save_motion
 from harmolab.types import Motion, Skeleton
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
@@ -46,6 +46,39 @@ def test_saved_motion_comes_back_bit_by_bit(tmp_path: Path):
 def test_two_dimensional_motion_comes_back(tmp_path: Path):
     save_motion(tmp_path / "flat.npz", Motion(walk(dimensions=2), 25, ARM))
     assert load_motion(tmp_path / "flat.npz").positions.shape == (10, 3, 2)
+
+
+def test_a_saved_motion_keeps_the_song_time_it_was_made_for(tmp_path: Path):
+    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=12.4)
+    assert load_offset(tmp_path / "arm.npz") == 12.4
+    assert load_motion(tmp_path / "arm.npz").n_frames == 10
+    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM))
+    assert load_offset(tmp_path / "arm.npz") is None
+    save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=0.0)
+    assert load_offset(tmp_path / "arm.npz") == 0.0
+
+
+@pytest.mark.parametrize(
+    ("offset", "fault"),
+    [
+        (np.nan, "offset must be a number of seconds, ten hours at most, got nan"),
+        (-np.inf, "ten hours at most, got -inf"),
+        (36_001, "ten hours at most, got 36001"),
+        ([1.0, 2.0], r"offset must be one number, got shape \(2,\)"),
+        ("soon", "array 'offset': holds values of type"),
+    ],
+)
+def test_an_offset_that_is_no_song_time_is_refused_by_name(tmp_path: Path, offset: object, fault: str):
+    np.savez(tmp_path / "bad.npz", positions=walk(), fps=25, offset=offset)
+    for read in (load_offset, load_motion):
+        with pytest.raises(ValueError, match=rf"bad\.npz: .*{fault}"):
+            read(tmp_path / "bad.npz")
+
+
+def test_an_offset_that_is_no_song_time_is_not_written(tmp_path: Path):
+    with pytest.raises(ValueError, match="offset must be a number of seconds"):
+        save_motion(tmp_path / "arm.npz", Motion(walk(), 25, ARM), offset=np.nan)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_failed_save_leaves_the_old_file_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -137,7 +137,10 @@ def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(human_clip: Cli
 
 @pytest.mark.parametrize(
     ("name", "idle"),
-    [("scoring", {"detector", "matching", "lambda1", "lambda2", "delay", "beta"}), ("corpus", {"lambda2", "delay"})],
+    [
+        ("scoring", {"detector", "matching", "lambda1", "lambda2", "delay", "beta"}),
+        ("corpus", {"lambda1", "lambda2", "delay"}),
+    ],
 )
 def test_controls_that_mean_nothing_in_a_mode_are_greyed_out_and_do_nothing(
     human_clip: Clip, name: str, idle: set[str]

@@ -13,8 +13,7 @@ from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_motion
 from harmolab.lab.widgets.labs.corpus import PLACES, CorpusLab, corpus_lab
 from harmolab.lab.widgets.labs.stage import Stage
-from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Clip
+from harmolab.types import Clip
 
 SIZE = np.array([900.0, 486.0])  # of the picture, pixels
 WIDTHS = (900.0, 640.0, 1800.0)  # at which a page may show it
@@ -29,10 +28,6 @@ def clips() -> list[Clip]:
 @pytest.fixture
 def lab(clips: list[Clip]) -> CorpusLab:
     return corpus_lab(clips, mode="valleys")
-
-
-def above_chance(stage: Stage, music: BeatTrack) -> float:
-    return score_motion(music, stage.motion, params=HarmonyParams.recommended(), n_rotations=0).harmony_above_chance
 
 
 def dots(lab: CorpusLab) -> list[tuple[float, float]]:
@@ -55,17 +50,16 @@ def spot(wrong: float, true: float, low: float = 0.0) -> tuple[float, float]:
     return left + width * x, 1 - (bottom + height * y)
 
 
-def test_recommended_mode_scores_every_clip_as_score_motion(clips: list[Clip]):
-    lab = corpus_lab(clips, mode="recommended", score="above chance", late=0.3)
-    for number, (wrong, true) in enumerate(dots(lab)):
-        stage = Stage.of(clips[number])
-        beat = np.median(np.diff(stage.music.times))
-        times = np.mod(stage.music.times + 0.3 * beat, stage.music.duration)
-        order = np.argsort(times)
-        moved = replace(stage.music.select(np.ones(order.size, bool)), times=times[order], bar_places=None)
-        moved = replace(moved, strengths=stage.music.strengths[order])
-        assert true == pytest.approx(above_chance(stage, stage.music), abs=0.0051)
-        assert wrong == pytest.approx(above_chance(stage, moved), abs=0.0051)
+def test_recommended_mode_scores_every_clip_as_score_motion():
+    kinds = ("cha-cha", "jive", "waltz")
+    clips = [synthetic_clip(kind, seconds=14.0, fps=30.0, jitter=0.08, seed=seed) for seed, kind in enumerate(kinds)]
+    lab = corpus_lab(clips, mode="recommended", score="above chance", late=0.25)
+    for clip, (wrong, true) in zip(clips, dots(lab), strict=True):
+        stage = Stage.of(clip)
+        score = score_motion(stage.music, stage.motion)
+        late = score.judgement.place.curve[12]  # the quarter of a beat is 12 of 48 moments
+        assert true == pytest.approx(score.harmony_above_chance, abs=0.0051)
+        assert wrong == pytest.approx((late - score.chance) / (1 - score.chance), abs=0.0051)
 
 
 def test_click_on_a_dot_rings_its_clip_at_any_size_of_the_picture(lab: CorpusLab):

@@ -15,7 +15,7 @@ import pytest
 from jupyter_client.manager import start_new_kernel
 
 from harmolab.lab.listening.answers import AnswerLog
-from harmolab.lab.listening.presenting import MOST_BYTES, StudyServer
+from harmolab.lab.listening.presenting import StudyServer
 from harmolab.lab.listening.trials import Item, Trial, TrialSet, make_trials
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
@@ -98,7 +98,7 @@ def test_other_addresses_show_nothing_and_write_nothing(address: str, trials: Tr
 
 
 def test_hostile_forms_are_refused(address: str, trials: TrialSet, log: AnswerLog):
-    assert ask(address, "POST", "x" * (MOST_BYTES + 1))[0] == 400
+    assert ask(address, "POST", "x" * (StudyServer.most_bytes + 1))[0] == 400
     status, page = ask(address, "POST", {"trial": trials.trials[0].id, "choice": "<script>"})
     assert status == 400
     assert "<script>" not in page

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from harmolab.beats.meter import CATEGORIES, accented_places, cycle_of_meter, meter_units, strong_beats
-from tests.builders import metronome
+from harmolab.beats.meter import CATEGORIES, cycle_of_meter, describe_beats, meter_units, strong_beats, with_one
+from tests.builders import metronome, track
 
 # Strengths that make the accent patterns of the four categories when each follows a weaker beat.
 FOUR = [3.0, 1.0, 2.0, 1.0]
@@ -62,16 +64,45 @@ def test_a_cycle_is_half_an_even_bar_or_an_odd_bar(meter: int | None, cycle: int
     assert cycle_of_meter(meter) == cycle
 
 
+@pytest.mark.parametrize("seconds", [2.0, 2.3, 1.7])
+def test_bars_are_counted_from_the_beat_nearest_to_one(seconds: float):
+    beats = track([0.0, 1.0, 2.0, 3.0, 4.0])
+    assert with_one(beats, seconds, 3).bar_places.tolist() == [1, 2, 0, 1, 2]
+
+
 @pytest.mark.parametrize(
-    ("strengths", "cycle", "places"),
+    ("count", "seconds", "meter", "fault"),
     [
-        ([3, 1, 1, 3, 1, 1], 3, [0, 1, 2, 0, 1, 2]),
-        ([1, 1, 3, 1, 1, 2], 3, [1, 2, 0, 1, 2, 0]),
-        ([9, 5, 0, 5, 0, 5], 2, [1, 0, 1, 0, 1, 0]),  # on average 3 and 5
-        ([1, 1, 1], 2, [0, 1, 0]),  # no accent: the first
-        ([2], 3, [0]),
-        ([], 3, []),
+        (1, 0.0, 4, "needs two beats or more to count from, this music has 1"),
+        (5, float("nan"), 4, "no beat is near"),
+        (5, 9.6, 4, '"one" at 9.6 s: no beat is near; the beats lie from 0.0 to 4.0 s'),
+        (5, 1.0, 0, "a bar has one beat or more, got 0"),
     ],
 )
-def test_the_strongest_place_on_average_is_the_first_of_the_cycle(strengths, cycle, places):
-    np.testing.assert_array_equal(accented_places(np.array(strengths, dtype=float), cycle), places)
+def test_a_one_that_cannot_be_is_refused(count: int, seconds: float, meter: int, fault: str):
+    with pytest.raises(ValueError, match=fault):
+        with_one(metronome([1.0] * count, period=1.0, duration=6.0), seconds, meter)
+
+
+def test_a_line_about_beats_says_tempo_steadiness_and_one():
+    # Beats every half second are 120 in a minute.
+    beats = metronome([1.0] * 5, period=0.5, duration=6.0)
+    lines = [
+        describe_beats(one)
+        for one in (
+            beats,
+            replace(with_one(beats, 1.0, 3), quality=0.97),
+            replace(beats, quality=0.5),
+            replace(beats, quality=0.0),
+            metronome([1.0], period=0.5),
+            metronome([], period=0.5),
+        )
+    ]
+    assert lines == [
+        'annotated, 120.0 bpm; "one": not known',
+        '120.0 bpm, steady (97% of tracked beats on one grid); "one" known, 3 beats a bar',
+        '120.0 bpm, not steady (50% of tracked beats on one grid); "one": not known',
+        '120.0 bpm, too few beats to call it steady; "one": not known',
+        "one beat: no tempo",
+        "no beats",
+    ]

@@ -47,6 +47,7 @@ def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A song; a dance 80 ms late in its second half, as motion, as video with the song's sound, and as silent video."""
     folder = tmp_path_factory.mktemp("own")
     write_song(folder / "song.wav", clip)
+    (folder / "s.beats").write_text("\n".join(f"{time:.6f}" for time in clip.beats.times))
     motion = danced(clip, lambda beats: 0.08 * (beats > SECONDS / 2 + START / 2))
     save_motion(folder / "dance.npz", motion)
     heard = clip.audio.span(START, SECONDS - START)
@@ -57,8 +58,9 @@ def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def told_of(folder: Path, dance: str, **more: Any) -> OwnDance:
-    return explain_performance(folder / "song.wav", load_performance(folder / dance), n_rotations=50, **more)
+def told_of(folder: Path, name: str | Path, **more: Any) -> OwnDance:
+    """The dance beside its song, whose beats are annotated, so that planted times are exact."""
+    return explain_performance(folder / "song.wav", load_performance(folder / name), beats=folder / "s.beats", **more)
 
 
 @pytest.fixture(scope="module")
@@ -71,60 +73,77 @@ def filmed(folder: Path) -> OwnDance:
     return told_of(folder, "film.mp4")
 
 
+def change_of(dance: OwnDance) -> float:
+    return next(finding.value for finding in dance.words.findings if finding.kind == "change")
+
+
 def test_known_offset_tells_what_was_planted(late: OwnDance):
-    last = late.words.findings[-1]
-    assert last.kind == "change"
-    assert last.value == pytest.approx(0.08, abs=0.01)
-    words = r"You keep time with this song\. You are \d\d ms late on the second half and on time on the first\."
-    assert re.fullmatch(words, late.verdict)
+    assert change_of(late) == pytest.approx(0.08, abs=0.015)
+    assert [half.mean for half in late.words.halves] == pytest.approx([0.0, 0.08], abs=0.015)
+    assert re.match(r"You are on the beat: you rest on it \(lag \+\d\d ms of rest or hit\)\.", late.verdict)
+    assert late.is_together
 
 
-def test_offset_found_by_movement_says_nothing_about_late_throughout(folder: Path, clip: Clip):
+def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folder: Path, clip: Clip):
     told = told_of(folder, "dance.npz")
     period = float(np.diff(clip.beats.times).mean())
     assert told.placement.source == "movement"
     assert told.placement.period == pytest.approx(period, abs=0.01)
     # The lateness of one half is shared out between both: 40 ms.
     assert (told.placement.seconds - START + 0.04 + period / 2) % period == pytest.approx(period / 2, abs=0.02)
-    assert re.search(r"In the second half you are \d\d ms later than in the first\.", told.verdict)
-    assert "on time" not in str(told.words)
+    assert told.verdict.startswith("You are in time with this song. Where in its beat you dance cannot be told")
+    assert [finding.kind for finding in told.words.findings] == ["tempo", "rate", "change"]
+    assert change_of(told) == pytest.approx(0.08, abs=0.015)
     assert "not which beat" in str(told.placement)
+    plain = told.to_dict()
+    assert {plain[name] for name in ("harmony_above_chance", "p_place", "lag_s", "interval")} == {None}
+    assert plain["p_time"] <= 0.05
 
 
-@pytest.mark.parametrize(("shift", "words"), [(0.08, "late throughout"), (-0.06, "early throughout"), (0.0, "on time")])
+@pytest.mark.parametrize(
+    ("shift", "words"),
+    [(0.1, "ms late of rest or hit"), (-0.1, "ms early of rest or hit"), (0.0, "You are on the beat")],
+)
 def test_constant_shift_is_told_only_where_the_offset_is_known(
     folder: Path, clip: Clip, tmp_path: Path, shift: float, words: str
 ):
     save_motion(tmp_path / "shifted.npz", danced(clip, lambda beats: np.full(beats.shape, shift)))
-    recording = load_performance(tmp_path / "shifted.npz")
-    assert words in explain_performance(folder / "song.wav", recording, offset=START, n_rotations=0).verdict
-    found = explain_performance(folder / "song.wav", recording, n_rotations=0)
-    assert found.verdict.endswith("You keep the same place in its beat throughout.")
-    assert "cannot be told from your movement alone" in found.words.sentences[-1]
+    assert words in told_of(folder, tmp_path / "shifted.npz", offset=START).verdict
+    unplaced = told_of(folder, tmp_path / "shifted.npz")
+    said = " ".join([unplaced.verdict, *unplaced.words.sentences])
+    assert re.search(r"\b(ms|early|late)\b", said) is None
+
+
+def test_a_motion_file_that_keeps_its_song_time_needs_no_offset(folder: Path, clip: Clip, tmp_path: Path):
+    save_motion(tmp_path / "kept.npz", danced(clip, lambda beats: np.zeros(beats.shape)), offset=START)
+    told = told_of(folder, tmp_path / "kept.npz")
+    assert told.placement == Placement(START, "folder")
+    assert str(told.placement) == "Your dance begins at 0.40 s of the song, as its recording says."
+    assert told.verdict.startswith("You are on the beat")
 
 
 def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path: Path):
     times = np.sort(np.random.default_rng(3).uniform(0, SECONDS, len(clip.beats)))
     save_motion(tmp_path / "lost.npz", synthetic_motion(times, seconds=SECONDS, fps=60.0, dance="cha-cha", seed=1))
-    told = explain_performance(folder / "song.wav", load_performance(tmp_path / "lost.npz"), offset=0.0, n_rotations=50)
+    told = told_of(folder, tmp_path / "lost.npz", offset=0.0)
     assert not told.is_together
-    assert told.verdict == "There is no evidence here that you move with the beats of this song."
+    assert told.verdict.startswith("No sign that you follow this beat.")
 
 
 def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
     assert filmed.placement.source == "sound"
     assert filmed.placement.seconds == pytest.approx(START, abs=0.01)
     first, second = (part.mean for part in filmed.words.halves)
-    assert first == pytest.approx(0.0, abs=0.02)
-    assert second == pytest.approx(0.08, abs=0.02)
+    assert first == pytest.approx(0.0, abs=0.03)
+    assert second == pytest.approx(0.08, abs=0.03)
 
 
 def test_silent_video_is_placed_by_its_movement(folder: Path):
     recording = load_performance(folder / "silent.mp4")
     assert recording.sound is None
-    told = explain_performance(folder / "song.wav", recording, n_rotations=0)
+    told = told_of(folder, "silent.mp4")
     assert told.placement.source == "movement"
-    assert "later than in the first" in told.verdict
+    assert change_of(told) == pytest.approx(0.08, abs=0.03)
 
 
 def test_video_with_another_song_is_placed_by_its_movement(folder: Path, clip: Clip):
@@ -136,11 +155,10 @@ def test_video_with_another_song_is_placed_by_its_movement(folder: Path, clip: C
 
 
 def test_video_can_be_its_own_song(folder: Path):
-    told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), n_rotations=0)
+    told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"))
     assert told.placement == Placement(0.0, "same")
     first, second = (part.mean for part in told.words.halves)
-    assert first == pytest.approx(0.0, abs=0.02)
-    assert second == pytest.approx(0.08, abs=0.02)
+    assert second - first == pytest.approx(0.08, abs=0.03)
 
 
 def test_dance_that_begins_before_the_song_is_heard_from_the_first_note(folder: Path, clip: Clip):
@@ -160,7 +178,10 @@ def test_numbers_are_plain_enough_for_json(late: OwnDance):
     assert plain["verdict"] == late.verdict
     assert plain["offset"]["source"] == "given"
     assert plain["interval"][0] < plain["harmony_above_chance"] < plain["interval"][1]
-    assert [finding["kind"] for finding in plain["findings"]] == ["score", "hits", "rate", "change"]
+    kinds = [finding["kind"] for finding in plain["findings"]]
+    assert kinds == ["score", "tempo", "rate", "lag", "change", "hits"]
+    assert plain["level"] == 4
+    assert plain["lag_s"] == late.judgement.lag_s
 
 
 # The page
@@ -178,6 +199,15 @@ def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance):
     assert "harmolabPlayer" in inside
     assert "What may be wrong" in page
     assert "0.40 s of the song, as you said" in text
+
+
+def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: Path):
+    named = told_of(folder, "dance.npz", offset=START, dance="cha-cha")
+    page = html.unescape(dance_page(named))
+    assert "1 is the best moment, 0.5 the middle one" in page
+    assert "nearest moment of rest" not in page
+    unplaced = told_of(folder, "dance.npz", dance="cha-cha")
+    assert "nearest moment of rest" in html.unescape(dance_page(unplaced))
 
 
 def test_page_asks_the_network_for_nothing(late: OwnDance, filmed: OwnDance):
@@ -198,7 +228,7 @@ def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: 
 def test_names_of_files_are_only_text(folder: Path, tmp_path: Path):
     name = "<img src=x onerror=alert(1)>\"'&amp;.npz"
     (tmp_path / name).write_bytes((folder / "dance.npz").read_bytes())
-    told = explain_performance(folder / "song.wav", load_performance(tmp_path / name), offset=START, n_rotations=0)
+    told = explain_performance(folder / "song.wav", load_performance(tmp_path / name), offset=START)
     page = dance_page(told)
     assert "<img src=x" not in page
     assert f"<h1>{html.escape(name).replace('&quot;', '&#34;').replace('&#x27;', '&#39;')} to song.wav</h1>" in page

@@ -1,4 +1,4 @@
-"""Every picture, page and sentence of a score shows the score's own pairs, whatever the settings."""
+"""Every picture and page of a score shows the score's own pairs, whatever the settings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from harmolab.lab.figures.beats import score_figure
 from harmolab.lab.figures.dance import dance_figure, draw_speed
 from harmolab.lab.figures.timing import draw_timing
 from harmolab.lab.render.marks import hit_times
-from harmolab.lab.timing.verdict import explain
 from harmolab.lab.widgets.labs import scoring
 from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.lab.widgets.player import Dancer, Player
@@ -105,15 +104,7 @@ def in_marks_of_videos(score: HarmonyScore, motion: Motion) -> tuple[list[float]
     return hit_times(score).tolist(), sorted(later.tolist())
 
 
-def in_sentences(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
-    findings = {finding.kind: finding for finding in explain(score).findings}
-    shares = [findings["hits"].value] if not findings["hits"].is_missing else []
-    return shares, [float((score.pairs >= 0).mean())] * len(shares)
-
-
-@pytest.mark.parametrize(
-    "drawn", [in_score_figure, in_dance_figure, in_timing_figure, in_marks_of_videos, in_sentences]
-)
+@pytest.mark.parametrize("drawn", [in_score_figure, in_dance_figure, in_timing_figure, in_marks_of_videos])
 def test_hits_shown_are_the_pairs_of_the_score(
     drawn: Callable[[HarmonyScore, Motion], tuple[list[float], list[float]]],
     cases: list[tuple[str, dict[str, object], HarmonyScore]],

@@ -21,15 +21,17 @@ from typer.testing import CliRunner, Result
 
 import harmolab
 from harmolab.beats.visual import visual_beats
+from harmolab.cli import app
 from harmolab.cli.playing import play
-from harmolab.harmony import score_harmony
+from harmolab.corpora.files import load_clip
+from harmolab.harmony import score_clip, score_harmony
 from harmolab.io.motion import save_motion
 from harmolab.kinematics import resample_motion
 from harmolab.lab.report.templates import framed
 from harmolab.lab.widgets.player import Dancer, Player, blind_page
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from tests.builders import planted_dance, still, track, write_dance, write_song
+from tests.builders import called, planted_dance, still, track, write_dance, write_song
 
 VALLEYS = HarmonyParams.valleys()
 
@@ -378,6 +380,65 @@ def test_second_motion_keeps_the_frames_of_the_first(
     count = min(one["frames"], other["frames"])
     apart = positions_of(one)[:count, :, [0, 2]] - positions_of(other)[:count, :, [0, 2]]
     assert np.median(np.abs(apart)) < 0.002
+
+
+def number_of(dancer: dict[str, Any]) -> float:
+    return float(dancer["number"]["harmony_above_chance"])
+
+
+@pytest.fixture(scope="module")
+def long_files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """song.wav and dance.npz of 20 s, enough beats for a number; late.npz is the dance from 2 s on and knows it."""
+    folder, clip = tmp_path_factory.mktemp("long"), planted_dance(seconds=20.0, fps=30.0)
+    write_song(folder / "song.wav", clip)
+    write_dance(folder / "dance.npz", clip)
+    save_motion(folder / "late.npz", clip.motion.span(2.0, 18.0), offset=2.0)
+    return folder
+
+
+def played(folder: Path, out: Path, *options: object) -> str:
+    """The page of the dance with these options."""
+    result = called(app, "play", folder / "song.wav", folder / "dance.npz", *options, "--out", out)
+    assert result.exit_code == 0, result.output
+    return out.read_text("utf-8")
+
+
+def test_page_says_level_and_verdict_beside_the_number(long_files: Path, tmp_path: Path) -> None:
+    page = played(long_files, tmp_path / "x.html")
+    scored = called(app, "score", long_files / "song.wav", long_files / "dance.npz", "--json").stdout
+    score = json.loads(scored)["recommended"]
+    assert data_of(page)["dancers"][0]["number"] == {
+        name: score[name] for name in ("harmony_above_chance", "level", "verdict")
+    }
+    assert f"<td>4 of 4: {score['verdict']}" in page
+    assert f"<td>{score['harmony_above_chance']:.3f} (p = {score['p_value']:.3f})</td>" in page
+
+
+def test_page_of_a_part_has_the_number_of_that_part(long_files: Path, tmp_path: Path) -> None:
+    page = played(long_files, tmp_path / "x.html", "--start", 3, "--seconds", 14)
+    part = score_clip(load_clip(long_files / "song.wav", long_files / "dance.npz").span(3.0, 14.0))
+    assert number_of(data_of(page)["dancers"][0]) == pytest.approx(part.harmony_above_chance, abs=1e-9)
+
+
+@pytest.mark.parametrize("options", [(), ("--other-offset", 2)])
+def test_a_second_dance_has_a_song_time_of_its_own(
+    long_files: Path, tmp_path: Path, options: tuple[object, ...]
+) -> None:
+    page = played(long_files, tmp_path / "x.html", "--other", long_files / "late.npz", *options)
+    one, other = data_of(page)["dancers"]
+    assert data_of(page)["duration"] == pytest.approx(18.0)
+    np.testing.assert_allclose(positions_of(one)[:500, :, 1], positions_of(other)[:500, :, 1], atol=2e-3)
+    assert number_of(one) == pytest.approx(number_of(other), abs=1e-9)
+    away = data_of(played(long_files, tmp_path / "x.html", "--other", long_files / "late.npz", "--other-offset", 2.12))
+    assert number_of(away["dancers"][1]) < number_of(other) - 0.2
+
+
+def test_a_second_dance_at_another_rate_keeps_its_own_number(long_files: Path, files: Path, tmp_path: Path) -> None:
+    motion = resample_motion(planted_dance(seconds=20.0, fps=30.0).motion, 20.0)
+    save_motion(tmp_path / "slow.npz", motion)
+    page = played(long_files, tmp_path / "x.html", "--other", tmp_path / "slow.npz")
+    own = score_clip(load_clip(long_files / "song.wav", tmp_path / "slow.npz"))
+    assert number_of(data_of(page)["dancers"][1]) == pytest.approx(own.harmony_above_chance, abs=1e-9)
 
 
 @pytest.mark.parametrize(

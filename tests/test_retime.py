@@ -9,6 +9,7 @@ import pytest
 
 from harmolab.beats.visual import visual_beats
 from harmolab.corpora.synthetic import ClipSettings, planted_clip
+from harmolab.harmony import score_harmony
 from harmolab.io.video import video_frames, write_video
 from harmolab.params import HarmonyParams
 from harmolab.retime.matching import METHODS, beat_warp, lee_warp
@@ -179,8 +180,23 @@ def test_settings_out_of_range_are_refused_by_name(setting: dict[str, object], m
 
 def test_jittered_dances_come_into_harmony(dances: list[tuple[Motion, BeatTrack]]):
     retimed = [retime(*dance) for dance in dances]
-    assert np.mean([r.before.harmony_above_chance for r in retimed]) < 0.2
-    assert np.mean([r.after.harmony_above_chance for r in retimed]) > 0.8
+    assert np.mean([r.target_before.harmony_above_chance for r in retimed]) < 0.2
+    assert np.mean([r.target_after.harmony_above_chance for r in retimed]) > 0.8
+
+
+def test_a_mended_dance_is_said_to_be_on_the_beat(dances: list[tuple[Motion, BeatTrack]]):
+    retimed = [retime(*dance) for dance in dances]
+    assert [one.before.judgement.level for one in retimed] == [1] * len(dances)
+    assert [one.after.judgement.level for one in retimed] == [4] * len(dances)
+    assert np.mean([one.after.harmony_above_chance - one.before.harmony_above_chance for one in retimed]) > 0.3
+
+
+def test_the_number_is_that_of_the_function_given():
+    motion, music = swinging(), track(np.arange(1.2, 7.5, 1.0), duration=8.0)
+    scores = {id(motion): score_harmony(music, music)}
+    retimed = retime(motion, music, score=lambda each: scores.setdefault(id(each), score_harmony(music, track([]))))
+    assert retimed.before is scores[id(motion)]
+    assert retimed.after is scores[id(retimed.motion)]
 
 
 def test_jitter_of_each_movement_by_itself_is_mended_too():
@@ -191,10 +207,10 @@ def test_jitter_of_each_movement_by_itself_is_mended_too():
         for seed in range(2)
     ]
     retimed = [retime(clip.motion, clip.beats) for clip in clips]
-    lost = [one for one in retimed if one.before.harmony_above_chance < 0.2]
+    lost = [one for one in retimed if one.target_before.harmony_above_chance < 0.2]
     assert len(lost) >= 3  # many a dance has beats in time by luck
-    assert np.mean([one.after.harmony_above_chance for one in lost]) > 0.8
-    assert np.mean([one.after.harmony_above_chance for one in retimed]) > 0.8
+    assert np.mean([one.target_after.harmony_above_chance for one in lost]) > 0.8
+    assert np.mean([one.target_after.harmony_above_chance for one in retimed]) > 0.8
 
 
 def test_the_speed_stays_in_bounds_everywhere(dances: list[tuple[Motion, BeatTrack]]):
@@ -237,12 +253,12 @@ def test_strength_is_the_share_of_every_shift(dances: list[tuple[Motion, BeatTra
 
 def test_a_dance_at_fifteen_frames_a_second_is_mended(dances: list[tuple[Motion, BeatTrack]]):
     retimed = [retime(*jittered(seed, fps=15.0)) for seed in (1, 2, 3)]
-    assert np.mean([r.after.harmony_above_chance - r.before.harmony_above_chance for r in retimed]) > 0.4
+    assert np.mean([r.target_after.harmony_above_chance - r.target_before.harmony_above_chance for r in retimed]) > 0.4
 
 
 def test_the_warper_of_2019_wins_harmony_and_breaks_the_bounds(dances: list[tuple[Motion, BeatTrack]]):
     retimed = [retime(*dance, method="lee2019") for dance in dances]
-    assert np.mean([r.after.harmony_above_chance for r in retimed]) > 0.5
+    assert np.mean([r.target_after.harmony_above_chance for r in retimed]) > 0.5
     assert min(r.warp.speed_range()[0] for r in retimed) < 0.5
     assert max(r.warp.speed_range()[1] for r in retimed) > 1.6
 
@@ -251,7 +267,7 @@ def test_flat_motion_is_retimed_and_its_bone_keeps_its_length():
     motion = swinging(dimensions=2)
     music = track(np.arange(1.2, 7.5, 1.0), duration=8.0)
     retimed = retime(motion, music)
-    assert retimed.after.harmony_above_chance > retimed.before.harmony_above_chance + 0.5
+    assert retimed.target_after.harmony_above_chance > retimed.target_before.harmony_above_chance + 0.5
     np.testing.assert_allclose(bone_lengths(retimed.motion), 1.0, atol=1e-9)
 
 

@@ -337,7 +337,7 @@ def test_softness_falls_geometrically():
         ({"params": replace(PAPER, detector="direction")}, "'direction' has no relaxation"),
         ({"params": replace(PAPER, matching="nearest")}, "only matching = 'many' has a relaxation, got 'nearest'"),
         ({"params": replace(PAPER, saliency="literal")}, "only saliency = 'threshold' has a relaxation"),
-        ({"params": HarmonyParams.recommended()}, "only measure = 'hits' has a relaxation"),
+        ({"params": HarmonyParams.room_speed()}, "measure = 'pattern' has no relaxation"),
         ({"params": replace(PAPER, position_smoothing=0.1)}, "only position_smoothing = 0.0 has a relaxation"),
         ({"params": replace(PAPER, plateau="middle")}, "only plateau = 'last' has a relaxation"),
     ],

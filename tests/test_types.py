@@ -177,6 +177,19 @@ def test_bad_beats_are_refused_by_name(times, strengths, message):
         BeatTrack(times, strengths, 15.0, 10.0)
 
 
+def test_beats_keep_their_quality_when_selected_or_cut():
+    steady = replace(track([1.0, 2.0, 3.0]), quality=0.9)
+    assert steady.select(np.array([True, False, True])).quality == 0.9
+    assert steady.span(1.5, 2.0).quality == 0.9
+
+
+def test_tempo_is_that_of_a_line_through_the_beats_over_a_gap():
+    # Every half second; the third beat is missing, two are 20 ms off in turn.
+    assert track([0.0, 0.52, 1.5, 1.98, 2.5]).tempo == pytest.approx(120, rel=0.01)
+    assert track([0.0, 0.5, 1.5, 2.0]).tempo == pytest.approx(120)
+    assert np.isnan(track([1.0]).tempo)
+
+
 def test_bar_places_of_another_length_are_refused():
     with pytest.raises(ValueError, match=r"bar_places must have one entry per beat \(2\), got shape \(1,\)"):
         track([1.0, 2.0], bar_places=[0])

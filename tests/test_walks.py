@@ -91,8 +91,9 @@ def test_passes_are_counted_between_rooms_and_not_within_one() -> None:
     assert passes(walk) == 3  # beats, params, beats, types
 
 
-def test_a_score_walks_at_most_fifty_passes(song: Path, bvh: Path) -> None:
-    assert warm_passes(lambda: succeed("score", song, bvh)) <= 50
+def test_a_score_walks_at_most_ninety_passes(song: Path, bvh: Path) -> None:
+    # Two modes; the recommended one walks through the shape of the body, its tests and its words.
+    assert warm_passes(lambda: succeed("score", song, bvh)) <= 90
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

@@ -1,12 +1,13 @@
-"""Strong and weak beats, and their grouping into meter units (paper Sec. 4.1, Fig. 6, Eq. 22)."""
+"""Strong and weak beats, their grouping into meter units (paper Sec. 4.1, Fig. 6, Eq. 22), and "one" of the bar."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.beats.steady import STEADY
 from harmolab.types import BeatTrack, BoolArray
 
 # Accent pattern (True = strong) -> signature. Three types in four categories, as Sec. 4.1 counts them: a quarter-note
@@ -61,18 +62,54 @@ def cycle_of_meter(meter: int | None) -> int:
     return 2 if meter % 2 == 0 else meter
 
 
-def accented_places(strengths: NDArray[np.float64], cycle: int) -> NDArray[np.int64]:
-    """Place of each beat in its cycle, the place with the strongest beats on average being 0; (B,) array.
+def with_one(track: BeatTrack, seconds: float, meter: int) -> BeatTrack:
+    """The beats with their places in the bar, counted from the beat nearest to `seconds`, which gets place 0.
 
-    What a listener without a score would do. On the waltzes of the beat-locked recordings it found the annotated bar in
-    ten of ten; in cha-cha and rumba the strongest beat is as often the second as the first.
+    Parameters
+    ----------
+    track : BeatTrack of two beats or more, none left out
+    seconds : float, a moment of the music at which a bar begins
+    meter : int, beats in a bar
 
-    >>> accented_places(np.array([1.0, 3.0, 1.0, 2.0, 1.0]), 2)
-    array([1, 0, 1, 0, 1])
+    Raises
+    ------
+    ValueError
+        With fewer than two beats, when no beat lies within half a beat of `seconds`, or for a meter below 1.
+
+    Examples
+    --------
+    >>> beats = BeatTrack([0.5, 1.0, 1.5, 2.0], [1.0, 1.0, 1.0, 1.0], 100.0, 3.0)
+    >>> with_one(beats, 1.04, 3).bar_places
+    array([2, 0, 1, 2])
     """
-    beats = np.arange(len(strengths))
-    means = [strengths[beats % cycle == place].mean() if place < len(strengths) else 0.0 for place in range(cycle)]
-    return (beats - int(np.argmax(means))) % cycle
+    if meter < 1:
+        raise ValueError(f"a bar has one beat or more, got {meter}")
+    if len(track) < 2:
+        raise ValueError(f'"one" needs two beats or more to count from, this music has {len(track)}')
+    nearest = int(np.abs(track.times - seconds).argmin())
+    if not abs(track.times[nearest] - seconds) <= 30.0 / track.tempo:
+        first, last = track.times[[0, -1]]
+        raise ValueError(f'"one" at {seconds:g} s: no beat is near; the beats lie from {first:.1f} to {last:.1f} s')
+    return replace(track, bar_places=(np.arange(len(track)) - nearest) % meter)
+
+
+def describe_beats(track: BeatTrack) -> str:
+    """One line about a track of music beats: tempo, steadiness or "annotated", and what is known of "one".
+
+    >>> describe_beats(BeatTrack([0.5, 1.0, 1.5], [1.0, 1.0, 1.0], 100.0, 3.0, [0, 1, 2]))
+    'annotated, 120.0 bpm; "one" known, 3 beats a bar'
+    """
+    if len(track) < 2:
+        return "no beats" if len(track) == 0 else "one beat: no tempo"
+    tempo, one = f"{track.tempo:.1f} bpm", '"one": not known'
+    if track.bar_places is not None:
+        one = f'"one" known, {track.bar_places.max() + 1} beats a bar'
+    if track.quality is None:
+        return f"annotated, {tempo}; {one}"
+    if track.quality == 0:
+        return f"{tempo}, too few beats to call it steady; {one}"
+    steadiness = "steady" if track.quality >= STEADY else "not steady"
+    return f"{tempo}, {steadiness} ({track.quality:.0%} of tracked beats on one grid); {one}"
 
 
 def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:

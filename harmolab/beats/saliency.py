@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from harmolab.params import HarmonyParams
@@ -82,7 +84,7 @@ def salient_audio(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
     """The attentional music beats p'_a with strengths s'_a."""
     strengths = normalise_strengths(track.strengths, params.normalisation)
     mask = audio_mask(strengths, params.audio_threshold, reading=params.saliency)
-    return BeatTrack(track.times, strengths, track.fps, track.duration, track.bar_places).select(mask)
+    return replace(track, strengths=strengths).select(mask)
 
 
 def salient_visual(track: BeatTrack, params: HarmonyParams) -> BeatTrack:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from harmolab import __version__
+from harmolab.cli.beats import beats, tap
 from harmolab.cli.checks import CheckedCommand
 from harmolab.cli.comparing import compare, learn
 from harmolab.cli.dancing import dance
@@ -26,7 +27,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
-for command in (score, compare, learn, train, dance, play, render, retime, explain):
+for command in (score, compare, learn, train, dance, play, render, retime, explain, beats, tap):
     app.command(cls=CheckedCommand)(command)
 app.add_typer(data_app, name="data")
 app.add_typer(study_app, name="study")

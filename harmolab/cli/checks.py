@@ -13,7 +13,7 @@ from typer.core import TyperCommand
 from harmolab.cli.common import plain_errors
 from harmolab.io.files import check_output
 
-OUTPUTS = ("out", "plot")  # parameters that name what a command writes; every other path is read
+OUTPUTS = ("out", "plot", "clicks")  # parameters that name what a command writes; every other path is read
 
 
 class CheckedCommand(TyperCommand):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import webbrowser
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -13,6 +14,10 @@ import typer
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
+    from harmolab.lab.listening.local_page import LocalPage
+    from harmolab.params import HarmonyParams
+    from harmolab.types import BeatTrack
+    from harmolab.verdict.judge import Judgement
 
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
@@ -51,9 +56,9 @@ def plain_errors() -> Iterator[None]:
         refuse(f"{error.filename}: {error.strerror}" if is_plain else str(error))  # type: ignore[union-attr]
 
 
-def _not(suffixes: tuple[str, ...], path: Path) -> Path:
+def _not(suffixes: tuple[str, ...], path: Path | None) -> Path | None:
     """The path of a song or a dance; an end of the command where its name is that of the other."""
-    if path.suffix.lower() in suffixes:
+    if path is not None and path.suffix.lower() in suffixes:
         refuse(f"{path}: the order is SONG DANCE, the music first and then the movement; swap the two")
     return path
 
@@ -76,26 +81,40 @@ Song = Annotated[
         help="The music: wav, flac, ogg or mp3, or a video with sound.",
     ),
 ]
-Dance = Annotated[
-    Path,
-    typer.Argument(
-        metavar="DANCE",
-        callback=lambda path: _not(SOUNDS, path),
-        help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder; to explain "
-        "and retime also a video.",
-    ),
-]
+_DANCE: Any = typer.Argument(
+    metavar="DANCE",
+    callback=lambda path: _not(SOUNDS, path),
+    help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder; to explain "
+    "and retime also a video.",
+)
+Dance = Annotated[Path, _DANCE]
+DanceOrNone = Annotated[Path | None, _DANCE]
 Offset = Annotated[
     float | None,
-    typer.Option(help="Audio time in seconds at which the motion begins (default: what its folder says, else 0)."),
+    typer.Option(
+        help="Audio time in seconds at which the motion begins (default: what its file or folder says, else 0)."
+    ),
 ]
 Start = Annotated[float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")]
 Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from there.")]
 DanceName = Annotated[
-    str, typer.Option("--dance", help="Dance of the music: a prior for its tempo (waltz, ...), and its bar pattern.")
+    str,
+    typer.Option(
+        "--dance", help="Dance of the music (waltz, ...): what its dancers do in the bar, and its usual tempo."
+    ),
 ]
 Beats = Annotated[
     Path | None, typer.Option(help="Beat annotation (.beats, csv, beats.json) in place of beat tracking.")
+]
+One = Annotated[
+    float | None,
+    typer.Option(
+        "--one",
+        metavar="SECONDS",
+        help="Audio time of a beat on which a bar begins, any one of them: play the song, count, and note the time on "
+        "a clear ONE. The sound does not tell it: the strongest beat of a bar is as often another. Needs --dance for "
+        "the beats in a bar. `harmolab tap` finds it by ear.",
+    ),
 ]
 Fps = Annotated[float | None, typer.Option(help="Frame rate, for files that do not hold it (npy, key points).")]
 Scale = Annotated[
@@ -106,6 +125,28 @@ Joints = Annotated[
 ]
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def recommended(pattern: Path | None, dance: str) -> HarmonyParams:
+    """The recommended settings, with the pattern of a file, or else with that of the dance where one is shipped."""
+    from harmolab.bar_pattern import load_pattern
+    from harmolab.params import DANCE_PATTERNS, HarmonyParams
+
+    return HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else DANCE_PATTERNS.get(dance))
+
+
+def print_verdict(judgement: Judgement | None, name: str = "") -> None:
+    """The verdict in words and its remarks, a line each, or all in one after a name; nothing without a judgement."""
+    if judgement is not None:
+        lines = [judgement.verdict, *judgement.remarks]
+        typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
+
+
+def print_music(beats: BeatTrack) -> None:
+    """A line about the beats that a dance was judged by: tempo, steadiness, "one"."""
+    from harmolab.beats.meter import describe_beats
+
+    typer.echo(f"music: {describe_beats(beats)}")
 
 
 def names_in(text: str) -> tuple[str, ...]:
@@ -130,8 +171,14 @@ def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
     if out.suffix.lower() not in suffixes:
         raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
     check_place(out)
-    if out.suffix.lower() in PAGES and find_spec("jinja2") is None:
-        raise ValueError(f"{out}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
+    if out.suffix.lower() in PAGES:
+        check_pages(str(out))
+
+
+def check_pages(name: str) -> None:
+    """ValueError that begins with `name` unless the library that fills pages is installed."""
+    if find_spec("jinja2") is None:
+        raise ValueError(f"{name}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
 
 
 def check_place(out: Path) -> None:
@@ -149,6 +196,19 @@ def finding_beats() -> Iterator[None]:
 
     with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
         yield
+
+
+def serve(page: LocalPage, no_open: bool, comfort: str) -> None:
+    """A local page served until it is finished, or Ctrl-C, of which `comfort` says what it does no harm to."""
+    with page.running() as address:
+        typer.echo(f"open {address}\nCtrl-C stops; {comfort}")
+        if not no_open:
+            webbrowser.open(address)
+        try:
+            while not page.finished.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            typer.echo("")
 
 
 def show(value: Any) -> str:

@@ -10,12 +10,17 @@ import typer
 from harmolab.cli.checks import check_unread
 from harmolab.cli.common import (
     VIDEOS_OUT,
+    One,
+    PatternFile,
     Song,
     check_out,
     finding_beats,
     note,
     plain_errors,
+    print_music,
+    print_verdict,
     progress,
+    recommended,
     show,
     wrote,
 )
@@ -28,8 +33,9 @@ if TYPE_CHECKING:
 
 SUFFIXES = (*VIDEOS_OUT, ".html", ".bvh", ".npz")
 MEANINGS = (
-    "Above chance: speed valleys within 0.1 s of the beats; 0 is a random moment, 1 every beat met. "
-    "The paper's numbers (T_delay 0.25 s) mean little without their chance level."
+    "Above chance: the number of `harmolab score`; 0 is a random phase, 1 the best moment on every beat. The share "
+    "inside the body is small for one who only turns and travels. The paper's numbers (T_delay 0.25 s) mean little "
+    "without their chance level."
 )
 
 
@@ -46,11 +52,17 @@ def dance(
     seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
     start: Annotated[float, typer.Option(help="Audio time in seconds at which it begins.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
-    dance: Annotated[str, typer.Option(help="Start as this dance; also a prior for the tempo (waltz, ...).")] = "",
+    dance: Annotated[
+        str, typer.Option(help="Start as this dance (waltz, ...), and be judged as one; also a prior for the tempo.")
+    ] = "",
+    pattern: PatternFile = None,
+    one: One = None,
     samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
     plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
 ) -> None:
-    """Dance to a song, and say how well it went.
+    """Dance to a song, and say how well it went, in the words and with the number of `harmolab score`.
+
+    An npz keeps the song time at which the dance begins. For a bvh or a video the offset to pass on is printed.
 
     Example: `harmolab dance song.mp3 --seconds 20 --dance waltz --out dance.mp4`
     """
@@ -60,24 +72,30 @@ def dance(
             check_unread(context, path)
         trained = _system(weights, system)
         options = accepted(trained.generate, context, {"progress": progress})
-        sound, audio, track = _music(song, dance)
-        from harmolab import HarmonyParams, score_motion
+        sound, audio, track = _music(song, dance, one)
+        from harmolab import Clip, score_clip
         from harmolab.lab.evaluate.dance_scores import dance_scores
         from harmolab.lab.widgets.player import Dancer
 
+        params = recommended(pattern, dance)
         table: dict[str, dict[str, str]] = {}
         for number, path in paths.items():
             motion = trained.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
             music = track.span(start, motion.duration)
             if len(music) < 2:
                 note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
-            dancer = Dancer("generated", motion, score_motion(music, motion, params=HarmonyParams.valleys()))
-            facts = {name: show(value) for name, value in dance_scores(motion, music, dancer.score).items()}
-            _write(path, dancer, sound.span(start, motion.duration), music, song.stem, facts)
-            table[f"seed {number}"] = facts
+            score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
+            print_verdict(score.judgement, f"seed {number}")
+            table[f"seed {number}"] = facts = {
+                name: show(value) for name, value in dance_scores(motion, music, score).items()
+            }
+            _write(path, Dancer("generated", motion, score), sound, track, start, song.stem, facts)
+    print_music(music)
     _print(table)
     for path in paths.values():
         wrote(path)
+    if start and out.suffix.lower() != ".npz":
+        typer.echo(f"it begins at {start:g} s of the song: pass --offset {start:g} with it")
 
 
 def _paths(out: Path, seed: int, samples: int) -> dict[int, Path]:
@@ -106,32 +124,35 @@ def _system(weights: Path | None, system: str | None) -> System:
         raise ValueError(f"dancing needs {error.name}; install it with: pip install 'harmolab[train]'") from None
 
 
-def _music(song: Path, dance: str) -> tuple[Audio, Audio, BeatTrack]:
+def _music(song: Path, dance: str, one: float | None) -> tuple[Audio, Audio, BeatTrack]:
     """The song at its own sample rate, as beats are tracked in it, and its beats."""
-    from harmolab import Clip, music_beats
-    from harmolab.corpora.files import tracked_sound
+    from harmolab.corpora.files import song_beats, tracked_sound
     from harmolab.io.video_sound import load_sound
 
     sound = load_sound(song, sample_rate=None)
     audio = tracked_sound(song, sound)
     with finding_beats():
-        return sound, audio, music_beats(Clip(song.stem, audio, dance=dance))
+        return sound, audio, song_beats(audio, dance=dance, one=one)
 
 
-def _write(path: Path, dancer: Dancer, sound: Audio, music: BeatTrack, title: str, facts: dict[str, str]) -> None:
+def _write(
+    path: Path, dancer: Dancer, sound: Audio, beats: BeatTrack, start: float, title: str, facts: dict[str, str]
+) -> None:
     """The dance with its part of the sound and the beats, in the form that the name asks for."""
     from harmolab.io.motion import save_motion
     from harmolab.lab.render.video import write_dance
     from harmolab.lab.widgets.player import Player
     from harmolab.types import Clip
 
-    suffix = path.suffix.lower()
-    if suffix in VIDEOS_OUT:
-        write_dance(path, Clip(dancer.name, sound, dancer.motion, beats=music), score=dancer.score, progress=progress)
-    elif suffix == ".html":
-        Player(sound, [dancer], music=music, title=title, facts=facts).save(path)
+    suffix, seconds = path.suffix.lower(), dancer.motion.duration
+    if suffix not in (*VIDEOS_OUT, ".html"):
+        save_motion(path, dancer.motion, offset=start)
+        return
+    part, music = sound.span(start, seconds), beats.span(start, seconds)
+    if suffix == ".html":
+        Player(part, [dancer], music=music, title=title, facts=facts).save(path)
     else:
-        save_motion(path, dancer.motion)
+        write_dance(path, Clip(dancer.name, part, dancer.motion, beats=music), score=dancer.score, progress=progress)
 
 
 def _print(table: dict[str, dict[str, str]]) -> None:

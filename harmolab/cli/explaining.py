@@ -10,7 +10,7 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, PatternFile, Scale, Song
+from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Song
 
 
 def explain(
@@ -19,7 +19,9 @@ def explain(
     out: Annotated[Path | None, typer.Option(help="Also write a page, .html, with pictures and player.")] = None,
     offset: Annotated[
         float | None,
-        typer.Option(help="Audio time in seconds at which the motion begins (default: searched for)."),
+        typer.Option(
+            help="Audio time in seconds at which the motion begins (default: what its file says, else searched for)."
+        ),
     ] = None,
     guess: Annotated[
         float | None, typer.Option(help="About where it begins, where only the movement can tell (default: 0).")
@@ -27,16 +29,21 @@ def explain(
     search: Annotated[float, typer.Option(help="How many seconds from the guess to look, to either side.")] = 2.0,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
     fps: Fps = None,
     scale: Scale = None,
     joints: Joints = "",
     as_json: AsJson = False,
 ) -> None:
-    """Say how a dance goes with its song: together or not, early or late, and how sure that is.
+    """Say how a dance goes with its song: whether it is in time, where in the beat, and how steady that is.
+
+    The first line is the verdict, the same as that of `harmolab score`. Milliseconds, early and late are spoken of only
+    where the movement keeps a steady place in the beat; without --dance they count from a rest or a hit, since a rest
+    half a beat late is a hit on the beat.
 
     Where the dance begins in the song is found by comparing the video's sound with the song; without that sound from
-    the movement, up to whole beats, and then nothing is said about being early or late throughout.
+    the movement, up to whole beats, and then nothing is said about its place in the beat.
 
     Example: `harmolab explain song.mp3 phone_video.mp4 --out dance.html`
 
@@ -44,19 +51,15 @@ def explain(
     """
     from rich.console import Console
 
-    from harmolab.bar_pattern import load_pattern
-    from harmolab.io.beats import load_annotation
     from harmolab.lab.timing.performance import explain_performance, load_performance
-    from harmolab.params import HarmonyParams
 
     with common.plain_errors():
         if out is not None:
             common.check_out(out, "the page", common.PAGES)
-        params = HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else None)
+        params = common.recommended(pattern, dance)
         performance = load_performance(
             motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, progress=common.progress
         )
-        annotation = None if beats is None else load_annotation(beats)
         with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
             result = explain_performance(
                 song,
@@ -64,7 +67,8 @@ def explain(
                 offset=offset,
                 guess=guess,
                 search=search,
-                beats=annotation,
+                beats=beats,
+                one=one,
                 dance=dance,
                 params=params,
             )
@@ -75,6 +79,9 @@ def explain(
     if as_json:
         typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
         return
-    typer.echo("\n".join([result.verdict, "", str(result.placement), *result.words.sentences]))
+    typer.echo("\n".join([result.verdict, *result.remarks, "", str(result.placement)]))
+    common.print_music(result.music)
+    for sentence in result.words.sentences:
+        typer.echo(sentence)
     if out is not None:
         common.wrote(out)

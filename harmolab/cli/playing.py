@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Scale, Seconds, Song, Start
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Seconds, Song, Start
 
 
 def play(
@@ -18,31 +18,42 @@ def play(
     out: Annotated[Path, typer.Option(help="The page to write, .html.")],
     other: Annotated[Path | None, typer.Option(help="A second motion to the same music, shown beside it.")] = None,
     offset: Offset = None,
+    other_offset: Annotated[
+        float | None,
+        typer.Option(help="Audio time at which the second begins (default: what its file says, else --offset)."),
+    ] = None,
     start: Start = None,
     seconds: Seconds = None,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
+    pattern: PatternFile = None,
     fps: Fps = None,
     scale: Scale = None,
 ) -> None:
     """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
 
+    Below the picture stand the verdict and the number of what is shown, the same as those of `harmolab score`. The
+    marks are rests of the body, or hits where it hits the beats, within a tenth of a second of the music.
+
     Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
     """
     from harmolab.corpora.files import load_clip
-    from harmolab.corpora.folders import load_any_motion
+    from harmolab.corpora.folders import load_any_motion, recorded_offset
     from harmolab.lab.widgets.player import player_of
 
     with common.plain_errors():
         common.check_out(out, "the player", common.PAGES)
+        params = common.recommended(pattern, dance)
         with common.finding_beats():
             clip = load_clip(
-                song, motion, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+                song, motion, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
             )
         clips = [clip]
         if other is not None:
-            clips.append(
-                replace(clip, name=other.stem or other.name, motion=load_any_motion(other, fps=fps, scale=scale))
-            )
-        player_of(clips, start=start, seconds=seconds, title=f"{clip.name} to {song.name}").save(out)
+            begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
+            movement, name = load_any_motion(other, fps=fps, scale=scale), other.stem or other.name
+            clips.append(replace(clip, name=name, motion=movement, offset=begins))
+        title = f"{clip.name} to {song.name}"
+        player_of(clips, start=start, seconds=seconds, title=title, params=params).save(out)
     common.wrote(out)

@@ -8,7 +8,20 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Joints, Offset, Scale, Seconds, Song
+from harmolab.cli.common import (
+    Beats,
+    Dance,
+    DanceName,
+    Fps,
+    Joints,
+    Offset,
+    One,
+    PatternFile,
+    Scale,
+    Seconds,
+    Song,
+    show,
+)
 
 
 def render(
@@ -25,6 +38,8 @@ def render(
     ] = True,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
+    pattern: PatternFile = None,
     height: Annotated[
         int, typer.Option(help="Pixels; the width is 4/3 of it, or the video's (never enlarged).", min=120, max=2160)
     ] = 480,
@@ -37,6 +52,9 @@ def render(
 ) -> None:
     """Write a video of a motion with its music: a stick figure on a floor, or a skeleton over the dancer's own video.
 
+    With marks, the verdict and the number of `harmolab score` are printed too; the marks are rests of the body, or hits
+    where it hits the beats.
+
     Examples:
 
     `harmolab render song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.mp4`
@@ -44,17 +62,26 @@ def render(
     `harmolab render take.mp4 keypoints/ --fps 25 --over take.mp4 --out checked.webm`
     """
     from harmolab.corpora.files import load_clip
+    from harmolab.harmony import score_clip
     from harmolab.lab.render.overlay import load_points
     from harmolab.lab.render.video import write_dance
 
     names = common.names_in(joints) or None
     with common.plain_errors():
         common.check_out(out, "a video", common.VIDEOS_OUT)
+        params = common.recommended(pattern, dance)
         movement = load_points(motion, fps=fps, joints=names) if over else motion
         with common.finding_beats():
             clip = load_clip(
-                song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, track=marks, fps=fps,
+                song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, track=marks, fps=fps,
                 scale=scale, joints=names, sample_rate=None,
             )  # fmt: skip
-        write_dance(out, clip, over=over, marks=marks, rate=rate, height=height, progress=common.progress)
+        write_dance(
+            out, clip, over=over, marks=marks, rate=rate, height=height, params=params, progress=common.progress
+        )
+        score = score_clip(clip, params) if marks else None
+    if score is not None:
+        common.print_verdict(score.judgement)
+        common.print_music(score.music)
+        typer.echo(f"harmony above chance {show(score.above_chance)}, p {show(score.p_value)}")
     common.wrote(out)

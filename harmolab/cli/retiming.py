@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, Scale, Song, show
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Song, show
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
 
 MEANINGS = (
-    "Above chance: speed valleys (in a video: of all that moves) within 0.1 s of the beats; 0 is a random moment, 1 "
-    "every beat met. Speed: source seconds a second."
+    "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of the beats, and knows nothing "
+    "of the number above chance, which is that of `harmolab score`. Local speed: source seconds a second."
 )
 
 
@@ -38,15 +38,18 @@ def retime(
     fastest: Annotated[float, typer.Option(help="Highest local speed, 1 or more.")] = 1.4,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
+    pattern: PatternFile = None,
     method: Annotated[
         Method, typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
     ] = Method.dp,
     fps: Fps = None,
     scale: Scale = None,
 ) -> None:
-    """Bend the time of a motion, or of a video, until it is in time with the music, and say how much was bent.
+    """Bend the time of a motion, or of a video, until its rests meet the music's beats, and say how much was bent.
 
-    A motion that is in time already is left alone.
+    A motion whose rests are there already is left alone. The verdict and the number of `harmolab score` are printed as
+    they were before and as they are after.
 
     Example: `harmolab retime song.mp3 dance.bvh --out mended.mp4 --dance waltz`
     """
@@ -57,7 +60,8 @@ def retime(
         common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))
         retimed = retime_files(
             song, motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest, fastest=fastest,
-            dance=dance, beats=beats, method=method.value, fps=fps, scale=scale, progress=common.progress,
+            dance=dance, beats=beats, one=one, method=method.value, fps=fps, scale=scale, progress=common.progress,
+            params=common.recommended(pattern, dance),
         )  # fmt: skip
     _print(retimed)
     common.wrote(out)
@@ -70,9 +74,14 @@ def _print(retimed: Retimed) -> None:
     from rich.table import Table
 
     before, after, warp = retimed.before, retimed.after, retimed.warp
+    common.print_verdict(before.judgement, "before")
+    common.print_verdict(after.judgement, "after")
+    common.print_music(before.music)
     table = Table("", "before", "after", title="the motion and its music")
-    table.add_row("harmony above chance", show(before.harmony_above_chance), show(after.harmony_above_chance))
-    table.add_row("hit rate", show(before.hit_rate), show(after.hit_rate))
+    for name, key in (("harmony above chance", "above_chance"), ("p value", "p_value")):
+        table.add_row(name, show(getattr(before, key)), show(getattr(after, key)))
+    targets = (retimed.target_before, retimed.target_after)
+    table.add_row("beats with a rest near", *(show(target.hit_rate) for target in targets))
     table.add_row("time bent, mean, ms", "0", f"{1000 * warp.bent:.0f}")
     table.add_row("time bent, largest, ms", "0", f"{1000 * np.abs(warp.shifts()).max():.0f}")
     table.add_row("local speed", "1", show(warp.speed_range()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,13 +12,37 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, PatternFile, Scale, Seconds, Song, show
+from harmolab.cli.common import (
+    Beats,
+    DanceName,
+    DanceOrNone,
+    Fps,
+    Joints,
+    Offset,
+    One,
+    PatternFile,
+    Scale,
+    Seconds,
+    Song,
+    show,
+)
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
     from harmolab.types import HarmonyScore
 
-ROWS = ("harmony_above_chance", "interval", "p_value", "harmony", "hit_rate", "chance", "n_audio", "n_visual")
+
+# Names in the table, and of the fields behind them.
+NUMBER_ROWS = {
+    "harmony above chance": "harmony_above_chance", "its spread from bar to bar": "interval", "p value": "p_value",
+}  # fmt: skip
+JUDGEMENT_ROWS = {
+    "level, 0 to 4": "level", "p in time": "p_time", "p in place": "p_place", "lag, s": "lag_s",
+    "tempo of the music, bpm": "tempo", "own tempo, bpm": "own_tempo", "pulse, 1/s": "pulse",
+    "share inside the body": "share", "share of the joints": "joints",
+}  # fmt: skip
+PAPER_ROWS = {"harmony": "harmony", "hit rate": "hit_rate"}
+COUNT_ROWS = {"chance": "chance", "n audio": "n_audio", "n visual": "n_visual"}
 
 
 class Mode(StrEnum):
@@ -25,20 +50,25 @@ class Mode(StrEnum):
 
     paper = "paper"
     recommended = "recommended"
+    room = "room"
     both = "both"
 
 
 def score(
     song: Song,
-    motion: Dance,
+    motion: DanceOrNone = None,
     offset: Offset = None,
     seconds: Seconds = None,
-    mode: Annotated[Mode, typer.Option(help="The paper's settings, ours, or both.")] = Mode.both,
+    mode: Annotated[
+        Mode, typer.Option(help="The paper's settings, ours, or both; room: what we advised before, for comparison.")
+    ] = Mode.both,
     fps: Fps = None,
     scale: Scale = None,
     dance: DanceName = "",
     beats: Beats = None,
+    one: One = None,
     pattern: PatternFile = None,
+    joints: Joints = "",
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
     clock: Annotated[float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.")] = 1.0,
     as_json: common.AsJson = False,
@@ -51,23 +81,40 @@ def score(
 ) -> None:
     """Score a motion against its music.
 
-    `harmony_above_chance` is the number to read: 0 is what a random moment reaches, 1 is every beat met. Look at its
-    `p_value` (share of rotations in time that score as high) and `interval` before you believe it. The paper's
-    `harmony` and `hit_rate` mean little without `chance`: at T_delay = 0.25 s most of the time lies near a beat anyway.
+    First the verdict in words: is it in time, where in the beat, how far off. Then the numbers. `harmony above chance`
+    is 0 for a random phase, 1 where every beat is the best moment of the take, -1 the worst; its p value is the larger
+    of two: in time (against other tempi) and in place (against other lags). The spread from bar to bar says how steady
+    the take is, and is no evidence. Sixteen beats are needed. The paper's `harmony` and `hit rate` mean little without
+    `chance`: at T_delay = 0.25 s most of the time lies near a beat anyway, and above .9 nothing is left to be above.
 
-    Example: `harmolab score song.mp3 dance.bvh --offset 12.4 --dance waltz --plot score.png`
+    With --dance the place is that of its dancers; without it a rest or a hit on the beat, or a rest on every second.
+
+    Examples:
+
+    `harmolab score song.mp3 dance.bvh --offset 12.4 --dance waltz --plot score.png`
+
+    `harmolab score recordings/DANCE_W_3` reads song, motion, dance and annotated beats from one folder.
     """
+    from harmolab.beats.meter import describe_beats
     from harmolab.corpora.files import load_clip
+    from harmolab.corpora.folders import recording_files
     from harmolab.harmony import music_and_motion, other_measures, score_motion
 
     with common.plain_errors():
         if plot:
             common.check_place(plot)
+        if motion is None:
+            if not song.is_dir():
+                raise ValueError(f"{song}: score takes SONG DANCE, or the folder of one recording")
+            files = recording_files(song)
+            song, motion, beats, dance = files.song, song, beats or files.beats, dance or files.dance
         modes = settings(mode, pattern, dance, lag, clock)
+        names = common.names_in(joints) or None
         with common.finding_beats():
             clip = load_clip(
-                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps, scale=scale
-            )
+                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps, scale=scale,
+                joints=names,
+            )  # fmt: skip
         music, movement = music_and_motion(clip, clock=clock)
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
         measures = other_measures(clip, clock=clock) if others else {}
@@ -78,35 +125,60 @@ def score(
             write_figure(score_figure(scores, title=clip.name), plot)
     if as_json:
         about = {"audio": str(song), "motion": str(motion), "offset": clip.offset, "version": __version__}
+        about |= {"beats": "tracked" if beats is None else str(beats), "dance": dance, "music": describe_beats(music)}
         content = {"clip": about, **{name: result.to_dict() for name, result in scores.items()}}
         typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
-    else:
-        print_scores(scores, measures)
+        return
+    common.print_verdict(next((score.judgement for score in scores.values() if score.judgement), None))
+    common.print_music(music)
+    print_scores(scores, measures)
 
 
 def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: float) -> dict[str, HarmonyParams]:
     """The parameters of each mode."""
     from dataclasses import replace
 
-    from harmolab.bar_pattern import load_pattern
     from harmolab.params import HarmonyParams
 
-    learnt = load_pattern(pattern, dance) if pattern else None
-    both = {"paper": HarmonyParams.paper(), "recommended": HarmonyParams.recommended(learnt)}
-    names = both if mode is Mode.both else (mode.value,)
-    return {name: replace(both[name], lag=lag, clock=clock) for name in names}
+    recommended = common.recommended(pattern, dance)
+    # The patterns that are shipped are of shape speed.
+    room = HarmonyParams.room_speed(recommended.pattern if pattern else None)
+    params = {"paper": HarmonyParams.paper(), "recommended": recommended, "room": room}
+    names = ("paper", "recommended") if mode is Mode.both else (mode.value,)
+    return {name: replace(params[name], lag=lag, clock=clock) for name in names}
 
 
 def print_scores(scores: dict[str, HarmonyScore], measures: dict[str, float]) -> None:
-    """A table: one row a number, one column a mode; below them the other measures, if any."""
+    """A table with a row a number and a column a mode, and the other measures, if any."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table("", *scores, title="harmony of motion and music")
-    columns = [score.to_dict() for score in scores.values()]
-    for name in ROWS:
-        table.add_row(name.replace("_", " "), *(show(column[name]) for column in columns))
-    table.add_section()
-    for name, value in measures.items():
-        table.add_row(name, show(value), *([""] * (len(scores) - 1)))
+    for cells in zip(*map(score_rows, scores.values()), strict=True):
+        texts = [text for _, text in cells]
+        if any(texts):
+            table.add_row(cells[0][0], *texts)
     Console().print(table)
+    if measures:
+        table = Table("", "", title="other measures of the field", show_header=False)
+        for name, value in measures.items():
+            table.add_row(name, show(value))
+        Console().print(table)
+
+
+def score_rows(score: HarmonyScore) -> Iterator[tuple[str, str]]:
+    """Name and text of each number of a score: "-" where it does not exist, "" where it is no number of this mode."""
+    from harmolab.verdict.judge import FEWEST_BEATS
+
+    values, above_chance = score.to_dict(), score.above_chance
+    has_number = values["n_audio"] >= FEWEST_BEATS and above_chance == above_chance
+    for name, key in NUMBER_ROWS.items():
+        yield name, show(values[key] if has_number else None)
+    is_judged = "level" in values
+    for name, key in JUDGEMENT_ROWS.items():
+        is_silent = key == "lag_s" and values.get("level", 0) < 3
+        yield name, show(None if is_silent else values[key]) if is_judged else ""
+    for name, key in PAPER_ROWS.items():
+        yield name, "" if is_judged else show(values[key])
+    for name, key in COUNT_ROWS.items():
+        yield name, show(values[key])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -11,12 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from harmolab.cli.checks import CheckedCommand
-from harmolab.cli.common import AsJson, left_out, plain_errors, progress, show, write_text
+from harmolab.cli.common import AsJson, left_out, plain_errors, progress, serve, show, write_text
 
 if TYPE_CHECKING:
     from harmolab.lab.listening.answers import Answers
     from harmolab.lab.listening.corpus_study import Pieces
-    from harmolab.lab.listening.presenting import StudyServer
 
 
 Tables = dict[str, list[dict[str, Any]]]
@@ -124,22 +122,9 @@ def ask(
         log = answer_log(study, rater)
         if log.resume(trials):
             server = StudyServer(trials, log, lambda trial: read_page(study, trial.id), port=port)
-            _serve(server, no_open)
+            serve(server, no_open, "nothing that was answered is lost")
         done = len(trials) - len(log.resume(trials))
     typer.echo(f"{done} of {len(trials)} trials answered by {trials.rater}, in {log.path}")
-
-
-def _serve(server: StudyServer, no_open: bool) -> None:
-    """Serves the trials until all are answered, or Ctrl-C."""
-    with server.running() as address:
-        typer.echo(f"open {address}\nCtrl-C stops; nothing that was answered is lost")
-        if not no_open:
-            webbrowser.open(address)
-        try:
-            while not server.finished.wait(0.5):
-                pass
-        except KeyboardInterrupt:
-            typer.echo("")
 
 
 @study_app.command(cls=CheckedCommand)

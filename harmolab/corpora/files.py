@@ -9,6 +9,7 @@ from math import inf
 from pathlib import Path
 
 from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import with_one
 from harmolab.corpora import folders
 from harmolab.corpora.folders import Problem, find_recordings, iter_recordings, load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
@@ -18,7 +19,7 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.io.video import is_video
 from harmolab.io.video_sound import load_sound
 from harmolab.params import DANCES, HarmonyParams
-from harmolab.types import Audio, Clip, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
 
 TRACKED_AT = 22050.0  # hertz: beats are always tracked in sound of this rate
 
@@ -31,6 +32,7 @@ def score_files(
     seconds: float | None = None,
     dance: str = "",
     beats: PathLike | None = None,
+    one: float | None = None,
     fps: float | None = None,
     params: HarmonyParams | None = None,
     n_rotations: int = 1000,
@@ -40,9 +42,8 @@ def score_files(
 
     Parameters
     ----------
-    song, motion, offset, seconds, dance, beats, fps : as in `load_clip`
-    params : HarmonyParams, default ``HarmonyParams.recommended()``
-    n_rotations, seed : as in `score_clip`
+    song, motion, offset, seconds, dance, beats, one, fps : as in `load_clip`
+    params, n_rotations, seed : as in `score_clip`
 
     Raises
     ------
@@ -54,7 +55,7 @@ def score_files(
     >>> score_files("song.mp3", "dance.bvh", offset=12.4, dance="waltz").harmony_above_chance  # doctest: +SKIP
     0.61
     """
-    clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, fps=fps)
+    clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps)
     return score_clip(clip, params, n_rotations=n_rotations, seed=seed)
 
 
@@ -66,6 +67,7 @@ def load_clip(
     seconds: float | None = None,
     dance: str = "",
     beats: PathLike | None = None,
+    one: float | None = None,
     track: bool = True,
     fps: float | None = None,
     scale: float | None = None,
@@ -82,6 +84,7 @@ def load_clip(
     seconds : float, length of the motion that is taken; all of it when left out
     dance : str, a prior of the tempo where it is one of `DANCES`
     beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
+    one : float, seconds, audio time of any beat on which a bar begins; the dance tells how long the bars are
     track : bool; False leaves the clip without beats where none are annotated
     fps, scale, joints : as in `load_motion`, for a motion that is read
     sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
@@ -91,10 +94,10 @@ def load_clip(
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. ValueError also for an unknown dance without annotated beats.
+        Both name the file. ValueError also for an unknown dance without annotated beats or with `one`, and where no
+        beat is near `one`.
     """
-    if dance and beats is None and dance not in DANCES:
-        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(DANCES)}")
+    _check_dance(dance, beats, one)
     if seconds is not None and not 0 < seconds < inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
@@ -109,10 +112,39 @@ def load_clip(
         clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-    if not track or annotated is not None:
+    if track and annotated is None:
+        tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
+        clip = replace(clip, beats=music_beats(tracked))
+    if one is None or clip.beats is None:
         return clip
-    tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
-    return replace(clip, beats=music_beats(tracked))
+    return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))
+
+
+def _check_dance(dance: str, beats: PathLike | None, one: float | None) -> None:
+    """ValueError for an unknown dance where its tempo or its bars are needed."""
+    if dance and beats is None and dance not in DANCES:
+        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(DANCES)}")
+    if one is not None and dance not in DANCES:
+        raise ValueError(f"to count from --one, say how long the bars are with --dance: {', '.join(DANCES)}")
+
+
+def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, one: float | None = None) -> BeatTrack:
+    """The beats of a whole song: annotated ones of a file, else tracked ones; with bar places where "one" is told.
+
+    Parameters
+    ----------
+    audio : Audio, of `TRACKED_AT` hertz where beats are tracked
+    dance, beats, one : as in `load_clip`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As in `load_clip`.
+    """
+    _check_dance(dance, beats, one)
+    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
+    track = music_beats(Clip("", audio, beats=annotated, dance=dance))
+    return track if one is None else with_one(track, one, DANCES[dance].meter)
 
 
 def tracked_sound(song: PathLike, sound: Audio) -> Audio:

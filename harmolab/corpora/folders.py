@@ -25,7 +25,7 @@ from harmolab.corpora import tang2018
 from harmolab.io.audio import load_audio
 from harmolab.io.beats import BeatAnnotation, load_annotation
 from harmolab.io.files import PathLike, reading
-from harmolab.io.motion import load_motion
+from harmolab.io.motion import load_motion, load_offset, motion_part
 from harmolab.types import BeatTrack, Clip, Motion
 
 _MAX_DEPTH = 4
@@ -152,7 +152,7 @@ def load_recording(
     annotation = load_annotation(folder / "beats.json") if (folder / "beats.json").is_file() else None
     is_own = (folder / "motion.npz").is_file()
     if is_own:
-        motion, offset = load_motion(folder / "motion.npz"), 0.0 if annotation is None else annotation.offset
+        motion, offset = load_motion(folder / "motion.npz"), recorded_offset(folder) or 0.0
     else:
         motion, offset = tang2018.load_danced(folder, clock=clock, points=points, travel=travel, ground=ground)
     audio = load_audio(tang2018.find_audio(folder), sample_rate=sample_rate)
@@ -177,24 +177,52 @@ def _annotated(clip: Clip, annotation: BeatAnnotation, folder: Path) -> Clip:
     return replace(clip, beats=beats, dance=annotation.dance or clip.dance, source=annotation.source or clip.source)
 
 
+class RecordingFiles(NamedTuple):
+    """Files of one recording's folder: its song, its annotated beats if there are any, and the dance, "" if unknown."""
+
+    song: Path
+    beats: Path | None
+    dance: str
+
+
+def recording_files(folder: PathLike) -> RecordingFiles:
+    """The files of a folder that holds a whole recording, beside its motion, which is read from the folder itself.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the folder, or the file in it.
+    """
+    folder = Path(folder)
+    if missing := missing_parts(folder):
+        raise FileNotFoundError(_lacks(folder, missing))
+    beats = folder / "beats.json" if (folder / "beats.json").is_file() else None
+    annotated = load_annotation(beats).dance if beats else ""
+    return RecordingFiles(tang2018.find_audio(folder), beats, annotated or tang2018.dance_of(folder))
+
+
 def recorded_offset(path: PathLike) -> float | None:
-    """Audio time (seconds) of a motion's first frame by the files of its recording; None without one.
+    """Audio time (seconds) of a motion's first frame, by its file or by the files of its recording; None without one.
 
     Parameters
     ----------
     path : str or path
-        A recording's folder, its motion.npz or its skeletons.json. Other files beside them belong to no recording.
+        A recording's folder, its motion.npz or its skeletons.json, whose beats.json or config.json is asked first; or
+        any `.npz` that keeps its offset. Other files beside a recording do not belong to it.
 
     Raises
     ------
-    ValueError
-        The folder's beats.json or config.json is damaged; names it.
+    FileNotFoundError, ValueError
+        The file, or the folder's beats.json or config.json, is damaged or not there; names it.
     """
     path = Path(path)
     folder = path if path.is_dir() else path.parent
-    if (folder / "motion.npz").is_file():
-        is_annotated = (path.is_dir() or path.name == "motion.npz") and (folder / "beats.json").is_file()
-        return load_annotation(folder / "beats.json").offset if is_annotated else None
+    motion = path / "motion.npz" if path.is_dir() else path
+    is_recording = path.is_dir() or path.name == "motion.npz"
+    if (folder / "motion.npz").is_file() and is_recording and (folder / "beats.json").is_file():
+        return load_annotation(folder / "beats.json").offset
+    if motion.suffix.lower() == ".npz" and (motion.is_file() or not path.is_dir()):
+        return load_offset(motion)
     is_tang = (path.is_dir() or path.name.endswith("skeletons.json")) and (folder / "config.json").is_file()
     return tang2018.load_config(folder / "config.json").start / tang2018.FPS if is_tang else None
 
@@ -204,7 +232,7 @@ def load_any_motion(
 ) -> Motion:
     """The motion in any file that `load_motion` reads, in a recording's folder, or in a skeletons.json.
 
-    Parameters are those of `load_motion`; `joints` is for the files that it reads.
+    Parameters are those of `load_motion`; `fps` and `scale` are for the files that it reads.
 
     Raises
     ------
@@ -215,7 +243,7 @@ def load_any_motion(
     if path.is_dir() and (path / "skeletons.json").is_file() and not (path / "motion.npz").is_file():
         path = path / "skeletons.json"
     if path.name.endswith("skeletons.json"):
-        return tang2018.load_skeletons(path)
+        return motion_part(tang2018.load_skeletons(path), joints, path)
     return load_motion(path, fps=fps, scale=scale, joints=joints)
 
 

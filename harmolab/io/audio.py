@@ -6,6 +6,7 @@ says, and a span is sought, not read through.
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ import soundfile
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.io.files import PathLike, reading
+from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.types import Audio
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
@@ -178,6 +179,20 @@ def _blocks(sound: soundfile.SoundFile, count: int) -> Iterator[NDArray[Any]]:
         if not len(block):
             return
         yield block
+
+
+def wav_bytes(audio: Audio) -> bytes:
+    """The content of a WAV file of 16 bits; sound above full scale is turned down as a whole."""
+    file = io.BytesIO()
+    loudest = max(1.0, float(np.abs(audio.samples).max()))
+    soundfile.write(file, audio.samples / loudest, round(audio.sample_rate), subtype="PCM_16", format="WAV")
+    return file.getvalue()
+
+
+def save_audio(path: PathLike, audio: Audio) -> None:
+    """Write a sound as `wav_bytes`, whole or not at all."""
+    with atomic_write(path) as part:
+        part.write_bytes(wav_bytes(audio))
 
 
 def resampled(audio: Audio, sample_rate: float) -> Audio:

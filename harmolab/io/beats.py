@@ -8,7 +8,7 @@
                 "figure"}]}``; only ``beats_s`` must be there
 ==============  ==============================================================================================
 
-Lines that start with ``#`` are comments.
+Lines that start with ``#`` are comments. `save_beats` writes ``.beats``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import number_array
-from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading
+from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading, write_text
 from harmolab.types import BeatTrack, FloatArray
 
 # Annotations are not read from a curve; they are good to a millisecond at best.
@@ -172,6 +172,44 @@ def load_annotation(path: PathLike) -> BeatAnnotation:
         return _from_bars(first, second) if suffix == ".beats" else _from_columns(first, second)
 
 
+def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
+    """Write beats as lines ``time [place]`` of a ``.beats`` file, whole or not at all; a place of 1 begins a bar.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that is there is replaced only where it is a beat annotation itself.
+    track : BeatTrack of one beat or more
+    comment : str, a first line
+
+    Raises
+    ------
+    ValueError
+        For another suffix, no beats, a folder that is not there, or a file of another kind; names the file.
+    """
+    path = Path(path)
+    check_beats_file(path)
+    if len(track) == 0:
+        raise ValueError(f"{path}: there are no beats to write")
+    places = [""] * len(track) if track.bar_places is None else [f" {place + 1}" for place in track.bar_places]
+    lines = [f"{time:.4f}{place}" for time, place in zip(track.times, places, strict=True)]
+    write_text(path, "\n".join([f"# {' '.join(comment.split())}"] * bool(comment) + lines) + "\n")
+
+
+def check_beats_file(path: PathLike) -> None:
+    """ValueError that names the file unless beats may be written there: a new .beats file, or one that holds beats."""
+    path = Path(path)
+    if path.suffix.lower() != ".beats":
+        raise ValueError(f"{path}: beats are written as .beats; choose a name that ends so")
+    if not path.resolve().parent.is_dir():
+        raise ValueError(f"{path.parent}: no such folder")
+    if path.exists() or path.is_symlink():
+        try:
+            load_annotation(path)
+        except (FileNotFoundError, ValueError) as error:
+            raise ValueError(f"{path}: is there and no beat annotation; it is not written over ({error})") from None
+
+
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
     """The one or two columns of numbers in a text file."""
     lines = enumerate(text.splitlines(), start=1)
@@ -179,9 +217,11 @@ def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]
     rows = [(number, words) for number, words in rows if words]
     if header and rows and all(_number(word) is None for word in rows[0][1]):
         rows = rows[1:]
+    if not rows:
+        raise ValueError("holds no beats; a line for each is read, with its time in seconds first")
     if len(rows) > _MAX_BEATS:
         raise ValueError(f"has {len(rows)} lines of numbers, more than {_MAX_BEATS}: not the beats of one recording")
-    width = len(rows[0][1]) if rows else 1
+    width = len(rows[0][1])
     if width not in (1, 2):
         raise ValueError(f"has {width} columns; a time and perhaps one more number are read")
     table = np.empty((len(rows), width))

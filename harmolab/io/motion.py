@@ -14,6 +14,7 @@ name            shape and type                      meaning
 ``parents``     (J,) integers, optional             index of each joint's parent, -1 at a root
 ``valid``       (T,) bool, optional                 False where a frame is filler (a splice, an occlusion)
 ``units``       one string, optional                ``"m"`` for 3-D (else pass `scale`), any for 2-D
+``offset``      one number, optional                seconds, audio time of frame 0 in the song it was made for
 ==============  ==================================  =======================================================
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
@@ -41,7 +42,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -60,9 +61,18 @@ from harmolab.io.video import is_video
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import Motion, Skeleton
 
-_MEMBERS = {"positions": "fiu", "fps": "fiu", "joints": "U", "parents": "iu", "valid": "b", "units": "U"}
+_MEMBERS = {
+    "positions": "fiu",
+    "fps": "fiu",
+    "joints": "U",
+    "parents": "iu",
+    "valid": "b",
+    "units": "U",
+    "offset": "fiu",
+}
 # Movement hardly compresses. An archive that unfolds to more than this, and a hundredfold, is a trap.
 _BOMB_BYTES, _BOMB_RATIO = 64 * 2**20, 100
+_MOST_SECONDS = 36_000.0  # ten hours: no song begins or ends beyond
 
 
 def load_motion(
@@ -85,7 +95,11 @@ def load_motion(
     FileNotFoundError, ValueError
         Both name the file.
     """
-    motion = _load(Path(path), fps, scale, joints)
+    return motion_part(_load(Path(path), fps, scale, joints), joints, path)
+
+
+def motion_part(motion: Motion, joints: Sequence[str] | None, path: PathLike) -> Motion:
+    """The motion of these joints only, of all where there are no names; ValueError names file and joints."""
     if joints is None or motion.skeleton.joints == tuple(joints):
         return motion
     try:
@@ -154,7 +168,32 @@ def _load_npz(path: PathLike, fps: float | None, scale: float | None) -> Motion:
             if scale is None and units != "m":
                 raise ValueError(f"has positions in {units[:20]!r}; pass scale, the metres in one of them")
             positions = positions if scale is None else in_metres(positions, scale)
+        _offset(arrays)
         return checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid"))
+
+
+def load_offset(path: PathLike) -> float | None:
+    """Audio time (seconds) of the first frame that an `.npz` motion was made for; None where it holds none.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; ValueError where the offset is not one finite number of ten hours at most.
+    """
+    with reading(path, "an .npz motion") as file:
+        return _offset(_npz_arrays(file, ("offset",)))
+
+
+def _offset(arrays: dict[str, NDArray[Any]]) -> float | None:
+    """The checked offset among the arrays of an `.npz`, None without one."""
+    if "offset" not in arrays:
+        return None
+    if arrays["offset"].size != 1:
+        raise ValueError(f"offset must be one number, got shape {arrays['offset'].shape}")
+    seconds = float(arrays["offset"].item())
+    if not abs(seconds) <= _MOST_SECONDS:
+        raise ValueError(f"offset must be a number of seconds, ten hours at most, got {seconds:g}")
+    return seconds
 
 
 def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
@@ -165,11 +204,11 @@ def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
     return replace(Skeleton.unnamed(len(next(iter(parts.values())))), **parts) if parts else None
 
 
-def _npz_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of an `.npz` that we know; sizes are summed before anything is unpacked."""
+def _npz_arrays(path: Path, names: Iterable[str] = _MEMBERS) -> dict[str, NDArray[Any]]:
+    """The arrays of an `.npz` that have these names; sizes are summed before anything is unpacked."""
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        ours = {name: info for name, info in members.items() if name in _MEMBERS}
+        ours = {name: info for name, info in members.items() if name in names}
         unpacked = sum(info.file_size for info in ours.values())
         if unpacked > MAX_BYTES or unpacked > max(_BOMB_BYTES, _BOMB_RATIO * path.stat().st_size):
             raise ValueError(f"would unpack to {unpacked} bytes from {path.stat().st_size}; refused")
@@ -187,18 +226,27 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> NDArr
         raise ValueError(f"array {name!r}: {error}") from None
 
 
-def save_motion(path: PathLike, motion: Motion) -> None:
+def save_motion(path: PathLike, motion: Motion, *, offset: float | None = None) -> None:
     """Write a motion as `.npz` (the format above) or as `.bvh`; the file appears whole or not at all.
 
     From an `.npz` `load_motion` gives the same numbers back, bit by bit. A `.bvh` is for other programs; see `save_bvh`
     for what it keeps.
 
+    Parameters
+    ----------
+    path : str or path
+    motion : Motion
+    offset : float, seconds, optional
+        Audio time of frame 0 in the song that the motion belongs to; an `.npz` keeps it (`load_offset`).
+
     Raises
     ------
     ValueError
-        The name ends in neither, or the motion has no skeleton that BVH can hold.
+        The name ends in neither, the motion has no skeleton that BVH can hold, or the offset is no time in a song.
     """
     path = Path(path)
+    song_time: dict[str, Any] = {} if offset is None else {"offset": np.array(offset, np.float64)}
+    _offset(song_time)
     suffix = path.suffix.lower()
     if suffix == ".bvh":
         save_bvh(path, motion)
@@ -214,4 +262,5 @@ def save_motion(path: PathLike, motion: Motion) -> None:
             parents=np.array(motion.skeleton.parents),
             valid=motion.valid,
             units=np.array("m" if motion.positions.shape[2] == 3 else "image"),
+            **song_time,
         )

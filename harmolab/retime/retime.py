@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +32,16 @@ class Retimed:
     motion : Motion
     warp : TimeWarp
         The moment that frame i shows is ``warp.inverse(i / fps)`` of the motion as it was.
-    before, after : HarmonyScore, of the motion as it was and as it is
+    before, after : HarmonyScore, the recommended one, of the motion as it was and as it is
+    target_before, target_after : HarmonyScore, by the visual beats that the warp brings to the music's
     """
 
     motion: Motion
     warp: TimeWarp
     before: HarmonyScore
     after: HarmonyScore
+    target_before: HarmonyScore
+    target_after: HarmonyScore
 
 
 def retime(
@@ -49,6 +53,7 @@ def retime(
     slowest: float = 0.7,
     fastest: float = 1.4,
     params: HarmonyParams | None = None,
+    score: Callable[[Motion], HarmonyScore] | None = None,
     method: Method = "dp",
 ) -> Retimed:
     """The motion, slower here and faster there, so that its visual beats meet the music's.
@@ -64,7 +69,9 @@ def retime(
         Music beats on the motion's own time line.
     strength, phase, slowest, fastest : float, see `beat_warp`
     params : HarmonyParams, default ``HarmonyParams.valleys()``
-        The definition of visual beats, and of the score before and after.
+        The definition of visual beats and of the distance within which they should come: the target of the warp.
+    score : function from Motion to HarmonyScore
+        The number before and after; default that of `score_motion` with these beats and the recommended settings.
     method : "dp" or "lee2019", see `beat_warp`
 
     Returns
@@ -81,6 +88,8 @@ def retime(
     >>> from harmolab.corpora.synthetic import ClipSettings, planted_clip
     >>> clip = planted_clip(ClipSettings("rumba", seconds=20.0, jitter=0.15)).clip
     >>> retimed = retime(clip.motion, clip.beats)
+    >>> retimed.target_after.hit_rate > retimed.target_before.hit_rate
+    True
     >>> retimed.after.harmony_above_chance > retimed.before.harmony_above_chance
     True
     """
@@ -88,16 +97,18 @@ def retime(
     if params.clock != 1:
         raise ValueError(f"retiming takes a motion at its own clock; divide its fps by {params.clock} instead")
     beats = music.span(0.0, motion.duration)
-    before = score_motion(beats, motion, params=params, n_rotations=0)
+    target = partial(score_motion, beats, params=params, n_rotations=0)
+    score = score or partial(score_motion, beats)
+    before, target_before = score(motion), target(motion)
     visual, last = visual_beats(motion, params=params), (motion.n_frames - 1) / motion.fps
     warp = beat_warp(
         visual, beats, last,
         phase=phase, strength=strength, slowest=slowest, fastest=fastest, params=params, method=method,
     )  # fmt: skip
     if warp.is_identity:
-        return Retimed(motion, warp, before, before)
+        return Retimed(motion, warp, before, before, target_before, target_before)
     bent = motion_at(motion, warp.inverse(np.arange(motion.n_frames) / motion.fps))
-    return Retimed(bent, warp, before, score_motion(beats, bent, params=params, n_rotations=0))
+    return Retimed(bent, warp, before, score(bent), target_before, target(bent))
 
 
 def motion_at(motion: Motion, times: FloatArray) -> Motion:

@@ -143,7 +143,7 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
     if len(beats) < 2:
         return Judgement(0, beats, pattern)
     signal = shape_signal(shape, beats.times[0], beats.times[-1])
-    if len(beats) < FEWEST_BEATS or _floor(signal):
+    if len(beats) < FEWEST_BEATS or floor(signal):
         return Judgement(0, beats, pattern, signal)
     time = time_test(signal, beats.times, cycles=_cycles(beats, pattern))
     place = place_test(signal, beats.times, beats.bar_places, pattern)
@@ -160,7 +160,7 @@ def _cycles(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
     return tuple(sorted({1, cycle_of_meter(int(beats.bar_places.max()) + 1)}))
 
 
-def _floor(signal: ShapeSignal) -> str:
+def floor(signal: ShapeSignal) -> str:
     """The reason why there is too little movement to judge; "" where there is enough."""
     if signal.dimensions == 3 and signal.share < LEAST_SHARE:
         return "you only turn and travel"
@@ -180,8 +180,8 @@ def _level(time: TimeTest, lag: float, lags: Interval) -> int:
 
 
 def _cannot_tell(judgement: Judgement) -> str:
-    if judgement.signal is not None and (floor := _floor(judgement.signal)):
-        return f"Cannot tell: {floor}."
+    if judgement.signal is not None and (reason := floor(judgement.signal)):
+        return f"Cannot tell: {reason}."
     return f"Cannot tell: {len(judgement.beats)} beats are too few; {FEWEST_BEATS} are needed."
 
 
@@ -244,7 +244,7 @@ def _remarks(judgement: Judgement) -> list[str]:
 def _advice(judgement: Judgement) -> list[str]:
     """Ways to learn more than this verdict says."""
     advice: list[str] = []
-    if judgement.level == 4 or (judgement.signal is not None and _floor(judgement.signal)):
+    if judgement.level == 4 or (judgement.signal is not None and floor(judgement.signal)):
         return advice
     if len(judgement.beats) < FEW_BEATS:
         advice.append(

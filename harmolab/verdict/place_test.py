@@ -14,7 +14,6 @@ from math import lcm
 import numpy as np
 from scipy.stats import rankdata
 
-from harmolab.bar_pattern import evaluate_pattern
 from harmolab.params import BarPattern
 from harmolab.shape_speed import ShapeSignal
 from harmolab.types import FloatArray, IntArray
@@ -80,8 +79,13 @@ class PlaceTest:
 
     def shares(self, n_beats: int) -> FloatArray:
         """Rank of each of the music's beats, (n_beats,), in the reading that fits best at lag 0."""
-        best = int(self.ranks.mean(axis=1)[:, 0].argmax())
-        return self.ranks[best, (np.arange(n_beats) - self.first) % self.ranks.shape[1], 0]
+        return self.shares_at_lags(n_beats)[:, 0]
+
+    def shares_at_lags(self, n_beats: int) -> FloatArray:
+        """Rank of each of the music's beats at every lag, (n_beats, U), in the reading that fits best there."""
+        best = self.ranks.mean(axis=1).argmax(axis=0)
+        beats = (np.arange(n_beats) - self.first) % self.ranks.shape[1]
+        return self.ranks[best, beats[:, None], np.arange(best.size)]
 
     def spread(self, *, seed: int = 0, level: float = 0.95) -> tuple[tuple[float, float], tuple[float, float]]:
         """Intervals of H and of the lag (beats) from bar to bar: blocks of 4 beats or more are drawn with replacement.
@@ -124,7 +128,9 @@ def place_test(
     """
     readings = _readings(bar_places, pattern)
     cycle = lcm(*(reading.beats for reading, _ in readings))
-    first = int(np.ceil(np.interp(signal.times[0], beats, np.arange(beats.size)) - 1e-6))
+    # The first sample after a beat may lie up to a step behind it.
+    start = signal.times[0] - (signal.times[1] - signal.times[0])
+    first = int(np.ceil(np.interp(start, beats, np.arange(beats.size)) - 1e-6))
     count = (beats.size - 1 - first) // cycle * cycle
     if count < 1:
         raise ValueError(f"{beats.size} beats hold no whole cycle of {cycle}")
@@ -148,25 +154,52 @@ def _beat_ranks(speed: FloatArray, pattern: BarPattern, origin: int, cycle: int)
 
     `origin` is the number of the first beat counted from where the pattern begins.
     """
-    places = [_rank(_circular_fit(speed, pattern, place)) for place in range(pattern.beats)]
+    harmonics = harmonic_fits(speed, pattern.beats, len(pattern.cosines))
+    weights = np.array([pattern.cosines, pattern.sines]).T.ravel()
+    places = [_rank(turned(weights, pattern.beats, place) @ harmonics) for place in range(pattern.beats)]
     numbers = np.arange(speed.size // MOMENTS)
     moments = (numbers[:, None] * MOMENTS + np.arange(cycle * MOMENTS)) % speed.size
     return np.array(places)[(numbers + origin)[:, None] % pattern.beats, moments]
 
 
-def _circular_fit(speed: FloatArray, pattern: BarPattern, place: int) -> FloatArray:
-    """Correlation of a circular speed around each moment with the pattern around one of its places, (G,).
+def harmonic_fits(speed: FloatArray, beats: int, count: int, *, moments: int = MOMENTS) -> FloatArray:
+    """Correlation of a circular speed around each moment with each cosine and sine of a cycle.
 
-    The pattern is seen through a Hann window of one cycle, and has no mean.
+    They are seen through a Hann window of one cycle, and have no mean. The fit to a pattern is a sum of these, weighted
+    by the pattern's coefficients; the fit to another of its places one with `turned` coefficients.
+
+    Parameters
+    ----------
+    speed : (G,) array, `moments` samples a beat
+    beats : int, length of the cycle
+    count : int, H harmonics
+
+    Returns
+    -------
+    (2 H, G) array: first cosine, first sine, second cosine ...
     """
-    half = pattern.beats * MOMENTS // 2
-    offsets = np.arange(-half, half + 1) / MOMENTS
-    window = 0.5 + 0.5 * np.cos(np.pi * offsets * MOMENTS / half)
-    template = window * evaluate_pattern(pattern, offsets + place)
-    template -= window * template.sum() / window.sum()
-    kernel = np.zeros(speed.size)
-    np.add.at(kernel, np.arange(-half, half + 1) % speed.size, template)
-    return np.fft.irfft(np.fft.rfft(speed) * np.conj(np.fft.rfft(kernel)), speed.size)
+    half = beats * moments // 2
+    offsets = np.arange(-half, half + 1)
+    window = 0.5 + 0.5 * np.cos(np.pi * offsets / half)
+    angle = np.pi / half * np.arange(1, count + 1)[:, None] * offsets
+    waves = window * np.stack([np.cos(angle), np.sin(angle)], axis=1).reshape(2 * count, -1)
+    waves -= window * (waves.sum(axis=1) / window.sum())[:, None]
+    kernels = np.zeros((speed.size, 2 * count))
+    np.add.at(kernels, offsets % speed.size, waves.T)
+    fits = np.fft.rfft(speed) * np.conj(np.fft.rfft(kernels.T))
+    return np.fft.irfft(fits, speed.size)
+
+
+def turned(weights: FloatArray, beats: int, place: float | FloatArray) -> FloatArray:
+    """Coefficients of a pattern seen from `place` beats on, cosines and sines in turn: (..., 2 H) as those given.
+
+    `place` is one for all, or has the shape (..., 1).
+    """
+    pairs = weights.reshape(*weights.shape[:-1], -1, 2)
+    angle = 2 * np.pi * np.arange(1, pairs.shape[-2] + 1) * place / beats
+    cosines, sines = pairs[..., 0], pairs[..., 1]
+    both = [cosines * np.cos(angle) + sines * np.sin(angle), sines * np.cos(angle) - cosines * np.sin(angle)]
+    return np.stack(both, axis=-1).reshape(weights.shape)
 
 
 def _rank(fits: FloatArray) -> FloatArray:

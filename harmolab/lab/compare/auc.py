@@ -1,7 +1,8 @@
 """Does a score tell right music from wrong over a folder of recordings? (`harmolab compare`; cf. the paper's Fig. 8)
 
-On the grid of shifts that `parts` computes, the true music is shift 0 and lagged music is 0.3-0.7 beat further on; a
-chance band comes from giving each choreographic unit a random origin. A window scores the mean of its clips.
+True music is compared with the same music 0.3-0.7 beat late, or with other songs. The chance band holds 95 % of the
+AUCs of null corpora: the music of each unit of choreography, or of each recording, begins at a random phase, and all
+that is fitted is fitted anew. A window scores the mean of its clips.
 """
 
 from __future__ import annotations
@@ -16,21 +17,15 @@ import numpy as np
 
 from harmolab.corpora import folders
 from harmolab.corpora.files import corpus_recordings
-from harmolab.io.files import PathLike, Progress, silent
-from harmolab.lab.compare.windows import (
-    CLIP_SECONDS,
-    BeatClip,
-    all_clips,
-    constant_lags,
-    learn_patterns,
-    score_others,
-    score_shifts,
-)
-from harmolab.params import DANCES, BarPattern, HarmonyParams
+from harmolab.io.files import PathLike, Progress, plain, silent
+from harmolab.lab.compare.fits import TENTHS
+from harmolab.lab.compare.scores import Scores, ScoreTable, other_music, score_table
+from harmolab.lab.compare.verdicts import RecordingVerdict, recording_verdict, verdict_summary
+from harmolab.lab.compare.windows import CLIP_SECONDS, FITTED, BeatClip, cut_clips, learn_patterns, usable_clips
+from harmolab.params import DANCES, BarPattern
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
 
-LAGS = (3, 4, 5, 6, 7)  # tenths of a beat: what "lagged music" means
 Corpus = PathLike | Iterable[folders.Recording]
 
 
@@ -66,13 +61,12 @@ def compare(
     null: Literal["lagged", "other"] = "lagged",
     beats: Literal["annotated", "tracked"] | None = None,
     fit_on: Corpus | None = None,
-    n_rotations: int = 1000,
+    n_rotations: int = 400,
     seed: int = 0,
-    params: HarmonyParams | None = None,
     progress: Progress = silent,
     report: Callable[[folders.Problem], object] = lambda problem: None,
 ) -> CorpusResult:
-    """AUC of true against wrong music for every score over a corpus.
+    """AUC of true against wrong music for every score over a corpus, and the verdict on each recording.
 
     Parameters
     ----------
@@ -84,53 +78,51 @@ def compare(
     null : "lagged" (the same music 0.3-0.7 beat late) or "other" (other recordings' music)
     beats : "annotated" or "tracked"; left out, annotated unless a folder holds a recording without beats.json
     fit_on : corpus to fit patterns and lags on; None fits inside `recordings`, on other figures
-    n_rotations : int, random origins behind each chance band, and resamplings behind each interval; 0: neither
+    n_rotations : int, null corpora behind each chance band, and resamplings behind each interval; 0: neither
     seed : int
-    params : HarmonyParams of the recommended score
-    progress, report : as in `corpus_recordings`; progress also over the clips that are scored
+    progress, report : as in `corpus_recordings`; progress also over the clips that are scored and the null corpora
 
     Raises
     ------
     FileNotFoundError, ValueError
         Without recordings, or when annotated beats are asked for and missing; for a window that is not positive.
     """
-    params = params or HarmonyParams.recommended()
     beats = beats or _common_beats(recordings, fit_on)
     if window is not None and not 0 < window < float("inf"):
         raise ValueError(f"window must be a positive number of seconds, or None for whole sequences; got {window}")
-
-    def clips_of(source: Corpus) -> list[BeatClip]:
-        return all_clips(corpus_recordings(source, dances, progress=progress, report=report), beats, window, params)
-
-    clips = clips_of(recordings)
+    clips: list[BeatClip] = []
+    verdicts: list[RecordingVerdict] = []
+    for recording in corpus_recordings(recordings, dances, progress=progress, report=report):
+        cut = cut_clips(recording, beats, window)
+        clips += cut
+        verdicts.append(recording_verdict(recording, beats, cut, seed=seed + len(verdicts)))
     if not clips:
         raise ValueError("no sequence to compare")
-    fit_clips = None if fit_on is None else clips_of(fit_on)
-    if fit_clips is not None and not fit_clips:
-        raise ValueError("no sequence to fit on")
-    patterns = learn_patterns(clips, fit_clips)
-    grids = score_shifts(clips, patterns, params, progress)
-    fit_peaks = None if fit_clips is None else score_shifts(fit_clips, learn_patterns(fit_clips), params)["peaks"]
-    lags = constant_lags(clips, grids["peaks"], fit_clips, fit_peaks)
-    grids["peaks_lagged"] = [np.roll(grid, -lag) for grid, lag in zip(grids["peaks"], lags, strict=True)]
-    others = None
-    if null == "other":
-        others = score_others(clips, patterns, params, seed, progress)
-        others["peaks_lagged"] = others["peaks"]
-    result = _summarise(clips, grids, others, n_rotations, seed)
+    fit_clips = None
+    if fit_on is not None:
+        others = corpus_recordings(fit_on, dances, progress=progress, report=report)
+        fit_clips = [clip for recording in others for clip in cut_clips(recording, beats, window)]
+        if not fit_clips:
+            raise ValueError("no sequence to fit on")
+    usable = usable_clips(clips, fit_clips)
+    patterns = {name: learn_patterns(clips, fit_clips, score=name) for name in FITTED}
+    music = other_music(clips, seed) if null == "other" else None
+    table = score_table(clips, patterns, usable, fit_clips, music, progress)
+    result = _summarise(clips, table, n_rotations, seed, progress)
+    learnt = patterns["recommended"]
     summary = {
         "corpus": corpus or (str(recordings) if isinstance(recordings, str | os.PathLike) else ""),
         "window": window if window is not None else "whole", "null": null, "beats": beats,
         "n": len(result.dances), "n_sequences": len(set(result.sequences)), "fitted_on": _fit_note(clips, fit_clips),
-        "n_parts": len(clips), "unfitted_parts": sum(pattern == BarPattern.stop_on_the_beat() for pattern in patterns),
-        "seed": seed, **result.summary,
+        "n_parts": len(clips), "unfitted_parts": sum(pattern == BarPattern.stop_on_the_beat() for pattern in learnt),
+        "seed": seed, **result.summary, **verdict_summary(verdicts, fit_clips or clips, fit_clips is None),
     }  # fmt: skip
     fitted: dict[str, list[BarPattern]] = {}
     shifts: dict[str, list[float]] = {}
-    for clip, pattern, lag in zip(clips, patterns, lags, strict=True):
+    for clip, pattern, lag in zip(clips, learnt, table.lags.at(np.zeros(len(clips), np.int64)), strict=True):
         fitted.setdefault(clip.dance, []).append(pattern)
-        shifts.setdefault(clip.dance, []).append(lag / 10)
-    return replace(result, summary=summary, patterns=fitted, lags=shifts)
+        shifts.setdefault(clip.dance, []).append(float(lag) / TENTHS)
+    return replace(result, summary=plain(summary), patterns=fitted, lags=shifts)
 
 
 def _common_beats(*corpora: Corpus | None) -> Literal["annotated", "tracked"]:
@@ -172,50 +164,62 @@ class _Windows:
         np.add.at(sums, self.of_clip, values)
         return sums / np.bincount(self.of_clip).reshape(-1, *[1] * (values.ndim - 1))
 
+    def means_of(self, scores: Scores) -> Scores:
+        """Window means with true, (W,), and with wrong music, (W, K)."""
+        return self.means(scores[0]), self.means(scores[1])
 
-def _at_shifts(grids: Sequence[FloatArray], shifts: IntArray) -> FloatArray:
-    """Each clip's score at its shifts (clips, ...), around its cycle."""
-    return np.array([grid[shift % grid.size] for grid, shift in zip(grids, shifts, strict=True)])
+    def aucs(self, table: dict[str, Scores]) -> dict[str, float]:
+        """AUC of true against wrong music of every score."""
+        return {name: auc(*self.means_of(scores)) for name, scores in table.items()}
 
 
 def _summarise(
-    clips: Sequence[BeatClip],
-    grids: dict[str, list[FloatArray]],
-    others: dict[str, list[FloatArray]] | None,
-    n_rotations: int,
-    seed: int,
+    clips: Sequence[BeatClip], table: ScoreTable, n_rotations: int, seed: int, progress: Progress
 ) -> CorpusResult:
     """AUC, interval, chance band and per-dance values of every score."""
     windows = _Windows.of(clips)
-    origin = np.zeros(len(clips), dtype=np.int64)
-    true: dict[str, FloatArray] = {}
-    wrong: dict[str, FloatArray] = {}
+    means = {name: windows.means_of(row) for name, row in table.at(np.zeros(len(clips), np.int64)).items()}
+    true, wrong = ({name: row[side] for name, row in means.items()} for side in (0, 1))
+    bands = _chance_bands(clips, table, windows, n_rotations, seed, progress)
     scores: dict[str, Any] = {}
-    origins = _origins(clips, n_rotations, seed)
-    for name, grid in grids.items():
-        strange = None if others is None else others[name]
-        true[name], wrong[name] = _true_and_wrong(grid, origin, windows, strange)
+    for name in means:
         scores[name] = _row(true[name], wrong[name], windows.sequences, seed, n_rotations)
-        scores[name]["chance_band"] = _quantiles([auc(*_true_and_wrong(grid, at, windows, strange)) for at in origins])
+        scores[name]["chance_band"] = bands.get(name, [None, None])
         scores[name]["by_dance"] = _rows_by_dance(true[name], wrong[name], windows, seed, n_rotations)
     return CorpusResult({"scores": scores}, true, wrong, windows.dances, windows.sequences)
 
 
-def _true_and_wrong(
-    grid: Sequence[FloatArray], origin: IntArray, windows: _Windows, others: Sequence[FloatArray] | None
-) -> tuple[FloatArray, FloatArray]:
-    """Window means at the origin, (W,), and against wrong music, (W, K)."""
-    right = _at_shifts(grid, origin)
-    wrong = np.array(others) if others is not None else _at_shifts(grid, origin[:, None] + np.array(LAGS))
-    return windows.means(right), windows.means(wrong)
+def _chance_bands(
+    clips: Sequence[BeatClip], table: ScoreTable, windows: _Windows, count: int, seed: int, progress: Progress
+) -> dict[str, list[float | None]]:
+    """The middle 95 % of the AUCs of each score over null corpora.
+
+    Units of choreography may have been laid on the music one by one, or a dancer keeps one phase through a recording:
+    both are turned, and the wider band counts.
+    """
+    bands: dict[str, list[float | None]] = {}
+    units, recordings = [clip.unit for clip in clips], [clip.sequence for clip in clips]
+    groups = {"unit": units, "recording": recordings} if units != recordings else {"recording": recordings}
+    for name, group in groups.items():
+        draws = _origins(clips, group, count, seed)
+        rows = [windows.aucs(table.at(origins)) for origins in progress(draws, f"chance band, by {name}")]
+        for score in rows[0] if rows else ():
+            band = _quantiles([row[score] for row in rows])
+            bands[score] = max(band, bands.get(score, band), key=_width)
+    return bands
 
 
-def _origins(clips: Sequence[BeatClip], count: int, seed: int) -> IntArray:
-    """(count, clips) random shifts in tenths of a beat; clips of the same unit turn together."""
+def _width(band: list[float | None]) -> float:
+    low, high = band
+    return 0.0 if low is None or high is None else high - low
+
+
+def _origins(clips: Sequence[BeatClip], groups: Sequence[str], count: int, seed: int) -> IntArray:
+    """(count, clips) random shifts in tenths of a beat; clips of the same group turn together."""
     rng = np.random.default_rng(seed)
-    units = {unit: index for index, unit in enumerate(dict.fromkeys(clip.unit for clip in clips))}
-    steps = math.lcm(*(10 * clip.cycle for clip in clips))
-    return rng.integers(0, steps, (count, len(units)))[:, [units[clip.unit] for clip in clips]]
+    _, group = np.unique(groups, return_inverse=True)
+    steps = math.lcm(*(TENTHS * clip.cycle for clip in clips))
+    return rng.integers(0, steps, (count, group.max() + 1))[:, group]
 
 
 def _quantiles(values: Sequence[float]) -> list[float | None]:

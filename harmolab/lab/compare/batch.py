@@ -4,26 +4,27 @@
 than any clip, so that one sorted search finds every nearest visual beat and none belongs to another clip. Same numbers
 as `score_harmony`.
 
-`PatternBatch` keeps what the recommended mode needs: music beats, and the normalised speed, which is slow to find.
-Same numbers as `score_motion`.
+`PlaceBatch` keeps what the recommended mode needs: how the beats rank at every lag, which is slow to find.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from math import lcm
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.bar_pattern import beat_curve, beat_moments, joint_fits, normalised_speed
 from harmolab.beats.saliency import normalise_strengths, strength_steps
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import EDGE
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.params import HarmonyParams
+from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
+from harmolab.verdict.judge import floor
+from harmolab.verdict.place_test import FREE, HIT, MOMENTS, place_test
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,23 +82,35 @@ class BeatBatch:
 
 
 @dataclass(frozen=True, eq=False)
-class PatternBatch:
-    """C clips for the recommended mode: music beats, the dance's normalised speed, and M, its visual beats.
+class PlaceBatch:
+    """C clips for the recommended mode, ranked at every lag of one cycle: a lag is an index.
+
+    H needs no more than two beats here, since a mean over clips is shown. It is 0 where too little moves inside the
+    body, or the beats hold no whole cycle.
 
     Parameters
     ----------
-    music : C beat tracks
-    speeds : C pairs (times, speed) of `harmolab.bar_pattern.normalised_speed`
-    n_visual : (C,) array of int
+    curves : (C, U) array, T(u) of `PlaceTest`, U / 48 beats
+    hits : (C, U) array, number of beats that fit better than the median moment
+    hitting : (C, U) array, strengths of these beats added up
+    chance : (C,) array
+    n_audio, n_visual : (C,) arrays of int
+    periods : (C,) array, seconds from beat to beat
+    durations : (C,) array, seconds
     """
 
-    music: tuple[BeatTrack, ...]
-    speeds: tuple[tuple[FloatArray, FloatArray], ...]
+    curves: FloatArray
+    hits: FloatArray
+    hitting: FloatArray
+    chance: FloatArray
+    n_audio: IntArray
     n_visual: IntArray
+    periods: FloatArray
+    durations: FloatArray
 
     @classmethod
-    def of(cls, pairs: Sequence[tuple[BeatTrack, Motion]], params: HarmonyParams) -> PatternBatch:
-        """The batch of (music, motion) on one time line; of `params` counts what decides how the motion is read.
+    def of(cls, pairs: Sequence[tuple[BeatTrack, Motion]], params: HarmonyParams) -> PlaceBatch:
+        """The batch of (music, motion) on one time line, read with the pattern of `params`.
 
         Raises
         ------
@@ -106,44 +119,31 @@ class PatternBatch:
         """
         if not pairs:
             raise ValueError("a batch needs at least one clip")
-        timed = [replace(motion, fps=motion.fps / params.clock) for _, motion in pairs]
-        return cls(
-            tuple(music for music, _ in pairs),
-            tuple(normalised_speed(motion, params) for motion in timed),
-            np.array([len(visual_beats(motion, params=params)) for motion in timed], np.int64),
-        )
+        rows = [_place_row(music, motion, params) for music, motion in pairs]
+        return cls(*(np.array(column) for column in zip(*rows, strict=True)))
 
-    @property
-    def durations(self) -> FloatArray:
-        """(C,) array, seconds."""
-        return np.array([music.duration for music in self.music])
-
-    @cached_property
-    def audio_clip(self) -> IntArray:
-        """(N,) array: which clip each music beat belongs to."""
-        return np.repeat(np.arange(len(self.music)), [len(track) for track in self.music])
-
-    @cached_property
-    def beat_numbers(self) -> list[IntArray]:
-        """Number of each music beat of each clip, counted from the beginning of a bar where that is known."""
-        firsts = [0 if track.bar_places is None or not len(track) else track.bar_places[0] for track in self.music]
-        return [np.arange(len(track)) + first for track, first in zip(self.music, firsts, strict=True)]
-
-    @cached_property
-    def is_ranked(self) -> list[bool]:
-        """True for each clip that has beats and movement enough to be ranked."""
-        return [len(track) > 1 and bool(speed.any()) for track, (_, speed) in zip(self.music, self.speeds, strict=True)]
-
-    def moved(self, seconds: FloatArray) -> PatternBatch:
-        """The batch with each clip's music moved by `seconds`, (C,), round its end."""
-        return replace(self, music=tuple(map(_moved_track, self.music, seconds)))
+    def moved(self, seconds: FloatArray) -> PlaceBatch:
+        """The batch with each clip's music moved by `seconds`, (C,), to the nearest of 48 moments a beat."""
+        steps = np.round(seconds / self.periods * MOMENTS).astype(np.int64)
+        lags = (np.arange(self.curves.shape[1]) + steps[:, None]) % self.curves.shape[1]
+        arrays = {name: np.take_along_axis(getattr(self, name), lags, axis=1) for name in ("curves", "hits", "hitting")}
+        return replace(self, **arrays)
 
 
-def _moved_track(track: BeatTrack, seconds: float) -> BeatTrack:
-    """The beats moved round the end of their time line; two that fall on one moment become one."""
-    times, kept = np.unique(np.mod(track.times + seconds, track.duration), return_index=True)
-    places = None if track.bar_places is None else track.bar_places[kept]
-    return BeatTrack(times, track.strengths[kept], track.fps, track.duration, places)
+def _place_row(music: BeatTrack, motion: Motion, params: HarmonyParams) -> tuple[Any, ...]:
+    """The fields of a `PlaceBatch` of one clip."""
+    pattern, strengths = params.pattern, normalise_strengths(music.strengths, params.normalisation)
+    cycle = lcm(*(one.beats for one in FREE)) if pattern is None else pattern.beats
+    curve, hits, chance = np.full(cycle * MOMENTS, 0.5), np.zeros((2, cycle * MOMENTS)), 0.5
+    # A beat at either end may lie beyond the motion's samples.
+    if len(music) >= cycle + 2 and not floor(signal := shape_signal(shape_speed(motion), *music.times[[0, -1]])):
+        place = place_test(signal, music.times, music.bar_places, pattern)
+        fits = place.shares_at_lags(len(music)) > 0.5
+        curve, hits, chance = place.curve, np.array([fits.sum(axis=0), strengths @ fits]), place.chance
+        if place.reading is HIT:
+            params = replace(params, detector="peaks")
+    period = 60 / music.tempo if len(music) > 1 else 1.0
+    return curve, *hits, chance, len(music), len(visual_beats(motion, params=params)), period, music.duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,72 +191,22 @@ def rescore(batch: BeatBatch, params: HarmonyParams) -> BatchScores:
     )
 
 
-def rescore_patterns(batch: PatternBatch, params: HarmonyParams) -> BatchScores:
-    """Scores of every clip by its fit to ``params.pattern``, with the batch's reading of the motions.
+def rescore_places(batch: PlaceBatch, params: HarmonyParams) -> BatchScores:
+    """Scores of every clip at the lag of `params`, to the nearest of 48 moments a beat.
 
-    Raises
-    ------
-    ValueError
-        Where the best place in the bar would have to be searched for, or for another reading of saliency: use
-        `score_motion` for those.
+    At no lag, with 16 beats and above the floor they are those of `score_motion`.
     """
-    pattern = params.pattern or BarPattern.stop_on_the_beat()
-    if pattern.beats > 1 and any(track.bar_places is None for track in batch.music):
-        raise ValueError("rescore_patterns needs to know the bar places of all beats; use score_motion")
-    if params.saliency != "threshold":
-        raise ValueError(f"rescore_patterns knows the saliency 'threshold' only, not {params.saliency!r}")
-    clips, clip = len(batch.music), batch.audio_clip
-    strengths, level = _strengths(batch, params.normalisation)
-    salient, ranks = strengths > params.audio_threshold * level[clip], _beat_ranks(batch, params)
-    fits, weights = salient & (ranks > 0.5), strengths * salient
-    n_audio, n_fitting = (_sums(clip, mask, clips) for mask in (salient, fits))
-    score, total, mass = (_sums(clip, part, clips) for part in (weights * fits, weights, weights * ranks))
-    chance = np.full(clips, 0.5)
+    clips, size = batch.curves.shape
+    now = np.arange(clips), np.round(params.lag / batch.periods * MOMENTS).astype(np.int64) % size
     return BatchScores(
-        harmony=_harmony(score, n_audio.astype(np.int64), batch.n_visual, params.beta),
-        hit_rate=_quotient(n_fitting, n_audio),
-        chance=chance,
-        harmony_above_chance=np.where(n_audio > 0, _above_chance(_quotient(mass, total), chance), 0.0),
-        hitting_score=score,
-        n_audio=n_audio.astype(np.int64),
+        harmony=_harmony(batch.hitting[now], batch.n_audio, batch.n_visual, params.beta),
+        hit_rate=_quotient(batch.hits[now], batch.n_audio),
+        chance=batch.chance,
+        harmony_above_chance=_above_chance(batch.curves[now], batch.chance),
+        hitting_score=batch.hitting[now],
+        n_audio=batch.n_audio,
         n_visual=batch.n_visual,
     )
-
-
-@lru_cache(maxsize=8)  # asked for whenever a slider moves, and changed by none
-def _strengths(batch: PatternBatch, normalisation: str) -> tuple[FloatArray, FloatArray]:
-    """Normalised strengths of all music beats, (N,), and their SD in each clip, (C,)."""
-    rows = [normalise_strengths(track.strengths, normalisation) for track in batch.music]
-    return np.concatenate(rows), np.array([row.std() if row.size else 0.0 for row in rows])
-
-
-def _beat_ranks(batch: PatternBatch, params: HarmonyParams) -> FloatArray:
-    """Rank of every music beat of every clip among the clip's moments, (N,); 0.5 where nothing can be ranked."""
-    nothing = (np.zeros(0), 0)
-    curves = [
-        beat_curve(times - params.lag, speed, track) if moves else nothing
-        for track, (times, speed), moves in zip(batch.music, batch.speeds, batch.is_ranked, strict=True)
-    ]
-    pattern = params.pattern or BarPattern.stop_on_the_beat()
-    fits = joint_fits([curve for curve, _ in curves], pattern)
-    ordered = np.sort(fits, axis=-1)
-    ranks = [np.zeros(0)]
-    for clip, (beats, (curve, first)) in enumerate(zip(batch.beat_numbers, curves, strict=True)):
-        if curve.size == 0:
-            ranks.append(np.full(beats.size, 0.5))
-            continue
-        places, moments = beats % pattern.beats, beat_moments(beats, first, curve.size)
-        ranks.append(_ranks(ordered[clip], places, fits[clip, places, moments]) / curve.size)
-    return np.concatenate(ranks)
-
-
-def _ranks(ordered: FloatArray, places: IntArray, values: FloatArray) -> FloatArray:
-    """Number of entries below each value in its row of (rows, G), half of those equal to it counted."""
-    below = np.empty(values.size)
-    for place, row in enumerate(ordered):
-        own = places == place
-        below[own] = (row.searchsorted(values[own]) + row.searchsorted(values[own], side="right")) / 2
-    return below
 
 
 def _sums(clip: IntArray, values: NDArray[Any], clips: int) -> FloatArray:

@@ -1,32 +1,33 @@
-"""Recordings cut into clips, and every score of a clip at a grid of shifts of its music: what `corpus` ranks.
+"""Recordings cut into clips, and the bar patterns that are learnt on them.
 
-Each clip is scored against its own music moved in tenths of a beat over one cycle of its bar pattern; all else is
-arithmetic on that grid. Whatever a score fits (bar patterns, lags) is fitted on another corpus, or inside the corpus
-on clips of other recordings that share no figure with the judged clip.
+Whatever a score fits (bar patterns, lags) is fitted on another corpus, or inside the corpus on clips of other
+recordings that share no figure with the judged clip.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
-from harmolab.bar_pattern import PatternSums, beat_positions, fit_of_speed, fit_pattern, normalised_speed, pattern_sums
+from harmolab.bar_pattern import PatternSums, beat_positions, fit_pattern, normalised_speed, pattern_sums
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
 from harmolab.corpora import folders
 from harmolab.corpora.files import corpus_recordings
 from harmolab.corpora.folders import recording_beats
-from harmolab.harmony import above_chance
 from harmolab.io.files import PathLike, Progress, silent
-from harmolab.lab.compare.batch import BeatBatch, rescore
-from harmolab.metrics.beats import beat_align, beat_hit_rate, kinematic_params, mir_eval_scores
+from harmolab.metrics.beats import kinematic_params
 from harmolab.params import DANCES, BarPattern, HarmonyParams
-from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion
+from harmolab.verdict.judge import floor
 
 CLIP_SECONDS = 6.0
-N_OTHERS = 5  # stretches of other music for the "other" null
+# Scores with a pattern to learn: the movement signal of each.
+FITTED = MappingProxyType({"recommended": HarmonyParams.recommended(), "room_speed": HarmonyParams.room_speed()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +44,10 @@ class BeatClip:
     start, duration : float, seconds on the audio time line
     track : BeatTrack, all music beats of the recording
     cycle : int, beats in a bar pattern's cycle
+    is_placed : bool; False where beats are counted from the recording's first, since "one" is not known
     visual : dict from "turns", "valleys", "peaks", "kinematic" to that kind of visual beats
-    times, speed : (T,) arrays, the normalised joint speed
-    sums : PatternSums or None, what it adds to a bar pattern; None when it has no tempo
+    speeds : dict from the names of `FITTED` to (times, speed), the normalised movement signal
+    sums : dict from the same names to what it adds to a bar pattern; empty when it has no tempo
     """
 
     sequence: str
@@ -57,10 +59,10 @@ class BeatClip:
     duration: float
     track: BeatTrack
     cycle: int
+    is_placed: bool
     visual: Mapping[str, BeatTrack]
-    times: FloatArray
-    speed: FloatArray
-    sums: PatternSums | None
+    speeds: Mapping[str, tuple[FloatArray, FloatArray]]
+    sums: Mapping[str, PatternSums]
 
     @property
     def period(self) -> float:
@@ -73,7 +75,7 @@ class BeatClip:
         return self.track.span(self.start - shift, self.duration)
 
 
-def cut_clips(recording: folders.Recording, beats: str, window: float | None, params: HarmonyParams) -> list[BeatClip]:
+def cut_clips(recording: folders.Recording, beats: str, window: float | None) -> list[BeatClip]:
     """The clips of one recording, each of `CLIP_SECONDS` or more, as many as fit into its windows.
 
     `window` is in seconds, None for the whole recording; a shorter recording is one window.
@@ -82,22 +84,26 @@ def cut_clips(recording: folders.Recording, beats: str, window: float | None, pa
     if motion is None:
         raise ValueError(f"{recording.folder}: no motion")
     track = recording_beats(recording, beats)
-    cycle = cycle_of_meter(_meter(recording, beats) if track.bar_places is not None else None)
+    annotated = recording.clip.beats
+    teacher = annotated if beats == "tracked" and annotated is not None and len(annotated) else track
+    cycle = cycle_of_meter(None if teacher.bar_places is None else _meter(recording))
+    judged = track if track.bar_places is not None else replace(track, bar_places=np.arange(len(track)) % cycle)
     n_windows = 1 if window is None else max(1, int(motion.duration / window + 1e-6))
     length = motion.duration if window is None else min(window, motion.duration)
     per_window = max(1, int(length / CLIP_SECONDS + 1e-6))
     clips = []
+    is_placed = cycle == 1 or track.bar_places is not None
     for index in range(n_windows * per_window):
         # On a frame, or the music would be up to half a frame off.
         start = round(index * length / per_window * motion.fps) / motion.fps
         movement = motion.span(start, length / per_window)
-        clips.append(_beat_clip(recording, index // per_window, start, movement, track, cycle, params))
+        clips.append(_beat_clip(recording, index // per_window, start, movement, judged, teacher, cycle, is_placed))
     return clips
 
 
-def _meter(recording: folders.Recording, beats: str) -> int | None:
+def _meter(recording: folders.Recording) -> int | None:
     """Beats in a bar: as annotated, or as the dance has it."""
-    if beats == "annotated" and recording.annotation is not None:
+    if recording.annotation is not None and recording.annotation.meter is not None:
         return recording.annotation.meter
     return DANCES[recording.clip.dance].meter if recording.clip.dance in DANCES else None
 
@@ -108,20 +114,34 @@ def _beat_clip(
     start: float,
     motion: Motion,
     track: BeatTrack,
+    teacher: BeatTrack,
     cycle: int,
-    params: HarmonyParams,
+    is_placed: bool,
 ) -> BeatClip:
-    """The clip of a span of the motion; the motion itself is not kept, so a large corpus stays small in memory."""
+    """The clip of a span of the motion; the motion itself is not kept, so a large corpus stays small in memory.
+
+    It is judged by the beats of `track`, and teaches by those of `teacher`: annotated ones, where there are any.
+    """
     folder, begins = str(recording.folder), recording.clip.offset + start
     units = _units_in(recording, begins, motion.duration)
     longest = max(units, key=units.__getitem__)[1] if units else folder
-    times, speed = normalised_speed(motion, params)
-    music = track.span(begins, motion.duration)
-    sums = pattern_sums(beat_positions(times, music), speed, cycle) if len(music) > 1 else None
+    speeds = {name: _speed(motion, params) for name, params in FITTED.items()}
+    beats = teacher.span(begins, motion.duration)
+    is_timed = len(beats) > 1
+    sums = {
+        name: pattern_sums(beat_positions(row[0], beats), row[1], cycle) for name, row in speeds.items() if is_timed
+    }
     return BeatClip(
         folder, window, recording.clip.dance, frozenset(figure for figure, _ in units), longest, begins,
-        motion.duration, track, cycle, _visual_tracks(motion), times, speed, sums,
+        motion.duration, track, cycle, is_placed, _visual_tracks(motion), speeds, sums,
     )  # fmt: skip
+
+
+def _speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArray]:
+    """`normalised_speed` of a clip; all 0 where too little moves inside the body to judge its shape."""
+    times, speed = normalised_speed(motion, params)
+    is_judged = params.measure != "shape" or not floor(shape_signal(shape_speed(motion)))
+    return times, speed * is_judged
 
 
 def _visual_tracks(motion: Motion) -> dict[str, BeatTrack]:
@@ -154,20 +174,25 @@ def usable(clip: BeatClip, judged: BeatClip, *, same_corpus: bool) -> bool:
     return not (same_corpus and clip.sequence == judged.sequence)
 
 
-def learn_patterns(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None = None) -> list[BarPattern]:
+def usable_clips(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None = None) -> BoolArray:
+    """(n, m) bools: clip j of `fit_clips` (of the corpus itself when left out) may be fitted on when i is judged."""
+    source, same = (clips, True) if fit_clips is None else (fit_clips, False)
+    rows = [[usable(clip, judged, same_corpus=same) for clip in source] for judged in clips]
+    return np.array(rows, bool).reshape(len(clips), len(source))
+
+
+def learn_patterns(
+    clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None = None, *, score: str = "recommended"
+) -> list[BarPattern]:
     """A bar pattern for each clip, learnt on what `usable` admits; movements that stop on the beat where nothing is.
 
-    Where the place in the bar is unknown nothing is learnt: over one beat the figures of a dance cancel out, and what
-    is left points the other way for a figure that was left out.
+    `score` is the name in `FITTED` whose movement signal is learnt. Where the place in the bar is unknown to all, that
+    is the curve over one beat.
     """
     source = clips if fit_clips is None else fit_clips
     patterns = []
-    for judged in clips:
-        rows = [
-            clip.sums
-            for clip in source
-            if clip.sums and judged.cycle > 1 and usable(clip, judged, same_corpus=fit_clips is None)
-        ]
+    for judged, row in zip(clips, usable_clips(clips, fit_clips), strict=True):
+        rows = [source[index].sums[score] for index in np.flatnonzero(row).tolist() if source[index].sums]
         label = f"{len(rows)} clips of {judged.dance or 'the corpus'}"
         patterns.append(fit_pattern(rows, source=label) if rows else BarPattern.stop_on_the_beat())
     return patterns
@@ -190,113 +215,13 @@ def dance_patterns(
     """
     recordings = corpus_recordings(corpus, progress=progress, report=report)
     rows: dict[str, list[PatternSums]] = {}
-    for clip in all_clips(recordings, "annotated", None, HarmonyParams.recommended()):
-        if clip.sums is not None:
-            rows.setdefault(clip.dance, []).append(clip.sums)
+    for recording in recordings:
+        for clip in cut_clips(recording, "annotated", None):
+            if clip.sums:
+                rows.setdefault(clip.dance, []).append(clip.sums["recommended"])
     if not rows:
         raise ValueError("no sequence with annotated beats to learn from")
     return {
         dance: replace(fit_pattern(sums, source=f"{len(sums)} clips of {dance or 'unknown dance'}"), dance=dance)
         for dance, sums in rows.items()
     }
-
-
-def score_against(
-    clip: BeatClip, pattern: BarPattern, params: HarmonyParams, tracks: Sequence[BeatTrack]
-) -> dict[str, FloatArray]:
-    """Every score of one clip against each music (on the clip's time line): name -> (len(tracks),) array."""
-    paper = rescore(BeatBatch.of([(music, clip.visual["turns"]) for music in tracks]), HarmonyParams.paper())
-    table = {
-        "paper": paper.harmony,
-        "recommended": np.array([_pattern_score(clip, pattern, params, music) for music in tracks]),
-        "paper_above_chance": paper.harmony_above_chance,
-        "hit_rate": paper.hit_rate,
-    }
-    for kind in ("valleys", "peaks"):
-        batch = BeatBatch.of([(music, clip.visual[kind]) for music in tracks])
-        table[kind] = rescore(batch, HarmonyParams.valleys()).harmony_above_chance
-    moves = clip.visual["kinematic"].times
-    rows = [
-        {
-            "beat_align_motion": beat_align(moves, music.times),
-            "beat_align_music": beat_align(music.times, moves),
-            "beat_hit_rate": beat_hit_rate(moves, music.times),
-            **mir_eval_scores(music.times, moves, only=("f",)),
-        }
-        for music in tracks
-    ]
-    return table | {name: np.array([row[name] for row in rows]) for name in rows[0]}
-
-
-def _pattern_score(clip: BeatClip, pattern: BarPattern, params: HarmonyParams, music: BeatTrack) -> float:
-    """The recommended score of one clip with one music."""
-    fit = fit_of_speed(music, clip.times, clip.speed, replace(params, pattern=pattern), n_rotations=60)
-    return above_chance(fit.mean, fit.chance) if fit.shares.size else 0.0
-
-
-def score_shifts(
-    clips: Sequence[BeatClip], patterns: Sequence[BarPattern], params: HarmonyParams, progress: Progress = silent
-) -> dict[str, list[FloatArray]]:
-    """Every score of every clip at shifts of 0, 0.1, 0.2 ... beat over its cycle: name -> one array a clip."""
-
-    def shifted(clip: BeatClip) -> list[BeatTrack]:
-        return [clip.music(step * clip.period / 10) for step in range(10 * clip.cycle)]
-
-    return _score_table(progress(clips, "scoring"), patterns, params, shifted)
-
-
-def score_others(
-    clips: Sequence[BeatClip], patterns: Sequence[BarPattern], params: HarmonyParams, seed: int, progress: Progress
-) -> dict[str, list[FloatArray]]:
-    """Every score of every clip against `N_OTHERS` random stretches of other recordings' music."""
-    rng = np.random.default_rng(seed)
-    tracks = {clip.sequence: clip.track for clip in clips}
-    if len(tracks) < 2:
-        raise ValueError("other music needs at least two sequences")
-
-    def others(clip: BeatClip) -> list[BeatTrack]:
-        names = rng.choice([name for name in tracks if name != clip.sequence], N_OTHERS)
-        music = [tracks[str(name)] for name in names]
-        return [track.span(rng.uniform(0, max(track.duration - clip.duration, 0.01)), clip.duration) for track in music]
-
-    return _score_table(progress(clips, "scoring other music"), patterns, params, others)
-
-
-def _score_table(
-    clips: Iterable[BeatClip],
-    patterns: Sequence[BarPattern],
-    params: HarmonyParams,
-    music_of: Callable[[BeatClip], list[BeatTrack]],
-) -> dict[str, list[FloatArray]]:
-    """Every score of every clip against its music: name -> one array a clip."""
-    table: dict[str, list[FloatArray]] = {}
-    for clip, pattern in zip(clips, patterns, strict=True):
-        for name, values in score_against(clip, pattern, params, music_of(clip)).items():
-            table.setdefault(name, []).append(values)
-    return table
-
-
-def constant_lags(
-    clips: Sequence[BeatClip],
-    grids: Sequence[FloatArray],
-    fit_clips: Sequence[BeatClip] | None = None,
-    fit_grids: Sequence[FloatArray] | None = None,
-) -> list[int]:
-    """For each clip the shift (tenths of a beat, within a beat) that scores best on the clips it may be fitted on."""
-    source, table = (clips, grids) if fit_clips is None or fit_grids is None else (fit_clips, fit_grids)
-    lags = []
-    for judged in clips:
-        rows = [
-            grid.reshape(-1, 10).mean(axis=0)
-            for clip, grid in zip(source, table, strict=True)
-            if usable(clip, judged, same_corpus=fit_clips is None)
-        ]
-        lags.append(int(np.argmax(np.mean(rows, axis=0))) if rows else 0)
-    return lags
-
-
-def all_clips(
-    recordings: Iterable[folders.Recording], beats: str, window: float | None, params: HarmonyParams
-) -> list[BeatClip]:
-    """The clips of every recording."""
-    return [clip for recording in recordings for clip in cut_clips(recording, beats, window, params)]

@@ -16,7 +16,7 @@ from harmolab.lab.experiments.generation import SYNTHETIC
 from harmolab.lab.experiments.locked import judged_columns
 from harmolab.lab.experiments.study import corpus_folders, data_root, readable_recordings
 from harmolab.lab.profile import RunProfile
-from harmolab.params import DANCE_PATTERNS, BarPattern, HarmonyParams
+from harmolab.params import DANCE_PATTERNS, BarPattern
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import judge
@@ -65,8 +65,8 @@ def level_table(recordings: Sequence[Recording], *, seed: int = 0) -> pd.DataFra
     DataFrame, a row for each recording and music (`OWN`, `LAGGED`, `OTHER`): recording, dance, music, "shared figures",
     and the columns of `judged_columns`. No row for other music where all recordings are of one dance.
     """
-    rng, params = np.random.default_rng(seed), HarmonyParams.recommended()
-    clips = [cut_clips(recording, "annotated", None, params) for recording in recordings]
+    rng = np.random.default_rng(seed)
+    clips = [cut_clips(recording, "annotated", None) for recording in recordings]
     rows = []
     for recording, parts in zip(recordings, clips, strict=True):
         pattern, shared = _pattern_of_others(

@@ -188,18 +188,17 @@ def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: fl
     recording = _first_of_dance(profile, dance, seconds)
     if data_root() is None or recording.annotation is None:
         return None
-    params = HarmonyParams.recommended()
     start, _ = middle_span(recording, seconds)
     near = [
         clip
-        for clip in cut_clips(recording, "annotated", None, params)
+        for clip in cut_clips(recording, "annotated", None)
         if clip.start < start + seconds and start < clip.start + clip.duration
     ]
     judged = replace(near[0], figures=frozenset().union(*(clip.figures for clip in near)))
     others = (item for item in readable_recordings(recording.folder.parent) if item.folder != recording.folder)
     annotated = (item for item in others if item.annotation is not None and item.clip.dance == recording.clip.dance)
-    clips = [clip for item in annotated for clip in cut_clips(item, "annotated", None, params)]
-    (pattern,) = learn_patterns([judged], clips)
+    clips = [clip for item in annotated for clip in cut_clips(item, "annotated", None)]
+    pattern = learn_patterns([judged], clips)[0]
     return None if pattern == BarPattern.stop_on_the_beat() else replace(pattern, dance=recording.clip.dance)
 
 

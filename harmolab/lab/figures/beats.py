@@ -200,7 +200,7 @@ def draw_marks(
 
 
 def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float) -> Axes:
-    """Percentile rank of each music beat among all moments of the clip (measure "pattern"): 1 best, 0.5 chance.
+    """Percentile rank of each music beat among all moments of the clip (measure "pattern", or "shape" with one).
 
     Parameters
     ----------
@@ -288,17 +288,30 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figu
 
 
 def draw_score(ax: Axes, score: HarmonyScore) -> Axes:
-    """The beats of one score: hit or missed, or ranked."""
+    """The beats of one score: hit or missed, or ranked where they are compared with a pattern."""
     params = score.params
-    if params.measure == "pattern":
+    if is_ranked(score):
         return draw_shares(ax, score.music, score.shares, chance=score.chance)
     return draw_hits(ax, score.music, score.visual, score.pairs, delay=params.reaction_delay, lag=params.lag)
 
 
+def is_ranked(score: HarmonyScore) -> bool:
+    """True where the shares of a score are ranks of its beats by the fit to a pattern."""
+    if score.judgement is None:
+        return score.params.measure == "pattern"
+    return score.judgement.place is not None and score.judgement.pattern is not None
+
+
 def headline(score: HarmonyScore) -> str:
-    """The verdict in one line."""
-    low, high = score.interval
-    return (
-        f"above chance {score.harmony_above_chance:+.2f} (95 % {low:+.2f} to {high:+.2f}, p = {score.p_value:.3f});  "
-        f"h = {score.harmony:.2f}, {score.hits.sum()} of {score.n_audio} beats, chance {score.chance:.0%}"
-    )
+    """The number in one line, "-" where there is none, with its level or with the paper's numbers."""
+    number, unit = "above chance -", "beat"
+    if score.judgement is not None:
+        number, unit = f"level {score.judgement.level} of 4, {number}", "bar"
+    if np.isfinite(score.above_chance):
+        number = number.removesuffix("-") + f"{score.above_chance:+.2f}"
+        if np.isfinite(score.p_value):
+            low, high = score.interval
+            number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, p = {score.p_value:.3f})"
+    if score.judgement is not None:
+        return number
+    return f"{number};  h = {score.harmony:.2f}, {score.hits.sum()} of {score.n_audio} beats, chance {score.chance:.0%}"

@@ -1,4 +1,4 @@
-"""Early or late: the offset of the dance from each music beat, along time."""
+"""The distance from each music beat to the dancer's nearest rest or hit, along time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.lab.figures.beats import draw_marks
+from harmolab.lab.figures.beats import draw_marks, draw_shares
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.types import FloatArray, HarmonyScore
 
@@ -30,11 +30,18 @@ def signed_offsets(audio_times: FloatArray, visual_times: FloatArray) -> FloatAr
     return offsets
 
 
+def event_name(score: HarmonyScore) -> str:
+    """Name of the events that a score's visual beats are: "rest", "hit", or "visual beat" where they are both."""
+    if score.judgement is not None and score.judgement.reading == "hit":
+        return "hit"
+    return {"valleys": "rest", "peaks": "hit"}.get(score.params.detector, "visual beat")
+
+
 def draw_timing(ax: Axes, score: HarmonyScore) -> Axes:
-    """Each music beat's offset to the visual beat that hits it, in milliseconds; early lies below zero, late above.
+    """Each music beat's distance to the visual beat that hits it, in milliseconds; below zero before it, above after.
 
     A green circle is a hit of the score; a red cross a miss, at its nearest visual beat. Without visual beats only the
-    band of the tolerance is drawn.
+    band of the tolerance is drawn. An event before the beat is not yet a dancer who is early: that is for the verdict.
     """
     music, times = score.music, score.visual.times - score.params.lag
     hits = score.pairs >= 0
@@ -46,12 +53,13 @@ def draw_timing(ax: Axes, score: HarmonyScore) -> Axes:
     finite = np.isfinite(offsets)
     draw_marks(ax, music.times[finite], offsets[finite], hits[finite], labels=("hit", "missed"))
     room = 1.15 * max(float(np.abs(offsets[finite]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
-    ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel="early (ms)  |  late (ms)")
+    label = f"{event_name(score)} before  |  after (ms)"
+    ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel=label)
     return ax
 
 
 def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
-    """The mean offset of each segment as an orange line, with a pale field for its interval.
+    """The lag of each segment as an orange line, with a pale field for its spread.
 
     Parameters
     ----------
@@ -59,18 +67,26 @@ def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
     means : (start, end, mean, (low, high)) for each segment, seconds
     """
     for place, (start, end, mean, (low, high)) in enumerate(means):
-        field = "mean and 95 % interval" if place == 0 else None
+        field = "lag and spread from bar to bar" if place == 0 else None
         ax.plot([start, end], [1000 * mean] * 2, color=COLOURS["visual"], linewidth=2.2, zorder=4, label=field)
         if np.isfinite([low, high]).all():
             ax.fill_between([start, end], 1000 * low, 1000 * high, color=COLOURS["visual"], alpha=0.35, lw=0, zorder=3)
     return ax
 
 
+def ranks_figure(score: HarmonyScore, *, size: tuple[float, float] = (9.0, 3.6)) -> Figure:
+    """The rank of each music beat by the fit to a dance's pattern (`is_ranked`), with a legend; `size` in inches."""
+    with styled_axes(size) as (figure, (ax,)):
+        draw_shares(ax, score.music, score.shares, chance=score.chance).set_ylabel("rank of the fit")
+        _add_legend(ax, size)
+    return figure
+
+
 def timing_figure(
     score: HarmonyScore,
     *,
     means: Sequence[Mean] = (),
-    title: str = "How early or late each music beat is met",
+    title: str = "The rest or hit nearest to each music beat",
     size: tuple[float, float] = (9.0, 3.6),
 ) -> Figure:
     """`draw_timing` and `draw_means` as one picture with a legend.
@@ -85,5 +101,10 @@ def timing_figure(
     with styled_axes(size) as (figure, (ax,)):
         draw_means(draw_timing(ax, score), means)
         ax.set_title(title)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)
+        _add_legend(ax, size)
     return figure
+
+
+def _add_legend(ax: Axes, size: tuple[float, float]) -> None:
+    """A legend below the axes, folded in a narrow figure."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)

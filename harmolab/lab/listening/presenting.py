@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-import re
-import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from functools import partial
+from collections.abc import Callable
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs
 
 from harmolab.lab.listening.answers import AnswerLog
+from harmolab.lab.listening.local_page import LocalPage, Reply
 from harmolab.lab.listening.trials import Trial, TrialSet
 from harmolab.lab.report.templates import framed, rendered
 
-HOST = "127.0.0.1"
 TITLE = "Listening study"
-MOST_BYTES = 4096  # of a form
-IDLE_SECONDS = 30.0
 FRAME_HEIGHT = 860  # pixels: question, player and answers
 
 
@@ -45,7 +38,7 @@ def _page(**values: Any) -> str:
     return rendered("study.html.j2", title=TITLE, **values)
 
 
-class StudyServer:
+class StudyServer(LocalPage):
     """Asks the trials of one rater in a browser on this machine.
 
     Parameters
@@ -58,9 +51,6 @@ class StudyServer:
 
     Notes
     -----
-    It listens on 127.0.0.1 only. Its address holds a secret, so that another page open in the browser can neither
-    read the trials nor answer them.
-
     In a notebook it shows itself as a frame whose buttons work while the kernel runs. The frame holds the trial itself,
     so the offline report shows and plays it too.
 
@@ -78,38 +68,30 @@ class StudyServer:
     """
 
     def __init__(self, trials: TrialSet, log: AnswerLog, show: Callable[[Trial], str], *, port: int = 0) -> None:
+        super().__init__(port=port)
         self._trials, self._log, self._show = trials, log, show
-        self.path = f"/{secrets.token_urlsafe(16)}/"
         self._since = time.monotonic()
         self._answering = threading.Lock()
-        self.finished = threading.Event()
-        self._server = ThreadingHTTPServer((HOST, port), partial(_Handler, self))
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
 
-    @property
-    def address(self) -> str:
-        """The page's address, for a browser of this machine."""
-        return f"http://{HOST}:{self._server.server_port}{self.path}"
+    def get(self, name: str) -> Reply | None:
+        """The page that asks, or thanks."""
+        if name:
+            return None
+        waiting, page = self.turn()
+        return Reply(page, is_last=not waiting)
 
-    def start(self) -> StudyServer:
-        """Itself, serving until `stop` or the end of the program."""
-        self._thread.start()
-        return self
-
-    def stop(self) -> None:
-        """End serving; answers stay."""
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join()
-
-    @contextmanager
-    def running(self) -> Iterator[str]:
-        """The address, served until the end of the ``with`` block."""
-        self.start()
+    def post(self, body: str) -> Reply:
+        """Writes the answer of a form, and leads back to the page."""
+        form = parse_qs(body)
         try:
-            yield self.address
-        finally:
-            self.stop()
+            self.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
+        except (ValueError, OSError) as error:
+            raise ValueError(f"The answer was not saved: {error}") from None
+        return Reply("", HTTPStatus.SEE_OTHER, location=self.path)
+
+    def refusal(self, error: Exception) -> Reply:
+        """A page with the fault."""
+        return Reply(_page(text=str(error)))
 
     def turn(self) -> tuple[tuple[Trial, ...], str]:
         """The trials without an answer, and the page that asks the first of them."""
@@ -126,59 +108,3 @@ class StudyServer:
             if trial in {one.id for one in self._log.resume(self._trials)}:
                 seconds = round(time.monotonic() - self._since, 3)
                 self._log.record(self._trials, trial, choice, seconds=seconds)
-
-
-class _Handler(BaseHTTPRequestHandler):
-    """GET shows the trial, POST answers it."""
-
-    timeout = IDLE_SECONDS
-
-    def __init__(self, study: StudyServer, *args: Any) -> None:
-        self.study = study
-        super().__init__(*args)  # answers the request
-
-    def parse_request(self) -> bool:
-        """True for a request to the study's own address; any other is answered here."""
-        is_request = super().parse_request()
-        if is_request and self.path != self.study.path:
-            self._reply(HTTPStatus.NOT_FOUND, _page(text="There is nothing here."))
-        return is_request and self.path == self.study.path
-
-    def do_GET(self) -> None:
-        try:
-            waiting, page = self.study.turn()
-        except ValueError as error:  # a damaged file of answers or pages
-            self._reply(HTTPStatus.INTERNAL_SERVER_ERROR, _page(text=str(error)))
-            return
-        self._reply(HTTPStatus.OK, page)
-        if not waiting:
-            self.study.finished.set()
-
-    def do_POST(self) -> None:
-        try:
-            form = self._form()
-            self.study.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
-        except (ValueError, OSError) as error:
-            self._reply(HTTPStatus.BAD_REQUEST, _page(text=f"The answer was not saved: {error}"))
-        else:
-            self._reply(HTTPStatus.SEE_OTHER, "", Location=self.path)
-
-    def _form(self) -> dict[str, list[str]]:
-        length = self.headers.get("Content-Length", "")
-        if not re.fullmatch("[0-9]{1,9}", length) or int(length) > MOST_BYTES:
-            raise ValueError(f"an answer has at most {MOST_BYTES} bytes")
-        return parse_qs(self.rfile.read(int(length)).decode("utf-8", "replace"))
-
-    def _reply(self, status: HTTPStatus, text: str, **headers: str) -> None:
-        """Sends the page; a rater who has closed it before it has come is no fault."""
-        content = text.encode()
-        fixed = {"Content-Type": "text/html; charset=utf-8", "Content-Length": str(len(content))}
-        with suppress(ConnectionError):
-            self.send_response(status)
-            for name, value in {**fixed, "Cache-Control": "no-store", **headers}.items():
-                self.send_header(name, value)
-            self.end_headers()
-            self.wfile.write(content)
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Says nothing: the rater's terminal is no place for requests."""

@@ -9,14 +9,14 @@ import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.corpora.files import load_clip
-from harmolab.harmony import score_motion
+from harmolab.harmony import score_clip, score_motion
 from harmolab.io.files import PathLike, Progress, check_output, silent
 from harmolab.io.motion import save_motion
 from harmolab.io.video import CODINGS, is_video, video_frames, write_video
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.timing.movement import picture_motion
-from harmolab.params import HarmonyParams
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.retime.matching import Method
 from harmolab.retime.retime import Retimed, retime, warp_video
 from harmolab.types import Audio, Clip, HarmonyScore, Motion
@@ -33,6 +33,7 @@ def write_dance(
     rate: float | None = None,
     height: int = 480,
     score: HarmonyScore | None = None,
+    params: HarmonyParams | None = None,
     progress: Progress = silent,
 ) -> None:
     """Write the motion of a clip with its part of the sound as a video, a stick figure on a floor or over a video.
@@ -46,7 +47,8 @@ def write_dance(
     rate : float, pictures a second, 30 when left out; a video keeps its own
     height : int, pixels
     score : HarmonyScore, optional
-        Of the motion with its music, whose beats and hits the marks show; that of speed valleys when left out.
+        Of the motion with its music, whose beats and hits the marks show; that by `params` when left out.
+    params : HarmonyParams, default the recommended ones with the pattern of the clip's dance, if known
 
     Raises
     ------
@@ -56,14 +58,16 @@ def write_dance(
     motion = _motion(clip)
     if over is None:
         rate = rate or RATE
-        frames = render_dance(motion, fps=rate, height=height, score=(score or _score(clip, motion)) if marks else None)
+        frames = render_dance(
+            motion, fps=rate, height=height, score=(score or _score(clip, motion, params)) if marks else None
+        )
     elif rate is not None:
         raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")
     else:
         check_output(out, [over])
         video = video_frames(over, height=height, colour=True)
         motion, rate = points_in_picture(motion, video), video.fps
-        frames = overlay_skeleton(video, rate, motion, score=(score or _score(clip, motion)) if marks else None)
+        frames = overlay_skeleton(video, rate, motion, score=(score or _score(clip, motion, params)) if marks else None)
     write_video(out, progress(frames, "drawing"), rate, audio=sound_of(clip))
 
 
@@ -75,8 +79,10 @@ def retime_files(
     offset: float | None = None,
     dance: str = "",
     beats: PathLike | None = None,
+    one: float | None = None,
     fps: float | None = None,
     scale: float | None = None,
+    params: HarmonyParams | None = None,
     strength: float = 1.0,
     phase: float = 0.0,
     slowest: float = 0.7,
@@ -88,9 +94,10 @@ def retime_files(
 
     Parameters
     ----------
-    song, motion, offset, dance, beats, fps, scale : as in `load_clip`; `motion` may also be a video
+    song, motion, offset, dance, beats, one, fps, scale : as in `load_clip`; `motion` may also be a video
         A video moves as its pictures do as a whole, whose rests are those of the dancer.
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
+    params : HarmonyParams of the number before and after, as in `harmolab.harmony.score_clip`
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
     progress : Progress over reading, beat tracking and drawing
 
@@ -104,17 +111,20 @@ def retime_files(
     movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
     for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
         clip = load_clip(
-            path, movement, offset=offset, dance=dance, beats=beats, fps=fps, scale=scale, sample_rate=None
+            path, movement, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
         )
     moves = _motion(clip)
     music = music_beats(clip).span(clip.offset, moves.duration)
-    retimed = retime(moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method)
+    retimed = retime(
+        moves, music, phase=phase, strength=strength, slowest=slowest, fastest=fastest, method=method,
+        score=lambda bent: score_clip(replace(clip, motion=bent), params),
+    )  # fmt: skip
     if video:
         warp_video(video.path, out, retimed.warp, sound_of(clip))
     elif Path(out).suffix.lower() in CODINGS:
         write_dance(out, replace(clip, motion=retimed.motion), progress=progress)
     else:
-        save_motion(out, retimed.motion)
+        save_motion(out, retimed.motion, offset=clip.offset)
     return retimed
 
 
@@ -131,9 +141,9 @@ def _motion(clip: Clip) -> Motion:
     return clip.motion
 
 
-def _score(clip: Clip, motion: Motion) -> HarmonyScore | None:
-    """Hits of speed valleys, which the marks of a video show; None where the clip has no beats."""
+def _score(clip: Clip, motion: Motion, params: HarmonyParams | None) -> HarmonyScore | None:
+    """The score whose rests or hits the marks of a video show; None where the clip has no beats."""
     if clip.beats is None:
         return None
-    music = clip.beats.span(clip.offset, motion.duration)
-    return score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)
+    params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))
+    return score_motion(clip.beats.span(clip.offset, motion.duration), motion, params=params)

@@ -1,31 +1,32 @@
-"""Early and late in numbers: the offset of each visual beat from the music, its means, its change, its drift.
+"""Findings behind a verdict: the number, the tempo, the lag and its change, beats met. Each of them is one sentence.
 
-Visual beats are read as places in the beat: a phase from 0 to 1 between two music beats. A dancer who makes two
-movements a beat has them at two places, so phases are first folded onto the grid that the dancer keeps. Intervals are
-Student's t on the offsets in time. Neighbouring beats resemble each other: that is the least the uncertainty can be.
+All numbers are those of the judgement, so that no finding can contradict the headline. Early, late and milliseconds
+are spoken of only where the judgement places the movement in the beat (levels 3 and 4), and not at all where the
+dance's place in its song is known modulo the beat only. Spreads are from bar to bar: they say how steady a take is, and
+are no evidence that its place in the beat is more than luck.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
-from harmolab.bar_pattern import beat_positions
-from harmolab.significance import mean_interval
-from harmolab.types import BeatTrack, FloatArray
+from harmolab.harmony import chance_level
+from harmolab.types import BeatTrack, HarmonyScore
+from harmolab.verdict.judge import Judgement
+from harmolab.verdict.place_test import PlaceTest, place_test
 
-SMALLEST = 0.02  # seconds; smaller offsets are not noticed
-LINE_SHARE = 0.9  # a line fits better where it leaves less than this share of the squares that a step leaves
-FASTEST_CLOCK = 0.03  # share by which the clock of a recording may be wrong
-GRIDS = (1, 2)  # movements that fit on one beat
+SMALLEST = 0.02  # seconds; smaller changes are not noticed
+FEWEST = 8  # beats in a half: two blocks that can be drawn from
+EVENTS = ("rest", "hit")  # readings whose events are a score's visual beats
 Interval = tuple[float, float]
+NOTHING: Interval = (float("nan"), float("nan"))
 
 
 class MeanOffset(NamedTuple):
-    """Mean offset from the music (seconds, late is positive) between two times, with its 95 % interval."""
+    """Lag (seconds, late is positive) between two times, with its spread from bar to bar."""
 
     start: float
     end: float
@@ -33,93 +34,163 @@ class MeanOffset(NamedTuple):
     interval: Interval
 
 
-@dataclass(frozen=True, eq=False)
-class Timing:
-    """Offset of each movement from the music.
+@dataclass(frozen=True)
+class Finding:
+    """One statistic of a dance, and its sentence.
 
     Parameters
     ----------
-    times, offsets : (M,) arrays, seconds
-        Of each visual beat: its time, and its lateness after its place on the grid.
-    grid : int, places on one beat (2: beats and half beats)
-    p_value : float
-        Of the Rayleigh test that movements fall anywhere in the beat, times the number of clocks tried.
+    kind : "score", "tempo", "rate", "lag", "change" or "hits"
+    value : float
+        Harmony above chance; p-value of the time test; movements a beat; seconds late; seconds later in the second
+        half; share of beats met.
+    sentence : str
+    interval : (float, float), spread of the value from bar to bar; NaN where there is none
     """
 
-    times: FloatArray
-    offsets: FloatArray
-    grid: int
-    p_value: float
-
-    def half_means(self, duration: float) -> tuple[MeanOffset, ...]:
-        """Mean offsets of the first and of the second half; those with fewer than three movements are left out."""
-        halves = []
-        for start, end in ((0.0, duration / 2), (duration / 2, duration)):
-            inside = (self.times >= start) & (self.times < end)
-            if inside.sum() >= 3:
-                mean, low, high = mean_interval(self.offsets[inside])
-                halves.append(MeanOffset(start, end, mean, (low, high)))
-        return tuple(halves)
-
-    def half_difference(self, duration: float) -> tuple[float, Interval]:
-        """Seconds by which the second half is later than the first, and the 95 % interval (Welch)."""
-        second = self.times >= duration / 2
-        early, late = self.offsets[~second], self.offsets[second]
-        spread = float(np.hypot(early.std(ddof=1) / np.sqrt(early.size), late.std(ddof=1) / np.sqrt(late.size)))
-        reach = float(stats.t.ppf(0.975, min(early.size, late.size) - 1)) * spread
-        change = float(late.mean() - early.mean())
-        return change, (change - reach, change + reach)
-
-    def drift(self) -> tuple[float, Interval]:
-        """Seconds later in each second, by least squares, with Student's interval."""
-        line = stats.linregress(self.times, self.offsets)
-        reach = float(stats.t.ppf(0.975, self.times.size - 2) * line.stderr)
-        return float(line.slope), (float(line.slope) - reach, float(line.slope) + reach)
-
-    def is_line(self, duration: float) -> bool:
-        """True where a straight line leaves a tenth less of the offsets unexplained than a step in the middle."""
-        second = self.times >= duration / 2
-        step = np.where(second, self.offsets[second].mean(), self.offsets[~second].mean())
-        line = np.polyval(np.polyfit(self.times, self.offsets, 1), self.times)
-        return bool(np.square(self.offsets - line).sum() < LINE_SHARE * np.square(self.offsets - step).sum())
+    kind: str
+    value: float
+    sentence: str
+    interval: Interval = NOTHING
 
 
-def beat_timing(music: BeatTrack, visual: BeatTrack, *, lag: float = 0.0) -> Timing:
-    """Offset of each visual beat from the grid of beats, or of half beats, that the dancer keeps.
+@dataclass(frozen=True)
+class Explanation:
+    """Findings in the order of their sentences, and the lag of each half where lags are spoken of."""
 
-    A clock that runs wrong moves the places evenly: clocks up to 3 % off are tried, the one at which the movements
-    gather most is taken, and offsets are counted on from there without jumps.
+    findings: tuple[Finding, ...] = ()
+    halves: tuple[MeanOffset, ...] = field(default=(), kw_only=True)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The sentence of each finding."""
+        return tuple(finding.sentence for finding in self.findings)
+
+    def relative(self) -> Explanation:
+        """The findings that hold for a dance whose place in the song is known modulo the beat only."""
+        kept = tuple(one for one in self.findings if one.kind in ("tempo", "rate", "change"))
+        return replace(self, findings=kept, halves=())
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences)
+
+
+def explain(score: HarmonyScore) -> Explanation:
+    """The findings about a score.
 
     Parameters
     ----------
-    music, visual : BeatTrack on one time line, two and one beats at least
-    lag : float, seconds, expected delay of a movement
+    score : HarmonyScore by ``HarmonyParams.recommended()``
+
+    Returns
+    -------
+    Explanation; without findings where there is too little to judge (level 0).
+
+    Raises
+    ------
+    ValueError
+        The score has no judgement: its measure is not "shape".
+
+    Examples
+    --------
+    >>> from harmolab import HarmonyParams, score_clip, synthetic_clip
+    >>> words = explain(score_clip(synthetic_clip("rumba", seconds=24.0, seed=3), HarmonyParams.recommended()))
+    >>> [finding.kind for finding in words.findings]
+    ['score', 'tempo', 'rate', 'lag', 'hits']
     """
-    times = visual.times - lag
-    positions = beat_positions(times, music) - (0 if music.bar_places is None else music.bar_places[0])
-    period = float(np.polyfit(np.arange(len(music)), music.times, 1)[0])
-    centre = positions.mean()
-    steps = int(np.ceil(FASTEST_CLOCK * np.ptp(positions) * 10)) + 1
-    slopes = np.linspace(-FASTEST_CLOCK, FASTEST_CLOCK, 2 * steps + 1)
-    n_clocks = 1 + 2 * FASTEST_CLOCK * np.ptp(positions)  # clocks that differ
-    best = None
-    for grid in GRIDS:
-        phases = grid * (positions - slopes[:, None] * (positions - centre))
-        resultants = np.exp(2j * np.pi * phases).mean(axis=1)
-        top = int(np.abs(resultants).argmax())
-        length = float(np.abs(resultants[top]))
-        if best is None or length > best[0] + 0.1:  # half beats only where they explain clearly more
-            place = np.angle(resultants[top]) / (2 * np.pi)
-            rest = (phases[top] - place + 0.5) % 1 - 0.5
-            # The middle of the clip lies within half a place of the grid; the clock's part is put back.
-            best = length, grid, (rest + place) / grid + slopes[top] * (positions - centre)
-    length, grid, lateness = best  # type: ignore[misc]  # GRIDS is not empty
-    # Rayleigh's test, by Zar's approximation, for each clock and grid.
-    count, total = times.size, times.size * length
-    p = float(np.exp(np.sqrt(1 + 4 * count + 4 * (count**2 - total**2)) - (1 + 2 * count)))
-    return Timing(visual.times, lateness * period, grid, min(1.0, n_clocks * len(GRIDS) * p))
+    judgement = score.judgement
+    if judgement is None:
+        raise ValueError(f"words need a score of measure 'shape', got {score.params.measure!r}")
+    if judgement.place is None:
+        return Explanation()
+    findings = [_score(judgement), _tempo(judgement)]
+    if judgement.level >= 2:
+        findings.append(_rate(judgement))
+    if judgement.level < 3:
+        return Explanation(tuple(findings))
+    halves = _half_lags(judgement)
+    findings += [_lag(judgement), *_change(halves), *_hits(score)]
+    return Explanation(tuple(findings), halves=halves)
 
 
-def is_clear(value: float, interval: Interval) -> bool:
-    """True where an interval excludes zero, and the value is large enough to notice."""
-    return (interval[0] > 0 or interval[1] < 0) and abs(value) >= SMALLEST
+def _score(judgement: Judgement) -> Finding:
+    value, (low, high) = judgement.harmony_above_chance, judgement.interval
+    spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} from bar to bar"
+    sentence = (
+        f"Harmony above chance is {value:.2f} (0 is a random phase, 1 the best moment of the take on every beat"
+        f"{spread}; p = {judgement.p_value:.3f})."
+    )
+    return Finding("score", value, sentence, judgement.interval)
+
+
+def _tempo(judgement: Judgement) -> Finding:
+    """The share of tempi that fit as well as the music's."""
+    share, tempo = 100 * judgement.p_time, judgement.tempo
+    sentence = (
+        f"Of the tempi around the music's {tempo:.1f} bpm, {share:.1f} % fit your movement as well (the limit is 5 %)."
+    )
+    return Finding("tempo", judgement.p_time, sentence)
+
+
+def _rate(judgement: Judgement) -> Finding:
+    rate = judgement.time.rate if judgement.time else np.nan
+    return Finding("rate", rate, f"Movements a beat: {rate:.2g}.")
+
+
+def _lag(judgement: Judgement) -> Finding:
+    low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
+    spread = "" if np.isnan(low) else f" ({1000 * low:+.0f} to {1000 * high:+.0f} ms from bar to bar)"
+    sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+.0f} ms{spread}."
+    return Finding("lag", judgement.lag_s, sentence, (low, high))
+
+
+def _half_lags(judgement: Judgement) -> tuple[MeanOffset, ...]:
+    """The lag of the first and of the second half; none where a half has too few beats."""
+    beats, signal, pattern = judgement.beats, judgement.signal, judgement.pattern
+    second = beats.times >= (beats.times[0] + beats.times[-1]) / 2
+    halves = beats.select(~second), beats.select(second)
+    if signal is None or min(map(len, halves)) <= max(FEWEST, pattern.beats if pattern else 0):
+        return ()
+    tests = [place_test(signal, half.times, half.bar_places, pattern) for half in halves]
+    return tuple(_mean_offset(judgement, half, test) for half, test in zip(halves, tests, strict=True))
+
+
+def _mean_offset(judgement: Judgement, beats: BeatTrack, test: PlaceTest) -> MeanOffset:
+    """The lag of a stretch of beats, of all places that are one the nearest to the lag of the whole."""
+    period = 60 / judgement.tempo
+    lag = judgement.lag + _wrapped(test.lag - judgement.lag, test.reach)
+    low, high = (edge - test.lag + lag for edge in test.spread()[1])
+    return MeanOffset(float(beats.times[0]), float(beats.times[-1]), lag * period, (low * period, high * period))
+
+
+def _wrapped(lag: float, reach: float) -> float:
+    """A lag within +- reach beats, beyond which it is another beat's."""
+    return (lag + reach) % (2 * reach) - reach
+
+
+def _change(halves: tuple[MeanOffset, ...]) -> list[Finding]:
+    """The change of the lag between the halves, where their spreads from bar to bar do not meet."""
+    if not halves:
+        return []
+    first, second = halves
+    change = second.mean - first.mean
+    interval = second.interval[0] - first.interval[1], second.interval[1] - first.interval[0]
+    if abs(change) < SMALLEST or not (interval[0] > 0 or interval[1] < 0):
+        return []
+    words = f"{abs(change) * 1000:.0f} ms {'later' if change > 0 else 'earlier'}"
+    return [Finding("change", change, f"In the second half you are {words} than in the first.", interval)]
+
+
+def _hits(score: HarmonyScore) -> list[Finding]:
+    """The share of beats with a rest, or a hit, close by, against chance; for those who are there on the beat."""
+    judgement, delay = score.judgement, score.params.reaction_delay
+    if judgement is None or judgement.level < 4 or judgement.reading not in EVENTS:
+        return []
+    times = score.visual.times - score.params.lag
+    chance = chance_level(times, delay=delay, duration=score.music.duration)
+    met = int((score.pairs >= 0).sum())
+    sentence = (
+        f"{met} of {len(score.music)} beats have a {judgement.reading} within {1000 * delay:.0f} ms; at random "
+        f"moments it would be {100 * chance:.0f} % of them."
+    )
+    return [Finding("hits", met / len(score.music), sentence)]

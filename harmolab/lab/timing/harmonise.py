@@ -1,7 +1,8 @@
-"""A given dance brought into harmony with music: small movements of the joints put its visual beats on the beat.
+"""A given dance brought into harmony with music: small movements of the joints put it on the beat.
 
-The relaxed harmony of `soft_harmony` is raised by gradient. Two things hold exactly, whatever the
-gradient asks for: no joint moves further than it may, and every bone keeps the length it has in each frame.
+The relaxed harmony of `soft_harmony` is raised by gradient, and the score that everyone else sees decides what is kept.
+Two things hold exactly, whatever the gradient asks for: no joint moves further than it may, and every bone keeps the
+length it has in each frame.
 """
 
 from __future__ import annotations
@@ -13,14 +14,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from harmolab.beats.visual import visual_beats
-from harmolab.harmony import score_harmony
+from harmolab.harmony import score_motion
 from harmolab.io.files import Progress, silent
-from harmolab.params import HarmonyParams
+from harmolab.params import BarPattern, HarmonyParams
 from harmolab.skeletons import ancestors
 from harmolab.systems.common.soft_harmony import anneal, soft_harmony
 from harmolab.systems.harmogan.terms import foot_loss, jerk_loss
 from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.judge import LEAST_PULSE, Judgement
+from harmolab.verdict.place_test import REST, PlaceTest, place_test
 
 KNOT = 0.15  # seconds between the knots of the splines that offsets follow: little above 3 Hz is added
 RATE = 30.0  # hertz: the search looks at this many frames a second, or a few more
@@ -39,11 +41,12 @@ def harmonise(
     *,
     reach: float = 0.1,
     params: HarmonyParams | None = None,
+    pattern: BarPattern | None = None,
     steps: int = 300,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Motion:
-    """The motion with its joints moved a little, so that its visual beats meet the music's.
+    """The motion with its joints moved a little, so that it is danced to the music's beats.
 
     Raised is the harmony above chance, less the squared distance of the joints from where they were and the jerk above
     the motion's own.
@@ -55,15 +58,19 @@ def harmonise(
         Music beats on the motion's own time line.
     reach : float, metres (or the motion's unit)
         The most that a joint may move in any frame.
-    params : HarmonyParams, default ``HarmonyParams.valleys()``
-        The score to raise.
+    params : HarmonyParams, default ``HarmonyParams.recommended(pattern)``
+        The score to raise. ``HarmonyParams.valleys()`` brings the moments at which the joints are slowest onto the
+        beats.
+    pattern : BarPattern of the dance (one of `DANCE_PATTERNS`), in place of that of `params`
+        Without one the recommended score raises what the dance is closest to: a rest on the beat, a hit, half time.
     steps : int, gradient steps
     seed : int, of the tiny random movement that the search starts from
     progress : function(steps, label) -> steps, such as ``lambda steps, label: tqdm(steps, label)``
 
     Returns
     -------
-    Motion; `motion` itself when there are no beats, when every beat is hit already, or when no better motion came up.
+    Motion, of a higher score than `motion`; `motion` itself when there are no beats, when no score is higher, or when
+    no better motion came up.
 
     Raises
     ------
@@ -74,14 +81,15 @@ def harmonise(
         raise ValueError(f"reach must be positive, got {reach}")
     if steps < 1:
         raise ValueError(f"steps must be at least 1, got {steps}")
-    params = params or HarmonyParams.valleys()
+    params = params or HarmonyParams.recommended()
+    params = params if pattern is None else replace(params, pattern=pattern)
     music = beats.span(0.0, motion.duration)
     best = _above_chance(motion, music, params)
     if len(music) == 0 or best >= 1 - 1e-9:
         return motion
     body, splines = _Body.of(motion), _Splines.of(motion)
     best_motion, turns = motion, progress(range(steps), "harmonising")
-    for knots in _search(motion, music, params, reach, turns, steps, seed):
+    for knots in _search(motion, music, _aim(motion, music, params), reach, turns, steps, seed):
         candidate = replace(motion, positions=body.moved(splines.at(knots), reach).numpy())
         score = _above_chance(candidate, music, params)
         if score > best:
@@ -176,7 +184,10 @@ def _loss(
     moved, before, valid = positions[None], torch.tensor(motion.positions)[None], torch.tensor(motion.valid)[None]
     times, strengths = torch.tensor(music.times)[None], torch.tensor(music.strengths)[None]
     present, frames = torch.ones_like(times), torch.ones_like(valid)
-    soft = soft_harmony(moved, times, strengths, present, valid, fps=motion.fps, tau=tau, params=params)
+    first = None if music.bar_places is None else torch.tensor(music.bar_places[:1])
+    soft = soft_harmony(
+        moved, times, strengths, present, valid, fps=motion.fps, tau=tau, params=params, bar_places=first
+    )
     loss = -soft.above_chance.sum() + DISTANCE_WEIGHT * (moved - before).square().sum(dim=-1).mean() / reach**2
     loss = loss + JERK_WEIGHT * jerk_loss(moved, before, frames, fps=motion.fps)
     if feet := _feet(motion):
@@ -193,6 +204,27 @@ def _feet(motion: Motion) -> list[int]:
 
 
 def _above_chance(motion: Motion, music: BeatTrack, params: HarmonyParams) -> float:
-    """The hard score of a motion, above chance."""
-    visual = visual_beats(motion, params=params)
-    return score_harmony(music, visual, params=params, n_rotations=0).harmony_above_chance
+    """The hard score of a motion, above chance; that of the place test where too little can be judged."""
+    score = score_motion(music, motion, params=params, n_rotations=0)
+    if score.judgement is None:
+        return score.harmony_above_chance
+    place = _place(score.judgement)
+    return -1.0 if place is None else place.harmony_above_chance
+
+
+def _aim(motion: Motion, music: BeatTrack, params: HarmonyParams) -> HarmonyParams:
+    """The params with a pattern: without one, that of the reading the motion is closest to."""
+    if params.measure != "shape" or params.pattern is not None:
+        return params
+    judgement = score_motion(music, motion, params=params, n_rotations=0).judgement
+    place = _place(judgement) if judgement is not None else None
+    return replace(params, pattern=REST if place is None else place.reading)
+
+
+def _place(judgement: Judgement) -> PlaceTest | None:
+    """The place test of a judgement, also where beats are too few to judge; None below the floor of movement."""
+    signal, beats, pattern = judgement.signal, judgement.beats, judgement.pattern
+    fewest = 3 if pattern is None else pattern.beats + 1
+    if judgement.place is not None or signal is None or signal.pulse < LEAST_PULSE or len(beats) < fewest:
+        return judgement.place
+    return place_test(signal, beats.times, beats.bar_places, pattern)

@@ -1,10 +1,11 @@
-"""One page for a dancer: the verdict, the words, the picture of early and late, the player, the numbers, the doubts."""
+"""One page for a dancer: the verdict, the words, the picture of every beat, the player, the numbers, the doubts."""
 
 from __future__ import annotations
 
 import base64
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib.metadata import version
 from typing import NamedTuple
 
@@ -12,9 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.beats.meter import describe_beats
 from harmolab.io.files import PathLike, write_text
 from harmolab.io.video import video_frames
-from harmolab.lab.figures.timing import timing_figure
+from harmolab.lab.figures.beats import is_ranked
+from harmolab.lab.figures.timing import event_name, ranks_figure, timing_figure
 from harmolab.lab.report.templates import rendered
 from harmolab.lab.timing.performance import OwnDance
 from harmolab.lab.widgets.player import LONGEST, Dancer, Player
@@ -44,7 +47,10 @@ def dance_player(dance: OwnDance) -> Player:
     """
     if dance.performance.is_video:
         raise ValueError(f"{dance.name}: is a video; the player shows skeletons")
-    dancer = Dancer(dance.name, dance.motion, dance.score)
+    score = dance.score
+    if not dance.placement.is_absolute:  # its offset was fitted to the movement: there is no number to give
+        score = replace(score, harmony_above_chance=np.nan, judgement=None)
+    dancer = Dancer(dance.name, dance.motion, score)
     return Player(dance.audio, [dancer], music=dance.music, title=_title(dance))
 
 
@@ -74,6 +80,8 @@ def dance_page(dance: OwnDance) -> str:
         longest=LONGEST / 60,
         stills=list(_stills(dance)) if dance.performance.is_video else [],
         numbers=_numbers(dance),
+        event=event_name(dance.score),
+        is_ranked=_is_ranked(dance),
         delay=1000 * dance.score.params.reaction_delay,
         settings=", ".join(f"{name} {value}" for name, value in vars(dance.score.params).items() if name != "pattern"),
         version=version("harmolab"),
@@ -84,9 +92,17 @@ def _title(dance: OwnDance) -> str:
     return f"{dance.name} to {dance.song}"
 
 
+def _is_ranked(dance: OwnDance) -> bool:
+    """True where the dance is compared with a pattern, at its own place in the song: rests say little about it then."""
+    return dance.placement.is_absolute and is_ranked(dance.score)
+
+
 def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
-    """Early and late along time, with the means of the halves, as base64 of PNG."""
-    figure = timing_figure(dance.score, means=dance.words.halves, title="", size=size)
+    """Every beat along time, by its rank or by the distance of the nearest rest or hit, as base64 of PNG."""
+    if _is_ranked(dance):
+        figure = ranks_figure(dance.score, size=size)
+    else:
+        figure = timing_figure(dance.score, means=dance.words.halves, title="", size=size)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
     return base64.b64encode(stream.getvalue()).decode("ascii")
@@ -94,19 +110,20 @@ def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
 
 def _numbers(dance: OwnDance) -> dict[str, str]:
     """The numbers of the page's table: name -> text."""
-    score, beats = dance.score, dance.music.times
-    hits = next(finding for finding in dance.words.findings if finding.kind == "hits")
-    numbers = {"Harmony above chance (0: chance, 1: all)": f"{score.harmony_above_chance:.2f}"}
-    if np.isfinite(score.interval[0]):
-        numbers["its 95 % interval"] = "{:.2f} to {:.2f}".format(*score.interval)
-        numbers["Share of all shifts in time that fit as well (p)"] = f"{score.p_value:.3f}"
-    if not hits.is_missing:
-        numbers[f"Beats met within {1000 * hits.delay:.0f} ms"] = f"{100 * hits.value:.0f} %"
-    tempo = f", {60 / np.median(np.diff(beats)):.0f} a minute" if beats.size > 1 else ""
-    numbers["Music beats"] = f"{beats.size}{tempo}"
-    numbers["Movements found"] = str(len(score.visual))
+    judgement, score = dance.judgement, dance.score
+    numbers = {"Level": f"{judgement.level} of 4", "p in time": f"{judgement.p_time:.3f}"}
+    if dance.placement.is_absolute:
+        numbers["p in place"] = f"{judgement.p_place:.3f}"
+        numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"
+        numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
+    numbers["Music beats"] = f"{len(dance.music)}: {describe_beats(dance.music)}"
+    numbers["Your own tempo"] = f"{judgement.own_tempo:.1f} a minute"
+    if judgement.signal is not None:
+        numbers["Movement inside the body, of all movement"] = f"{100 * judgement.signal.share:.0f} %"
+        numbers["Joints that share in it"] = f"{100 * judgement.signal.joints:.0f} %"
+    numbers[f"Moments of {event_name(score)}"] = str(len(score.visual))
     numbers["Length danced to the song"] = f"{dance.motion.duration:.1f} s"
-    return numbers
+    return {name: text for name, text in numbers.items() if "nan" not in text}
 
 
 def _stills(dance: OwnDance) -> Iterator[Still]:

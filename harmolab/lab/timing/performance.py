@@ -1,32 +1,41 @@
 """One person's dance beside its song: read, placed by its offset, scored and explained.
 
-The offset comes from the surest of four sources: the user, the folder of the recording, the sound of the video
-(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). The movement alone is no evidence of being
-early or late throughout, and then no sentence claims it.
+The offset comes from the surest of four sources: the user, the file or folder of the recording, the sound of the video
+(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). An offset fitted to the movement is no evidence
+of a place in the beat: then there is neither a number nor a sentence about it, and the verdict is "in time" at best.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
+from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import describe_beats
+from harmolab.corpora.files import load_clip
 from harmolab.corpora.folders import load_any_motion, recorded_offset
-from harmolab.harmony import music_and_motion, score_motion
-from harmolab.io.beats import BeatAnnotation
+from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, Progress, plain, silent
 from harmolab.io.video import is_video, video_frames
-from harmolab.io.video_sound import load_sound, video_sound
-from harmolab.lab.timing.movement import attack_beats, find_offset, picture_motion
+from harmolab.io.video_sound import video_sound
+from harmolab.lab.timing.findings import Explanation, explain
+from harmolab.lab.timing.movement import find_offset, picture_motion
 from harmolab.lab.timing.sound import find_sound_offset
-from harmolab.lab.timing.verdict import Explanation, explain
 from harmolab.params import HarmonyParams
-from harmolab.types import Audio, BeatTrack, Clip, HarmonyScore, Motion
+from harmolab.types import Audio, BeatTrack, HarmonyScore, Motion
+from harmolab.verdict.judge import Judgement
 
 HEIGHT = 160  # pixels of the video that flow is measured on
 SURE = 0.95  # confidence of an offset by movement, below which it means little
+# Numbers that mean nothing where the offset was fitted to the movement.
+PLACED = ("harmony_above_chance", "interval", "p_value", "p_place", "lag_s", "lag_interval_s", "reading")
+IN_TIME = (
+    "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
+    "the dance begins (--offset), or film with the song playing."
+)
 
 Source = Literal["given", "folder", "same", "sound", "movement"]
 
@@ -42,7 +51,7 @@ class Performance:
     is_video : bool
     sound : Audio or None, of a video whose sound can be read
     start : float or None, seconds
-        Song time of frame 0 where the folder of the recording holds it.
+        Song time of frame 0 where the motion's file, or the folder of the recording, holds it.
     """
 
     path: Path
@@ -59,7 +68,7 @@ class Placement:
     Parameters
     ----------
     seconds : float, song time of frame 0
-    source : "given", "folder", "same" (song and dance are one video), "sound" or "movement"
+    source : "given", "folder" (or the motion's own file), "same" (song and dance are one video), "sound" or "movement"
     period : float or None, seconds
         By movement the offset is known modulo this.
     confidence : float or None
@@ -90,12 +99,12 @@ class Placement:
         period = f"{self.period:.2f} s" if self.period else "a beat"
         reason = {
             "given": ", as you said.",
-            "folder": ", as the recording's folder says.",
+            "folder": ", as its recording says.",
             "sound": ": found by comparing the video's sound with the song.",
             "movement": f", or whole beats of {period} from there: found from your movement alone, which says which "
             "place in the beat, not which beat.",
         }[self.source]
-        doubt = "" if self.is_sure else " The evidence is weak: beats of another tempo fit your movement as well."
+        doubt = "" if self.is_sure else " The evidence for this place is weak."
         if self.repeats:
             doubt = " Another place fits nearly as well: the song repeats itself, or another song plays in the video."
         return f"Your dance begins at {self.seconds:.2f} s of the song{reason}{doubt}"
@@ -204,26 +213,24 @@ class OwnDance:
         return self.performance.path.name or str(self.performance.path)
 
     @property
-    def is_together(self) -> bool:
-        """True with evidence that the dancer keeps time with the song, be it early or late.
+    def judgement(self) -> Judgement:
+        """The judgement behind the score."""
+        return cast(Judgement, self.score.judgement)
 
-        Movements keep a place in the beat, or fit the song better than chance. The p-value of the score would not do:
-        a steady dancer who is late fits better after a shift in time, and many shifts do as well.
-        """
-        return self.placement.is_sure and (self.words.is_steady or self.score.interval[0] > 0)
+    @property
+    def is_together(self) -> bool:
+        """True with evidence that the dancer keeps time with the song, be it early or late."""
+        return self.judgement.level >= 2
 
     @property
     def verdict(self) -> str:
         """The result in a sentence or two for a dancer."""
-        if not self.placement.is_sure:
-            return "It is not clear where in this song you dance: beats of another tempo fit your movement as well."
-        if self.words.findings[-1].is_missing:
-            return "There is too little dance or music here to say anything."
-        if not self.is_together:
-            return "There is no evidence here that you move with the beats of this song."
-        if not self.words.is_steady:
-            return "You move with this song, but keep no steady place in its beat."
-        return "You keep time with this song. " + self.words.findings[-1].summary
+        return IN_TIME if self.judgement.level >= 3 and not self.placement.is_absolute else self.judgement.verdict
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences to read beside the verdict."""
+        return self.judgement.remarks
 
     def to_dict(self) -> dict[str, Any]:
         """Numbers and text, ready for JSON."""
@@ -240,11 +247,13 @@ class OwnDance:
             "harmony_above_chance": self.score.harmony_above_chance,
             "interval": self.score.interval,
             "p_value": self.score.p_value,
+            "music": describe_beats(self.music),
             "music_beats": len(self.music),
             "movements": len(self.score.visual),
             "seconds": self.motion.duration,
         }
-        return dict(plain(content))
+        content = self.judgement.to_dict() | content
+        return dict(plain(content if self.placement.is_absolute else content | dict.fromkeys(PLACED)))
 
 
 def explain_performance(
@@ -254,7 +263,8 @@ def explain_performance(
     offset: float | None = None,
     guess: float | None = None,
     search: float = 2.0,
-    beats: BeatAnnotation | None = None,
+    beats: PathLike | None = None,
+    one: float | None = None,
     dance: str = "",
     params: HarmonyParams | None = None,
     n_rotations: int = 1000,
@@ -269,42 +279,36 @@ def explain_performance(
     offset : float, seconds, optional
         Song time of the first frame; default that of `place_performance`.
     guess, search : see `place_performance`
-    beats : BeatAnnotation, optional
-        Of the song; left out, they are tracked.
-    dance : str
-        A prior for the tempo ("waltz", ...).
-    params : HarmonyParams, default ``HarmonyParams.recommended()``
-    n_rotations, seed : see `harmolab.harmony.score_motion`
+    beats, one, dance : as in `harmolab.corpora.files.load_clip`
+    params : HarmonyParams of measure "shape", default the recommended ones with the pattern of the dance, if known
+    n_rotations, seed : see `harmolab.harmony.score_clip`
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file.
     """
-    params = params or HarmonyParams.recommended()
-    audio = load_sound(song)
-    track = attack_beats(audio, tempo=dance or None) if beats is None else beats.track(audio.duration)
+    unplaced = load_clip(song, performance.motion, offset=0.0, dance=dance, beats=beats, one=one)
+    music = music_beats(unplaced)
     if offset is not None:
         placement = Placement(offset, "given")
     elif performance.is_video and Path(song).resolve() == performance.path.resolve():
         placement = Placement(0.0, "same")
     else:
-        placement = place_performance(performance, audio, track, guess=guess, search=search)
+        placement = place_performance(performance, unplaced.audio, music, guess=guess, search=search)
     try:
-        clip = Clip(performance.path.name, audio, performance.motion, placement.seconds, beats=track)
+        clip = replace(unplaced, name=performance.path.name, offset=placement.seconds)
     except ValueError as error:
         raise ValueError(f"{performance.path}: {error}") from None
-    shared = clip.shared()
-    music, motion = music_and_motion(clip)
-    score = score_motion(music, motion, params=params, n_rotations=n_rotations, seed=seed)
+    score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
     words = explain(score)
     return OwnDance(
         Path(song).name,
         performance,
         shared.audio,
-        music,
-        motion,
-        clip.shared_frame() / motion.fps,
+        cast(BeatTrack, shared.beats),
+        cast(Motion, shared.motion),
+        clip.shared_frame() / performance.motion.fps,
         placement,
         score,
         words if placement.is_absolute else words.relative(),

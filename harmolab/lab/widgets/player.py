@@ -14,8 +14,9 @@ import soundfile
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import describe_beats
 from harmolab.beats.visual import motion_curve
-from harmolab.harmony import score_motion
+from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.report.templates import framed, rendered
@@ -40,11 +41,14 @@ class Dancer:
     name : str
     motion : Motion, (T, J, 3) metres or (T, J, 2) image coordinates; frame 0 is at audio time 0
     score : HarmonyScore of the motion with the player's music: beats, hits and settings are its own
+    number : HarmonyScore, optional
+        Of the same dance at its own frame rate, where the motion is shown at another: the number of the page.
     """
 
     name: str
     motion: Motion
     score: HarmonyScore
+    number: HarmonyScore | None = None
 
 
 class Player:
@@ -109,15 +113,17 @@ def player_of(
     seconds: float | None = None,
     title: str = "",
     facts: Mapping[str, str] | None = None,
+    params: HarmonyParams | None = None,
 ) -> Player:
-    """A player of a clip, or of two dances to the same music side by side, cut to what music and motion share.
+    """A player of a clip, or of two dances to the same music side by side, cut to what music and motions share.
 
     Parameters
     ----------
-    clips : one Clip with a motion, or two that share sound and offset; the second is shown at the rate of the first
-    start : float, seconds of audio time; the motions' first frame when left out
+    clips : one Clip with a motion, or two that share their sound; the second is shown at the rate of the first
+    start : float, seconds of audio time; where all motions have begun when left out
     seconds : float, length; to the end of the music when left out
-    title, facts : as in `Player`; left out, the facts are what each dance scores by speed valleys
+    title, facts : as in `Player`; left out, the facts are the verdict on each dance and its number
+    params : HarmonyParams, default the recommended ones with the pattern of each clip's dance, if known
 
     Raises
     ------
@@ -129,17 +135,31 @@ def player_of(
     if seconds is not None and not 0 < seconds < np.inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     first = clips[0]
-    begins = max(0.0, first.offset, first.offset if start is None else start)
+    offsets = [clip.offset for clip in clips]
+    begins = max(0.0, *offsets, offsets[0] if start is None else start)
     length = first.audio.duration - begins if seconds is None else seconds
     beats = music_beats(first)
-    spans = [replace(_alike(clip, first), beats=beats).span(begins, length).shared() for clip in clips]
-    dancers = []
-    for clip in spans:
-        music, motion = cast(BeatTrack, clip.beats), cast(Motion, clip.motion)
-        dancers.append(Dancer(clip.name, motion, score_motion(music, motion, params=HarmonyParams.valleys())))
+    dancers, spans = [], []
+    for clip in clips:
+        is_whole = seconds is None and begins == max(0.0, clip.offset)
+        original, picture = (
+            (each if is_whole else each.span(begins, length)).shared()
+            for each in (replace(clip, beats=beats), replace(_alike(clip, first), beats=beats))
+        )
+        dancers.append(_scored(original, picture, params))
+        spans.append(picture)
     longest = max(spans, key=lambda clip: clip.audio.duration)
-    facts = dict(map(_fact, dancers)) if facts is None else facts
+    if facts is None:
+        facts = {name: text for dancer in dancers for name, text in _facts(dancer).items()}
+        facts["music"] = describe_beats(cast(BeatTrack, longest.beats))
     return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
+
+
+def _scored(original: Clip, picture: Clip, params: HarmonyParams | None) -> Dancer:
+    """The dancer of a part as the page shows it; the number is that of the part as it was danced."""
+    motion, score = cast(Motion, picture.motion), score_clip(picture, params)
+    is_same = cast(Motion, original.motion).fps == motion.fps
+    return Dancer(picture.name, motion, score, None if is_same else score_clip(original, params))
 
 
 def _alike(clip: Clip, other: Clip) -> Clip:
@@ -150,10 +170,15 @@ def _alike(clip: Clip, other: Clip) -> Clip:
     return replace(clip, motion=resample_motion(upsample_motion(clip.motion, fps), fps))
 
 
-def _fact(dancer: Dancer) -> tuple[str, str]:
-    """Name and text of what a dancer scores."""
-    score = dancer.score
-    return f"{dancer.name}: harmony above chance", f"{score.harmony_above_chance:.2f} (p = {score.p_value:.3f})"
+def _facts(dancer: Dancer) -> dict[str, str]:
+    """Name and text of the verdict on a dancer, its remarks, and its number."""
+    score = dancer.number or dancer.score
+    number = "-" if np.isnan(score.above_chance) else f"{score.above_chance:.3f} (p = {score.p_value:.3f})"
+    facts = {f"{dancer.name}: harmony above chance": number}
+    if score.judgement is None:
+        return facts
+    level = f"{score.judgement.level} of 4: {' '.join([score.judgement.verdict, *score.judgement.remarks])}"
+    return {f"{dancer.name}: level": level} | facts
 
 
 def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
@@ -207,7 +232,14 @@ def _dancer(dancer: Dancer) -> dict[str, Any]:
         "speed": _speed(dancer.motion, dancer.score.params),
         "visual": [_seconds(time) for time in dancer.score.visual.times],
         "marks": _marks(dancer.score),
+        "number": _number(dancer.number or dancer.score),
     }
+
+
+def _number(score: HarmonyScore) -> dict[str, float | str | None]:
+    """The number of a dance as `harmolab score` gives it, and the verdict on it where there is one."""
+    plain = score.to_dict()
+    return {name: plain.get(name) for name in ("harmony_above_chance", "level", "verdict")}
 
 
 def _movement(motion: Motion) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """A differentiable counterpart of the harmony score: soft hits, chance level and harmony (Eq. 7-21).
 
-Every hard decision of `harmolab.harmony` becomes a smooth one whose softness is `tau`; as tau falls, each number tends
-to that of `score_harmony`. A visual beat becomes a weight b(t) between 0 and 1 at every frame, and the soft beats are
+The measure "shape" ranks moments in place of counting hits, see `harmolab.systems.common.soft_shape`. Of hits, every
+hard decision of `harmolab.harmony` becomes a smooth one whose softness is `tau`; as tau falls, each number tends to
+that of `score_harmony`. A visual beat becomes a weight b(t) between 0 and 1 at every frame, and the soft beats are
 taken to be independent: a moment is missed when every beat near it is missing.
 """
 
@@ -22,12 +23,13 @@ from harmolab.systems.common.soft_beats import (
     soft_salience,
     soft_speed,
 )
+from harmolab.systems.common.soft_shape import soft_place, soft_shape_speed
+from harmolab.verdict.place_test import REST
 
 EDGE = 1e-7  # seconds: a beat exactly at the delay is a hit, also at the smallest tau
 REACH = 9.2  # widths of the hit kernel's edge beyond which it is nothing (below 1e-4)
 NODES = 4  # moments a frame at which chance is looked up when beats lie between frames
 ONLY = {  # choices of HarmonyParams of which one alone has a relaxation
-    "measure": "hits",
     "saliency": "threshold",
     "matching": "many",
     "plateau": "last",
@@ -39,6 +41,9 @@ ONLY = {  # choices of HarmonyParams of which one alone has a relaxation
 @dataclass(frozen=True, eq=False)
 class SoftHarmony:
     """The relaxed score of every clip; each field is an (N,) tensor. Names are those of `types.HarmonyScore`.
+
+    In the measure "shape" the rank of a music beat among all moments, 0 to 1, takes the place of its hit; its strength
+    does not matter, and M = N, since no visual beats are counted.
 
     Parameters
     ----------
@@ -94,8 +99,9 @@ def soft_harmony(
     tau: float,
     params: HarmonyParams,
     span: Tensor | None = None,
+    bar_places: Tensor | None = None,
 ) -> SoftHarmony:
-    """The relaxed harmony of a batch of clips (Eq. 7-21).
+    """The relaxed harmony of a batch of clips: Eq. 7-21, or the place test of the shape of the body.
 
     Parameters
     ----------
@@ -106,12 +112,15 @@ def soft_harmony(
     mask : (N, T) tensor, 1 at real frames; padding stands at the end
     fps : float, hertz
     tau : float
-        Softness: 0.5 lets gradients reach most frames, 0.05 is close to the hard score, 1e-8 is the hard score.
+        Softness: 0.5 lets gradients reach most frames, 0.05 is close to the hard score, 1e-8 the hard score of hits.
     params : HarmonyParams
         With ``subframe`` beats lie between frames at the top of a parabola, which the gradient can move; the cubic
-        interpolation to 120 hertz of the hard score is not done here.
+        interpolation to 120 hertz of the hard score is not done here. The measure "shape" asks for the pattern, or
+        for rests where there is none, and is 0 where the shape hardly changes.
     span : (N, 2) tensor, seconds, optional
         Only music beats, visual beats and chance in [start, end) count; the whole clip if None.
+    bar_places : (N,) tensor of int, optional
+        Place in its bar of each clip's first beat, for patterns of several beats; the best place is taken if None.
 
     Returns
     -------
@@ -122,10 +131,18 @@ def soft_harmony(
     ValueError
         For tensors that do not fit together, tau not positive, or a setting that has no relaxation.
     """
-    _check_tensors(positions, beats, strengths, beat_mask, mask, span)
+    _check_tensors(positions, beats, strengths, beat_mask, mask, span, bar_places)
+    if params.measure == "shape" and positions.ndim == 2:
+        raise ValueError("the shape of the body needs joint positions (N, T, J, D); a speed (N, T) has none")
     _check_settings(fps, tau, params)
     # Differences of 16-bit positions would be mostly rounding.
     positions = positions.float() if positions.dtype.itemsize < 4 else positions
+    if params.measure == "shape":
+        with torch.autocast(positions.device.type, enabled=False):
+            return _of_shape(
+                positions, beats.to(positions.dtype), beat_mask.bool(), mask, span, bar_places,
+                fps=fps, tau=tau, params=params,
+            )  # fmt: skip
     curve = positions if positions.ndim == 2 else soft_speed(positions, fps, reading=params.speed)
     mask = mask.to(curve.dtype)
     with torch.autocast(curve.device.type, enabled=False):
@@ -137,6 +154,24 @@ def soft_harmony(
     if span is not None:
         counted = counted & (beats >= limits[:, :1]) & (beats < limits[:, 1:])
     return _score(track, beats, _audio_strengths(strengths.to(curve.dtype), counted, params), counted, params)
+
+
+def _of_shape(
+    positions: Tensor, beats: Tensor, counted: Tensor, mask: Tensor, span: Tensor | None, bar_places: Tensor | None,
+    *, fps: float, tau: float, params: HarmonyParams,
+) -> SoftHarmony:  # fmt: skip
+    """The place test in the terms of the hits."""
+    duration = frames_before_end(mask.to(beats.dtype)).sum(dim=1, keepdim=True) / fps
+    late = beats + params.lag
+    counted = counted & (late >= 0) & (late <= duration)
+    if span is not None:
+        counted = counted & (beats >= span[:, :1]) & (beats < span[:, 1:])
+    pattern = params.pattern or REST
+    shape = soft_shape_speed(positions, mask, fps, smoothing=params.position_smoothing)
+    place = soft_place(shape, late, counted, pattern, tau=tau, places=bar_places)
+    n_audio = counted.sum(dim=1).to(positions.dtype)
+    share = place.rank * (n_audio > 0)
+    return SoftHarmony(share, share * n_audio, place.chance, place.harmony_above_chance, share, n_audio, n_audio)
 
 
 def _visual_track(
@@ -227,7 +262,13 @@ def _audio_strengths(strengths: Tensor, counted: Tensor, params: HarmonyParams) 
 
 
 def _check_tensors(
-    positions: Tensor, beats: Tensor, strengths: Tensor, beat_mask: Tensor, mask: Tensor, span: Tensor | None
+    positions: Tensor,
+    beats: Tensor,
+    strengths: Tensor,
+    beat_mask: Tensor,
+    mask: Tensor,
+    span: Tensor | None,
+    bar_places: Tensor | None,
 ) -> None:
     """ValueError for tensors that do not fit together."""
     shape = tuple(positions.shape)
@@ -238,6 +279,8 @@ def _check_tensors(
     if not beats.shape == strengths.shape == beat_mask.shape or beats.ndim != 2 or len(beats) != shape[0]:
         shapes = [tuple(each.shape) for each in (beats, strengths, beat_mask)]
         raise ValueError(f"beats, strengths and beat_mask must be ({shape[0]}, B) each, got {shapes}")
+    if bar_places is not None and tuple(bar_places.shape) != shape[:1]:
+        raise ValueError(f"bar_places must be ({shape[0]},), one a clip; got {tuple(bar_places.shape)}")
     if span is not None and tuple(span.shape) != (shape[0], 2):
         raise ValueError(f"span must be ({shape[0]}, 2), start and end of each clip; got {tuple(span.shape)}")
 
@@ -249,8 +292,11 @@ def _check_settings(fps: float, tau: float, params: HarmonyParams) -> None:
             raise ValueError(f"{name} must be positive, got {number}")
     if params.fps is not None and params.fps != fps:
         raise ValueError(f"the score is defined at {params.fps:g} fps and the motion has {fps:g}: resample it first")
-    if params.detector == "direction":
+    if params.measure == "pattern":
+        raise ValueError("measure = 'pattern' has no relaxation; use shape or hits")
+    only = {"clock": 1.0} if params.measure == "shape" else ONLY
+    if params.measure == "hits" and params.detector == "direction":
         raise ValueError("detector = 'direction' has no relaxation; use turns, valleys or peaks")
-    for name, value in ONLY.items():
+    for name, value in only.items():
         if getattr(params, name) != value:
             raise ValueError(f"only {name} = {value!r} has a relaxation, got {getattr(params, name)!r}")

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_motion
-from harmolab.lab.compare.batch import BatchScores, BeatBatch, PatternBatch, rescore, rescore_patterns
+from harmolab.lab.compare.batch import BatchScores, BeatBatch, PlaceBatch, rescore, rescore_places
 from harmolab.lab.figures.beats import draw_marks
 from harmolab.lab.figures.style import COLOURS
 from harmolab.lab.widgets.labs.lab import LOOK, MODES, SCORE_SLIDERS, Lab, menu, setting_controls, slider, with_settings
@@ -30,7 +30,7 @@ from harmolab.types import Clip, FloatArray
 PLACES = ((0.085, 0.12, 0.4, 0.7), (0.59, 0.12, 0.39, 0.7))
 EDGE = 0.02  # of the picture, round the dots' panel
 REACH = 12.0  # pixels of the screen: a click this far from a dot still means it
-IDLE = MappingProxyType({"recommended": ("lambda2", "delay")})  # it asks for no hits
+IDLE = MappingProxyType({"recommended": ("lambda1", "lambda2", "delay")})  # all beats count, and no hits
 SCORES = MappingProxyType({"harmony h": "harmony", "above chance": "harmony_above_chance", "hit rate": "hit_rate"})
 LOWEST = MappingProxyType({"harmony h": 0.0, "above chance": -1.0, "hit rate": 0.0})
 
@@ -42,13 +42,13 @@ class Corpus:
     Parameters
     ----------
     names : C names
-    batches : mode -> beats and movement of C clips: a PatternBatch for "recommended", else a BeatBatch
+    batches : mode -> beats and movement of C clips: a PlaceBatch for "recommended", else a BeatBatch
     periods : (C,) array, seconds between music beats
     source : str, origin of the data
     """
 
     names: tuple[str, ...]
-    batches: Mapping[str, BeatBatch | PatternBatch]
+    batches: Mapping[str, BeatBatch | PlaceBatch]
     periods: FloatArray
     source: str = ""
 
@@ -60,7 +60,7 @@ class Corpus:
                 f"got {', '.join(self.batches) or 'none'} with {', '.join(map(str, sorted(counts)))} clips"
             )
         for mode, batch in self.batches.items():
-            if isinstance(batch, PatternBatch) != (MODES[mode].measure == "pattern"):
+            if isinstance(batch, PlaceBatch) != (MODES[mode].measure == "shape"):
                 raise ValueError(f"the {mode} mode cannot score a {type(batch).__name__}")
 
     @classmethod
@@ -79,15 +79,15 @@ class Corpus:
         return cls(tuple(clip.name for clip in clips), batches, np.array(periods), " + ".join(sources))
 
 
-def _batch(stages: Sequence[Stage], params: HarmonyParams) -> BeatBatch | PatternBatch:
+def _batch(stages: Sequence[Stage], params: HarmonyParams) -> BeatBatch | PlaceBatch:
     """The stages as the measure of `params` scores them."""
-    if params.measure == "pattern":
-        return PatternBatch.of([(one.music, one.motion) for one in stages], params)
+    if params.measure == "shape":
+        return PlaceBatch.of([(one.music, one.motion) for one in stages], params)
     return BeatBatch.of([(one.music, visual_beats(one.motion, params=params)) for one in stages])
 
 
 @lru_cache(maxsize=2)  # the wrong music stays where it is while other sliders move
-def _late(corpus: Corpus, mode: str, beats: float) -> BeatBatch | PatternBatch:
+def _late(corpus: Corpus, mode: str, beats: float) -> BeatBatch | PlaceBatch:
     """The batch with each clip's music moved by `beats` beats, round its end."""
     return corpus.batches[mode].moved(beats * corpus.periods)
 
@@ -96,7 +96,7 @@ def _late(corpus: Corpus, mode: str, beats: float) -> BeatBatch | PatternBatch:
 def corpus_scores(corpus: Corpus, mode: str, params: HarmonyParams, late: float | None = None) -> BatchScores:
     """Scores of all clips with true music, or with music that is `late` beats late."""
     batch = corpus.batches[mode] if late is None else _late(corpus, mode, late)
-    return rescore_patterns(batch, params) if isinstance(batch, PatternBatch) else rescore(batch, params)
+    return rescore_places(batch, params) if isinstance(batch, PlaceBatch) else rescore(batch, params)
 
 
 class CorpusLab(Lab):

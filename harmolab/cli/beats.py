@@ -1,0 +1,117 @@
+"""`harmolab beats` and `harmolab tap`: the beats of a song, tracked, read, or tapped by a person."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from harmolab.cli import common
+from harmolab.cli.common import Beats, DanceName, One, Song
+
+if TYPE_CHECKING:
+    from harmolab.types import Audio, BeatTrack, FloatArray
+
+
+class Tracker(StrEnum):
+    """Names of the beat trackers."""
+
+    librosa = "librosa"
+    beat_this = "beat_this"
+
+
+def beats(
+    song: Song,
+    dance: DanceName = "",
+    one: One = None,
+    beats: Beats = None,
+    out: Annotated[Path | None, typer.Option(help="Write them, .beats: lines of time and place in the bar.")] = None,
+    clicks: Annotated[Path | None, typer.Option(help="Write the song with a click on each beat, .wav.")] = None,
+    tracker: Annotated[
+        Tracker, typer.Option(help="beat_this: a neural network, where its package and a checkpoint are installed.")
+    ] = Tracker.librosa,
+    checkpoint: Annotated[Path | None, typer.Option(help="File with the weights of beat_this.")] = None,
+) -> None:
+    """Tell the beats of a song: tempo, how steady it is, where "one" is; hear them with --clicks.
+
+    What it writes, other commands take with --beats. Where it is wrong, `harmolab tap` lets you tap.
+
+    Example: `harmolab beats song.mp3 --dance waltz --one 12.4 --out song.beats --clicks check.wav`
+    """
+    from harmolab.beats.clicks import with_clicks
+    from harmolab.beats.meter import describe_beats
+    from harmolab.beats.steady import octave_remark
+    from harmolab.io.audio import save_audio
+    from harmolab.io.beats import check_beats_file, save_beats
+    from harmolab.io.video_sound import load_sound
+
+    with common.plain_errors():
+        if out is not None:
+            check_beats_file(out)
+        if clicks is not None:
+            common.check_out(clicks, "the song with clicks", (".wav",))
+        audio = load_sound(song)
+        track = _beats(audio, dance, one, beats, tracker, checkpoint)
+        text = describe_beats(track)
+        if out is not None:
+            save_beats(out, track, comment=f"{song.name}: {text}")
+        if clicks is not None:
+            save_audio(clicks, with_clicks(audio, track))
+    typer.echo(text)
+    if not dance and track.quality is not None and len(track) > 1:
+        typer.echo(octave_remark(track.tempo))
+    for path in filter(None, (out, clicks)):
+        common.wrote(path)
+
+
+def _beats(
+    audio: Audio, dance: str, one: float | None, beats: Path | None, tracker: Tracker, checkpoint: Path | None
+) -> BeatTrack:
+    """The beats of a song from a file or a tracker."""
+    from harmolab.beats.neural import neural_beats
+    from harmolab.corpora.files import song_beats
+
+    if tracker is Tracker.beat_this:
+        if beats is not None or one is not None:
+            raise ValueError("--tracker beat_this finds the beats and the bars itself; leave out --beats and --one")
+        return neural_beats(audio, checkpoint)
+    with common.finding_beats():
+        return song_beats(audio, dance=dance, beats=beats, one=one)
+
+
+def tap(
+    song: Song,
+    out: Annotated[Path, typer.Option(help="Where the beats are written, .beats.")],
+    meter: Annotated[int, typer.Option(help="Beats in a bar: 3 for a waltz.", min=1, max=32)] = 4,
+    port: Annotated[int, typer.Option(help="Port of the local page; 0: any free one.", min=0, max=65535)] = 0,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Print the address only.")] = False,
+) -> None:
+    """Tap the beats of a song, and mark "one", on a page that only this machine can open.
+
+    Ten seconds of taps are enough for a song of one tempo: the beats go on to both ends of it. Other commands take the
+    file with --beats.
+
+    Example: `harmolab tap song.mp3 --meter 3 --out song.beats`
+    """
+    from harmolab.beats.meter import describe_beats
+    from harmolab.beats.taps import tapped_beats
+    from harmolab.io.beats import check_beats_file, save_beats
+    from harmolab.io.video_sound import load_sound
+
+    def save(taps: FloatArray, ones: FloatArray) -> str:
+        result = tapped_beats(audio, taps, ones, meter=meter)
+        save_beats(out, result.track, comment=f"{song.name}, tapped: {describe_beats(result.track)}")
+        lines.append(" ".join([f"wrote {out}: {describe_beats(result.track)}.", result.remark]).strip())
+        return lines[-1]
+
+    lines: list[str] = []
+    with common.plain_errors():
+        check_beats_file(out)
+        common.check_pages("harmolab tap")
+        from harmolab.lab.listening.tapping import TapServer
+
+        audio = load_sound(song)
+        common.serve(TapServer(song.name, audio, save, port=port), no_open, "nothing is written until you save")
+    typer.echo("\n".join(lines) or "nothing was saved")

@@ -1,0 +1,137 @@
+"""One dance, one number: every command gives the same harmony above chance to the same dance, song and beats."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harmolab.cli import app
+from harmolab.corpora.synthetic import synthetic_motion
+from harmolab.io.motion import load_motion, load_offset, save_motion
+from harmolab.lab.evaluate import dance_scores
+from harmolab.lab.render.video import retime_files
+from harmolab.types import Motion, Skeleton
+from tests.builders import BODY, called, planted_dance, waving, write_song
+
+SECONDS, FPS = 32.0, 30.0
+TIMES = np.arange(round(SECONDS * FPS)) / FPS
+run = partial(called, app)
+
+
+def turning(phase: np.ndarray) -> Motion:
+    """A statue that turns to and fro, at rest at whole units of the phase."""
+    angle = np.cos(np.pi * phase)[:, None]
+    x, z = BODY[:, 0], BODY[:, 2]
+    turned = [x * np.cos(angle) + z * np.sin(angle), np.broadcast_to(BODY[:, 1], (phase.size, 6))]
+    return Motion(np.stack([*turned, z * np.cos(angle) - x * np.sin(angle)], axis=-1), FPS, Skeleton.unnamed(len(BODY)))
+
+
+def noise() -> Motion:
+    """Hands that go anywhere, smoothly."""
+    rng = np.random.default_rng(4)
+    return waving(np.interp(TIMES, np.arange(0, 40), np.cumsum(rng.uniform(0.4, 2.4, 40))))
+
+
+def dances(beats: np.ndarray) -> dict[str, tuple[Motion, float, tuple[str, ...]]]:
+    """Name -> motion, song time of its first frame, and options."""
+    phase = np.interp(TIMES, beats, np.arange(beats.size))
+    late = synthetic_motion(beats + 0.08, seconds=SECONDS, fps=FPS, dance="cha-cha", seed=2)
+    clip = planted_dance(seconds=SECONDS, fps=FPS, seed=2)
+    assert clip.motion is not None
+    return {
+        "dancer": (clip.motion, 0.0, ()),
+        "dancer, dance told": (clip.motion, 0.0, ("--dance", "cha-cha")),
+        "begins later": (clip.motion.span(3.0, SECONDS), 3.0, ()),
+        "begins before the song": (waving(phase), -1.0, ()),
+        "late": (late, 0.0, ()),
+        "hits": (waving(phase + 0.5), 0.0, ()),
+        "statue": (turning(phase), 0.0, ()),
+        "noise": (noise(), 0.0, ("--dance", "cha-cha")),
+        "one told": (clip.motion, 0.0, ("--dance", "cha-cha", "--one", f"{beats[8]:.2f}")),
+    }
+
+
+CASES = tuple(dances(np.arange(60) * 0.5))
+LEVELS = {"dancer": 4, "dancer, dance told": None, "hits": 4, "statue": 0, "noise": 1}
+
+
+@pytest.fixture(scope="module")
+def song(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_song(tmp_path_factory.mktemp("song") / "song.wav", planted_dance(seconds=SECONDS, fps=FPS, seed=2))
+
+
+def number_of_page(path: Path) -> dict[str, Any]:
+    data = json.loads(re.search(r"^const data = (.*);$", path.read_text("utf-8"), flags=re.MULTILINE)[1])
+    return dict(data["dancers"][0]["number"])
+
+
+def numbers(song: Path, motion: Path, *options: object) -> dict[str, dict[str, Any]]:
+    """Command -> harmony above chance, level and verdict of a dance."""
+    page, bent = motion.with_suffix(".html"), motion.with_name("bent.npz")
+    results = [
+        run("score", song, motion, *options, "--json", "--mode", "recommended"),
+        run("explain", song, motion, *options, "--json"),
+        run("play", song, motion, *options, "--out", page),
+    ]
+    assert [result.exit_code for result in results] == [0, 0, 0], [result.output for result in results]
+    dance, one = (options[options.index(name) + 1] if name in options else None for name in ("--dance", "--one"))
+    told = {"dance": str(dance or ""), "one": None if one is None else float(str(one))}
+    before = retime_files(song, motion, bent, strength=0.0, **told).before.to_dict()
+    score, explained = json.loads(results[0].stdout)["recommended"], json.loads(results[1].stdout)
+    return {"score": score, "explain": explained, "play": number_of_page(page), "retime": before}
+
+
+def assert_one(results: dict[str, dict[str, Any]]) -> None:
+    """All commands agree, to rounding, in the number, the level and the words."""
+    values = [result["harmony_above_chance"] for result in results.values()]
+    if values[0] is None:
+        assert values == [None] * len(values)
+    else:
+        np.testing.assert_allclose(values, values[0], rtol=0, atol=1e-9, err_msg=str(list(results)))
+    assert len({(result["level"], result["verdict"]) for result in results.values()}) == 1
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_command_gives_a_dance_the_same_number(case: str, song: Path, tmp_path: Path) -> None:
+    beats = planted_dance(seconds=SECONDS, fps=FPS, seed=2).beats
+    assert beats is not None
+    motion, offset, options = dances(beats.times)[case]
+    save_motion(tmp_path / "dance.npz", motion, offset=offset)
+    results = numbers(song, tmp_path / "dance.npz", *options)
+    assert_one(results)
+    assert LEVELS.get(case) in (None, results["score"]["level"])
+
+
+@pytest.mark.parametrize("options", [(), ("--dance", "cha-cha")])
+def test_a_generated_dance_keeps_its_number_without_an_offset_to_remember(
+    options: tuple[str, ...], song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch")
+    tables = []
+    table_of = dance_scores.dance_scores
+
+    def kept(*arguments: Any) -> dict[str, Any]:
+        tables.append({**table_of(*arguments), "verdict": arguments[2].judgement.verdict})
+        return tables[-1]
+
+    monkeypatch.setattr(dance_scores, "dance_scores", kept)
+    out = tmp_path / "dance.npz"
+    result = run("dance", song, "--start", 2.5, "--seconds", 26, "--out", out, *options)
+    assert result.exit_code == 0, result.output
+    assert load_offset(out) == 2.5
+    assert load_motion(out).duration == pytest.approx(26, abs=0.1)
+    results = numbers(song, out, *options)
+    number = tables[0]["harmony above chance"]
+    results["dance"] = {
+        "harmony_above_chance": None if np.isnan(number) else number,
+        "level": tables[0]["level, 0 to 4"],
+        "verdict": tables[0]["verdict"],
+    }
+    assert_one(results)
+    assert results["dance"]["verdict"] in result.output
