@@ -45,7 +45,7 @@ class RunProfile:
             n_clips=35,
             n_sequences=6,
             n_rotations=200,
-            n_nulls=5,
+            n_nulls=8,
             n_seeds=1,
             epochs=(12, 16),
             pose_epochs=8,

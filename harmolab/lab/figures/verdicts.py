@@ -58,7 +58,7 @@ def nulls_figure(rows: Iterable[Record]) -> Figure:
     table = list(rows)
     with styled_axes((9.0, 0.25 * len(table) + 1.9)) as (figure, (ax,)):
         draw_false_alarms(ax, table)
-        figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", ncols=3, fontsize=9)
+        figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=9)
         figure.suptitle(_nulls_title(table), x=0.01, ha="left", fontsize=11.5)
     return figure
 
