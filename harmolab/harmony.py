@@ -309,7 +309,7 @@ def score_clip(
     >>> score = score_clip(synthetic_clip("jive", seconds=30.0, seed=3))
     >>> score.harmony_above_chance > 0.5, score.p_value < 0.05, score.judgement.level
     (True, True, 4)
-    >>> score.music.times[score.hits].size == score.hits.sum()
+    >>> bool(score.music.times[score.hits].size == score.hits.sum())
     True
     """
     params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))
