@@ -167,3 +167,25 @@ def test_standing_still_behind_the_last_beat_changes_nothing() -> None:
         motion, positions=np.concatenate([motion.positions, motion.positions[-1:].repeat(900, axis=0)]), valid=None
     )
     assert judged(longer).harmony_above_chance == pytest.approx(judged(motion).harmony_above_chance, abs=1e-9)
+
+
+def test_one_beat_is_too_few_in_good_grammar() -> None:
+    judgement = judged(dancer(), BEATS.select(BEATS.times < 0.6))
+    assert judgement.verdict == "Cannot tell: 1 beat is too few; 16 are needed."
+
+
+def test_beats_at_which_the_body_is_not_seen_do_not_count() -> None:
+    motion = dancer()
+    seen = np.abs(np.arange(motion.n_frames) / motion.fps - SECONDS / 2) > 8.9
+    judgement = judged(replace(motion, valid=seen))
+    assert judgement.level == 0
+    assert judgement.verdict == "Cannot tell: 11 beats are too few; 16 are needed."
+
+
+@pytest.mark.parametrize("dance", ["cha-cha", "waltz"])
+def test_who_keeps_the_beat_but_no_bar_is_told_so(dance: str) -> None:
+    pattern = DANCE_PATTERNS[dance]
+    told = replace(BEATS, bar_places=np.arange(len(BEATS)) % pattern.beats)
+    judgement = judged(dancer(0.1), told, pattern)
+    assert judgement.level == 2
+    assert "Your place in the beat is steady; the beat of the bar that it belongs to is not." in judgement.remarks

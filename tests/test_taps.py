@@ -37,6 +37,12 @@ def test_a_pause_of_half_a_minute_between_taps_does_no_harm(rng: np.random.Gener
     assert grid.period == pytest.approx(0.5, abs=2e-4)
 
 
+def test_a_key_that_counts_every_tap_twice_does_no_harm(rng: np.random.Generator):
+    taps = 0.4 + 0.5 * np.arange(30) + rng.normal(0, 0.02, 30)
+    for delay in (1e-9, 0.03, 0.1):
+        assert tap_grid(np.concatenate([taps, taps + delay])).period == pytest.approx(0.5, abs=2e-3)
+
+
 @pytest.mark.parametrize(
     ("taps", "fault"),
     [

@@ -16,6 +16,7 @@ FEWEST = 8  # taps
 MOST = 20_000
 REFINED = 0.06  # seconds within which the sound's phase is believed rather than the taps'; people differ by as much
 LEAST_UNITY = 0.6  # length of the mean of the taps as arrows on the beat's circle; a jitter of 16 % of a beat has .6
+SHORTEST = 0.15  # seconds between two taps: less is one tap that the key counted twice
 SEARCH = 0.06  # part of the tempo by which the tempo of all taps may differ from their median interval
 SAME_TEMPO = 0.02  # part of the tempo by which the sound's may differ from that of the taps
 
@@ -76,6 +77,7 @@ def tap_grid(taps: FloatArray) -> Grid:
         For fewer than 8 taps, or taps that keep no tempo.
     """
     taps = np.unique(taps)
+    taps = taps[np.diff(taps, prepend=-np.inf) >= SHORTEST]
     if taps.size < FEWEST:
         raise ValueError(f"{taps.size} taps are too few; tap {FEWEST} beats or more")
     span = float(np.ptp(taps))

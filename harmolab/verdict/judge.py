@@ -13,7 +13,7 @@ level  when
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,13 @@ class Judgement:
     place: PlaceTest | None = None
     interval: Interval = (NAN, NAN)
     lag_interval: Interval = (NAN, NAN)
+
+    @property
+    def n_beats(self) -> int:
+        """Number of beats at which the body is seen: those in filler frames do not count."""
+        if self.signal is None or self.signal.times.size == 0:
+            return len(self.beats)
+        return int((np.interp(self.beats.times, self.signal.times, self.signal.valid) >= 0.5).sum())
 
     @property
     def harmony_above_chance(self) -> float:
@@ -143,8 +150,9 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
     if len(beats) < 2:
         return Judgement(0, beats, pattern)
     signal = shape_signal(shape, beats.times[0], beats.times[-1])
-    if len(beats) < FEWEST_BEATS or floor(signal):
-        return Judgement(0, beats, pattern, signal)
+    nothing = Judgement(0, beats, pattern, signal)
+    if nothing.n_beats < FEWEST_BEATS or floor(signal):
+        return nothing
     time = time_test(signal, beats.times, cycles=_cycles(beats, pattern))
     place = place_test(signal, beats.times, beats.bar_places, pattern)
     interval, lags = place.spread(seed=seed)
@@ -182,7 +190,8 @@ def _level(time: TimeTest, lag: float, lags: Interval) -> int:
 def _cannot_tell(judgement: Judgement) -> str:
     if judgement.signal is not None and (reason := floor(judgement.signal)):
         return f"Cannot tell: {reason}."
-    return f"Cannot tell: {len(judgement.beats)} beats are too few; {FEWEST_BEATS} are needed."
+    count = judgement.n_beats
+    return f"Cannot tell: {count} {'beat is' if count == 1 else 'beats are'} too few; {FEWEST_BEATS} are needed."
 
 
 def _no_sign(judgement: Judgement) -> str:
@@ -234,6 +243,8 @@ def _remarks(judgement: Judgement) -> list[str]:
             remarks.append("In a picture, a statue that turns cannot be told from a dancer.")
         if signal.dimensions == 0:
             remarks.append("Fewer than three points have no shape: their speed in the room was read.")
+    if level == 2 and judgement.place is not None and judgement.place.reach > 0.5 and _keeps_the_beat(judgement.place):
+        remarks.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
     if level >= 2 and judgement.time is not None and judgement.time.rate in _RATES:
         remarks.append(_RATES[judgement.time.rate])
     if level >= 3 and judgement.pattern is None:
@@ -241,15 +252,19 @@ def _remarks(judgement: Judgement) -> list[str]:
     return remarks + _advice(judgement)
 
 
+def _keeps_the_beat(place: PlaceTest) -> bool:
+    """True where the lag is steady once it is looked for within half a beat only, not in the whole bar."""
+    low, high = replace(place, reach=0.5).spread()[1]
+    return high - low <= 2 * STEADY
+
+
 def _advice(judgement: Judgement) -> list[str]:
     """Ways to learn more than this verdict says."""
     advice: list[str] = []
     if judgement.level == 4 or (judgement.signal is not None and floor(judgement.signal)):
         return advice
-    if len(judgement.beats) < FEW_BEATS:
-        advice.append(
-            f"A longer take would show more: {len(judgement.beats)} beats were heard, {FEW_BEATS} say enough."
-        )
+    if FEWEST_BEATS <= judgement.n_beats < FEW_BEATS:
+        advice.append(f"A longer take would show more: it has {judgement.n_beats} beats, {FEW_BEATS} say enough.")
     if judgement.pattern is None:
         advice.append("The name of the dance would show more, where its pattern is known (--dance).")
     elif judgement.beats.bar_places is None and judgement.pattern.beats > 1:
