@@ -97,7 +97,7 @@ MOVES: dict[str, dict[str, object]] = {
         "mode": "valleys", "score": "above chance", "late": 0.3, "lambda1": 1.5, "lambda2": 2.0, "delay": 0.05,
         "beta": 0.5, "lag": 0.1, "clip": 1,
     },
-    "corpus, recommended": {"lambda1": 1.5, "beta": 4.0, "lag": 0.1, "late": 0.3},
+    "corpus, recommended": {"beta": 4.0, "lag": 0.1, "late": 0.3},
 }  # fmt: skip
 LABS = ("scoring", "detector", "saliency", "meter", "corpus")
 # Nothing of these shows on this clip: each has a test of its own.
