@@ -1,9 +1,9 @@
 """harmolab: is this motion in harmony with this music?
 
 >>> from harmolab import score_clip, synthetic_clip
->>> score = score_clip(synthetic_clip("waltz", seed=3))
->>> score.harmony_above_chance > 0.5
-True
+>>> score = score_clip(synthetic_clip("jive", seconds=30.0, seed=3))
+>>> score.judgement.verdict
+'You are on the beat: you rest on it (lag +0 ms of rest or hit).'
 
 The public names stand in ``__init__.pyi``: here, in `harmolab.systems` and in `harmolab.lab`. Each is resolved on first
 use, so that ``import harmolab`` is quick and loads no plotting or training library.

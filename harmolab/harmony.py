@@ -306,11 +306,10 @@ def score_clip(
     Examples
     --------
     >>> from harmolab import score_clip, synthetic_clip
-    >>> clip = synthetic_clip("waltz", seed=3)
-    >>> score = score_clip(clip)
-    >>> score.harmony_above_chance > 0.5, score.p_value < 0.05
-    (True, True)
-    >>> score.music.times[score.hits].size == score.hits.sum()
+    >>> score = score_clip(synthetic_clip("jive", seconds=30.0, seed=3))
+    >>> score.harmony_above_chance > 0.5, score.p_value < 0.05, score.judgement.level
+    (True, True, 4)
+    >>> bool(score.music.times[score.hits].size == score.hits.sum())
     True
     """
     params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))

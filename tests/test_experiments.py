@@ -103,7 +103,9 @@ def test_a_folder_of_corpora_is_several(recordings: Path, swinging_arm: Swing, m
     write_recording(other / "D", swinging_arm(1.0, 30.0))
     (recordings.parent / "empty").mkdir()
     monkeypatch.setenv("HARMOLAB_DATA", str(recordings.parent))
-    assert corpus_folders(TINY) == {"other": other, "recordings": recordings}
+    write_recording(recordings.parent / "groups" / "first" / "E", swinging_arm(1.0, 30.0))
+    groups = {"groups/first": recordings.parent / "groups" / "first"}
+    assert corpus_folders(TINY) == {**groups, "other": other, "recordings": recordings}
 
 
 def test_one_sequence_is_a_corpus_of_its_own(recordings: Path, monkeypatch: pytest.MonkeyPatch):

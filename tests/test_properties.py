@@ -238,12 +238,16 @@ def test_how_large_the_dancer_is_does_not_matter(seed: int, factor: float):
 
 @seldom
 @given(seeds, st.sampled_from([0.4, 0.5, 0.625, 0.75]))
-def test_the_frame_rate_moves_the_recommended_score_by_five_hundredths_at_most(seed: int, period: float):
+def test_the_frame_rate_moves_the_recommended_score_by_a_tenth_at_most_and_from_30_fps_by_three_hundredths(
+    seed: int, period: float
+):
     scores = [
         score_motion(steady(period, seconds=20.0), movement(seed, fps, 20.0)) for fps in (15.0, 30.0, 60.0, 120.0)
     ]
     values = [score.harmony_above_chance for score in scores]
-    assert max(values) - min(values) <= 0.05
+    # Nothing is locked here: ranks of chance, which move most.
+    assert max(values) - min(values) <= 0.1
+    assert max(values[1:]) - min(values[1:]) <= 0.03
 
 
 rates = st.sampled_from([15.0, 25.0, 30.0, 60.0, 120.0])

@@ -156,11 +156,12 @@ def _window(dances: Sequence[Pair], seconds: float, rng: np.random.Generator) ->
 
 
 def annotated_dances(profile: RunProfile) -> list[Pair]:
-    """Motions and annotated beats of the recordings that ``HARMOLAB_DATA`` names; none without."""
+    """Motions and annotated beats of the recorded dances, by name, that ``HARMOLAB_DATA`` names; none without."""
     if data_root() is None:
         return []
     recordings = [item for root in corpus_folders(profile).values() for item in readable_recordings(root)]
-    shared = [item.clip.shared() for item in recordings if item.annotation is not None and item.clip.motion is not None]
+    dances = [item.clip for item in recordings if item.annotation is not None and item.clip.dance]
+    shared = [clip.shared() for clip in dances if clip.motion is not None]
     return [(clip.motion, clip.beats) for clip in shared if clip.motion is not None and clip.beats is not None]
 
 
@@ -177,7 +178,7 @@ def null_table(profile: RunProfile, nulls: Mapping[str, tuple[Draw, tuple[float,
     -------
     DataFrame, a row for each kind and length: n, "cannot tell" (share at level 0), shares of p <= .05 and <= .01 of the
     time test ("p_time .05"), of H ("p .05") among the clips that were judged, and of the room speed score ("old p .05")
-    among all; NaN where no clip was judged.
+    among all; NaN where less than half of the clips were judged.
     """
     if nulls is None:
         nulls = {**NULLS, **recorded_nulls(annotated_dances(profile))}
@@ -202,10 +203,13 @@ def _p_values(motion: Motion, beats: BeatTrack, n_rotations: int) -> dict[str, f
 
 
 def _small_shares(values: pd.DataFrame) -> dict[str, float]:
-    """Share of rows that were not judged, and of small p-values among the others."""
+    """Share of rows that were not judged, and of small p-values among the others; NaN if these are fewer."""
     judged = values.dropna(subset="p_time")
     shares = {"cannot tell": 1 - len(judged) / len(values)}
     for name in values:
         rows = values if name == OLD else judged
-        shares |= {f"{name} {str(level)[1:]}": float((rows[name] <= level).mean()) for level in LEVELS}
+        enough = len(rows) >= len(values) / 2
+        shares |= {
+            f"{name} {str(level)[1:]}": float((rows[name] <= level).mean()) if enough else np.nan for level in LEVELS
+        }
     return shares

@@ -65,15 +65,16 @@ def synthetic_corpus(
 def corpus_folders(profile: RunProfile) -> dict[str, Path]:
     """The corpora to study: name -> folder. Recordings when ``HARMOLAB_DATA`` names some, else the synthetic corpus.
 
-    A folder of corpora counts each of its subfolders that holds recordings; a corpus counts as itself.
+    Each folder that holds recordings is a corpus of its own, named by its way below the folder of corpora
+    ("realdance/replays"); a corpus counts as itself.
     """
     root = data_root()
     if root is None:
         return {"synthetic": synthetic_corpus(profile)}
-    below = [folder for folder in sorted(root.iterdir()) if folder.is_dir()]
-    corpora = {folder.name: folder for folder in below if find_recordings(folder).folders}
-    is_corpus = any(folder.parent == root for folder in find_recordings(root).folders)
-    return {root.name: root} if is_corpus or not corpora else corpora
+    parents = sorted({folder.parent for folder in find_recordings(root).folders})
+    if not parents or not all(parent != root and parent.is_relative_to(root) for parent in parents):
+        return {root.name: root}
+    return {parent.relative_to(root).as_posix(): parent for parent in parents}
 
 
 def study_recordings(profile: RunProfile, corpus: str | None = None) -> Iterator[Recording]:

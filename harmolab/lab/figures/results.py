@@ -115,15 +115,19 @@ def draw_disturbances(ax: Axes, table: pd.DataFrame, scores: Sequence[str]) -> A
 
 
 def auc_figure(summaries: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """`draw_auc` for several corpora side by side.
+    """`draw_auc` for several corpora, four in a row at most.
 
     Parameters
     ----------
     summaries : corpus -> the summary of its comparison
     """
-    with styled_axes((4.4 + 3.6 * len(summaries), 4.6), 1, len(summaries), sharey=True) as (figure, axes):
-        for ax, (name, summary) in zip(axes, summaries.items(), strict=True):
+    columns = min(len(summaries), 4)
+    rows = -(-len(summaries) // columns)
+    with styled_axes((4.4 + 3.6 * columns, 4.6 * rows), rows, columns, sharey=True) as (figure, axes):
+        for ax, (name, summary) in zip(axes, summaries.items(), strict=False):
             draw_auc(ax, summary["scores"], title=f"{name} (n = {summary['n']}, {summary['beats']} beats)")
+        for ax in axes[len(summaries) :]:
+            ax.set_visible(False)
     return figure
 
 

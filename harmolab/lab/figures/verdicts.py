@@ -46,7 +46,7 @@ def draw_false_alarms(ax: Axes, rows: Sequence[Record], *, level: str = ".05") -
         ax.plot([row[f"{name} {level}"] for row in rows], [*places.values()], linestyle="none", **look)
     beyond = any(row[f"p_time {level}"] > EDGE for row in rows)
     for row, place in zip(rows, places.values(), strict=True):
-        if row["cannot tell"] == 1:
+        if row["cannot tell"] > 0.5:
             ax.annotate("too short: not judged", (0.27, place), va="center", fontsize=8.5, color=COLOURS["chance"])
     edge = "\nsquares beyond the edge: dancers who have the music's tempo" if beyond else ""
     ax.set(xlim=(-0.01, EDGE), xlabel=f"share of clips with p ≤ {level} (dotted: what a fair p-value gives){edge}")
