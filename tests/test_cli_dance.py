@@ -109,6 +109,12 @@ def test_a_dance_keeps_the_song_time_it_was_made_for(dance: Callable[..., Result
     assert "it begins at 1.5 s of the song: pass --offset 1.5 with it" in written.output
 
 
+def test_one_is_told_to_the_verdict(dance: Callable[..., Result], tmp_path: Path) -> None:
+    result = dance(tmp_path / "dance.npz", "--dance", "cha-cha", "--one", 1.0)
+    assert result.exit_code == 0, result.output
+    assert '"one" known, 4 beats a bar' in result.output
+
+
 def test_bvh_and_npz_of_a_seed_are_the_same_dance(dance: Callable[..., Result], tmp_path: Path) -> None:
     for name in ("dance.npz", "dance.bvh"):
         assert dance(tmp_path / name).exit_code == 0

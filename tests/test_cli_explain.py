@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,14 @@ def test_few_beats_give_no_number_and_no_milliseconds(files: tuple[Path, Path]):
     assert "ms" not in result.stdout.split()
     assert "above chance" not in result.stdout
     assert result.stdout.splitlines()[-1].startswith("music: ")
+
+
+def test_page_of_few_beats_has_no_milliseconds_either(files: tuple[Path, Path], tmp_path: Path):
+    explain(*files, "--offset", 0, "--out", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text("utf-8")
+    words = re.sub(r"<[^>]*>", " ", re.sub(r"(?s)<(style|script)\b.*?</\1>", "", page)).split()
+    assert "Cannot" in words
+    assert not {"ms", "late", "early"} & set(words)
 
 
 def test_annotated_beats_take_the_place_of_tracking(files: tuple[Path, Path], planted_clip: Clip, tmp_path: Path):

@@ -14,7 +14,7 @@ import typer
 from harmolab.cli.common import plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
-ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples"}
+ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples", "pattern", "one"}
 
 
 def train(

@@ -82,7 +82,7 @@ def dance_page(dance: OwnDance) -> str:
         numbers=_numbers(dance),
         event=event_name(dance.score),
         is_ranked=_is_ranked(dance),
-        delay=1000 * dance.score.params.reaction_delay,
+        delay=dance.score.params.reaction_delay,
         settings=", ".join(f"{name} {value}" for name, value in vars(dance.score.params).items() if name != "pattern"),
         version=version("harmolab"),
     )
