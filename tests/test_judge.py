@@ -189,3 +189,12 @@ def test_who_keeps_the_beat_but_no_bar_is_told_so(dance: str) -> None:
     judgement = judged(dancer(0.1), told, pattern)
     assert judgement.level == 2
     assert "Your place in the beat is steady; the beat of the bar that it belongs to is not." in judgement.remarks
+
+
+def test_a_lag_that_lies_anywhere_between_rest_and_hit_is_not_called_steady() -> None:
+    steady = judged(dancer(0.25))
+    anywhere = replace(steady, lag_interval=(-0.24, 0.23))
+    assert "steadily" in steady.verdict
+    assert not any("anywhere" in remark for remark in steady.remarks)
+    assert "steadily" not in anywhere.verdict
+    assert any("anywhere between rest and hit" in remark for remark in anywhere.remarks)

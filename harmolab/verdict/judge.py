@@ -32,6 +32,7 @@ ALPHA = 0.05
 CLEAR = 8.0  # z of a tempo that is the body's own: noise reaches 5 to 8, dancers 10 to 47
 STEADY = 0.25  # beats: half the width of a steady lag's interval
 ON_THE_BEAT = 0.125  # beats
+ANYWHERE = 0.45  # beats: nine tenths of the half beat between rest and hit
 MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
 FEW_BEATS = 48  # about half of the recorded dancers pass the time test with so many
 NAN = float("nan")
@@ -206,7 +207,17 @@ def _no_place(judgement: Judgement) -> str:
 
 def _steadily(judgement: Judgement) -> str:
     side = "late" if judgement.lag > 0 else "early"
-    return f"You keep time, steadily {abs(judgement.lag_s) * 1000:.0f} ms {side} of {_place(judgement)}."
+    steadily = "" if _is_anywhere(judgement) else "steadily "
+    return f"You keep time, {steadily}{abs(judgement.lag_s) * 1000:.0f} ms {side} of {_place(judgement)}."
+
+
+def _is_anywhere(judgement: Judgement) -> bool:
+    """True where a lag of rest or hit takes nearly all the half beat there is for it from bar to bar.
+
+    It may wander as much as a lag of level 2: within a quarter of a beat to either side that cannot be seen.
+    """
+    low, high = judgement.lag_interval
+    return judgement.pattern is None and bool(high - low >= ANYWHERE)
 
 
 def _on_the_beat(judgement: Judgement) -> str:
@@ -247,6 +258,8 @@ def _remarks(judgement: Judgement) -> list[str]:
         remarks.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
     if level >= 2 and judgement.time is not None and judgement.time.rate in _RATES:
         remarks.append(_RATES[judgement.time.rate])
+    if level >= 3 and _is_anywhere(judgement):
+        remarks.append("That is the mean: from bar to bar you are anywhere between rest and hit.")
     if level >= 3 and judgement.pattern is None:
         remarks.append("A rest half a beat late is a hit on the beat: movement alone cannot tell which is meant.")
     return remarks + _advice(judgement)

@@ -111,7 +111,7 @@ def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
 def _numbers(dance: OwnDance) -> dict[str, str]:
     """The numbers of the page's table: name -> text."""
     judgement, score = dance.judgement, dance.score
-    numbers = {"Level": f"{judgement.level} of 4", "p in time": f"{judgement.p_time:.3f}"}
+    numbers = {"Level": f"{dance.level} of 4", "p in time": f"{judgement.p_time:.3f}"}
     if dance.placement.is_absolute:
         numbers["p in place"] = f"{judgement.p_place:.3f}"
         numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"

@@ -224,6 +224,11 @@ class OwnDance:
         return self.judgement.level >= 2
 
     @property
+    def level(self) -> int:
+        """Level of the verdict; 3 at most where the place in the beat is not known, since 4 differs by it alone."""
+        return self.judgement.level if self.placement.is_absolute else min(self.judgement.level, 3)
+
+    @property
     def verdict(self) -> str:
         """The result in a sentence or two for a dancer."""
         return IN_TIME if self.judgement.level >= 3 and not self.placement.is_absolute else self.judgement.verdict
@@ -254,7 +259,9 @@ class OwnDance:
             "seconds": self.motion.duration,
         }
         content = self.judgement.to_dict() | content
-        return dict(plain(content if self.placement.is_absolute else content | dict.fromkeys(PLACED)))
+        if not self.placement.is_absolute:
+            content |= dict.fromkeys(PLACED)
+        return dict(plain(content | {"level": self.level}))
 
 
 def explain_performance(
