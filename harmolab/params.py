@@ -33,7 +33,7 @@ DANCES = MappingProxyType(
 
 @dataclass(frozen=True)
 class BarPattern:
-    """Usual course of joint speed through a cycle of beats, as a short Fourier series.
+    """Usual course of shape speed (or joint speed) through a cycle of beats, as a short Fourier series.
 
     The expected (normalised) speed at beat position x is ``sum_h cosines[h-1] cos(2 pi h x / beats) + sines[h-1]
     sin(2 pi h x / beats)``; x = 0 is the cycle's first beat. Plain tuples, so that patterns compare and print.

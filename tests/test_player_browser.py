@@ -349,3 +349,19 @@ def test_image_coordinates_are_drawn(chromium: Any, clip: Clip, tmp_path: Path) 
     assert min(inked) > 200  # head and arms above, legs below
     assert page.faults == []
     page.close()
+
+
+def test_caption_is_the_verdict_where_there_is_one_and_else_the_beats_met(chromium: Any, clip: Clip, tmp_path: Path):
+    judged = Dancer("one", clip.motion, score_motion(clip.beats, clip.motion))
+    for name, player in {
+        "judged": Player(clip.audio, [judged], music=clip.beats, title="A cha-cha"),
+        "counted": player_of(clip),
+    }.items():
+        player.save(tmp_path / f"{name}.html")
+    captions = {}
+    for name in ("judged", "counted"):
+        page = opened(chromium, tmp_path / f"{name}.html")
+        captions[name] = page.text_content("figcaption").splitlines()[0]
+        page.close()
+    assert captions["judged"] == f"one: {judged.score.judgement.verdict}"
+    assert captions["counted"].endswith("beats met")

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harmolab.beats.visual import curve_beats, motion_curve, visual_beats
+from harmolab.beats.visual import curve_beats, curve_delay, motion_curve, visual_beats
 from harmolab.params import HarmonyParams
 from harmolab.types import Motion, Skeleton
+from tests.builders import planted_dance
 
 PLAIN = HarmonyParams(fps=None, visual_threshold=None)
 Swing = Callable[..., Motion]
@@ -139,3 +140,16 @@ def test_a_motion_too_short_for_the_rate_is_refused():
     brief = Motion(np.zeros((2, 1, 3)), 60.0, Skeleton.unnamed(1))
     with pytest.raises(ValueError, match=r"a motion of 0.033 s has no two frames at 15 fps"):
         visual_beats(brief)
+
+
+@pytest.mark.parametrize("params", [HarmonyParams.valleys(), HarmonyParams.room_speed(), HarmonyParams.recommended()])
+def test_a_curve_drawn_with_its_delay_is_lowest_at_the_valley_beats(params: HarmonyParams):
+    motion = planted_dance().motion
+    assert motion is not None
+    curve, fps = motion_curve(motion, params)
+    times = (np.arange(curve.size) - curve_delay(params)) / fps
+    beats = visual_beats(motion, params=params).times
+    assert beats.size > 5
+    for beat in beats:
+        near = np.abs(times - beat) < 2.5 / fps
+        assert times[near][curve[near].argmin()] == pytest.approx(beat, abs=0.5 / fps + 1e-9)

@@ -67,6 +67,11 @@ def _motion_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, fl
     return curve, fps
 
 
+def curve_delay(params: HarmonyParams) -> float:
+    """Frames by which a sample of `motion_curve` stands behind its moment: a difference lies between two frames."""
+    return 0.5 if params.subframe and params.measure != "shape" else 0.0
+
+
 def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTrack:
     """Visual beats of a motion curve (Eq. 8-9); their strength is the curve's value s_v.
 
@@ -80,8 +85,7 @@ def curve_beats(curve: FloatArray, fps: float, params: HarmonyParams) -> BeatTra
     find = {"turns": turning_points, "valleys": valley_frames}.get(params.detector, peak_frames)
     frames = find(curve, plateau=params.plateau)
     positions = refine_extrema(curve, frames) if params.subframe else frames.astype(np.float64)
-    if params.subframe and params.measure != "shape":
-        positions -= 0.5  # a frame difference belongs half a frame before its frame
+    positions -= curve_delay(params)
     # The speed may be signed in one reading; a strength never is.
     return BeatTrack(positions / fps, np.abs(curve[frames]), fps, len(curve) / fps)
 

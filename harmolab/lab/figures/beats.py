@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator
 from numpy.typing import ArrayLike
 
-from harmolab.beats.visual import motion_curve
+from harmolab.beats.visual import curve_delay, motion_curve
 from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, FloatArray, Motion
@@ -70,7 +70,7 @@ def draw_curve(
 def timed_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArray]:
     """Seconds and values of the curve that visual beats are read from."""
     curve, fps = motion_curve(motion, params)
-    return (np.arange(curve.size, dtype=np.float64) - 0.5 * params.subframe) / fps, curve
+    return (np.arange(curve.size, dtype=np.float64) - curve_delay(params)) / fps, curve
 
 
 def draw_motion_curve(ax: Axes, motion: Motion, params: HarmonyParams, track: BeatTrack) -> Axes:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import describe_beats
-from harmolab.beats.visual import motion_curve
+from harmolab.beats.visual import curve_delay, motion_curve
 from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
@@ -283,7 +283,7 @@ def _speed(motion: Motion, params: HarmonyParams) -> dict[str, Any]:
     """The curve that visual beats are read from, at a rate that shows it smooth."""
     times = np.arange(0.0, motion.duration, 1.0 / FASTEST)
     curve, fps = motion_curve(motion, params)
-    seconds = (np.arange(curve.size) - 0.5 * params.subframe) / fps
+    seconds = (np.arange(curve.size) - curve_delay(params)) / fps
     return {"fps": FASTEST, **_quantised(np.interp(times, seconds, curve)[:, None])}
 
 
