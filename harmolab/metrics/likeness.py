@@ -29,7 +29,9 @@ from typing import Any
 import numpy as np
 
 from harmolab.io.files import read_json, reading
-from harmolab.metrics.body_measures import LONGEST, MEASURES, SHORTEST, body_measures
+from harmolab.metrics.body_measures import LONGEST as LONGEST
+from harmolab.metrics.body_measures import MEASURES as MEASURES
+from harmolab.metrics.body_measures import SHORTEST, body_measures
 from harmolab.skeletons import side_pairs
 from harmolab.types import Motion
 
@@ -261,17 +263,20 @@ def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None =
     return Likeness(values, least, most, recorded, len(windows))
 
 
-def window_measures(motion: Motion) -> tuple[dict[str, float], ...]:
-    """`body_measures` of the windows of 30 s that cover a motion evenly; the whole where it is hardly longer.
+def motion_windows(motion: Motion) -> tuple[Motion, ...]:
+    """The windows of 30 s that cover a motion evenly; the motion itself where it is hardly longer than one.
 
-    Windows with less than 10 s that are no filler are left out; ValueError for a two-dimensional motion.
+    Windows with less than 10 s that are no filler are left out.
     """
-    if motion.positions.shape[2] != 3:
-        raise ValueError("a three-dimensional motion is needed: metres, y up")
     count = math.ceil(motion.duration / LONGEST - HARDLY)
-    starts = np.linspace(0.0, motion.duration - LONGEST, count) if count > 1 else [0.0]
-    parts = [motion.span(start, LONGEST) for start in starts] if count > 1 else [motion]
-    return tuple(body_measures(part) for part in parts if part.valid.sum() >= SHORTEST * part.fps - 1)
+    starts = np.linspace(0.0, motion.duration - LONGEST, count) if count > 1 else ()
+    parts = tuple(motion.span(start, LONGEST) for start in starts) or (motion,)
+    return tuple(part for part in parts if part.valid.sum() >= SHORTEST * part.fps - 1)
+
+
+def window_measures(motion: Motion) -> tuple[dict[str, float], ...]:
+    """`body_measures` of all `motion_windows`; ValueError for a two-dimensional motion."""
+    return tuple(map(body_measures, motion_windows(motion)))
 
 
 def _unjudgeable(motion: Motion) -> str:
