@@ -18,6 +18,7 @@ from filelock import FileLock
 
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import cache_folder, plain
+from harmolab.lab.experiments.clock import TrainingClock, training_minutes
 from harmolab.lab.experiments.study import corpus_folders, data_root
 from harmolab.lab.profile import RunProfile
 from harmolab.systems.common.feature_params import FeatureParams
@@ -62,13 +63,17 @@ VARIANTS = {
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch."""
+    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch.
+
+    `minutes` are those of its pretraining and its own; NaN where nobody counted.
+    """
 
     folder: Path
     generator: Generator
     pose_net: PoseNet
     split: Split
     history: pd.DataFrame
+    minutes: float = float("nan")
 
 
 def generator_corpora(profile: RunProfile) -> tuple[str, ...]:
@@ -129,6 +134,7 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Tr
         load_pose_net(folder / POSE_NET),
         split,
         pd.concat([pd.read_csv(base / HISTORY), pd.read_csv(folder / HISTORY)], ignore_index=True),
+        training_minutes(base) + training_minutes(folder),
     )
 
 
@@ -150,7 +156,10 @@ def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Pat
     with FileLock(folder.with_suffix(".lock")):
         if not (folder / f"{MODEL}.json").is_file():
             fabric = make_fabric(accelerator="cpu")
-            train_harmogan(split, folder, model=model, params=params, pretrained=pretrained, resume=True, fabric=fabric)
+            train_harmogan(
+                split, folder, model=model, params=params, pretrained=pretrained, resume=True, fabric=fabric,
+                report=TrainingClock(folder),
+            )  # fmt: skip
     return folder
 
 

@@ -100,17 +100,23 @@ class Excerpt:
 def seven_dances(profile: RunProfile) -> tuple[str, list[Excerpt]]:
     """Songs of the seven dances that no system was trained on: what they are, and an excerpt of each.
 
-    Files of the Ballroom set, where ``HARMOLAB_DATA`` holds some of every dance; else synthetic songs with their planted
-    dancers. Beats are tracked in all of a song, with the tempo of its dance as prior, as the paper tracks them.
+    Files of the Ballroom set, where ``HARMOLAB_DATA`` holds some of every dance; else `synthetic_songs`. Beats are
+    tracked in all of a song, with the tempo of its dance as prior, as the paper tracks them.
     """
-    files = {} if data_root() is None else ballroom_files(data_root())  # type: ignore[arg-type]
+    root = data_root()
+    files = {} if root is None else ballroom_files(root)
     if set(files) != set(DANCES):
-        return SYNTHETIC_SONGS, [_synthetic(dance, number) for dance in DANCES for number in range(profile.songs)]
+        return SYNTHETIC_SONGS, synthetic_songs(profile)
     excerpts = []
     for dance in DANCES:
         paths, count = files[dance], min(profile.songs, len(files[dance]))
         excerpts += [_ballroom(dance, paths[place * len(paths) // count]) for place in range(count)]
     return BALLROOM_SONGS, excerpts
+
+
+def synthetic_songs(profile: RunProfile) -> list[Excerpt]:
+    """As many synthetic songs of each of the seven dances as the profile says, with their planted dancers."""
+    return [_synthetic(dance, number) for dance in DANCES for number in range(profile.songs)]
 
 
 def ballroom_files(root: Path) -> dict[str, list[Path]]:

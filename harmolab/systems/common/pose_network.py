@@ -124,19 +124,33 @@ def embed_meters(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -
     ValueError
         If the motions are not as many as the units, or move other joints than the pose network's.
     """
-    codes = [_meter_code(motion, unit, pose_net) for motion, unit in zip(motions, units.units, strict=True)]
+    pairs = list(zip(motions, units.units, strict=True))
+    firsts = [round(unit.n_prior * pose_net.fps / unit.fps) for _, unit in pairs]
+    return _embedded([_code(motion, pose_net)[first:] for (motion, _), first in zip(pairs, firsts, strict=True)], pose_net)
+
+
+@torch.no_grad()
+def embed_motions(motions: Sequence[Motion], pose_net: PoseNet) -> FloatArray:
+    """Pose network's features (N, D) of whole motions, as of meters (`embed_meters`); ValueError for other joints."""
+    return _embedded([_code(motion, pose_net) for motion in motions], pose_net)
+
+
+def _embedded(codes: Sequence[Tensor], pose_net: PoseNet) -> FloatArray:
+    """Features (N, D) of motion codes (T, C) of any lengths."""
     mask = nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
-    return pose_net.eval().embed(nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
+    values: FloatArray = (
+        pose_net.eval().embed(nn.utils.rnn.pad_sequence(list(codes), batch_first=True), mask).double().numpy()
+    )
+    return values
 
 
-def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> Tensor:
-    """Motion code (T, C) of a unit's meter at the frame rate of the pose network."""
+def _code(motion: Motion, pose_net: PoseNet) -> Tensor:
+    """Motion code (T, C) of a motion at the frame rate of the pose network."""
     if motion.skeleton.joints != pose_net.skeleton.joints:
         joints = ", ".join(motion.skeleton.joints)
-        raise ValueError(f"{unit.name}: the motion must have the joints of the pose network, got {joints}")
+        raise ValueError(f"the motion must have the joints of the pose network, got {joints}")
     same = resample_motion(motion, pose_net.fps)
-    code = encode_motion(same.positions, same.fps, same.skeleton)
-    return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])
+    return torch.from_numpy(encode_motion(same.positions, same.fps, same.skeleton))
 
 
 def _block(n_in: int, n_out: int) -> nn.Sequential:
