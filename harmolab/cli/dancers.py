@@ -63,7 +63,9 @@ def dancer_of(
     if weights is None and system in (None, CHOREOGRAPHER):
         return _choreographer(context, corpus, style)
     trained = _trained(weights, system)
-    return Dancer(trained, accepted(trained.generate, context, {"progress": progress}), getattr(trained, "limits", None))
+    return Dancer(
+        trained, accepted(trained.generate, context, {"progress": progress}), getattr(trained, "limits", None)
+    )
 
 
 def _check_choice(*, corpus: Path | None, style: str | None, system: str | None, weights: Path | None) -> None:

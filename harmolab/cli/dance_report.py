@@ -1,0 +1,120 @@
+"""All that `harmolab dance` says of a dance: whether it moves like people, how it was joined, how it fits the music."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from harmolab.cli.common import show
+
+if TYPE_CHECKING:
+    from harmolab.metrics.likeness import Likeness
+    from harmolab.systems.choreographer import Choreography
+    from harmolab.types import BeatTrack, Motion
+    from harmolab.verdict.score import HarmonyScore
+
+NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
+HARMONY = "harmony above chance"
+JOINED = ("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "warnings", "pieces")
+LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
+
+
+@dataclass(frozen=True, eq=False)
+class DanceReport:
+    """A dance and what is known about it.
+
+    Parameters
+    ----------
+    motion : Motion
+    start : float, seconds, audio time of its first frame
+    music : BeatTrack on the motion's time line
+    score : HarmonyScore of both
+    likeness : Likeness of the motion
+    choreography : Choreography, None where it was not made of recordings
+    remarks : sentences about the dancer
+    """
+
+    motion: Motion
+    start: float
+    music: BeatTrack
+    score: HarmonyScore
+    likeness: Likeness
+    choreography: Choreography | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """One line: likeness first; harmony only where likeness does not fail; then what else there is to say."""
+        sentences = [self.likeness.verdict]
+        if self.score.judgement is not None and self.likeness.passed is not False:
+            sentences += [self.score.judgement.verdict, *self.score.judgement.remarks]
+        sentences += self.remarks
+        sentences += () if self.choreography is None else self.choreography.warnings
+        return " ".join(map(sentence, sentences))
+
+    def facts(self) -> dict[str, str]:
+        """Name -> text of every number, for a table."""
+        from harmolab.lab.evaluate.dance_scores import dance_scores
+
+        scores = {name: show(value) for name, value in dance_scores(self.motion, self.music, self.score).items()}
+        scores[HARMONY] = self.likeness.harmony_text(self.score.above_chance)
+        return {"moves like people": self.likeness.verdict} | self._measures() | self._pieces() | scores
+
+    def _measures(self) -> dict[str, str]:
+        """Each measure of likeness beside what recorded dancers had."""
+        from harmolab.metrics.body_measures import MEASURES
+
+        return {MEASURES[name]: self._measure(name) for name in self.likeness.values}
+
+    def _measure(self, name: str) -> str:
+        """A number and the recorded range; a failure is said so."""
+        low, _, high = self.likeness.recorded[name]
+        verdict = ", FAILS" if name in self.likeness.fails else ""
+        return f"{self.likeness.values[name]:.3g} (recorded {low:.3g} to {high:.3g}){verdict}"
+
+    def _pieces(self) -> dict[str, str]:
+        """Seams and recordings of a dance that was made of recordings."""
+        choreography = self.choreography
+        if choreography is None:
+            return {}
+        mean, worst = choreography.mean_seam_cm, choreography.worst_seam_cm
+        return {
+            "seams, cm": f"{mean:.1f} on average, {worst:.1f} at worst",
+            "distinct movement to choose from": f"{choreography.distinct_minutes:.1f} minutes",
+            "made of": folded(seconds_by_recording(choreography)),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything, for JSON; every piece with its place in the dance."""
+        joined = () if self.choreography is None else JOINED
+        return {
+            "start": self.start,
+            "seconds": self.motion.duration,
+            "likeness": {name: getattr(self.likeness, name) for name in LIKENESS},
+            "harmony": self.score.to_dict(),
+            "remarks": self.remarks,
+            **{name: getattr(self.choreography, name) for name in joined},
+        }
+
+
+def sentence(text: str) -> str:
+    """Words with a capital at the start and a full stop at the end."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}"
+
+
+def seconds_by_recording(choreography: Choreography) -> dict[str, float]:
+    """Recording -> seconds of the dance that were made of it, the most first."""
+    ends = [*(piece.start for piece in choreography.pieces[1:]), choreography.motion.duration]
+    seconds: Counter[str] = Counter()
+    for piece, end in zip(choreography.pieces, ends, strict=True):
+        seconds[piece.recording] += end - piece.start
+    return dict(seconds.most_common())
+
+
+def folded(seconds: Mapping[str, float]) -> str:
+    """A line that names the recordings that gave most, and counts the others."""
+    lines = [f"{name} {value:.1f} s" for name, value in list(seconds.items())[:NAMED]]
+    more = [f"{len(seconds) - NAMED} more (--json names every piece)"] if len(seconds) > NAMED else []
+    return ", ".join(lines + more)
