@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,8 @@ if TYPE_CHECKING:
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 HARMONY = "harmony above chance"
-JOINED = ("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "warnings", "pieces")
+JOINED = ("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before", "shares", "stretch")
+JOINED += ("warnings", "pieces")
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
 
 
@@ -83,7 +83,9 @@ class DanceReport:
         return {
             "seams, cm": f"{mean:.1f} on average, {worst:.1f} at worst",
             "distinct movement to choose from": f"{choreography.distinct_minutes:.1f} minutes",
-            "made of": folded(seconds_by_recording(choreography)),
+            "longest stretch of one recording": f"{choreography.longest_stretch} beats",
+            "beats that were seen before in it": f"{choreography.seen_before:.0%}",
+            "made of": folded(choreography.shares),
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -104,17 +106,8 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}"
 
 
-def seconds_by_recording(choreography: Choreography) -> dict[str, float]:
-    """Recording -> seconds of the dance that were made of it, the most first."""
-    ends = [*(piece.start for piece in choreography.pieces[1:]), choreography.motion.duration]
-    seconds: Counter[str] = Counter()
-    for piece, end in zip(choreography.pieces, ends, strict=True):
-        seconds[piece.recording] += end - piece.start
-    return dict(seconds.most_common())
-
-
-def folded(seconds: Mapping[str, float]) -> str:
-    """A line that names the recordings that gave most, and counts the others."""
-    lines = [f"{name} {value:.1f} s" for name, value in list(seconds.items())[:NAMED]]
-    more = [f"{len(seconds) - NAMED} more (--json names every piece)"] if len(seconds) > NAMED else []
+def folded(shares: Mapping[str, float]) -> str:
+    """A line that names the recordings that gave most of a dance, and counts the others."""
+    lines = [f"{name} {share:.0%}" for name, share in list(shares.items())[:NAMED]]
+    more = [f"{len(shares) - NAMED} more (--json names every piece)"] if len(shares) > NAMED else []
     return ", ".join(lines + more)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from harmolab.cli.common import left_out, progress
+from harmolab.cli.common import note, progress
 from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from harmolab.systems.contract import System
     from harmolab.types import Audio, BeatTrack, Motion
 
-CHOREOGRAPHER = "choreographer"
+CHOREOGRAPHER, PUPPET = "choreographer", "puppet"
 TRAIN_HINT = "install it with: pip install 'harmolab[train]'"
 
 
@@ -61,7 +61,7 @@ def dancer_of(
     """
     _check_choice(corpus=corpus, style=style, system=system, weights=weights)
     if weights is None and system in (None, CHOREOGRAPHER):
-        return _choreographer(context, corpus, style)
+        return _choreographer(context, corpus, style or "salsa")
     trained = _trained(weights, system)
     return Dancer(
         trained, accepted(trained.generate, context, {"progress": progress}), getattr(trained, "limits", None)
@@ -80,19 +80,19 @@ def _check_choice(*, corpus: Path | None, style: str | None, system: str | None,
         raise FileNotFoundError(f"{weights}: no such folder")
 
 
-def _choreographer(context: typer.Context, corpus: Path | None, style: str | None) -> Dancer:
+def _choreographer(context: typer.Context, corpus: Path | None, style: str) -> Dancer:
     """The choreographer of a corpus or of a bank."""
     from harmolab.systems.choreographer import Choreographer
     from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
 
-    if corpus is None:
-        style = style or "salsa"
-        choreographer = shipped_bank(style)
-    else:
-        choreographer = Choreographer.load(corpus, progress=progress, report=left_out)
+    choreographer = shipped_bank(style) if corpus is None else Choreographer.load(corpus)
+    for line in choreographer.notes:
+        note(f"left out: {line}")
+    remarks = (REMARKS[style],) if corpus is None else ()
     options = accepted(choreographer.choreograph, context, {"progress": progress})
-    remarks = REMARKS.get(style or "", ())
-    return Dancer(choreographer, options, choreographer.limits, choreographer.knows_bars, remarks)
+    knows_bars = any(take.places.size for take in choreographer.takes)
+    limits = None if corpus is None and style == PUPPET else choreographer.limits
+    return Dancer(choreographer, options, limits, knows_bars, remarks)
 
 
 def _trained(weights: Path | None, system: str | None) -> System:
