@@ -18,6 +18,7 @@ from harmolab.params import DANCES
 from harmolab.systems.common.audio_features import audio_features
 from harmolab.systems.common.borders import continued
 from harmolab.systems.common.grounding import on_floor, planted_feet
+from harmolab.systems.common.length import n_frames
 from harmolab.systems.common.motion_code import decode_motion, encode_motion
 from harmolab.systems.common.poses_bank import PoseBank, retimed
 from harmolab.systems.common.priors import initial_poses, temporal_index
@@ -78,12 +79,12 @@ def synthesize_dance(
     >>> generator = load_generator("run/model")  # doctest: +SKIP
     >>> motion = synthesize_dance(generator, load_audio("song.mp3"), seconds=20.0, seed=3)  # doctest: +SKIP
     """
-    n_frames = _length(audio, start, seconds, generator.fps)
+    frames = n_frames(audio, start, seconds, generator.fps)
     if generator.features is None:
         raise ValueError("this generator does not say which audio features it hears; build it with features=...")
     code = _first_movement(generator, poses, dance, seed) if initial is None else _coded(generator, initial)
     track = music_beats(Clip("", audio, beats=beats, dance=dance or ""))
-    meters = meter_frames(track, generator.features, start=start, n_frames=n_frames, fps=generator.fps)
+    meters = meter_frames(track, generator.features, start=start, n_frames=frames, fps=generator.fps)
     first, last = meters[0].begin, meters[-1].end
     times = start + np.arange(first, last) / generator.fps
     music = audio_features(audio, track, times, generator.features)
@@ -92,7 +93,7 @@ def synthesize_dance(
         prior = retimed(code[-length:], meters[0].meter - first)
     else:  # `initial` keeps its speed, and ends where the dance begins, which may be inside a meter
         prior = retimed(code[first:], -first)
-    code = _danced(generator, music, meters, prior, progress)[-first : n_frames - first]
+    code = _danced(generator, music, meters, prior, progress)[-first : frames - first]
     positions = decode_motion(_with_bones(generator, code), generator.fps, generator.skeleton)
     positions = on_floor(positions, generator.fps)
     if plant_feet:
@@ -107,19 +108,6 @@ def generate_units(generator: Generator, units: UnitSet) -> list[Motion]:
     codes = generator.eval()(torch.from_numpy(batch.audio), torch.from_numpy(batch.initial)).motion
     pairs = zip(codes, units.units, strict=True)
     return [units.decoded(code[: unit.n_frames].double().numpy()) for code, unit in pairs]
-
-
-def _length(audio: Audio, start: float, seconds: float | None, fps: float) -> int:
-    """Frames of the dance; ValueError where there is no music for two of them."""
-    if not 0 <= start < audio.duration:
-        raise ValueError(f"start must lie within the music (0 to {audio.duration:.2f} s), got {start:g} s")
-    if seconds is not None and not 0 < seconds < np.inf:
-        raise ValueError(f"seconds must be positive, got {seconds:g}")
-    length = min(audio.duration - start, np.inf if seconds is None else seconds)
-    n_frames = int(length * fps + 1e-6)
-    if n_frames < 2:
-        raise ValueError(f"{length:.3f} s of music are less than two frames at {fps:g} per second")
-    return n_frames
 
 
 def _first_movement(generator: Generator, poses: PoseBank | None, dance: str | None, seed: int) -> FloatArray:

@@ -16,10 +16,11 @@ from torch import Tensor, nn
 
 from harmolab.io.files import PathLike
 from harmolab.skeletons import ancestors
+from harmolab.systems.common.about import stored_skeleton
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import Normaliser, channel_statistics, parameter_count
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, fix_bones, local_joints
-from harmolab.systems.common.weights import MOST_LAYERS, load_weights, renamed, stored_skeleton, whole
+from harmolab.systems.common.weights import MOST_LAYERS, load_weights, renamed, whole
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import Skeleton
 

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from harmolab.io.files import PathLike, Progress, silent
+from harmolab.systems.common.about import DEFAULT_STEM, read_about
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, poses_path, save_poses
 from harmolab.systems.common.splits import split_units
 from harmolab.systems.common.unit_corpus import load_units
-from harmolab.systems.common.weights import DEFAULT_STEM, read_about, save_weights
+from harmolab.systems.common.weights import save_weights
 from harmolab.systems.harmogan.generate import synthesize_dance
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
