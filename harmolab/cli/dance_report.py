@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from harmolab.verdict.score import HarmonyScore
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
-HARMONY = "harmony above chance"
 JOINED = ("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before", "shares", "stretch")
 JOINED += ("warnings", "pieces")
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
@@ -58,21 +57,8 @@ class DanceReport:
         """Name -> text of every number, for a table."""
         from harmolab.lab.evaluate.dance_scores import dance_scores
 
-        scores = {name: show(value) for name, value in dance_scores(self.motion, self.music, self.score).items()}
-        scores[HARMONY] = self.likeness.harmony_text(self.score.above_chance)
-        return {"moves like people": self.likeness.verdict} | self._measures() | self._pieces() | scores
-
-    def _measures(self) -> dict[str, str]:
-        """Each measure of likeness beside what recorded dancers had."""
-        from harmolab.metrics.body_measures import MEASURES
-
-        return {MEASURES[name]: self._measure(name) for name in self.likeness.values}
-
-    def _measure(self, name: str) -> str:
-        """A number and the recorded range; a failure is said so."""
-        low, _, high = self.likeness.recorded[name]
-        verdict = ", FAILS" if name in self.likeness.fails else ""
-        return f"{self.likeness.values[name]:.3g} (recorded {low:.3g} to {high:.3g}){verdict}"
+        scores = dance_scores(self.motion, self.music, self.score, likeness=self.likeness)
+        return {name: show(value) for name, value in scores.items()} | self._pieces()
 
     def _pieces(self) -> dict[str, str]:
         """Seams and recordings of a dance that was made of recordings."""

@@ -11,6 +11,8 @@ import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.io.files import PathLike, Progress, silent
+from harmolab.metrics.body_measures import SHORTEST
+from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.skeletons import Skeleton
 from harmolab.systems.choreographer import choreography as report
@@ -38,6 +40,7 @@ class Choreographer:
     takes : recordings of one skeleton
     params : ChoreographerParams, optional
     notes : lines about recordings that could not be read
+    limits : LikenessLimits of its recordings, measured when asked for if left out
 
     Raises
     ------
@@ -46,12 +49,18 @@ class Choreographer:
     """
 
     def __init__(
-        self, takes: Sequence[Take], *, params: ChoreographerParams | None = None, notes: Iterable[str] = ()
+        self,
+        takes: Sequence[Take],
+        *,
+        params: ChoreographerParams | None = None,
+        notes: Iterable[str] = (),
+        limits: LikenessLimits | None = None,
     ) -> None:
         self.takes, self.params, self.notes = tuple(takes), params or ChoreographerParams(), tuple(notes)
         self.skeleton: Skeleton = same_skeleton(self.takes)
         self._moves: dict[tuple[str, ...], Moves] = {}
         self._rests: dict[str, tuple[FloatArray, FloatArray]] = {}
+        self._limits = limits
 
     @classmethod
     def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
@@ -78,7 +87,8 @@ class Choreographer:
         """
         if json_file(weights_stem(folder)).is_file():
             takes, meta = load_takes(folder)
-            return cls(takes, params=params, notes=meta.get("notes", ()))
+            limits = LikenessLimits.from_dict(meta["limits"]) if meta.get("limits") else None
+            return cls(takes, params=params, notes=meta.get("notes", ()), limits=limits)
         return cls.read([folder], params=params)
 
     @classmethod
@@ -94,7 +104,8 @@ class Choreographer:
 
     def save(self, folder: PathLike) -> None:
         """Write the recordings, not the music, to a folder; it is made unless it exists."""
-        save_takes(folder, self.takes, {"notes": list(self.notes)})
+        limits = self.limits.to_dict() if self.limits else None
+        save_takes(folder, self.takes, {"notes": list(self.notes), "limits": limits})
 
     @classmethod
     def train(
@@ -129,6 +140,13 @@ class Choreographer:
         """Frame rate of the dances: that of the recordings, within 25 to 120."""
         usual = float(np.median([take.motion.fps for take in self.takes]))
         return min(max(usual, LEAST_FPS), MOST_FPS)
+
+    @property
+    def limits(self) -> LikenessLimits | None:
+        """Limits of likeness of its own recordings, in windows of at most 30 s; None where none of them lasts 10 s."""
+        if self._limits is None and any(take.motion.valid.sum() >= SHORTEST * take.motion.fps for take in self.takes):
+            self._limits = LikenessLimits.of([take.motion for take in self.takes], [take.dance for take in self.takes])
+        return self._limits
 
     @property
     def dances(self) -> tuple[str, ...]:

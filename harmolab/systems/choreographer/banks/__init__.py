@@ -123,7 +123,7 @@ def danced_parts(name: str, motion: Motion, holes: Sequence[Hole] = ()) -> list[
 
 
 def dancing_span(motion: Motion) -> tuple[float, float]:
-    """Seconds from the first to the last moment of all that is danced: there joints are half as fast as they mostly are."""
+    """Seconds at which the dance of a take begins and ends: it moves at least half as fast there as it mostly does."""
     speed = smooth(joint_speed(motion.positions, motion.fps), SMOOTHING, motion.fps)
     is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps))))
     moving = np.flatnonzero(is_moving) if is_moving.any() else np.arange(motion.n_frames)
