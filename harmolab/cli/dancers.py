@@ -82,10 +82,10 @@ def _check_choice(*, corpus: Path | None, style: str | None, system: str | None,
 
 def _choreographer(context: typer.Context, corpus: Path | None, style: str) -> Dancer:
     """The choreographer of a corpus or of a bank."""
-    from harmolab.systems.choreographer import Choreographer
     from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
+    from harmolab.systems.choreographer.kept import load_corpus
 
-    choreographer = shipped_bank(style) if corpus is None else Choreographer.load(corpus)
+    choreographer = shipped_bank(style) if corpus is None else load_corpus(corpus, progress=progress)
     for line in choreographer.notes:
         note(f"left out: {line}")
     remarks = (REMARKS[style],) if corpus is None else ()

@@ -1,4 +1,4 @@
-"""Dances of the movement that comes with harmolab, measured on songs: guard, seams, jerk at seams, rests on the beat."""
+"""Dances of the movement that comes with harmolab, measured on songs: guard, seams, jerk at them, rests on the beat."""
 
 from __future__ import annotations
 
@@ -86,7 +86,9 @@ def seam_jerk(dance: Choreography, music: BeatTrack) -> float:
     """Mean jerk within half a beat of the seams over that within half a beat of all other beats; NaN without seams."""
     starts = np.array([piece.start for piece in dance.pieces[1:]])
     is_seam = np.isclose(music.times[:, None], starts, atol=1e-6).any(axis=1)
-    jerks = np.array([_jerk_at(dance.motion, time, period) for time, period in zip(music.times, _periods(music), strict=True)])
+    jerks = np.array(
+        [_jerk_at(dance.motion, time, period) for time, period in zip(music.times, _periods(music), strict=True)]
+    )
     at_seams, elsewhere = jerks[is_seam], jerks[~is_seam]
     return float(np.nanmean(at_seams) / np.nanmean(elsewhere)) if at_seams.size and elsewhere.size else float("nan")
 
