@@ -11,6 +11,8 @@ import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.io.files import PathLike, Progress, silent
+from harmolab.metrics.body_measures import SHORTEST
+from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.skeletons import Skeleton
 from harmolab.systems.choreographer import choreography as report
@@ -20,7 +22,7 @@ from harmolab.systems.choreographer.lay import Ending, beat_numbers, danced, run
 from harmolab.systems.choreographer.moves import Course, Moves, moves_of, pattern_shares
 from harmolab.systems.choreographer.params import ChoreographerParams
 from harmolab.systems.choreographer.pulse import pulse, rests
-from harmolab.systems.choreographer.store import load_takes, save_takes
+from harmolab.systems.choreographer.store import Kept, load_takes, save_takes
 from harmolab.systems.choreographer.takes import Item, Take, meter_of, read_takes, same_skeleton, take_of
 from harmolab.systems.common.about import json_file, weights_stem
 from harmolab.systems.common.length import n_frames
@@ -38,6 +40,7 @@ class Choreographer:
     takes : recordings of one skeleton
     params : ChoreographerParams, optional
     notes : lines about recordings that could not be read
+    limits : LikenessLimits of the recordings; computed when they are asked for and were not given
 
     Raises
     ------
@@ -46,10 +49,16 @@ class Choreographer:
     """
 
     def __init__(
-        self, takes: Sequence[Take], *, params: ChoreographerParams | None = None, notes: Iterable[str] = ()
+        self,
+        takes: Sequence[Take],
+        *,
+        params: ChoreographerParams | None = None,
+        notes: Iterable[str] = (),
+        limits: LikenessLimits | None = None,
     ) -> None:
         self.takes, self.params, self.notes = tuple(takes), params or ChoreographerParams(), tuple(notes)
         self.skeleton: Skeleton = same_skeleton(self.takes)
+        self._limits = limits
         self._moves: dict[tuple[str, ...], Moves] = {}
         self._rests: dict[str, tuple[FloatArray, FloatArray]] = {}
 
@@ -77,8 +86,8 @@ class Choreographer:
             Both name the file or folder.
         """
         if json_file(weights_stem(folder)).is_file():
-            takes, meta = load_takes(folder)
-            return cls(takes, params=params, notes=meta.get("notes", ()))
+            kept = load_takes(folder)
+            return cls(kept.takes, params=params, notes=kept.notes, limits=kept.limits)
         return cls.read([folder], params=params)
 
     @classmethod
@@ -93,8 +102,8 @@ class Choreographer:
         return cls(found.takes, params=params, notes=found.notes)
 
     def save(self, folder: PathLike) -> None:
-        """Write the recordings, not the music, to a folder; it is made unless it exists."""
-        save_takes(folder, self.takes, {"notes": list(self.notes)})
+        """Write the recordings, not the music, and their `limits` to a folder; it is made unless it exists."""
+        save_takes(folder, Kept(self.takes, self.notes, self.limits))
 
     @classmethod
     def train(
@@ -129,6 +138,14 @@ class Choreographer:
         """Frame rate of the dances: that of the recordings, within 25 to 120."""
         usual = float(np.median([take.motion.fps for take in self.takes]))
         return min(max(usual, LEAST_FPS), MOST_FPS)
+
+    @property
+    def limits(self) -> LikenessLimits | None:
+        """What these recordings have of each measure of likeness; None where none is long enough to be measured."""
+        if self._limits is None and any(take.motion.duration >= SHORTEST for take in self.takes):
+            motions, dances = [take.motion for take in self.takes], [take.dance for take in self.takes]
+            self._limits = LikenessLimits.of(motions, dances)
+        return self._limits
 
     @property
     def dances(self) -> tuple[str, ...]:
