@@ -22,7 +22,7 @@ from harmolab.systems.choreographer.lay import Ending, beat_numbers, danced, run
 from harmolab.systems.choreographer.moves import Course, Moves, moves_of, pattern_shares
 from harmolab.systems.choreographer.params import ChoreographerParams
 from harmolab.systems.choreographer.pulse import pulse, rests
-from harmolab.systems.choreographer.store import load_takes, save_takes
+from harmolab.systems.choreographer.store import Kept, load_takes, save_takes
 from harmolab.systems.choreographer.takes import Item, Take, meter_of, read_takes, same_skeleton, take_of
 from harmolab.systems.common.about import json_file, weights_stem
 from harmolab.systems.common.length import n_frames
@@ -40,7 +40,7 @@ class Choreographer:
     takes : recordings of one skeleton
     params : ChoreographerParams, optional
     notes : lines about recordings that could not be read
-    limits : LikenessLimits of its recordings, measured when asked for if left out
+    limits : LikenessLimits of the recordings; computed when they are asked for and were not given
 
     Raises
     ------
@@ -58,9 +58,9 @@ class Choreographer:
     ) -> None:
         self.takes, self.params, self.notes = tuple(takes), params or ChoreographerParams(), tuple(notes)
         self.skeleton: Skeleton = same_skeleton(self.takes)
+        self._limits = limits
         self._moves: dict[tuple[str, ...], Moves] = {}
         self._rests: dict[str, tuple[FloatArray, FloatArray]] = {}
-        self._limits = limits
 
     @classmethod
     def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
@@ -86,9 +86,8 @@ class Choreographer:
             Both name the file or folder.
         """
         if json_file(weights_stem(folder)).is_file():
-            takes, meta = load_takes(folder)
-            limits = LikenessLimits.from_dict(meta["limits"]) if meta.get("limits") else None
-            return cls(takes, params=params, notes=meta.get("notes", ()), limits=limits)
+            kept = load_takes(folder)
+            return cls(kept.takes, params=params, notes=kept.notes, limits=kept.limits)
         return cls.read([folder], params=params)
 
     @classmethod
@@ -103,9 +102,8 @@ class Choreographer:
         return cls(found.takes, params=params, notes=found.notes)
 
     def save(self, folder: PathLike) -> None:
-        """Write the recordings, not the music, to a folder; it is made unless it exists."""
-        limits = self.limits.to_dict() if self.limits else None
-        save_takes(folder, self.takes, {"notes": list(self.notes), "limits": limits})
+        """Write the recordings, not the music, and their `limits` to a folder; it is made unless it exists."""
+        save_takes(folder, Kept(self.takes, self.notes, self.limits))
 
     @classmethod
     def train(
@@ -143,9 +141,10 @@ class Choreographer:
 
     @property
     def limits(self) -> LikenessLimits | None:
-        """Limits of likeness of its own recordings, in windows of at most 30 s; None where none of them lasts 10 s."""
-        if self._limits is None and any(take.motion.valid.sum() >= SHORTEST * take.motion.fps for take in self.takes):
-            self._limits = LikenessLimits.of([take.motion for take in self.takes], [take.dance for take in self.takes])
+        """What these recordings have of each measure of likeness; None where none is long enough to be measured."""
+        if self._limits is None and any(take.motion.duration >= SHORTEST for take in self.takes):
+            motions, dances = [take.motion for take in self.takes], [take.dance for take in self.takes]
+            self._limits = LikenessLimits.of(motions, dances)
         return self._limits
 
     @property

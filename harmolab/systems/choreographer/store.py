@@ -21,17 +21,17 @@ import hashlib
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import checked_fps, read_npz
 from harmolab.io.files import PathLike, atomic_write, reading
+from harmolab.metrics.likeness import LikenessLimits
 from harmolab.systems.choreographer.takes import FARTHEST, MILLIMETRE, Take
 from harmolab.systems.common.about import (
     DEFAULT_STEM,
@@ -51,7 +51,15 @@ _WHAT = "recorded movement of a choreographer"
 Arrays = dict[str, NDArray[Any]]
 
 
-def save_takes(folder: PathLike, takes: Sequence[Take], meta: Mapping[str, Any]) -> None:
+class Kept(NamedTuple):
+    """What is kept of a corpus: its takes, lines about what could not be read, what the takes have of likeness."""
+
+    takes: tuple[Take, ...]
+    notes: tuple[str, ...] = ()
+    limits: LikenessLimits | None = None
+
+
+def save_takes(folder: PathLike, kept: Kept) -> None:
     """Write takes of one skeleton to a folder, made if need be; both files appear whole or not at all.
 
     Raises
@@ -59,7 +67,7 @@ def save_takes(folder: PathLike, takes: Sequence[Take], meta: Mapping[str, Any])
     ValueError
         A joint jumps by more than 16 bits of millimetres hold.
     """
-    stem = Path(folder) / DEFAULT_STEM
+    stem, takes = Path(folder) / DEFAULT_STEM, kept.takes
     arrays = {
         "positions": np.concatenate([_packed(take) for take in takes]),
         "valid": np.concatenate([take.motion.valid for take in takes]),
@@ -76,7 +84,8 @@ def save_takes(folder: PathLike, takes: Sequence[Take], meta: Mapping[str, Any])
         "class": CLASS,
         "build": {"skeleton": asdict(takes[0].motion.skeleton), "takes": [_entry(take) for take in takes]},
         "sha256": hashlib.sha256(data).hexdigest(),
-        "meta": dict(meta),
+        "notes": list(kept.notes),
+        "limits": None if kept.limits is None else kept.limits.to_dict(),
     }
     text = json.dumps(about, indent=1, allow_nan=False)
     stem.parent.mkdir(parents=True, exist_ok=True)
@@ -85,8 +94,8 @@ def save_takes(folder: PathLike, takes: Sequence[Take], meta: Mapping[str, Any])
         write_synced(array_part, data)
 
 
-def load_takes(path: PathLike) -> tuple[tuple[Take, ...], dict[str, Any]]:
-    """The takes that were saved in a folder, and what was said about them.
+def load_takes(path: PathLike) -> Kept:
+    """What was saved in a folder.
 
     Raises
     ------
@@ -104,7 +113,9 @@ def load_takes(path: PathLike) -> tuple[tuple[Take, ...], dict[str, Any]]:
             raise ValueError(f"is not the file that {json_file(stem).name} describes (SHA-256 differs)")
         skeleton, entries = stored_skeleton(about["build"]), about["build"]["takes"]
         arrays = _checked(read_npz(file, _ARRAYS), entries, len(skeleton.joints))
-        return _takes(arrays, entries, skeleton), dict(about.get("meta") or {})
+        limits = None if about.get("limits") is None else LikenessLimits.from_dict(about["limits"])
+        notes = tuple(str(line) for line in about.get("notes") or ())
+        return Kept(_takes(arrays, entries, skeleton), notes, limits)
 
 
 def _array_file(stem: Path) -> Path:
