@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from harmolab.verdict.score import HarmonyScore
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
+ADVICE = "(--"  # begins the option that a remark advises
 JOINED = ("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before", "shares", "stretch")
 JOINED += ("warnings", "pieces")
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
@@ -33,6 +34,7 @@ class DanceReport:
     likeness : Likeness of the motion
     choreography : Choreography, None where it was not made of recordings
     remarks : sentences about the dancer
+    knows_bars : bool, whether it is of use to be told the dance, or where its bars begin
     """
 
     motion: Motion
@@ -42,13 +44,15 @@ class DanceReport:
     likeness: Likeness
     choreography: Choreography | None = None
     remarks: tuple[str, ...] = ()
+    knows_bars: bool = True
 
     @property
     def verdict(self) -> str:
         """One line: likeness first; harmony only where likeness does not fail; then what else there is to say."""
-        sentences = [self.likeness.verdict]
-        if self.score.judgement is not None and self.likeness.passed is not False:
-            sentences += [self.score.judgement.verdict, *self.score.judgement.remarks]
+        sentences, judgement = [self.likeness.verdict], self.score.judgement
+        if judgement is not None and self.likeness.passed is not False:
+            remarks = (remark for remark in judgement.remarks if self.knows_bars or ADVICE not in remark)
+            sentences += [judgement.verdict, *remarks]
         sentences += self.remarks
         sentences += () if self.choreography is None else self.choreography.warnings
         return " ".join(map(sentence, sentences))
@@ -57,8 +61,16 @@ class DanceReport:
         """Name -> text of every number, for a table."""
         from harmolab.lab.evaluate.dance_scores import dance_scores
 
-        scores = dance_scores(self.motion, self.music, self.score, likeness=self.likeness)
+        scores = dance_scores(self.motion, self.music, self.score, likeness=self.likeness) | self._rests()
         return {name: show(value) for name, value in scores.items()} | self._pieces()
+
+    def _rests(self) -> dict[str, float]:
+        """Share of the beats on which the body rests, above chance; a dance that fails by likeness has none."""
+        from harmolab.lab.evaluate.body_rests import rests_on_beat
+
+        late = {"rests of the body on the beat, above chance": 0.0, "the same half a beat late": 0.5}
+        is_dance = self.likeness.passed is not False
+        return {name: rests_on_beat(self.motion, self.music, late=beats) for name, beats in late.items() if is_dance}
 
     def _pieces(self) -> dict[str, str]:
         """Seams and recordings of a dance that was made of recordings."""

@@ -123,7 +123,9 @@ def dance(
                 note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
             score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
             judged = likeness(motion, dance=dance, limits=dancer.limits)
-            report = DanceReport(motion, start, music, score, judged, choreography, dancer.remarks)
+            report = DanceReport(
+                motion, start, music, score, judged, choreography, dancer.remarks, knows_bars=dancer.knows_bars
+            )
             reports[f"seed {number}"] = report
             paths += write_files(files[number], report, sound, song.stem, is_asked=out is not None)
     _print(reports, as_json=as_json)
