@@ -1,0 +1,113 @@
+"""The dancer that `harmolab dance` asks: a choreographer of a bank or of a corpus, or a trained system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from harmolab.cli.common import note, progress
+from harmolab.cli.training import accepted
+
+if TYPE_CHECKING:
+    from harmolab.metrics.likeness import LikenessLimits
+    from harmolab.systems.choreographer import Choreographer, Choreography
+    from harmolab.systems.contract import System
+    from harmolab.types import Audio, BeatTrack, Motion
+
+CHOREOGRAPHER, PUPPET = "choreographer", "puppet"
+TRAIN_HINT = "install it with: pip install 'harmolab[train]'"
+
+
+@dataclass(frozen=True, eq=False)
+class Dancer:
+    """The one who dances.
+
+    Parameters
+    ----------
+    system : Choreographer or System
+    options : keywords of its `generate` from the command line
+    limits : LikenessLimits of its recordings, None for those of the package
+    knows_bars : bool, whether its dances have places in the bar that can be judged
+    remarks : sentences about it that are printed with every dance
+    """
+
+    system: Choreographer | System
+    options: dict[str, Any]
+    limits: LikenessLimits | None = None
+    knows_bars: bool = True
+    remarks: tuple[str, ...] = ()
+
+    def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, Choreography | None]:
+        """A motion, and the pieces it was made of where it was made of recordings."""
+        options = self.options | more
+        if hasattr(self.system, "choreograph"):
+            choreography = self.system.choreograph(audio, beats, **options)
+            return choreography.motion, choreography
+        return self.system.generate(audio, beats, **options), None
+
+
+def dancer_of(
+    context: typer.Context, *, corpus: Path | None, style: str | None, system: str | None, weights: Path | None
+) -> Dancer:
+    """The dancer that the options name; the salsa of the shipped bank where they name none.
+
+    Raises
+    ------
+    ValueError
+        For options that exclude each other, or one that this dancer does not take.
+    """
+    _check_choice(corpus=corpus, style=style, system=system, weights=weights)
+    if weights is None and system in (None, CHOREOGRAPHER):
+        return _choreographer(context, corpus, style or "salsa")
+    trained = _trained(weights, system)
+    return Dancer(
+        trained, accepted(trained.generate, context, {"progress": progress}), getattr(trained, "limits", None)
+    )
+
+
+def _check_choice(*, corpus: Path | None, style: str | None, system: str | None, weights: Path | None) -> None:
+    """ValueError for options that exclude each other."""
+    if corpus is not None and style is not None:
+        raise ValueError("--from and --style exclude each other: recordings of your own, or one of the banks")
+    for name, value in (("--from", corpus), ("--style", style)):
+        if value is not None and (weights is not None or system not in (None, CHOREOGRAPHER)):
+            other = "--weights" if weights is not None else f"--system {system}"
+            raise ValueError(f"{name} is for the choreographer, which dances with recorded movement; leave out {other}")
+    if weights is not None and system == CHOREOGRAPHER and not weights.exists():
+        raise FileNotFoundError(f"{weights}: no such folder")
+
+
+def _choreographer(context: typer.Context, corpus: Path | None, style: str) -> Dancer:
+    """The choreographer of a corpus or of a bank."""
+    from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
+    from harmolab.systems.choreographer.kept import load_corpus
+
+    choreographer = shipped_bank(style) if corpus is None else load_corpus(corpus, progress=progress)
+    for line in choreographer.notes:
+        note(f"left out: {line}")
+    remarks = (REMARKS[style],) if corpus is None else ()
+    options = accepted(choreographer.choreograph, context, {"progress": progress})
+    knows_bars = any(take.places.size for take in choreographer.takes)
+    limits = None if corpus is None and style == PUPPET else choreographer.limits
+    return Dancer(choreographer, options, limits, knows_bars, remarks)
+
+
+def _trained(weights: Path | None, system: str | None) -> System:
+    """The system in a folder; the weights shipped for it where none are named."""
+    import harmolab
+
+    shipped = Path(harmolab.__file__).parent / "systems" / (system or "") / "weights"
+    if weights is None and not (shipped / "model.safetensors").is_file():
+        raise ValueError(
+            f"no weights are shipped for --system {system}; train some with "
+            f"`harmolab train DATA --system {system} --out RUN` and pass --weights RUN"
+        )
+    try:
+        from harmolab.systems import load
+
+        return load(shipped if weights is None else weights, system=system)
+    except ModuleNotFoundError as error:
+        raise ValueError(f"--system {system or 'of these weights'} needs {error.name}; {TRAIN_HINT}") from None
