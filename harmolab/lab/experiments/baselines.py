@@ -155,13 +155,14 @@ def music_anchors(unit: DanceUnit, units: UnitSet) -> Anchors:
 def rest_anchors(unit: DanceUnit, units: UnitSet) -> Anchors:
     """The rests of the unit (valleys of the joint speed), each on a beat.
 
-    A rest comes as many beats after the one before as their distance has, at least one: nothing is danced at less than
-    half or more than one and a half times its speed but where rests lie closer than half a beat, of which only the first
-    is taken. A unit with fewer than three beats between its rests keeps its `music_anchors`.
+    A rest comes as many beats after the one before as their distance has, at least one; of rests that lie closer than
+    half a beat the first is taken. So nothing is danced at less than half or more than one and a half times its speed.
+    A unit with fewer than three beats between its rests keeps its `music_anchors`.
     """
     valleys = visual_beats(units.decoded(unit.motion.astype(np.float64)), params=HarmonyParams.valleys()).times
     period = unit.n_frames / unit.fps / unit.beats.size
-    rests, numbers = [], []
+    rests: list[float] = []
+    numbers: list[int] = []
     for valley in valleys.tolist():
         if not rests or valley - rests[-1] >= CLOSEST * period:
             numbers.append(numbers[-1] + max(1, round((valley - rests[-1]) / period)) if rests else 0)

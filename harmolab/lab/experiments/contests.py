@@ -12,6 +12,7 @@ from harmolab.lab.experiments.baselines import Material
 from harmolab.lab.experiments.generation import (
     SYNTHETIC,
     VARIANTS,
+    Trained,
     corpus_root,
     generator_corpora,
     trained,
@@ -48,6 +49,7 @@ class Contest:
     music : str, kind of the songs
     excerpts : the songs
     dancers : excerpts of songs with recorded (or planted) dancers of the corpus: what dances are held against
+    trainings : int, of each network; 0 for a contest of dances without training, which has no pose network either
     """
 
     profile: RunProfile
@@ -55,6 +57,7 @@ class Contest:
     music: str
     excerpts: tuple[Excerpt, ...]
     dancers: tuple[Excerpt, ...]
+    trainings: int = 1
     about: dict[str, str] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -80,26 +83,33 @@ class Contest:
         """The stretches of recordings that training units cover: nothing of any figure of the test side."""
         return teachers(self.profile, self.corpus)
 
-    @cached_property
+    @property
     def patterns(self) -> Mapping[str, BarPattern]:
         """The bar pattern of each of `PATTERNED` that was recorded, learnt on the `teachers`."""
-        if self.corpus == SYNTHETIC:
-            return {}
-        own = [one for one in self.teachers if one.clip.dance in PATTERNED and one.annotation is not None]
-        return dance_patterns(own) if own else {}
+        return patterns(self.profile, self.corpus)
 
     @cached_property
     def limits(self) -> LikenessLimits | None:
-        """What recorded dancers of the corpus had; None (the shipped limits) where none was recorded for long enough."""
+        """What recorded dancers of the corpus had; None (for the shipped limits) where none danced for long enough."""
         clips = {excerpt.song: excerpt.clip for excerpt in self.dancers}
         long = [clip for clip in clips.values() if clip.motion is not None and clip.motion.duration >= SHORTEST]
         motions = [clip.motion for clip in long if clip.motion is not None]
         return LikenessLimits.of(motions, [clip.dance for clip in long]) if long else None
 
     @cached_property
+    def _first(self) -> Trained:
+        """The first training with the paper's losses, whose pose network judges all."""
+        return trained(self.profile, self.corpus, VARIANTS["paper"], 1)
+
+    @property
     def pose_net(self) -> PoseNet:
-        """The pose network of the first training with the paper's losses."""
-        return trained(self.profile, self.corpus, VARIANTS["paper"], 1).pose_net
+        """The pose network behind the Frechet distance."""
+        return self._first.pose_net
+
+    @property
+    def pose_net_name(self) -> str:
+        """What tells that network from others; "" in a contest without trainings, which has none."""
+        return self._first.folder.name if self.trainings else ""
 
     @property
     def guarded(self) -> tuple[Excerpt, ...]:
@@ -112,7 +122,7 @@ class Contest:
         return tuple(kept)
 
 
-def contests(profile: RunProfile) -> list[Contest]:
+def contests(profile: RunProfile, trainings: int) -> list[Contest]:
     """Every corpus with the songs of seven dances and, with ``HARMOLAB_DATA``, with recorded songs.
 
     Of a recorded corpus those of its songs are danced that have units on the test side; of recordings that nobody was
@@ -125,9 +135,9 @@ def contests(profile: RunProfile) -> list[Contest]:
         is_planted = corpus == SYNTHETIC
         recorded = recorded_songs(profile, None if is_planted else _split(profile, corpus))
         dancers = tuple(planted if is_planted else recorded)
-        rows.append(Contest(profile, corpus, music, tuple(songs), dancers))
+        rows.append(Contest(profile, corpus, music, tuple(songs), dancers, trainings))
         if recorded:
-            rows.append(Contest(profile, corpus, RECORDED_SONGS, tuple(recorded), dancers))
+            rows.append(Contest(profile, corpus, RECORDED_SONGS, tuple(recorded), dancers, trainings))
     return rows
 
 
@@ -142,6 +152,15 @@ def teachers(profile: RunProfile, corpus: str) -> tuple[Recording, ...]:
     return tuple(
         stretch for name, pieces in spans.items() for stretch in _stretches(load_recording(root / name), pieces)
     )
+
+
+@cache
+def patterns(profile: RunProfile, corpus: str) -> Mapping[str, BarPattern]:
+    """The bar patterns of a recorded corpus, by dance; none of a synthetic one, whose dancers rest on every beat."""
+    if corpus == SYNTHETIC:
+        return {}
+    own = [one for one in teachers(profile, corpus) if one.clip.dance in PATTERNED and one.annotation is not None]
+    return dance_patterns(own) if own else {}
 
 
 def training_spans(split: Split) -> dict[str, list[tuple[float, float]]]:

@@ -193,6 +193,4 @@ def windows(recording: Recording) -> list[Excerpt]:
     begins = np.arange(max(0.0, np.ceil(-clip.offset * motion.fps) / motion.fps), last - SECONDS + 1e-6, SECONDS)
     spans = [(begin, motion.span(begin, SECONDS)) for begin in begins.tolist()]
     whole = [begin for begin, part in spans if part.valid.mean() >= VALID_SHARE]
-    return [
-        Excerpt(clip.name, clip, clip.offset + round(begin * motion.fps) / motion.fps) for begin in whole[:WINDOWS]
-    ]
+    return [Excerpt(clip.name, clip, clip.offset + round(begin * motion.fps) / motion.fps) for begin in whole[:WINDOWS]]

@@ -127,7 +127,8 @@ def embed_meters(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -
     """
     pairs = list(zip(motions, units.units, strict=True))
     firsts = [round(unit.n_prior * pose_net.fps / unit.fps) for _, unit in pairs]
-    return _embedded([_code(motion, pose_net)[first:] for (motion, _), first in zip(pairs, firsts, strict=True)], pose_net)
+    codes = [_code(motion, pose_net)[first:] for (motion, _), first in zip(pairs, firsts, strict=True)]
+    return _embedded(codes, pose_net)
 
 
 @torch.no_grad()
