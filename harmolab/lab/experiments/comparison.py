@@ -178,7 +178,8 @@ class Guarded:
     Parameters
     ----------
     passed : (G,) array, 1 where the dance moves like the recorded dancers, 0 where not, NaN where it cannot be told
-    shape : (G,) array, the recommended score; NaN where the music is too short or nothing moves
+    shape : (G,) array, the recommended score, with the dance's bar pattern where it and "one" are known; NaN where
+        the music is too short or nothing moves
     """
 
     passed: FloatArray
@@ -201,7 +202,9 @@ def _guard_of(contest: Contest, contestant: Contestant, excerpt: Excerpt) -> tup
     motion = contestant.dance(excerpt, 1)
     limits = contestant.limits or contest.limits
     judged = likeness(motion, dance=excerpt.clip.dance, limits=limits).passed
-    shape = score_motion(_within(excerpt.beats, excerpt, motion), motion, n_rotations=0)
+    music = _within(excerpt.beats, excerpt, motion)
+    pattern = None if music.bar_places is None else contest.patterns.get(excerpt.clip.dance)
+    shape = score_motion(music, motion, params=HarmonyParams.recommended(pattern), n_rotations=0)
     return float("nan") if judged is None else float(judged), shape.harmony_above_chance
 
 

@@ -23,7 +23,7 @@ from harmolab.types import FloatArray
 CHANCES = {"h": "h_chance", "hit_rate": "hit_chance"}  # measure -> that of as many beats at random moments
 GROUP = ["music", "corpus", "system"]
 RESAMPLINGS = 1000
-LEAST = 4  # dances, of a Frechet distance
+LEAST = 30  # pieces or dances on either side of a Frechet distance; fewer tell nothing
 RATIOS = ("jerk", "skating", "speed")
 
 
@@ -147,14 +147,14 @@ def system_table(entries: Iterable[Entry]) -> pd.DataFrame:
 
     Returns
     -------
-    DataFrame: music, corpus, system, kind, trainings, clips; h and hit_rate (paper mode) each with low, high, chance and the
-    paper's value; above_chance (valleys within 0.1 s) with low and high, and with the music half a beat late; M / N;
+    DataFrame: music, corpus, system, kind, trainings, clips; h and hit_rate (paper mode) each with low, high, chance and
+    the paper's value; above_chance (valleys within 0.1 s) with low and high, and with the music half a beat late; M / N;
     Frechet distances, diversity and multimodality; jerk, skating and speed in multiples of the recorded dancers';
     pattern; the guard and the recommended score of longer dances; and `comparison.facts`
     """
     rows = []
     for entry in entries:
-        about = {**entry.contest.about, "system": entry.name, "kind": ROWS[entry.name].kind}
+        about: dict[str, Any] = {**entry.contest.about, "system": entry.name, "kind": ROWS[entry.name].kind}
         about["trainings"] = len(entry.contestants) * ROWS[entry.name].is_trained
         rows.append({**about, **_scores(entry), **_likeness(entry), **_guard(entry), **facts(entry)})
     table = pd.DataFrame(rows)
@@ -198,10 +198,10 @@ def _likeness(entry: Entry) -> dict[str, float]:
 
 def _distances(entry: Entry, made: Measured, recorded: Measured) -> list[float]:
     """FID on the pose network's and on kinetic features, diversity, multimodality; NaN for another body."""
-    if not made.kinetic.shape[-1] or len(made.kinetic) < LEAST or len(recorded.kinetic) < LEAST:
+    if not made.kinetic.shape[-1] or len(made.kinetic) < 2:
         return [float("nan")] * 4
     model = recorded.kinetic[:, 0]
-    kinetic = standardise(made.kinetic.reshape(-1, model.shape[-1]), model).reshape(made.kinetic.shape)
+    kinetic = standardise(_rows(made.kinetic), model).reshape(made.kinetic.shape)
     distances = [float("nan")] * 2  # recorded movement has no distance from itself
     if entry.name != RIGHT_SONG:
         distances = [
@@ -213,10 +213,15 @@ def _distances(entry: Entry, made: Measured, recorded: Measured) -> list[float]:
 
 
 def _frechet(made: FloatArray, recorded: FloatArray) -> float:
-    """Frechet distance of features (..., F) of dances; NaN where there are none."""
-    if not made.size:
+    """Frechet distance of features (..., F) of dances; NaN where there are too few."""
+    if not made.size or min(len(side) for side in (flat := [_rows(made), _rows(recorded)])) < LEAST:
         return float("nan")
-    return frechet_distance(made.reshape(-1, made.shape[-1]), recorded.reshape(-1, recorded.shape[-1])).value
+    return frechet_distance(*flat).value
+
+
+def _rows(features: FloatArray) -> FloatArray:
+    """(N, F) of (..., F)."""
+    return features.reshape(-1, features.shape[features.ndim - 1])
 
 
 def _ratios(made: Measured, recorded: Measured) -> list[float]:

@@ -48,9 +48,8 @@ def draw_compared(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
     places = [*range(len(systems)), *(len(systems) + GAP + np.arange(len(cheap)) * 0.62)]
     for place, row in zip(places, [*systems, *cheap], strict=True):
         _draw_bar(ax, row, float(place), measure, thin=row in cheap)
-    labels = ax.set_xticks(places, [str(row["system"]) for row in (*systems, *cheap)], rotation=38, ha="right")
-    for label in labels:
-        label.set_fontsize(8)
+    names = [str(row["system"]) for row in (*systems, *cheap)]
+    ax.set_xticks(places, names, rotation=38, ha="right", fontsize=8)
     ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8)
     ax.set(title=COMPARED.get(measure, measure), xlim=(-0.7, max(places) + 0.5))
     return ax
@@ -84,7 +83,7 @@ def _colour(row: Record) -> str:
 
 
 def comparison_figure(rows: Iterable[Record]) -> Figure:
-    """`draw_compared` for each of `COMPARED`, a row of panels for each contest; synthetic music or motion is named there.
+    """`draw_compared` for each of `COMPARED`, a row of panels for each contest; what is synthetic is marked there.
 
     Parameters
     ----------
