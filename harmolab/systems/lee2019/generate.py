@@ -59,7 +59,6 @@ class Dance(NamedTuple):
     redraws: int
 
 
-@torch.inference_mode()
 def danced_units(network: Composer, heard: Heard, seed: int) -> Dance:
     """The dance to what was heard, from the end of the movement before it; `seed` draws noise and codes."""
     start = heard.first + len(heard.prior)  # frame of the dance, 0 or before it
@@ -84,6 +83,7 @@ def beats_from(beats: FloatArray, start: float) -> FloatArray:
     return beats[max(int(np.searchsorted(begins, start + EDGE, side="right")) - 1, 0) :]
 
 
+@torch.inference_mode()
 def composed_units(network: Composer, heard: Heard, n_units: int, seed: int) -> Dance:
     """So many units one after the other in canonical time, three to each draw of noise: code (32 n_units, C)."""
     generator = torch.Generator().manual_seed(seed)

@@ -111,7 +111,8 @@ def bent(code: ArrayLike, places: FloatArray) -> FloatArray:
     mirrored[:, -PATH_CHANNELS:] = code[steps, -PATH_CHANNELS:]
     whole = np.concatenate([mirrored, code])
     way = np.cumsum(whole[:, -PATH_CHANNELS:], axis=0)
-    before = np.append(2 * places[:1] - places[1:2], places) if len(places) > 1 else places[[0, 0]] - [1, 0]
-    values = frames_at(whole, np.clip(places + early, 0, len(whole) - 1))
-    values[:, -PATH_CHANNELS:] = np.diff(frames_at(way, np.clip(before + early, 0, len(whole) - 1)), axis=0)
+    places = np.clip(places + early, 0, len(whole) - 1)
+    values, rates = frames_at(whole, places), np.diff(frames_at(way, places), axis=0)
+    if len(rates):
+        values[:, -PATH_CHANNELS:] = np.concatenate([rates[:1], rates])  # those of the first frame repeat the second's
     return values
