@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -45,6 +45,9 @@ from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.harmogan.system import HarmoGAN
+from harmolab.systems.lee2019 import Lee2019
+from harmolab.systems.lee2019.networks import DancingToMusic
+from harmolab.systems.lee2019.params import LeeParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 TOY = f"{__name__}:Toy"
@@ -170,9 +173,24 @@ def tiny_choreographer() -> Choreographer:
     return Choreographer.of([synthetic_clip("waltz", seconds=15.0, fps=30.0, seed=seed) for seed in (1, 2)])
 
 
+def tiny_lee2019() -> Lee2019:
+    """Untrained networks, and two movements to start from."""
+    torch.manual_seed(0)
+    motion = dancer()
+    code = encode_motion(motion.positions, motion.fps, motion.skeleton)
+    lengths = torch.as_tensor(bone_lengths(motion.positions, motion.skeleton))
+    sizes = replace(LeeParams.small(), hidden=8, latent=4, critic_layers=(8,), regressor_layers=(8,))
+    network = DancingToMusic(sizes, motion.skeleton, lengths, features=FEATURES, dances=["waltz"])
+    for scale in (network.motion_scale, network.pose_scale):
+        scale.set(torch.tensor(code.mean(axis=0)), torch.tensor(code.std(axis=0)))
+    bank = np.stack([code[:25], code[30:55]]).astype(np.float16)
+    return Lee2019(network.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
+
+
 SYSTEMS: dict[str, Callable[[], System]] = {
     "choreographer": tiny_choreographer,
     "harmogan": tiny_harmogan,
+    "lee2019": tiny_lee2019,
     TOY: tiny_toy,
 }
 

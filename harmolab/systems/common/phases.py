@@ -35,19 +35,22 @@ class Player:
     Parameters
     ----------
     name : of the optimiser (Adam) in the state
-    parameters : that a step changes; no others
+    parameters : that a step changes; no others. Or groups of them, ``{"params": [...], "share": 0.1}``, which learn at
+        this share of the phase's rate
     terms : function(output, shard, row) -> named loss terms of one shard
         `output` is the phase's forward pass of the shard, `row` the epoch's row of history as far as it is known
         before its first batch (phase, epoch, rate, what the phase's schedule says).
     weights : of the terms in the loss, by name; those of absent terms are not read
     decay : float, weight decay
+    clip : float or None, largest norm of the gradient of all its parameters
     """
 
     name: str
-    parameters: Sequence[nn.Parameter]
+    parameters: Sequence[nn.Parameter] | Sequence[dict[str, Any]]
     terms: Callable[[Any, Shard, Row], Terms]
     weights: Mapping[str, float]
     decay: float = 0.0
+    clip: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +200,7 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
             break
         rate = phase.rate(epoch - first)
         for group in (group for optimiser in optimisers.values() for group in optimiser.param_groups):
-            group["lr"] = rate
+            group["lr"] = rate * group.get("share", 1.0)
         row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
         row |= _epoch_means(run, phase, optimisers, row)
         _end_epoch(run, phase, row, optimisers, first)
@@ -231,7 +234,7 @@ def _batch(
     for player in phase.players:
         with run.fabric.autocast():
             terms = [_with_total(player, output, shard, row) for output, shard in zip(outputs, shards, strict=True)]
-        step(run.fabric, terms, shards, optimisers[player.name])
+        step(run.fabric, terms, shards, optimisers[player.name], clip=player.clip)
         for earlier, own in zip(all_terms, terms, strict=True):
             earlier.pop("total", None)
             earlier |= own

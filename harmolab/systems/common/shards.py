@@ -149,8 +149,18 @@ def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Ten
     return torch.stack([weights[name] * term for name, term in terms.items()]).sum()
 
 
-def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: torch.optim.Optimizer) -> None:
-    """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch."""
+def step(
+    fabric: Fabric,
+    terms: list[Terms],
+    shards: list[Shard],
+    optimiser: torch.optim.Optimizer,
+    *,
+    clip: float | None = None,
+) -> None:
+    """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch.
+
+    A gradient whose norm is larger than `clip` is scaled down to it.
+    """
     parameters = [part for group in optimiser.param_groups for part in group["params"]]
     gradients = []
     for each, shard in zip(terms, shards, strict=True):
@@ -159,6 +169,8 @@ def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: tor
     pieces = _added(fabric, torch.stack(gradients)).split([part.numel() for part in parameters])
     for part, piece in zip(parameters, pieces, strict=True):
         part.grad = piece.view_as(part)
+    if clip is not None:
+        torch.nn.utils.clip_grad_norm_(parameters, clip)
     optimiser.step()
 
 
