@@ -225,5 +225,8 @@ def _filled(module: N, tensors: Mapping[str, Tensor]) -> N:
         if values.shape != expected[name].shape:
             shapes = f"{tuple(values.shape)}; its description calls for {tuple(expected[name].shape)}"
             raise ValueError(f"{name} has shape {shapes}")
-    module.load_state_dict({name: values.float() for name, values in tensors.items()}, assign=True)
+    # Copies: in a file, numbers lie off the borders in memory that torch gives its own, and there some products round
+    # otherwise.
+    own = {name: values.float().clone() for name, values in tensors.items()}
+    module.load_state_dict(own, assign=True)
     return module.eval()
