@@ -114,7 +114,7 @@ class MotionBranch(nn.Module):
         return self.maps(values, mask)[-1]
 
     def maps(self, values: Tensor, mask: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """What each of the three layers gives out, with its mask."""
+        """Output of each of the three layers, with its mask."""
         maps = [(values * mask[:, None], mask)]
         for layer in self.layers:
             maps.append(layer(*maps[-1]))

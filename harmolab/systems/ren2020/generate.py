@@ -23,10 +23,10 @@ def danced_song(generator: Any, heard: Heard, seed: int) -> FloatArray:
         torch.manual_seed(seed)
         noise = generator.noise(1, len(heard.audio))
     audio = torch.from_numpy(heard.audio)[None].to(noise.device)
-    made = generator.eval()(audio, audio.new_ones(audio.shape[:2]), noise)[0]
+    scaled = generator.eval()(audio, audio.new_ones(audio.shape[:2]), noise)[0]
     generator.train(was_training)
     scale = generator.motion_scale
-    code: FloatArray = (made * scale.std + scale.mean).double().cpu().numpy()
+    code: FloatArray = (scaled * scale.std + scale.mean).double().cpu().numpy()
     begin, past = -heard.first, heard.prior[: -heard.first]
     dance = code[begin : begin + heard.n_frames]
     return continued(past, dance, generator.fps) if len(past) else dance

@@ -1,4 +1,4 @@
-"""What one step of training does with a part of a batch: the dance, and the terms of each player's loss."""
+"""One step of training on a part of a batch: the dance, and the terms of each player's loss."""
 
 from __future__ import annotations
 
@@ -100,9 +100,12 @@ def global_terms(networks: Networks, dance: Danced) -> Terms:
     last = overall.maps(torch.cat([dance.target, fake]), mask.repeat(2, 1))[-1]
     verdicts = overall.judge(music.repeat(2, 1), last).chunk(2)
     with drawn_by(dance.seed, mask.device), torch.autocast(mask.device.type, enabled=False):
-        heard = music.detach().float()
+        fixed_music = music.detach().float()
         penalty = gradient_penalty(
-            lambda code: overall.judge(heard, overall.maps(code, mask)[-1]), dance.target.float(), fake.float(), mask
+            lambda code: overall.judge(fixed_music, overall.maps(code, mask)[-1]),
+            dance.target.float(),
+            fake.float(),
+            mask,
         )
     return {"critic_global": discriminator_loss(*verdicts), "penalty": penalty}
 

@@ -54,7 +54,7 @@ def discriminator_loss(real: Tensor, fake: Tensor, counted: Tensor | None = None
 
 
 def gradient_penalty(judge: Callable[[Tensor], Tensor], real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
-    """How far the slope of a discriminator is from one, squared, at poses between recorded and danced ones.
+    """The squared distance from one of a discriminator's slope, at poses between recorded and danced ones.
 
     As in Gulrajani et al. 2017; the music is not mixed. Torch's generator of random numbers draws where in between.
 
