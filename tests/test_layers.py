@@ -51,6 +51,7 @@ INSIDE = {
         "choreographer": {"common"},
         "harmogan": {"common"},
         "lee2019": {"common"},
+        "ren2020": {"common"},
     },
 }
 LIBRARIES = {
