@@ -20,16 +20,21 @@ from harmolab.io.files import plain
 from harmolab.lab.experiments.baselines import BASELINES, DRAWN, Baseline
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.generation import VARIANTS, trained
+from harmolab.lab.experiments.rivals import Asked, lee2019, ren2020
 from harmolab.lab.experiments.songs import Excerpt
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
 from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.systems.choreographer.generate import Choreographer
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.layers import parameter_count
 from harmolab.systems.harmogan.system import HarmoGAN
+from harmolab.systems.lee2019.pieces import BEAT
 from harmolab.types import Audio, BeatTrack, Motion
 
-Asked = Mapping[str, tuple[float, tuple[float, float], bool]]  # entry test -> value, range asked for, passed
+LEE_FPS = FeatureParams.paper().fps
 Heard = Callable[[Excerpt], BeatTrack]
+LEE, LEE_UNWARPED, REN = "Lee et al. 2019", "Lee et al. 2019, without warper", "Ren et al. 2020"
 RIGHT_SONG, CHOREOGRAPHER, BANK = "recorded, right song", "choreographer", "choreographer, shipped bank"
 METERS = "only where a meter begins"
 HARMOGAN, WITHOUT, RECOMMENDED = "HarmoGAN", "HarmoGAN without L_harmo", "HarmoGAN, recommended loss"
@@ -61,7 +66,7 @@ class Contestant:
     identity : str, all that its dances depend on beside the excerpt and the seed: names what is kept of them
     parameters : float, millions, of what generates; 0 for none
     minutes : float, of training; NaN where nobody counted
-    entry : entry tests, by name; a contestant that fails one was not trained well enough to be compared
+    entry : entry test -> value, range asked for, passed; what fails one was not trained well enough to be compared
     limits : LikenessLimits of its own recordings, where those of the contest's corpus do not fit it
     """
 
@@ -150,6 +155,27 @@ def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
     return of_system(system, run.folder.name, parameters=run.generator.parameter_count() / 1e6, minutes=run.minutes)
 
 
+def _lee(warped: bool, contest: Contest, training: int) -> Contestant:
+    """Lee et al. 2019; without its warper its units follow each other at their own tempo, whatever the song's beats."""
+    run = lee2019(contest.profile, contest.corpus, training)
+    return of_system(
+        run.system, f"{run.folder.name} {warped}", heard=(lambda excerpt: excerpt.beats) if warped else own_tempo,
+        parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes, entry=run.entry,
+    )  # fmt: skip
+
+
+def own_tempo(excerpt: Excerpt) -> BeatTrack:
+    """Beats at the tempo that Lee's units are coded in, from the start of the song on: its warper then does nothing."""
+    times = np.arange(0.0, excerpt.clip.audio.duration, BEAT / LEE_FPS)
+    return BeatTrack(times, np.ones(times.size), LEE_FPS, excerpt.clip.audio.duration)
+
+
+def _ren(contest: Contest, training: int) -> Contestant:
+    run = ren2020(contest.profile, contest.corpus, training)
+    parameters = parameter_count(run.system.generator) / 1e6
+    return of_system(run.system, run.folder.name, parameters=parameters, minutes=run.minutes, entry=run.entry)
+
+
 def _number(name: str) -> int:
     """A number that belongs to a name, the same everywhere."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
@@ -168,11 +194,14 @@ def _cheap(name: str) -> Row:
 ROWS: Mapping[str, Row] = MappingProxyType(
     {
         **{name: _cheap(name) for name in BASELINES},
-        CHOREOGRAPHER: Row(_choreographer, "choreographer", "yes"),
-        BANK: Row(_bank, "choreographer", "yes"),
+        LEE_UNWARPED: Row(partial(_lee, False), "network", "no"),
+        LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee"),
+        REN: Row(_ren, "network", "no", "Ren"),
         WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
         HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
         RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),
+        CHOREOGRAPHER: Row(_choreographer, "choreographer", "yes"),
+        BANK: Row(_bank, "choreographer", "yes"),
     }
 )
 

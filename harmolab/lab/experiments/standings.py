@@ -147,9 +147,9 @@ def system_table(entries: Iterable[Entry]) -> pd.DataFrame:
 
     Returns
     -------
-    DataFrame: music, corpus, system, kind, trainings, clips; h and hit_rate (paper mode) each with low, high, chance and
-    the paper's value; above_chance (valleys within 0.1 s) with low and high, and with the music half a beat late; M / N;
-    Frechet distances, diversity and multimodality; jerk, skating and speed in multiples of the recorded dancers';
+    DataFrame: music, corpus, system, kind, trainings, clips; h and hit_rate (paper mode) each with low, high, chance
+    and the paper's value; above_chance (valleys within 0.1 s) with low and high, and with the music half a beat late;
+    M / N; Frechet distances, diversity, multimodality; jerk, skating and speed in multiples of the recorded dancers';
     pattern; the guard and the recommended score of longer dances; and `comparison.facts`
     """
     rows = []
@@ -214,7 +214,8 @@ def _distances(entry: Entry, made: Measured, recorded: Measured) -> list[float]:
 
 def _frechet(made: FloatArray, recorded: FloatArray) -> float:
     """Frechet distance of features (..., F) of dances; NaN where there are too few."""
-    if not made.size or min(len(side) for side in (flat := [_rows(made), _rows(recorded)])) < LEAST:
+    flat = [_rows(made), _rows(recorded)]
+    if not made.size or min(map(len, flat)) < LEAST:
         return float("nan")
     return frechet_distance(*flat).value
 
