@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harmolab.lab.experiments.comparison import Entry, Measured, facts, long_table, processor, reference
+from harmolab.lab.experiments.comparison import Entry, facts, long_table
 from harmolab.lab.experiments.contestants import HARMOGAN, RIGHT_SONG, ROWS
+from harmolab.lab.experiments.measuring import Measured, processor, reference
 from harmolab.lab.experiments.printed import MEAN, printed
 from harmolab.metrics.frechet import diversity, frechet_distance, multimodality, standardise
 from harmolab.significance import LEVEL, bootstrap_interval, mean_interval
@@ -201,7 +202,7 @@ def _distances(entry: Entry, made: Measured, recorded: Measured) -> list[float]:
     if not made.kinetic.shape[-1] or len(made.kinetic) < 2:
         return [float("nan")] * 4
     model = recorded.kinetic[:, 0]
-    kinetic = standardise(_rows(made.kinetic), model).reshape(made.kinetic.shape)
+    kinetic: FloatArray = standardise(_rows(made.kinetic), model).reshape(made.kinetic.shape)
     distances = [float("nan")] * 2  # recorded movement has no distance from itself
     if entry.name != RIGHT_SONG:
         distances = [

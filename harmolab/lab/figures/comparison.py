@@ -104,7 +104,7 @@ def comparison_figure(rows: Iterable[Record]) -> Figure:
                         style="italic", color=COLOURS["miss"], gid="source",
                     )  # fmt: skip
             panels[0].set_ylabel(f"{music}; trained on {corpus}")
-        figure.legend(handles=_handles(), loc="outside upper center", ncols=5)
+        figure.legend(handles=_handles(), loc="outside upper center", ncols=3)
     return figure
 
 
