@@ -16,6 +16,8 @@ from typer.testing import CliRunner
 
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
+from harmolab.lab.experiments import entry_tests_lee
+from harmolab.lab.experiments.entry_tests_lee import entry_lee2019
 from harmolab.systems.common import phases as training_loop
 from harmolab.systems.common.dancing import Heard
 from harmolab.systems.common.feature_params import FeatureParams
@@ -582,3 +584,30 @@ def test_the_commands_train_it_and_dance_with_it(tmp_path: Path, monkeypatch: py
         result = CliRunner().invoke(app, [str(word) for word in command], env={"COLUMNS": "200"})
         assert result.exit_code == 0, result.output
     assert (tmp_path / "dance.npz").is_file()
+
+
+# Entry tests
+
+
+ENTRY = {
+    "L1 of rebuilt pieces over their own mean pose's", "speed of rebuilt pieces over recorded",
+    "speed of drawn movements over recorded", "divergence of z_move (nats)", "dance told by style, over guessing",
+    "critic of units right", "critic of dances right",
+}  # fmt: skip
+
+
+def test_untrained_networks_do_not_pass_the_entry_tests(network: DancingToMusic):
+    results = entry_lee2019(network, SPLIT)
+    assert set(results) == ENTRY and all(np.isfinite(value) for value, _, _ in results.values())
+    assert not results["L1 of rebuilt pieces over their own mean pose's"][2]
+    assert results["divergence of z_move (nats)"][0] < 20 and not results["divergence of z_move (nats)"][2]
+
+
+def test_a_coder_that_gives_everything_back_passes_the_tests_of_the_units(
+    network: DancingToMusic, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(entry_tests_lee, "rebuilt", lambda network, pieces: pieces)
+    results = entry_lee2019(network, SPLIT)
+    assert results["L1 of rebuilt pieces over their own mean pose's"] == (0.0, (0.0, 0.5), True)
+    assert results["speed of rebuilt pieces over recorded"] == (1.0, (0.7, 1.2), True)
+    assert results["dance told by style, over guessing"][0] == 1.0  # one dance: a guess is always right
