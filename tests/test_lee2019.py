@@ -26,6 +26,7 @@ from harmolab.systems.common.layers import parameter_count
 from harmolab.systems.common.motion_code import decode_motion
 from harmolab.systems.common.phases import make_fabric
 from harmolab.systems.common.shards import Shard, step
+from harmolab.systems.common.unit_corpus import load_units
 from harmolab.systems.common.units import DanceUnit
 from harmolab.systems.common.weights import load_weights
 from harmolab.systems.lee2019 import generate
@@ -611,3 +612,23 @@ def test_a_coder_that_gives_everything_back_passes_the_tests_of_the_units(
     assert results["L1 of rebuilt pieces over their own mean pose's"] == (0.0, (0.0, 0.5), True)
     assert results["speed of rebuilt pieces over recorded"] == (1.0, (0.7, 1.2), True)
     assert results["dance told by style, over guessing"][0] == 1.0  # one dance: a guess is always right
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("beats", ["kinematic", "music"])
+def test_recorded_movement_cut_and_put_back_on_its_own_beats_is_off_by_a_centimetre_at_most(
+    beats: str, data_root: Path
+):
+    units = load_units(data_root / "beatlocked", FeatureParams.paper())
+    errors = []
+    for unit in units.units:
+        motion = units.decoded(unit.motion.astype(float))
+        frames = (rest_times(unit.beats, motion) if beats == "kinematic" else unit.beats) * unit.fps
+        code = unit_pieces(unit, motion, beats, 2).reshape(64, -1)
+        at = np.arange(int(np.ceil(frames[0])), int(frames[-1]) + 1)
+        pair = [
+            units.decoded(each).positions for each in (laid_on_beats(code, frames, at), unit.motion[at].astype(float))
+        ]
+        errors.append(np.linalg.norm(pair[0] - pair[1], axis=-1).mean())
+    assert len(errors) > 100 and np.mean(errors) < 0.01  # metres a joint, the path's drift over eight beats included
