@@ -16,6 +16,8 @@ from typer.testing import CliRunner
 
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
+from harmolab.lab.experiments import entry_tests_lee
+from harmolab.lab.experiments.entry_tests_lee import entry_lee2019
 from harmolab.systems.common import phases as training_loop
 from harmolab.systems.common.dancing import Heard
 from harmolab.systems.common.feature_params import FeatureParams
@@ -24,6 +26,7 @@ from harmolab.systems.common.layers import parameter_count
 from harmolab.systems.common.motion_code import decode_motion
 from harmolab.systems.common.phases import make_fabric
 from harmolab.systems.common.shards import Shard, step
+from harmolab.systems.common.unit_corpus import load_units
 from harmolab.systems.common.units import DanceUnit
 from harmolab.systems.common.weights import load_weights
 from harmolab.systems.lee2019 import generate
@@ -582,3 +585,50 @@ def test_the_commands_train_it_and_dance_with_it(tmp_path: Path, monkeypatch: py
         result = CliRunner().invoke(app, [str(word) for word in command], env={"COLUMNS": "200"})
         assert result.exit_code == 0, result.output
     assert (tmp_path / "dance.npz").is_file()
+
+
+# Entry tests
+
+
+ENTRY = {
+    "L1 of rebuilt pieces over their own mean pose's", "speed of rebuilt pieces over recorded",
+    "speed of drawn movements over recorded", "divergence of z_move (nats)", "dance told by style, over guessing",
+    "critic of units right", "critic of dances right",
+}  # fmt: skip
+
+
+def test_untrained_networks_do_not_pass_the_entry_tests(network: DancingToMusic):
+    results = entry_lee2019(network, SPLIT)
+    assert set(results) == ENTRY and all(np.isfinite(value) for value, _, _ in results.values())
+    assert not results["L1 of rebuilt pieces over their own mean pose's"][2]
+    assert results["divergence of z_move (nats)"][0] < 20 and not results["divergence of z_move (nats)"][2]
+
+
+def test_a_coder_that_gives_everything_back_passes_the_tests_of_the_units(
+    network: DancingToMusic, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(entry_tests_lee, "rebuilt", lambda network, pieces: pieces)
+    results = entry_lee2019(network, SPLIT)
+    assert results["L1 of rebuilt pieces over their own mean pose's"] == (0.0, (0.0, 0.5), True)
+    assert results["speed of rebuilt pieces over recorded"] == (1.0, (0.7, 1.2), True)
+    assert results["dance told by style, over guessing"][0] == 1.0  # one dance: a guess is always right
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("beats", ["kinematic", "music"])
+def test_recorded_movement_cut_and_put_back_on_its_own_beats_is_off_by_a_centimetre_at_most(
+    beats: str, data_root: Path
+):
+    units = load_units(data_root / "beatlocked", FeatureParams.paper())
+    errors = []
+    for unit in units.units:
+        motion = units.decoded(unit.motion.astype(float))
+        frames = (rest_times(unit.beats, motion) if beats == "kinematic" else unit.beats) * unit.fps
+        code = unit_pieces(unit, motion, beats, 2).reshape(64, -1)
+        at = np.arange(int(np.ceil(frames[0])), int(frames[-1]) + 1)
+        pair = [
+            units.decoded(each).positions for each in (laid_on_beats(code, frames, at), unit.motion[at].astype(float))
+        ]
+        errors.append(np.linalg.norm(pair[0] - pair[1], axis=-1).mean())
+    assert len(errors) > 100 and np.mean(errors) < 0.01  # metres a joint, the path's drift over eight beats included

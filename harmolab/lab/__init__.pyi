@@ -107,13 +107,13 @@ from .experiments.quality import (
     typical_unit as typical_unit,
 )
 from .experiments.standings import (
-    dance_table as dance_table,
-)
-from .experiments.standings import (
     difference_table as difference_table,
 )
 from .experiments.standings import (
     system_table as system_table,
+)
+from .experiments.standings import (
+    table_by_dance as table_by_dance,
 )
 from .experiments.study import (
     agreement as agreement,

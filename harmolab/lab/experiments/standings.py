@@ -28,7 +28,7 @@ LEAST = 30  # pieces or dances on either side of a Frechet distance; fewer tell 
 RATIOS = ("jerk", "skating", "speed")
 
 
-def dance_table(dances: pd.DataFrame, measure: str) -> pd.DataFrame:
+def table_by_dance(dances: pd.DataFrame, measure: str) -> pd.DataFrame:
     """One measure of every system by dance, and its mean over dances (Tables 1 and 2).
 
     Parameters

@@ -59,15 +59,15 @@ class Dance(NamedTuple):
     redraws: int
 
 
-def danced_units(network: Composer, heard: Heard, seed: int) -> Dance:
+def danced_units(network: Composer, music: Heard, seed: int) -> Dance:
     """The dance to what was heard, from the end of the movement before it; `seed` draws noise and codes."""
-    start = heard.first + len(heard.prior)  # frame of the dance, 0 or before it
-    beats = beats_from(heard.beats, start)
-    frames = np.arange(start, heard.n_frames, dtype=np.float64)
+    start = music.first + len(music.prior)  # frame of the dance, 0 or before it
+    beats = beats_from(music.beats, start)
+    frames = np.arange(start, music.n_frames, dtype=np.float64)
     last = float(line(frames[-1], beats, canonical(len(beats), first=-1)))
-    composed = composed_units(network, heard, int(np.ceil((last + 1) / FRAMES)), seed)
+    composed = composed_units(network, music, int(np.ceil((last + 1) / FRAMES)), seed)
     code = laid_on_beats(composed.code, beats, frames, first=-1)
-    code = continued(heard.prior, code, network.fps, fade=network.params.fade)
+    code = continued(music.prior, code, network.fps, fade=network.params.fade)
     return composed._replace(code=code[-start:])
 
 
@@ -84,16 +84,16 @@ def beats_from(beats: FloatArray, start: float) -> FloatArray:
 
 
 @torch.inference_mode()
-def composed_units(network: Composer, heard: Heard, n_units: int, seed: int) -> Dance:
+def composed_units(network: Composer, music: Heard, n_units: int, seed: int) -> Dance:
     """So many units one after the other in canonical time, three to each draw of noise: code (32 n_units, C)."""
     generator = torch.Generator().manual_seed(seed)
     device, params = network.bone_lengths.device, network.params
-    song = torch.from_numpy(heard.song()[None]).to(device)
+    song = torch.from_numpy(music.song()[None]).to(device)
     style = network.music(network.audio_scale(song), torch.ones(song.shape[:2], device=device))
-    last = network.standardised(torch.from_numpy(heard.prior[-1:]).float().to(device))
+    last = network.standardised(torch.from_numpy(music.prior[-1:]).float().to(device))
     code, redraws = np.zeros((0, network.n_motion)), 0
     starts = range(0, n_units, params.noise_units)
-    for _ in heard.progress(starts, "dancing"):
+    for _ in music.progress(starts, "dancing"):
         units, again = moving_sequence(network, style, last, generator)
         redraws += again
         for unit in network.motion(units).double().cpu().numpy():

@@ -1,4 +1,4 @@
-"""Whether the networks of Lee et al. 2019 have learnt: on known figures, on held-out music and codes."""
+"""Measures of how much the networks of Lee et al. 2019 have learnt: on known figures, held-out music and codes."""
 
 from __future__ import annotations
 

@@ -102,8 +102,8 @@ class Unrolled(nn.Module):
             new = torch.tanh(torch.addcmul(candidate, reset, from_state[:, 2 * cell.hidden_size :]))
             state = torch.lerp(new, state, update)
             states.append(state)
-        made: Tensor = self.after(torch.stack(states, dim=1))
-        return made
+        output: Tensor = self.after(torch.stack(states, dim=1))
+        return output
 
 
 class UnitDecoder(nn.Module):

@@ -1,4 +1,4 @@
-"""What the networks of Lee et al. 2019 make of a batch in each phase of the training, and the loss terms of it."""
+"""Batches of Lee et al. 2019: the networks' output for one in each phase of the training, and its loss terms."""
 
 from __future__ import annotations
 

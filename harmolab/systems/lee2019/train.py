@@ -206,10 +206,10 @@ def _composition(network: DancingToMusic, validation: Pieces, params: LeeParams)
 def validate_units(network: DancingToMusic, validation: Pieces) -> dict[str, float]:
     """Of unseen pieces, rebuilt: error in standard deviations, and speed by that of the recorded ones."""
     pieces = validation.poses.flatten(0, 1)
-    made = rebuilt(network, pieces)
+    again = rebuilt(network, pieces)
     return {
-        "val_error": code_error(network, made, pieces),
-        "val_speed": speed(network, made) / max(speed(network, pieces), 1e-6),
+        "val_error": code_error(network, again, pieces),
+        "val_speed": speed(network, again) / max(speed(network, pieces), 1e-6),
     }
 
 
