@@ -87,11 +87,12 @@ def comparison(
     ----------
     profile : RunProfile
     rows : names in `ROWS`
-    trainings : int, of each network; the profile's when left out. With 0 nothing is trained and no pose network asked
+    trainings : int, of each network; the profile's when left out. With 0 there are no networks, nor a pose network
     progress : function(iterable, label) -> iterable
     """
     known = contests(profile, profile.n_seeds if trainings is None else trainings)
-    pairs = [(contest, name) for contest in known for name in rows if applies(name, contest)]
+    names = [name for name in rows if trainings != 0 or not ROWS[name].is_trained]
+    pairs = [(contest, name) for contest in known for name in names if applies(name, contest)]
     return [entered(contest, name) for contest, name in progress(pairs, "comparing systems")]
 
 

@@ -168,7 +168,8 @@ def _scores(entry: Entry) -> dict[str, Any]:
     row: dict[str, Any] = {"clips": table["clip"].nunique()}
     for measure in ("h", "hit_rate", "above_chance"):
         mean = mean_over_dances(table, measure) if len(table) else {}
-        row |= {measure if key == "mean" else f"{measure} {key}": mean.get(key) for key in ("mean", "low", "high")}
+        ends = {f"{measure} {key}": mean.get(key, np.nan) for key in ("low", "high")}
+        row |= {measure: mean.get("mean", np.nan), **ends}
         if chance := CHANCES.get(measure):
             row[f"{measure} chance"] = _mean(table, chance)
             row[f"{measure} paper"] = printed(measure, ROWS[entry.name].printed)
@@ -215,10 +216,9 @@ def _distances(entry: Entry, made: Measured, recorded: Measured) -> list[float]:
 
 def _frechet(made: FloatArray, recorded: FloatArray) -> float:
     """Frechet distance of features (..., F) of dances; NaN where there are too few."""
-    flat = [_rows(made), _rows(recorded)]
-    if not made.size or min(map(len, flat)) < LEAST:
+    if not made.size or not recorded.size or min(len(flat := _rows(made)), len(_rows(recorded))) < LEAST:
         return float("nan")
-    return frechet_distance(*flat).value
+    return frechet_distance(flat, _rows(recorded)).value
 
 
 def _rows(features: FloatArray) -> FloatArray:

@@ -58,7 +58,7 @@ def draw_compared(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
 def _draw_bar(ax: Axes, row: Record, place: float, measure: str, *, thin: bool) -> None:
     """The bar of one record, its interval, chance and the paper's value; in words where it was not trained enough."""
     mean, width = row[measure], THIN if thin else WIDE
-    if mean is None or not np.isfinite(mean):
+    if not np.isfinite(mean):
         words = row["remark"].partition(":")[0] or "no number"
         ax.text(place, 0.0, f" {words}", rotation=90, ha="center", va="bottom", fontsize=7.5, color=COLOURS["chance"])
     else:
@@ -66,7 +66,7 @@ def _draw_bar(ax: Axes, row: Record, place: float, measure: str, *, thin: bool) 
         colour = COLOURS["chance"] if thin else _colour(row)
         ax.bar(place, mean, width, facecolor="white" if hollow else colour, edgecolor=colour, linewidth=1.4)
         low, high = row[f"{measure} low"], row[f"{measure} high"]
-        if low is not None and np.isfinite(low):
+        if np.isfinite(low):
             ax.plot([place, place], [low, high], color=COLOURS["ink"], linewidth=1.6, gid="interval", zorder=4)
         chance = row.get(f"{measure} chance", 0.0)
         ends = [place - width / 2 - 0.06, place + width / 2 + 0.06]
