@@ -47,15 +47,15 @@ class DanceReport:
     knows_bars: bool = True
 
     @property
-    def verdict(self) -> str:
-        """One line: likeness first; harmony only where likeness does not fail; then what else there is to say."""
+    def verdict(self) -> tuple[str, ...]:
+        """Sentences: likeness; harmony, if likeness does not fail; what else there is to say."""
         sentences, judgement = [self.likeness.verdict], self.score.judgement
         if judgement is not None and self.likeness.passed is not False:
             remarks = (remark for remark in judgement.remarks if self.knows_bars or ADVICE not in remark)
             sentences += [judgement.verdict, *remarks]
         sentences += self.remarks
         sentences += () if self.choreography is None else self.choreography.warnings
-        return " ".join(map(sentence, sentences))
+        return tuple(map(sentence, sentences))
 
     def facts(self) -> dict[str, str]:
         """Name -> text of every number, for a table."""

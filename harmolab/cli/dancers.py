@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from harmolab.types import Audio, BeatTrack, Motion
 
 CHOREOGRAPHER, PUPPET = "choreographer", "puppet"
+FEWEST_WINDOWS = 6  # of half a minute at most: fewer are no measure of what else is a dance
+TOO_FEW = (
+    "these recordings are too few to be a measure: the numbers beside it are those of ballroom dancers, and what fails "
+    "by them may be another style"
+)
 TRAIN_HINT = "install it with: pip install 'harmolab[train]'"
 
 
@@ -50,7 +55,13 @@ class Dancer:
 
 
 def dancer_of(
-    context: typer.Context, *, corpus: Path | None, style: str | None, system: str | None, weights: Path | None
+    context: typer.Context,
+    *,
+    corpus: Path | None,
+    style: str | None,
+    system: str | None,
+    weights: Path | None,
+    dance: str,
 ) -> Dancer:
     """The dancer that the options name; the salsa of the shipped bank where they name none.
 
@@ -61,7 +72,7 @@ def dancer_of(
     """
     _check_choice(corpus=corpus, style=style, system=system, weights=weights)
     if weights is None and system in (None, CHOREOGRAPHER):
-        return _choreographer(context, corpus, style or "salsa")
+        return _choreographer(context, corpus, style or "salsa", dance)
     trained = _trained(weights, system)
     return Dancer(
         trained, accepted(trained.generate, context, {"progress": progress}), getattr(trained, "limits", None)
@@ -80,25 +91,34 @@ def _check_choice(*, corpus: Path | None, style: str | None, system: str | None,
         raise FileNotFoundError(f"{weights}: no such folder")
 
 
-def _choreographer(context: typer.Context, corpus: Path | None, style: str) -> Dancer:
-    """The choreographer of a corpus or of a bank."""
+def _choreographer(context: typer.Context, corpus: Path | None, style: str, dance: str) -> Dancer:
+    """The choreographer of a corpus or of a bank; ValueError for a dance that neither it nor the tempo table knows."""
+    from harmolab.params import DANCES
     from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
     from harmolab.systems.choreographer.kept import load_corpus
 
-    choreographer = shipped_bank(style) if corpus is None else load_corpus(corpus, progress=progress)
+    choreographer = shipped_bank(style, dance) if corpus is None else load_corpus(corpus, progress=progress)
+    if dance and dance not in (known := sorted({*DANCES, *choreographer.dances})):
+        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(known)}")
     for line in choreographer.notes:
         note(f"left out: {line}")
-    remarks = (REMARKS[style],) if corpus is None else ()
     options = accepted(choreographer.choreograph, context, {"progress": progress})
     knows_bars = any(take.places.size for take in choreographer.takes)
-    limits = None if corpus is None and style == PUPPET else choreographer.limits
-    return Dancer(choreographer, options, limits, knows_bars, remarks)
+    if corpus is None:
+        limits = None if style == PUPPET else choreographer.limits
+        return Dancer(choreographer, options, limits, knows_bars, (REMARKS[style],))
+    if choreographer.limits is None or choreographer.limits.windows < FEWEST_WINDOWS:
+        return Dancer(choreographer, options, None, knows_bars, (TOO_FEW,))
+    return Dancer(choreographer, options, choreographer.limits, knows_bars)
 
 
 def _trained(weights: Path | None, system: str | None) -> System:
     """The system in a folder; the weights shipped for it where none are named."""
     import harmolab
+    from harmolab.systems.contract import names
 
+    if weights is None and system not in names():
+        raise ValueError(f"no weights are shipped for {system!r}: pass --weights RUN, or one of {', '.join(names())}")
     shipped = Path(harmolab.__file__).parent / "systems" / (system or "") / "weights"
     if weights is None and not (shipped / "model.safetensors").is_file():
         raise ValueError(

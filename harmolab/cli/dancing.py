@@ -104,7 +104,7 @@ def dance(
         for path in (path for paths in files.values() for path in paths):
             check_unread(context, path)
         _check_harmonise(harmonise)
-        dancer = dancer_of(context, corpus=corpus, style=style, system=system, weights=weights)
+        dancer = dancer_of(context, corpus=corpus, style=style, system=system, weights=weights, dance=dance)
         if pattern is not None and not dancer.knows_bars:
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
         from harmolab.harmony import score_clip
@@ -155,23 +155,24 @@ def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: H
 
 
 def _music(song: Path, dance: str, one: float | None) -> tuple[Audio, Audio, BeatTrack]:
-    """The song at its own sample rate, as beats are tracked in it, and its beats."""
+    """The song at its own sample rate, as beats are tracked in it, and its beats; a dance of known tempo is a prior."""
     from harmolab.corpora.files import song_beats, tracked_sound
     from harmolab.io.video_sound import load_sound
+    from harmolab.params import DANCES
 
     sound = load_sound(song, sample_rate=None)
     audio = tracked_sound(song, sound)
     with finding_beats():
-        return sound, audio, song_beats(audio, dance=dance, one=one)
+        return sound, audio, song_beats(audio, dance=dance if dance in DANCES else "", one=one)
 
 
 def _print(reports: Mapping[str, DanceReport], *, as_json: bool) -> None:
-    """All that is known of the dances: as JSON, or as a line and a column of a table each."""
+    """All that is known of the dances: as JSON, or as sentences and a column of a table each."""
     if as_json:
         typer.echo(json.dumps(plain({name: report.to_dict() for name, report in reports.items()}), indent=1))
         return
     for name, report in reports.items():
-        typer.echo(printable(f"{name}: {report.verdict}"))
+        typer.echo("\n  ".join(map(printable, [f"{name}: {report.verdict[0]}", *report.verdict[1:]])))
     print_music(next(iter(reports.values())).music)
     _print_table({name: report.facts() for name, report in reports.items()})
 

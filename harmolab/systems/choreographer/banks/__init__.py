@@ -24,7 +24,6 @@ from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
 from harmolab.kinematics import joint_speed, smooth
-from harmolab.params import DANCES
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.choreographer.takes import Take, take_of
 from harmolab.types import Clip, Motion
@@ -53,27 +52,28 @@ STANDING = 0.5  # of a take's median speed: what is slower at its ends is standi
 SMOOTHING = 0.3  # seconds, standard deviation, of that speed
 KEPT_UP = 1.0  # seconds for which a dance goes on at least; a shorter movement is a change of stance
 SHORTEST = 2.0  # seconds of a part that is kept
-PUPPETS, PUPPET_SECONDS, PUPPET_FPS = (1, 2), 23.0, 30.0  # seeds of the clips of each dance
+PUPPETS, PUPPET_SECONDS, PUPPET_FPS = 14, 23.0, 30.0  # clips, seconds of each, hertz
 
 
-def shipped_bank(style: str = "salsa") -> Choreographer:
+def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
     """The choreographer of a style that comes with harmolab.
 
     Parameters
     ----------
     style : "salsa", "indian" or "puppet"
+    dance : name of one of `DANCES`, which a puppet can all dance (cha-cha when left out); else of no effect
 
     Raises
     ------
     ValueError
-        For another style.
+        For another style, or a dance that no puppet knows.
     FileNotFoundError
         If the recorded movement was left out of this installation.
     """
     if style not in STYLES:
         raise ValueError(f"unknown style {style!r}; there are {', '.join(STYLES)}")
     if style == "puppet":
-        return Choreographer.of(_puppets())
+        return Choreographer.of(puppets(dance or "cha-cha"))
     return Choreographer.load(FOLDER / style)
 
 
@@ -130,9 +130,10 @@ def dancing_span(motion: Motion) -> tuple[float, float]:
     return float(moving[0]) / motion.fps, float(moving[-1] + 1) / motion.fps
 
 
-def _puppets() -> list[Clip]:
-    """Synthetic dancers of all dances, each from the first beat on."""
-    settings = (
-        ClipSettings(dance, seconds=PUPPET_SECONDS, fps=PUPPET_FPS, seed=seed) for dance in DANCES for seed in PUPPETS
-    )
-    return [planted_clip(one).clip for one in settings]
+def puppets(dance: str, *, clips: int = PUPPETS, seconds: float = PUPPET_SECONDS) -> list[Clip]:
+    """Synthetic dancers of one dance, whose beats and bars are known; ValueError for an unknown dance."""
+    settings = (ClipSettings(dance, seconds=seconds, fps=PUPPET_FPS, seed=seed) for seed in range(1, clips + 1))
+    return [
+        replace(planted.clip, name=f"puppet {number}", beats=planted.annotation.track(seconds))
+        for number, planted in enumerate(map(planted_clip, settings), 1)
+    ]
