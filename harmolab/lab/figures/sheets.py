@@ -101,7 +101,7 @@ def _draw_figures(ax: Axes, figures: FloatArray, skeleton: Skeleton) -> None:
     colours = [SIDES[sides[limb]] for limb in order.ravel()]
     widths = np.interp(np.take_along_axis(depth, order, axis=1).ravel(), (-0.2, 0.2), (1.1, 2.0))
     segments = np.take_along_axis(lines, order[..., None, None], axis=1).reshape(-1, 2, 2)
-    ax.add_collection(LineCollection(list(segments), colors=colours, linewidths=widths, capstyle="round"))
+    ax.add_collection(LineCollection(list(segments), colors=colours, linewidths=widths, capstyle="round", gid="limbs"))
     if skull:
         balls = [Circle(tuple(head), SKULL / 2) for head in figures[:, skull, :2].mean(axis=1)]
         ax.add_collection(PatchCollection(balls, facecolor="white", edgecolor=COLOURS["ink"], linewidth=1.2, zorder=3))
