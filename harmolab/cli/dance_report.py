@@ -10,14 +10,16 @@ from harmolab.cli.common import show
 
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import Likeness
-    from harmolab.systems.choreographer import Choreography
+    from harmolab.systems.choreographer.choreography import Choreography
     from harmolab.types import BeatTrack, Motion
     from harmolab.verdict.score import HarmonyScore
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 ADVICE = "(--"  # begins the option that a remark advises
-JOINED = ("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before", "shares", "stretch")
-JOINED += ("warnings", "pieces")
+JOINED = (
+    *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
+    *("shares", "stretch", "warnings", "pieces"),
+)
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
 
 
@@ -27,6 +29,7 @@ class DanceReport:
 
     Parameters
     ----------
+    seed : int that it was made with
     motion : Motion
     start : float, seconds, audio time of its first frame
     music : BeatTrack on the motion's time line
@@ -37,6 +40,7 @@ class DanceReport:
     knows_bars : bool, whether it is of use to be told the dance, or where its bars begin
     """
 
+    seed: int
     motion: Motion
     start: float
     music: BeatTrack
@@ -90,6 +94,7 @@ class DanceReport:
         """Everything, for JSON; every piece with its place in the dance."""
         joined = () if self.choreography is None else JOINED
         return {
+            "seed": self.seed,
             "start": self.start,
             "seconds": self.motion.duration,
             "likeness": {name: getattr(self.likeness, name) for name in LIKENESS},

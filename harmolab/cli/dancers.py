@@ -13,7 +13,8 @@ from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import LikenessLimits
-    from harmolab.systems.choreographer import Choreographer, Choreography
+    from harmolab.systems.choreographer.choreography import Choreography
+    from harmolab.systems.choreographer.generate import Choreographer
     from harmolab.systems.contract import System
     from harmolab.types import Audio, BeatTrack, Motion
 
@@ -32,26 +33,28 @@ class Dancer:
 
     Parameters
     ----------
-    system : Choreographer or System
+    system : System
     options : keywords of its `generate` from the command line
+    choreographer : the system where it is one; a dance then takes a second, and says what it is made of
     limits : LikenessLimits of its recordings, None for those of the package
     knows_bars : bool, whether its dances have places in the bar that can be judged
     remarks : sentences about it that are printed with every dance
     """
 
-    system: Choreographer | System
+    system: System
     options: dict[str, Any]
+    choreographer: Choreographer | None = None
     limits: LikenessLimits | None = None
     knows_bars: bool = True
     remarks: tuple[str, ...] = ()
 
     def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, Choreography | None]:
-        """A motion, and the pieces it was made of where it was made of recordings."""
+        """A motion, and what it is made of where it was made of recordings."""
         options = self.options | more
-        if hasattr(self.system, "choreograph"):
-            choreography = self.system.choreograph(audio, beats, **options)
-            return choreography.motion, choreography
-        return self.system.generate(audio, beats, **options), None
+        if self.choreographer is None:
+            return self.system.generate(audio, beats, **options), None
+        choreography = self.choreographer.choreograph(audio, beats, **options)
+        return choreography.motion, choreography
 
 
 def dancer_of(
@@ -103,13 +106,13 @@ def _choreographer(context: typer.Context, corpus: Path | None, style: str, danc
     for line in choreographer.notes:
         note(f"left out: {line}")
     options = accepted(choreographer.choreograph, context, {"progress": progress})
+    limits, remarks = choreographer.limits, () if corpus else (REMARKS[style],)
+    if corpus is not None and (limits is None or limits.windows < FEWEST_WINDOWS):
+        limits, remarks = None, (TOO_FEW,)
+    if corpus is None and style == PUPPET:
+        limits = None
     knows_bars = any(take.places.size for take in choreographer.takes)
-    if corpus is None:
-        limits = None if style == PUPPET else choreographer.limits
-        return Dancer(choreographer, options, limits, knows_bars, (REMARKS[style],))
-    if choreographer.limits is None or choreographer.limits.windows < FEWEST_WINDOWS:
-        return Dancer(choreographer, options, None, knows_bars, (TOO_FEW,))
-    return Dancer(choreographer, options, choreographer.limits, knows_bars)
+    return Dancer(choreographer, options, choreographer, limits, knows_bars, remarks)
 
 
 def _trained(weights: Path | None, system: str | None) -> System:

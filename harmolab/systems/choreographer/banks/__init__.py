@@ -125,7 +125,7 @@ def danced_parts(name: str, motion: Motion, holes: Sequence[Hole] = ()) -> list[
 def dancing_span(motion: Motion) -> tuple[float, float]:
     """Seconds at which the dance of a take begins and ends: it moves at least half as fast there as it mostly does."""
     speed = smooth(joint_speed(motion.positions, motion.fps), SMOOTHING, motion.fps)
-    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps))))
+    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps)), bool))
     moving = np.flatnonzero(is_moving) if is_moving.any() else np.arange(motion.n_frames)
     return float(moving[0]) / motion.fps, float(moving[-1] + 1) / motion.fps
 
