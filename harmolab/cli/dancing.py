@@ -125,14 +125,14 @@ def dance(
                 number, motion, start, music, score, judged, choreography, dancer.remarks, knows_bars=dancer.knows_bars
             )
 
-        if len(track.span(start, audio.duration)) < 2:
-            note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
         is_open = samples == 1 and dancer.choreographer is not None and not is_told(context, "seed")
         reports: list[DanceReport] = []
         paths: list[Path] = []
         for number in files:
             reports.append(_likely(danced, number) if is_open else danced(number))
             paths += write_files(files[number], reports[-1], sound, song.stem, is_asked=out is not None)
+    if len(reports[0].music) < 2:
+        note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)
     for path in paths:
         wrote(path, err=as_json)
