@@ -19,7 +19,6 @@ from harmolab.lab.experiments import banks as measured
 from harmolab.metrics.likeness import LikenessLimits, likeness
 from harmolab.systems.choreographer.banks import (
     FOLDER,
-    HOLES,
     STYLES,
     TAKES,
     danced_parts,
@@ -230,4 +229,3 @@ def test_the_shipped_salsa_is_what_its_takes_give(data_root: Path, tmp_path: Pat
         np.testing.assert_allclose(take.motion.positions, other.motion.positions, atol=1e-9)
         assert take.name == other.name
     assert isinstance(shipped.limits, LikenessLimits)
-    assert HOLES["cmu61_14"] == ((7.5, 9.1),)

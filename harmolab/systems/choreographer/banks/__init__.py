@@ -38,8 +38,16 @@ TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "indian": tuple(f"cmu94_{number:02d}" for number in (4, 6, 8, 13, 14, 15)),
     }
 )
-# Take -> parts of it that are left out: a dip that the partner holds, a knee that flips.
-HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType({"cmu61_14": ((7.5, 9.1),), "cmu94_04": ((12.7, 13.7),)})
+# Take -> parts of it that are left out, seconds: a bow at the end, two dips that the partner holds (one with what little
+# comes after it), a knee that flips.
+HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType(
+    {
+        "cmu61_09": ((41.2, 43.0),),
+        "cmu61_14": ((7.5, 9.1),),
+        "cmu61_13": ((33.9, 38.0),),
+        "cmu94_04": ((12.7, 13.7),),
+    }
+)
 STYLES = (*TAKES, "puppet")
 REMARKS: Mapping[str, str] = MappingProxyType(
     {
