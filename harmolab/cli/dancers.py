@@ -66,20 +66,23 @@ def dancer_of(
     weights: Path | None,
     dance: str,
 ) -> Dancer:
-    """The dancer that the options name; the salsa of the shipped bank where they name none.
+    """The dancer that the options name; the shipped salsa where they name none.
 
     Raises
     ------
     ValueError
         For options that exclude each other, or one that this dancer does not take.
     """
+    from harmolab.systems.choreographer.generate import Choreographer
+
     _check_choice(corpus=corpus, style=style, system=system, weights=weights)
     if weights is None and system in (None, CHOREOGRAPHER):
         return _choreographer(context, corpus, style or "salsa", dance)
     trained = _trained(weights, system)
-    return Dancer(
-        trained, accepted(trained.generate, context, {"progress": progress}), getattr(trained, "limits", None)
-    )
+    if isinstance(trained, Choreographer):
+        return _of_recordings(context, trained)
+    options = accepted(trained.generate, context, {"progress": progress})
+    return Dancer(trained, options, limits=getattr(trained, "limits", None))
 
 
 def _check_choice(*, corpus: Path | None, style: str | None, system: str | None, weights: Path | None) -> None:
@@ -103,14 +106,25 @@ def _choreographer(context: typer.Context, corpus: Path | None, style: str, danc
     choreographer = shipped_bank(style, dance) if corpus is None else load_corpus(corpus, progress=progress)
     if dance and dance not in (known := sorted({*DANCES, *choreographer.dances})):
         raise ValueError(f"unknown dance {dance!r}; known: {', '.join(known)}")
+    if corpus is not None:
+        return _of_recordings(context, choreographer)
+    limits = None if style == PUPPET else choreographer.limits
+    return _dancer(context, choreographer, limits, REMARKS[style])
+
+
+def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Dancer:
+    """A choreographer of somebody's recordings, which are what its dances are held against if there are enough."""
     for line in choreographer.notes:
         note(f"left out: {line}")
+    limits = choreographer.limits
+    is_measure = limits is not None and limits.windows >= FEWEST_WINDOWS
+    return _dancer(context, choreographer, limits) if is_measure else _dancer(context, choreographer, None, TOO_FEW)
+
+
+def _dancer(
+    context: typer.Context, choreographer: Choreographer, limits: LikenessLimits | None, *remarks: str
+) -> Dancer:
     options = accepted(choreographer.choreograph, context, {"progress": progress})
-    limits, remarks = choreographer.limits, () if corpus else (REMARKS[style],)
-    if corpus is not None and (limits is None or limits.windows < FEWEST_WINDOWS):
-        limits, remarks = None, (TOO_FEW,)
-    if corpus is None and style == PUPPET:
-        limits = None
     knows_bars = any(take.places.size for take in choreographer.takes)
     return Dancer(choreographer, options, choreographer, limits, knows_bars, remarks)
 

@@ -33,9 +33,7 @@ def load_corpus(corpus: PathLike, *, progress: Progress = silent) -> Choreograph
         with suppress(OSError, ValueError):
             return Choreographer.load(place)
     choreographer = Choreographer.read([corpus], progress=progress)
-    if place is not None:
-        _keep(choreographer, place)
-    return choreographer
+    return choreographer if place is None else _keep(choreographer, place)
 
 
 def _place(corpus: Path) -> Path | None:
@@ -61,10 +59,15 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:24]
 
 
-def _keep(choreographer: Choreographer, place: Path) -> None:
-    """Keep a choreographer in place of what was kept of the same folder; a cache that cannot be written is no error."""
+def _keep(choreographer: Choreographer, place: Path) -> Choreographer:
+    """Keep a choreographer in place of what was kept of the same folder; it comes back as it will be read.
+
+    A cache that cannot be written is no error.
+    """
     with suppress(OSError):
         choreographer.save(place)
         for older in place.parent.glob(f"{place.name.partition('_')[0]}_*"):
             if older != place:
                 shutil.rmtree(older, ignore_errors=True)
+        return Choreographer.load(place)
+    return choreographer

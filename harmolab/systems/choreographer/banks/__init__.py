@@ -38,8 +38,8 @@ TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "indian": tuple(f"cmu94_{number:02d}" for number in (4, 6, 8, 13, 14, 15)),
     }
 )
-# Take -> parts of it that are left out, seconds: a bow at the end, two dips that the partner holds (one with what little
-# comes after it), a knee that flips.
+# Take -> parts of it that are left out, seconds: a bow at the end, two dips that the partner holds (with what little
+# comes after one of them), a knee that flips.
 HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType(
     {
         "cmu61_09": ((41.2, 43.0),),
