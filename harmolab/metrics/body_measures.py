@@ -1,4 +1,4 @@
-"""Thirteen measures of how somebody moves, music aside, of at most half a minute of movement.
+"""Thirteen measures of the way a body moves, music aside, over at most half a minute.
 
 Taken at 15 frames per second in the body frame (`skeletons.body_frame`): the origin at the torso, turned with the hips,
 so that travel and turns of the whole body count as no movement. Jerk and skating are those of `metrics.quality`.
@@ -98,7 +98,7 @@ def _or_nan(measure: Callable[[Motion], float], motion: Motion) -> float:
 
 
 def _amounts(body: FloatArray, motion: Motion) -> dict[str, float]:
-    """How much and how variously the body moves, from its places (T, J, 3) in the body."""
+    """Amount and variety of movement, from the places (T, J, 3) of the joints in the body."""
     return {
         "spread": 100 * _spread(body[motion.valid]),
         "poorest": 100 * _poorest(body, motion.valid),
@@ -146,10 +146,10 @@ def _inside(body: FloatArray, motion: Motion) -> float:
 def _hand_range(body: FloatArray, skeleton: Skeleton) -> float:
     """Diagonal of the box that holds a hand for most of the time, metres, mean of both hands; NaN without hands."""
     joints = named_joints(skeleton)
-    found = [[joints[side, part] for part in _HANDS if (side, part) in joints] for side in ("left", "right")]
-    if not all(found):
+    hands = [[joints[side, part] for part in _HANDS if (side, part) in joints] for side in ("left", "right")]
+    if not all(hands):
         return np.nan
-    low, high = np.percentile(body[:, [hand[0] for hand in found]], (5, 95), axis=0)
+    low, high = np.percentile(body[:, [hand[0] for hand in hands]], (5, 95), axis=0)
     return float(np.linalg.norm(high - low, axis=1).mean())
 
 
@@ -163,7 +163,7 @@ def _turns(motion: Motion) -> dict[str, float]:
 
 
 def _legs(body: FloatArray, motion: Motion) -> dict[str, float]:
-    """What ankles and knees do; empty without ankles."""
+    """The measures of ankles and knees; empty without ankles."""
     points, valid = point_joints(motion.skeleton), motion.valid
     if not {"lankle", "rankle"} <= points.keys():
         return {}
