@@ -104,8 +104,8 @@ def _choreographer(context: typer.Context, corpus: Path | None, style: str, danc
     from harmolab.systems.choreographer.kept import load_corpus
 
     choreographer = shipped_bank(style, dance) if corpus is None else load_corpus(corpus, progress=progress)
-    if dance and dance not in (known := sorted({*DANCES, *choreographer.dances})):
-        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(known)}")
+    if dance and dance not in (dances := {*DANCES, *choreographer.dances}):
+        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted(dances))}")
     if corpus is not None:
         return _of_recordings(context, choreographer)
     limits = None if style == PUPPET else choreographer.limits
@@ -113,7 +113,7 @@ def _choreographer(context: typer.Context, corpus: Path | None, style: str, danc
 
 
 def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Dancer:
-    """A choreographer of somebody's recordings, which are what its dances are held against if there are enough."""
+    """A choreographer of recordings of one's own, by which its dances are judged if there are enough of them."""
     for line in choreographer.notes:
         note(f"left out: {line}")
     limits = choreographer.limits

@@ -3,7 +3,7 @@
 ========  ============================================================================================================
 salsa     the follower of a salsa couple, 11 takes, 5 minutes: CMU Graphics Lab Motion Capture Database, subject 61
 indian    an Indian solo dance, 6 takes, 2 minutes: subject 94 of the same
-puppet    synthetic dancers, made on the spot; nobody was recorded
+puppet    synthetic dancers, made on the spot; no person was recorded
 ========  ============================================================================================================
 
 The recorded takes have a notice of their own beside them (NOTICE) and are not under the licence of the package.
