@@ -147,4 +147,4 @@ def _trained(weights: Path | None, system: str | None) -> System:
 
         return load(shipped if weights is None else weights, system=system)
     except ModuleNotFoundError as error:
-        raise ValueError(f"--system {system or 'of these weights'} needs {error.name}; {TRAIN_HINT}") from None
+        raise ValueError(f"{weights or system}: dancing with it needs {error.name}; {TRAIN_HINT}") from None
