@@ -52,7 +52,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class Kept(NamedTuple):
-    """What is kept of a corpus: its takes, lines about what could not be read, what the takes have of likeness."""
+    """A corpus as it is kept: its takes, lines about what could not be read, limits of likeness of the takes."""
 
     takes: tuple[Take, ...]
     notes: tuple[str, ...] = ()
@@ -95,7 +95,7 @@ def save_takes(folder: PathLike, kept: Kept) -> None:
 
 
 def load_takes(path: PathLike) -> Kept:
-    """What was saved in a folder.
+    """The corpus that was saved in a folder.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def _places(take: Take) -> NDArray[np.int64]:
 
 
 def _entry(take: Take) -> dict[str, Any]:
-    """What the JSON says about a take."""
+    """The entry of a take in the JSON."""
     motion = take.motion
     counts = {"frames": motion.n_frames, "beats": take.beats.size}
     return {"name": take.name, "dance": take.dance, "fps": motion.fps, "meter": take.meter, **counts}
@@ -201,5 +201,5 @@ def _take(entry: dict[str, Any], motion: Motion, times: NDArray[np.float64], pla
     is_placed = bool(times.size and (places >= 0).all() and meter > 0 and (places < meter).all())
     if not math.isfinite(motion.fps) or (times.size and not is_placed and (places >= 0).any()):
         raise ValueError(f"{str(entry.get('name'))[:40]}: places in the bar do not fit its {meter} beats")
-    known = places.astype(np.int64) if is_placed else np.zeros(0, np.int64)
-    return Take(str(entry["name"]), motion, str(entry["dance"]), times, known, meter)
+    bar_places = places.astype(np.int64) if is_placed else np.zeros(0, np.int64)
+    return Take(str(entry["name"]), motion, str(entry["dance"]), times, bar_places, meter)
