@@ -204,7 +204,7 @@ class Choreographer:
         ------
         ValueError
             If `start` or `seconds` lies outside the music, `dance` is unknown to both the corpus and the tempo table,
-            or `initial` is of other joints.
+            or `initial` is of other joints or two-dimensional.
         """
         frames = n_frames(audio, start, seconds, self.fps)
         self._check_initial(initial)
@@ -249,6 +249,8 @@ class Choreographer:
         if initial is not None and initial.skeleton.joints != self.skeleton.joints:
             joints = f"({len(initial.skeleton.joints)}) than the recordings ({len(self.skeleton.joints)})"
             raise ValueError(f"initial has other joints {joints}; retarget it first")
+        if initial is not None and initial.positions.shape[2] != 3:
+            raise ValueError("initial is two-dimensional; the recordings are in three dimensions")
 
     def _of_dance(self, dance: str) -> tuple[tuple[Take, ...], list[str]]:
         """The takes to dance from: of the asked dance if there are any, with beats or all without; and what to say."""
