@@ -162,9 +162,9 @@ def _paths(root: Path) -> list[Path]:
     """The recordings' folders at or below `root`; without any the motion files there."""
     if root.is_file():
         return [root]
-    found = find_recordings(root)
-    if found.folders:
-        return list(found.folders)
+    recordings = find_recordings(root)
+    if recordings.folders:
+        return list(recordings.folders)
     return sorted(path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
 
 
