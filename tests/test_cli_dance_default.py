@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -291,3 +292,18 @@ def test_hostile_names_of_songs_are_written_beside_and_said_in_one_line(clip: Cl
 def test_a_name_too_long_to_add_to_is_said_before_any_work(clip: Clip, tmp_path: Path) -> None:
     path = write_song(tmp_path / f"{'x' * 240}.wav", clip)
     assert "choose one with --out" in one_line(called(app, "dance", path))
+
+
+@pytest.mark.browser
+def test_the_page_plays_somebody_who_moves(song: Path, chromium: Any) -> None:
+    assert called(app, "dance", song, "--out", "dance.html").exit_code == 0
+    page, faults = chromium.new_page(), []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.goto(Path("dance.html").resolve().as_uri())
+    page.wait_for_selector("canvas")
+    before = page.screenshot()
+    page.get_by_role("button", name="Play").click()
+    page.wait_for_timeout(1500)
+    assert page.screenshot() != before
+    assert faults == []
+    assert page.get_by_text("looks like dancing").is_visible()

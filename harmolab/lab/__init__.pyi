@@ -1,3 +1,4 @@
+from .evaluate.body_rests import rests_on_beat as rests_on_beat
 from .experiments.ablation import (
     TARGETS as TARGETS,
 )
@@ -19,6 +20,7 @@ from .experiments.ablation import (
 from .experiments.ablation import (
     trade_off as trade_off,
 )
+from .experiments.banks import bank_table as bank_table
 from .experiments.cheating import (
     cheating as cheating,
 )
