@@ -220,6 +220,13 @@ def test_what_cannot_be_read_is_left_out_and_named(song: Path, tmp_path: Path) -
     assert f"harmolab: left out: {folder / 'b.bvh'}" in result.stderr
 
 
+def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path) -> None:
+    result = called(app, "dance", song, "--dance", "waltz", "--out", "dance.npz")
+    assert result.exit_code == 0, result.output
+    assert "There is no waltz among these recordings: danced is salsa." in result.stdout
+    assert "The bar of a waltz is not asked for" in result.stdout
+
+
 @pytest.mark.parametrize("style", ["indian", "puppet"])
 def test_other_styles_say_what_they_are(song: Path, style: str) -> None:
     result = called(app, "dance", song, "--style", style, "--out", "dance.npz")

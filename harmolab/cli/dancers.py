@@ -24,6 +24,7 @@ TOO_FEW = (
     "these recordings are too few to be a measure: the numbers beside it are those of ballroom dancers, and what fails "
     "by them may be another style"
 )
+NO_BAR = "the bar of a {dance} is not asked for: the number is that of `harmolab score` without --dance"
 TRAIN_HINT = "install it with: pip install 'harmolab[train]'"
 
 
@@ -124,8 +125,13 @@ def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Danc
 def _dancer(
     context: typer.Context, choreographer: Choreographer, limits: LikenessLimits | None, *remarks: str
 ) -> Dancer:
+    """A choreographer as a dancer; where it knows no bar, it says by what it is not judged."""
+    from harmolab.params import DANCE_PATTERNS
+
     options = accepted(choreographer.choreograph, context, {"progress": progress})
     knows_bars = any(take.places.size for take in choreographer.takes)
+    if not knows_bars and options.get("dance") in DANCE_PATTERNS:
+        remarks = (*remarks, NO_BAR.format(dance=options["dance"]))
     return Dancer(choreographer, options, choreographer, limits, knows_bars, remarks)
 
 
