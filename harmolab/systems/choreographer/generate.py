@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -263,13 +262,13 @@ class Choreographer:
             notes.append(f"there is no {dance} among these recordings: danced is {names}")
         if len(mixed := sorted({take.dance for take in takes} - {""})) > 1:
             notes.append(f"recordings of {', '.join(mixed)} are mixed; name one of them (--dance) to keep to it")
-        timed = tuple(take for take in takes if take.beats.size > 1)
-        bare = tuple(take for take in takes if take.beats.size < 2)
+        timed = tuple(take for take in takes if take.beats.size)
+        bare = tuple(take for take in takes if not take.beats.size)
         if not timed or not bare:
             return takes, notes
         used, unused = (timed, bare) if _seconds(timed) >= _seconds(bare) else (bare, timed)
         notes.append(f"{len(unused)} of {len(takes)} recordings are left out: beats are known of some only")
-        return tuple(replace(take, beats=take.beats[:0]) for take in used) if used is bare else used, notes
+        return used, notes
 
     def _moves_of(self, takes: tuple[Take, ...], period: float) -> Moves:
         """The nodes of takes: cut at their beats, or at their own rests with the song's period."""

@@ -206,8 +206,8 @@ def _take(entry: dict[str, Any], motion: Motion, times: NDArray[np.float64], pla
     meter = _count(entry, "meter", 0, MOST_METER)
     last = (motion.n_frames - 1) / motion.fps
     steps_ok = bool(np.isfinite(times).all() and (np.diff(times) > 0).all())
-    if not steps_ok or (times.size and not (times[0] >= 0 and times[-1] <= last + 1e-6)):
-        raise ValueError(f"{str(entry.get('name'))[:40]}: beats must increase, from 0 to {last:g} s")
+    if not steps_ok or times.size == 1 or (times.size and not (times[0] >= 0 and times[-1] <= last + 1e-6)):
+        raise ValueError(f"{str(entry.get('name'))[:40]}: beats must be two or more, rising from 0 to {last:g} s")
     is_placed = bool(times.size and (places >= 0).all() and meter > 0 and (places < meter).all())
     if not math.isfinite(motion.fps) or (times.size and not is_placed and (places >= 0).any()):
         raise ValueError(f"{str(entry.get('name'))[:40]}: places in the bar do not fit its {meter} beats")
