@@ -17,7 +17,7 @@ from typer.testing import Result
 from harmolab.cli import app
 from harmolab.corpora.synthetic import DANCER, synthetic_motion, write_corpus
 from harmolab.io.motion import load_motion, save_motion
-from harmolab.skeletons import Skeleton
+from harmolab.skeletons import Skeleton, standing_height
 from harmolab.types import Clip, Motion
 from tests.builders import called, planted_dance, write_song
 
@@ -196,6 +196,21 @@ def test_one_bvh_dances_and_too_little_is_said(song: Path, tmp_path: Path) -> No
     assert re.search(r"made of\W+take 100%", result.stdout)
 
 
+def test_a_body_of_another_unit_is_noticed_and_scaled(song: Path, tmp_path: Path) -> None:
+    motion = swaying(1)
+    save_motion(tmp_path / "take.npz", Motion(motion.positions / 5, motion.fps, motion.skeleton))
+    small = called(app, "dance", song, "--from", tmp_path / "take.npz", "--seed", 0, "--out", "dance.npz")
+    assert "m tall; for other units pass --scale" in small.stderr
+    scaled = called(
+        app, "dance", song, "--from", tmp_path / "take.npz", "--scale", 5, "--seed", 0, "--out", "dance.npz"
+    )
+    assert scaled.exit_code == 0, scaled.output
+    assert scaled.stderr == ""
+    assert standing_height(load_motion("dance.npz").positions) == pytest.approx(
+        standing_height(motion.positions), rel=0.1
+    )
+
+
 def test_another_skeleton_dances_on_its_own_and_not_with_others(song: Path, tmp_path: Path) -> None:
     folder = tmp_path / "moves"
     folder.mkdir()
@@ -263,6 +278,7 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
         (("--from", ".", "--weights", "run"), "leave out --weights"),
         (("--style", "salsa", "--system", "harmogan"), "leave out --system harmogan"),
         (("--system", "nothing"), "no weights are shipped for 'nothing': pass --weights RUN, or one of choreographer"),
+        (("--scale", "0.01"), "--scale is for the files of --from"),
         (("--harmonise", "0"), "--harmonise is a number of centimetres up to 30, got 0"),
         (("--harmonise", "nan"), "--harmonise must be a finite number"),
         (("--pattern", "patterns.json"), "this movement knows no bar"),

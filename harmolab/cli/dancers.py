@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 CHOREOGRAPHER, PUPPET = "choreographer", "puppet"
 FEWEST_WINDOWS = 6  # of half a minute at most: fewer are no measure of what else is a dance
+LOWEST, HIGHEST = 0.8, 2.5  # metres that a dancer may be tall
 TOO_FEW = (
     "these recordings are too few to be a measure: the numbers beside it are those of ballroom dancers, and what fails "
     "by them may be another style"
@@ -62,6 +63,7 @@ def dancer_of(
     context: typer.Context,
     *,
     corpus: Path | None,
+    scale: float | None,
     style: str | None,
     system: str | None,
     weights: Path | None,
@@ -76,9 +78,9 @@ def dancer_of(
     """
     from harmolab.systems.choreographer.generate import Choreographer
 
-    _check_choice(corpus=corpus, style=style, system=system, weights=weights)
+    _check_choice(corpus=corpus, scale=scale, style=style, system=system, weights=weights)
     if weights is None and system in (None, CHOREOGRAPHER):
-        return _choreographer(context, corpus, style or "salsa", dance)
+        return _choreographer(context, corpus, scale, style or "salsa", dance)
     trained = _trained(weights, system)
     if isinstance(trained, Choreographer):
         return _of_recordings(context, trained)
@@ -86,8 +88,12 @@ def dancer_of(
     return Dancer(trained, options, limits=getattr(trained, "limits", None))
 
 
-def _check_choice(*, corpus: Path | None, style: str | None, system: str | None, weights: Path | None) -> None:
+def _check_choice(
+    *, corpus: Path | None, scale: float | None, style: str | None, system: str | None, weights: Path | None
+) -> None:
     """ValueError for options that exclude each other."""
+    if scale is not None and corpus is None:
+        raise ValueError("--scale is for the files of --from")
     if corpus is not None and style is not None:
         raise ValueError("--from and --style exclude each other: recordings of your own, or one of the banks")
     for name, value in (("--from", corpus), ("--style", style)):
@@ -98,13 +104,15 @@ def _check_choice(*, corpus: Path | None, style: str | None, system: str | None,
         raise FileNotFoundError(f"{weights}: no such folder")
 
 
-def _choreographer(context: typer.Context, corpus: Path | None, style: str, dance: str) -> Dancer:
+def _choreographer(context: typer.Context, corpus: Path | None, scale: float | None, style: str, dance: str) -> Dancer:
     """The choreographer of a corpus or of a bank; ValueError for a dance that neither it nor the tempo table knows."""
     from harmolab.params import DANCES
     from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
     from harmolab.systems.choreographer.kept import load_corpus
 
-    choreographer = shipped_bank(style, dance) if corpus is None else load_corpus(corpus, progress=progress)
+    choreographer = (
+        shipped_bank(style, dance) if corpus is None else load_corpus(corpus, scale=scale, progress=progress)
+    )
     if dance and dance not in (dances := {*DANCES, *choreographer.dances}):
         raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted(dances))}")
     if corpus is not None:
@@ -115,8 +123,13 @@ def _choreographer(context: typer.Context, corpus: Path | None, style: str, danc
 
 def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Dancer:
     """A choreographer of recordings of one's own, by which its dances are judged if there are enough of them."""
+    from harmolab.skeletons import standing_height
+
     for line in choreographer.notes:
         note(f"left out: {line}")
+    height = standing_height(choreographer.takes[0].motion.positions)
+    if not LOWEST <= height <= HIGHEST:
+        note(f"these recordings are of a body {height:.2g} m tall; for other units pass --scale (CMU's BVH: 0.056444)")
     limits = choreographer.limits
     is_measure = limits is not None and limits.windows >= FEWEST_WINDOWS
     return _dancer(context, choreographer, limits) if is_measure else _dancer(context, choreographer, None, TOO_FEW)

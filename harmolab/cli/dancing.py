@@ -15,6 +15,7 @@ from harmolab.cli.common import (
     AsJson,
     One,
     PatternFile,
+    Scale,
     Song,
     finding_beats,
     note,
@@ -60,6 +61,7 @@ def dance(
             "--from", help="Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file."
         ),
     ] = None,
+    scale: Scale = None,
     style: Annotated[
         str | None,
         typer.Option(help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic)."),
@@ -105,7 +107,9 @@ def dance(
         for path in (path for paths in files.values() for path in paths):
             check_unread(context, path)
         _check_harmonise(harmonise)
-        dancer = dancer_of(context, corpus=corpus, style=style, system=system, weights=weights, dance=dance)
+        dancer = dancer_of(
+            context, corpus=corpus, scale=scale, style=style, system=system, weights=weights, dance=dance
+        )
         if pattern is not None and not dancer.knows_bars:
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
         from harmolab.harmony import score_clip

@@ -16,7 +16,7 @@ from harmolab.cli.common import plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples", "pattern", "one"}
-ANY_SYSTEM |= {"corpus", "style", "harmonise", "as_json"}
+ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
 
 def train(

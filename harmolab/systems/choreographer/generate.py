@@ -92,13 +92,19 @@ class Choreographer:
 
     @classmethod
     def read(
-        cls, data: Iterable[PathLike], *, params: ChoreographerParams | None = None, progress: Progress = silent
+        cls,
+        data: Iterable[PathLike],
+        *,
+        params: ChoreographerParams | None = None,
+        scale: float | None = None,
+        progress: Progress = silent,
     ) -> Self:
         """A choreographer of corpora: folders of recordings, or of bare motion files, or such files; errors name them.
 
-        The music of recordings is not listened to: one without annotated beats is cut at its own rests.
+        The music of recordings is not listened to: one without annotated beats is cut at its own rests. `scale` is
+        metres in one unit of the files, if they do not say (`harmolab.io.motion.load_motion`).
         """
-        corpus = read_takes(data, progress=progress)
+        corpus = read_takes(data, scale=scale, progress=progress)
         return cls(corpus.takes, params=params, notes=corpus.notes)
 
     def save(self, folder: PathLike) -> None:

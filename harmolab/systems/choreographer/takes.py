@@ -136,10 +136,11 @@ class ReadTakes:
     notes: tuple[str, ...]
 
 
-def read_takes(roots: Iterable[PathLike], *, progress: Progress = silent) -> ReadTakes:
+def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progress: Progress = silent) -> ReadTakes:
     """The takes in corpora: folders of recordings, or folders of bare motion files, or such files.
 
     The music of recordings is not read: without annotated beats a recording is a bare motion, and is cut at its rests.
+    `scale` is metres in one unit of the motion files; None as in `harmolab.io.motion.load_motion`.
 
     Raises
     ------
@@ -152,7 +153,7 @@ def read_takes(roots: Iterable[PathLike], *, progress: Progress = silent) -> Rea
         before = len(takes)
         for path in progress(_paths(root), f"reading {root.name}"):
             try:
-                takes.append(_read(path, root))
+                takes.append(_read(path, root, scale))
             except (ValueError, FileNotFoundError) as error:
                 notes.append(str(error))
         if len(takes) == before:
@@ -171,9 +172,9 @@ def _paths(root: Path) -> list[Path]:
     return sorted(path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
 
 
-def _read(path: Path, root: Path) -> Take:
+def _read(path: Path, root: Path, scale: float | None) -> Take:
     """The take in a recording's folder or in a motion file."""
-    motion = load_any_motion(path)
+    motion = load_any_motion(path, scale=scale)
     if path.is_file():
         name = path.stem if path == root else path.relative_to(root).with_suffix("").as_posix()
         return _take(name, motion)
