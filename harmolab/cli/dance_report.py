@@ -10,14 +10,16 @@ from harmolab.cli.common import show
 
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import Likeness
-    from harmolab.systems.choreographer import Choreography
+    from harmolab.systems.choreographer.choreography import Choreography
     from harmolab.types import BeatTrack, Motion
     from harmolab.verdict.score import HarmonyScore
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
 ADVICE = "(--"  # begins the option that a remark advises
-JOINED = ("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before", "shares", "stretch")
-JOINED += ("warnings", "pieces")
+JOINED = (
+    *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
+    *("shares", "stretch", "warnings", "pieces"),
+)
 LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
 
 
@@ -27,6 +29,7 @@ class DanceReport:
 
     Parameters
     ----------
+    seed : int that it was made with
     motion : Motion
     start : float, seconds, audio time of its first frame
     music : BeatTrack on the motion's time line
@@ -37,6 +40,7 @@ class DanceReport:
     knows_bars : bool, whether it is of use to be told the dance, or where its bars begin
     """
 
+    seed: int
     motion: Motion
     start: float
     music: BeatTrack
@@ -47,15 +51,15 @@ class DanceReport:
     knows_bars: bool = True
 
     @property
-    def verdict(self) -> str:
-        """One line: likeness first; harmony only where likeness does not fail; then what else there is to say."""
+    def verdict(self) -> tuple[str, ...]:
+        """Sentences: likeness; harmony, if likeness does not fail; what else there is to say."""
         sentences, judgement = [self.likeness.verdict], self.score.judgement
         if judgement is not None and self.likeness.passed is not False:
             remarks = (remark for remark in judgement.remarks if self.knows_bars or ADVICE not in remark)
             sentences += [judgement.verdict, *remarks]
         sentences += self.remarks
         sentences += () if self.choreography is None else self.choreography.warnings
-        return " ".join(map(sentence, sentences))
+        return tuple(map(sentence, sentences))
 
     def facts(self) -> dict[str, str]:
         """Name -> text of every number, for a table."""
@@ -90,6 +94,7 @@ class DanceReport:
         """Everything, for JSON; every piece with its place in the dance."""
         joined = () if self.choreography is None else JOINED
         return {
+            "seed": self.seed,
             "start": self.start,
             "seconds": self.motion.duration,
             "likeness": {name: getattr(self.likeness, name) for name in LIKENESS},

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.checks import check_unread
+from harmolab.cli.checks import check_unread, is_told
 from harmolab.cli.common import (
     AsJson,
     One,
     PatternFile,
+    Scale,
     Song,
     finding_beats,
     note,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 FARTHEST = 30.0  # centimetres that --harmonise may move a joint
 CENTIMETRE = 0.01  # metres
+MOST_SEEDS = 4  # that are tried, where none is named, until a dance moves like recorded dancers
 MEANINGS = (
     "Moves like people: each number beside those of recorded dancers; what lies far outside FAILS, and then harmony "
     "means nothing. Harmony above chance: the number of `harmolab score`; 0 is a random phase, 1 the best moment on "
@@ -59,6 +61,7 @@ def dance(
             "--from", help="Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file."
         ),
     ] = None,
+    scale: Scale = None,
     style: Annotated[
         str | None,
         typer.Option(help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic)."),
@@ -104,7 +107,9 @@ def dance(
         for path in (path for paths in files.values() for path in paths):
             check_unread(context, path)
         _check_harmonise(harmonise)
-        dancer = dancer_of(context, corpus=corpus, style=style, system=system, weights=weights)
+        dancer = dancer_of(
+            context, corpus=corpus, scale=scale, style=style, system=system, weights=weights, dance=dance
+        )
         if pattern is not None and not dancer.knows_bars:
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
         from harmolab.harmony import score_clip
@@ -113,26 +118,40 @@ def dance(
 
         sound, audio, track = _music(song, dance, one)
         params = recommended(pattern, dance if dancer.knows_bars else "")
-        reports: dict[str, DanceReport] = {}
-        paths: list[Path] = []
-        for number in files:
+
+        def danced(number: int) -> DanceReport:
             motion, choreography = dancer.dance(audio, track, start=start, seconds=seconds, seed=number)
             music = track.span(start, motion.duration)
             motion = _harmonised(motion, music, harmonise, params)
-            if len(music) < 2:
-                note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
             score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
             judged = likeness(motion, dance=dance, limits=dancer.limits)
-            report = DanceReport(
-                motion, start, music, score, judged, choreography, dancer.remarks, knows_bars=dancer.knows_bars
+            return DanceReport(
+                number, motion, start, music, score, judged, choreography, dancer.remarks, knows_bars=dancer.knows_bars
             )
-            reports[f"seed {number}"] = report
-            paths += write_files(files[number], report, sound, song.stem, is_asked=out is not None)
+
+        is_open = samples == 1 and dancer.choreographer is not None and not is_told(context, "seed")
+        reports: list[DanceReport] = []
+        paths: list[Path] = []
+        for number in files:
+            reports.append(_likely(danced, number) if is_open else danced(number))
+            paths += write_files(files[number], reports[-1], sound, song.stem, is_asked=out is not None)
+    if len(reports[0].music) < 2:
+        note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)
     for path in paths:
         wrote(path, err=as_json)
     if start and any(path.suffix.lower() != ".npz" for path in paths):
         typer.echo(f"it begins at {start:g} s of the song: pass --offset {start:g} with it", err=as_json)
+
+
+def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
+    """The dance of the first seed from `seed` on that moves like recorded dancers; that of `seed` where none does."""
+    for number in range(seed, seed + MOST_SEEDS):
+        report = danced(number)
+        if report.likeness.passed is not False:
+            return report
+        note(f"seed {number} is left: {report.likeness.verdict}")
+    return danced(seed)
 
 
 def _check_harmonise(reach: float | None) -> None:
@@ -155,25 +174,26 @@ def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: H
 
 
 def _music(song: Path, dance: str, one: float | None) -> tuple[Audio, Audio, BeatTrack]:
-    """The song at its own sample rate, as beats are tracked in it, and its beats."""
+    """The song at its own sample rate, as beats are tracked in it, and its beats; a dance of known tempo is a prior."""
     from harmolab.corpora.files import song_beats, tracked_sound
     from harmolab.io.video_sound import load_sound
+    from harmolab.params import DANCES
 
     sound = load_sound(song, sample_rate=None)
     audio = tracked_sound(song, sound)
     with finding_beats():
-        return sound, audio, song_beats(audio, dance=dance, one=one)
+        return sound, audio, song_beats(audio, dance=dance if dance in DANCES else "", one=one)
 
 
-def _print(reports: Mapping[str, DanceReport], *, as_json: bool) -> None:
-    """All that is known of the dances: as JSON, or as a line and a column of a table each."""
+def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
+    """All that is known of the dances: as JSON, or as sentences and a column of a table each."""
     if as_json:
-        typer.echo(json.dumps(plain({name: report.to_dict() for name, report in reports.items()}), indent=1))
+        typer.echo(json.dumps(plain([report.to_dict() for report in reports]), indent=1))
         return
-    for name, report in reports.items():
-        typer.echo(printable(f"{name}: {report.verdict}"))
-    print_music(next(iter(reports.values())).music)
-    _print_table({name: report.facts() for name, report in reports.items()})
+    for report in reports:
+        typer.echo("\n  ".join(map(printable, [f"seed {report.seed}: {report.verdict[0]}", *report.verdict[1:]])))
+    print_music(reports[0].music)
+    _print_table({f"seed {report.seed}": report.facts() for report in reports})
 
 
 def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:

@@ -1,3 +1,4 @@
+from .evaluate.body_rests import rests_on_beat as rests_on_beat
 from .experiments.ablation import (
     TARGETS as TARGETS,
 )
@@ -19,6 +20,7 @@ from .experiments.ablation import (
 from .experiments.ablation import (
     trade_off as trade_off,
 )
+from .experiments.banks import bank_table as bank_table
 from .experiments.cheating import (
     cheating as cheating,
 )
@@ -31,6 +33,9 @@ from .experiments.cheating import (
 from .experiments.cheating import (
     trick_means as trick_means,
 )
+from .experiments.choreography import choreography_summary as choreography_summary
+from .experiments.choreography import choreography_table as choreography_table
+from .experiments.choreography import seam_jerk as seam_jerk
 from .experiments.comparison import (
     comparison as comparison,
 )

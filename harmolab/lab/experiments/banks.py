@@ -51,10 +51,10 @@ def bank_table(
         beats = music_beats(clip)
         for seed in seeds:
             begin = time.perf_counter()
-            made = choreographer.choreograph(clip.audio, beats, seconds=seconds, seed=seed)
+            choreography = choreographer.choreograph(clip.audio, beats, seconds=seconds, seed=seed)
             work = time.perf_counter() - begin
-            judged = likeness(made.motion, limits=choreographer.limits)
-            music = beats.span(made.start, made.motion.duration)
+            judged = likeness(choreography.motion, limits=choreographer.limits)
+            music = beats.span(choreography.start, choreography.motion.duration)
             rows.append(
                 {
                     "song": clip.name,
@@ -63,13 +63,13 @@ def bank_table(
                     "work (s)": work,
                     "passed": judged.passed,
                     "fails": ", ".join(judged.fails),
-                    "seam (cm)": made.mean_seam_cm,
-                    "worst seam (cm)": made.worst_seam_cm,
-                    "jerk ratio": seam_jerk(made, beats),
-                    "skating": foot_skating(made.motion),
-                    "rests on the beat": rests_on_beat(made.motion, music),
-                    "rests half a beat late": rests_on_beat(made.motion, music, late=0.5),
-                    "seen before": made.seen_before,
+                    "seam (cm)": choreography.mean_seam_cm,
+                    "worst seam (cm)": choreography.worst_seam_cm,
+                    "jerk ratio": seam_jerk(choreography, beats),
+                    "skating": foot_skating(choreography.motion),
+                    "rests on the beat": rests_on_beat(choreography.motion, music),
+                    "rests half a beat late": rests_on_beat(choreography.motion, music, late=0.5),
+                    "seen before": choreography.seen_before,
                 }
             )
     return pd.DataFrame(rows)

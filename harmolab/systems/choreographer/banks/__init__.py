@@ -3,7 +3,7 @@
 ========  ============================================================================================================
 salsa     the follower of a salsa couple, 11 takes, 5 minutes: CMU Graphics Lab Motion Capture Database, subject 61
 indian    an Indian solo dance, 6 takes, 2 minutes: subject 94 of the same
-puppet    synthetic dancers, made on the spot; nobody was recorded
+puppet    synthetic dancers, made on the spot; no person was recorded
 ========  ============================================================================================================
 
 The recorded takes have a notice of their own beside them (NOTICE) and are not under the licence of the package.
@@ -24,7 +24,6 @@ from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
 from harmolab.kinematics import joint_speed, smooth
-from harmolab.params import DANCES
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.choreographer.takes import Take, take_of
 from harmolab.types import Clip, Motion
@@ -39,8 +38,16 @@ TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "indian": tuple(f"cmu94_{number:02d}" for number in (4, 6, 8, 13, 14, 15)),
     }
 )
-# Take -> parts of it that are left out: a dip that the partner holds, a knee that flips.
-HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType({"cmu61_14": ((7.5, 9.1),), "cmu94_04": ((12.7, 13.7),)})
+# Take -> parts of it that are left out, seconds: a bow at the end, two dips that the partner holds (with what little
+# comes after one of them), a knee that flips.
+HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType(
+    {
+        "cmu61_09": ((41.2, 43.0),),
+        "cmu61_14": ((7.5, 9.1),),
+        "cmu61_13": ((33.9, 38.0),),
+        "cmu94_04": ((12.7, 13.7),),
+    }
+)
 STYLES = (*TAKES, "puppet")
 REMARKS: Mapping[str, str] = MappingProxyType(
     {
@@ -53,27 +60,28 @@ STANDING = 0.5  # of a take's median speed: what is slower at its ends is standi
 SMOOTHING = 0.3  # seconds, standard deviation, of that speed
 KEPT_UP = 1.0  # seconds for which a dance goes on at least; a shorter movement is a change of stance
 SHORTEST = 2.0  # seconds of a part that is kept
-PUPPETS, PUPPET_SECONDS, PUPPET_FPS = (1, 2), 23.0, 30.0  # seeds of the clips of each dance
+PUPPETS, PUPPET_SECONDS, PUPPET_FPS = 14, 23.0, 30.0  # clips, seconds of each, hertz
 
 
-def shipped_bank(style: str = "salsa") -> Choreographer:
+def shipped_bank(style: str = "salsa", dance: str = "") -> Choreographer:
     """The choreographer of a style that comes with harmolab.
 
     Parameters
     ----------
     style : "salsa", "indian" or "puppet"
+    dance : name of one of `DANCES`, which a puppet can all dance (cha-cha when left out); else of no effect
 
     Raises
     ------
     ValueError
-        For another style.
+        For another style, or a dance that no puppet knows.
     FileNotFoundError
         If the recorded movement was left out of this installation.
     """
     if style not in STYLES:
         raise ValueError(f"unknown style {style!r}; there are {', '.join(STYLES)}")
     if style == "puppet":
-        return Choreographer.of(_puppets())
+        return Choreographer.of(puppets(dance or "cha-cha"))
     return Choreographer.load(FOLDER / style)
 
 
@@ -125,14 +133,15 @@ def danced_parts(name: str, motion: Motion, holes: Sequence[Hole] = ()) -> list[
 def dancing_span(motion: Motion) -> tuple[float, float]:
     """Seconds at which the dance of a take begins and ends: it moves at least half as fast there as it mostly does."""
     speed = smooth(joint_speed(motion.positions, motion.fps), SMOOTHING, motion.fps)
-    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps))))
+    is_moving = binary_opening(speed >= STANDING * np.median(speed), np.ones(max(1, round(KEPT_UP * motion.fps)), bool))
     moving = np.flatnonzero(is_moving) if is_moving.any() else np.arange(motion.n_frames)
     return float(moving[0]) / motion.fps, float(moving[-1] + 1) / motion.fps
 
 
-def _puppets() -> list[Clip]:
-    """Synthetic dancers of all dances, each from the first beat on."""
-    settings = (
-        ClipSettings(dance, seconds=PUPPET_SECONDS, fps=PUPPET_FPS, seed=seed) for dance in DANCES for seed in PUPPETS
-    )
-    return [planted_clip(one).clip for one in settings]
+def puppets(dance: str, *, clips: int = PUPPETS, seconds: float = PUPPET_SECONDS) -> list[Clip]:
+    """Synthetic dancers of one dance, whose beats and bars are known; ValueError for an unknown dance."""
+    settings = (ClipSettings(dance, seconds=seconds, fps=PUPPET_FPS, seed=seed) for seed in range(1, clips + 1))
+    return [
+        replace(planted.clip, name=f"puppet {number}", beats=planted.annotation.track(seconds))
+        for number, planted in enumerate(map(planted_clip, settings), 1)
+    ]
