@@ -69,7 +69,7 @@ def recorded(material: Material, excerpt: Excerpt, rng: np.random.Generator) -> 
 
 
 def another_song(material: Material, excerpt: Excerpt, rng: np.random.Generator) -> Motion:
-    """What was recorded to another song of the same dance; of any dance where there is no other of the same.
+    """The movement recorded to another song of the same dance; of any dance where there is no other of the same.
 
     Raises
     ------
@@ -99,8 +99,8 @@ def nearest_neighbour(material: Material, excerpt: Excerpt, rng: np.random.Gener
 
     def nearest(begin: float, end: float) -> DanceUnit:
         times = np.arange(begin, end, 1 / MFCC.fps)
-        heard = audio_features(excerpt.clip.audio, excerpt.beats, times, MFCC)[:, : material.timbres.shape[1]]
-        apart = np.linalg.norm((material.timbres - heard.mean(axis=0)) / scale, axis=1)
+        music = audio_features(excerpt.clip.audio, excerpt.beats, times, MFCC)[:, : material.timbres.shape[1]]
+        apart = np.linalg.norm((material.timbres - music.mean(axis=0)) / scale, axis=1)
         return material.units.units[int(np.argmin(apart))]
 
     return _laid(material, excerpt, nearest, music_anchors)
@@ -193,8 +193,8 @@ def _laid(
         unit = choose(*np.interp([origin + EDGE, origin + length - EDGE], np.arange(beats.size), beats))
         held = anchors(unit, units)
         end = origin + held.beats[-1] - EDGE
-        here = slice(len(code), int(np.searchsorted(places, end)))
-        piece = danced_at(unit, held, places[here] - origin, times[here])
+        frames = slice(len(code), int(np.searchsorted(places, end)))
+        piece = danced_at(unit, held, places[frames] - origin, times[frames])
         code = np.concatenate([code, continued(code, piece, fps) if len(code) else piece])
         origin = end - EDGE
     positions = on_floor(units.decoded(code).positions, fps)

@@ -1,4 +1,4 @@
-"""How long trainings took, over all their interruptions."""
+"""The time that trainings take, over all their interruptions."""
 
 from __future__ import annotations
 
@@ -38,6 +38,6 @@ def clock_file(run: Path) -> Path:
 
 
 def training_minutes(run: Path) -> float:
-    """Minutes that a run took; NaN where nobody counted."""
+    """Minutes that a run took; NaN where none were counted."""
     file = clock_file(run)
     return float(json.loads(file.read_text("utf-8"))["seconds"]) / 60 if file.is_file() else float("nan")

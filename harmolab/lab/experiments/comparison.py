@@ -66,12 +66,14 @@ class Entry:
 def entered(contest: Contest, name: str) -> Entry:
     """A row of a contest: trained, danced and measured now, as far as it was not before."""
     row = ROWS[name]
-    made = tuple(row.make(contest, training) for training in range(1, contest.trainings + 1 if row.is_trained else 2))
-    if any(one.failed for one in made):
-        return Entry(contest, name, made, (), (), float("nan"))
-    dances = tuple(all_dances(contest, name, one, contest.profile.draws if row.draws else 1) for one in made)
-    guards = tuple(guarded(contest, name, one) for one in made)
-    return Entry(contest, name, made, dances, guards, dance_seconds(contest, name, made[0]))
+    contestants = tuple(
+        row.make(contest, training) for training in range(1, contest.trainings + 1 if row.is_trained else 2)
+    )
+    if any(one.failed for one in contestants):
+        return Entry(contest, name, contestants, (), (), float("nan"))
+    dances = tuple(all_dances(contest, name, one, contest.profile.draws if row.draws else 1) for one in contestants)
+    guards = tuple(guarded(contest, name, one) for one in contestants)
+    return Entry(contest, name, contestants, dances, guards, dance_seconds(contest, name, contestants[0]))
 
 
 def comparison(
@@ -90,21 +92,21 @@ def comparison(
     trainings : int, of each network; the profile's when left out. With 0 there are no networks, nor a pose network
     progress : function(iterable, label) -> iterable
     """
-    known = contests(profile, profile.n_seeds if trainings is None else trainings)
+    every = contests(profile, profile.n_seeds if trainings is None else trainings)
     names = [name for name in rows if trainings != 0 or not ROWS[name].is_trained]
-    pairs = [(contest, name) for contest in known for name in names if applies(name, contest)]
+    pairs = [(contest, name) for contest in every for name in names if applies(name, contest)]
     return [entered(contest, name) for contest, name in progress(pairs, "comparing systems")]
 
 
 def facts(entry: Entry) -> dict[str, Any]:
-    """What there is to say of a row beside its dances: sizes, times, what it is told, entry tests."""
-    asked = [passed for one in entry.contestants for _, _, passed in one.entry.values()]
+    """All there is to say of a row beside its dances: sizes, times, what it is told, entry tests."""
+    tests = [passed for one in entry.contestants for _, _, passed in one.entry.values()]
     return {
         "parameters (M)": entry.contestants[0].parameters,
         "seconds for 6 s": entry.seconds,
         "training minutes": float(np.mean([one.minutes for one in entry.contestants])),
         "told the beats": ROWS[entry.name].told_beats,
-        "entry tests": f"{sum(asked)} of {len(asked)}" if asked else "",
+        "entry tests": f"{sum(tests)} of {len(tests)}" if tests else "",
         "remark": f"not trained well enough: {', '.join(entry.failed)}" if entry.failed else "",
     }
 

@@ -1,4 +1,4 @@
-"""Who is compared: recorded movement, pieces of it, the choreographer, and trained systems, each by the same door.
+"""All who are compared: recorded movement, pieces of it, the choreographer, and trained systems, each by the same door.
 
 A row of the tables is a name in `ROWS` and a function that answers a contest, and the number of a training, with a
 `Contestant`. Nothing here knows how a system works inside.
@@ -33,7 +33,7 @@ from harmolab.systems.lee2019.pieces import BEAT
 from harmolab.types import Audio, BeatTrack, Motion
 
 LEE_FPS = FeatureParams.paper().fps
-Heard = Callable[[Excerpt], BeatTrack]
+Beats = Callable[[Excerpt], BeatTrack]
 LEE, LEE_UNWARPED, REN = "Lee et al. 2019", "Lee et al. 2019, without warper", "Ren et al. 2020"
 RIGHT_SONG, CHOREOGRAPHER, BANK = "recorded, right song", "choreographer", "choreographer, shipped bank"
 METERS = "only where a meter begins"
@@ -65,7 +65,7 @@ class Contestant:
     dance : function of an excerpt and a seed; frame 0 of the motion belongs to the excerpt's start
     identity : str, all that its dances depend on beside the excerpt and the seed: names what is kept of them
     parameters : float, millions, of what generates; 0 for none
-    minutes : float, of training; NaN where nobody counted
+    minutes : float, of training; NaN where none were counted
     entry : entry test -> value, range asked for, passed; what fails one was not trained well enough to be compared
     limits : LikenessLimits of its own recordings, where those of the contest's corpus do not fit it
     """
@@ -104,19 +104,19 @@ class Row:
 
     @property
     def is_trained(self) -> bool:
-        """Whether there is a contestant for each training."""
+        """True if there is a contestant for each training."""
         return self.kind == "network"
 
 
 def of_system(
-    system: Generates, identity: str, *, heard: Heard = lambda excerpt: excerpt.beats, **facts: Any
+    system: Generates, identity: str, *, beats: Beats = lambda excerpt: excerpt.beats, **facts: Any
 ) -> Contestant:
-    """A system as a contestant; `heard` are the beats of the song that it is told; `facts` as in `Contestant`."""
+    """A system as a contestant; `beats` are those of the song that it is told; `facts` as in `Contestant`."""
 
     def dance(excerpt: Excerpt, seed: int) -> Motion:
         name = excerpt.clip.dance if excerpt.clip.dance in DANCES else ""
         return system.generate(
-            excerpt.clip.audio, heard(excerpt), start=excerpt.start, seconds=excerpt.seconds, seed=seed, dance=name
+            excerpt.clip.audio, beats(excerpt), start=excerpt.start, seconds=excerpt.seconds, seed=seed, dance=name
         )
 
     return Contestant(dance, identity, **facts)
@@ -133,19 +133,19 @@ def _baseline(name: str, baseline: Baseline, contest: Contest, training: int) ->
 
 def _choreographer(contest: Contest, training: int) -> Contestant:
     """A choreographer of the stretches of recordings that networks were trained on."""
-    made = Choreographer.of(contest.teachers)
-    return of_system(made, _digest(CHOREOGRAPHER, plain(made.params), contest.split.to_dict()))
+    system = Choreographer.of(contest.teachers)
+    return of_system(system, _digest(CHOREOGRAPHER, plain(system.params), contest.split.to_dict()))
 
 
 def _bank(contest: Contest, training: int) -> Contestant:
     """The choreographer of the movement that comes with harmolab, whatever the contest's corpus; it dances salsa."""
-    made = shipped_bank()
-    told = partial(_without_dance, made)
-    return Contestant(told, _digest(BANK, plain(made.params), [take.name for take in made.takes]), limits=made.limits)
+    bank = shipped_bank()
+    identity = _digest(BANK, plain(bank.params), [take.name for take in bank.takes])
+    return Contestant(partial(_of_no_dance, bank), identity, limits=bank.limits)
 
 
-def _without_dance(made: Choreographer, excerpt: Excerpt, seed: int) -> Motion:
-    return made.generate(excerpt.clip.audio, excerpt.beats, start=excerpt.start, seconds=excerpt.seconds, seed=seed)
+def _of_no_dance(bank: Choreographer, excerpt: Excerpt, seed: int) -> Motion:
+    return bank.generate(excerpt.clip.audio, excerpt.beats, start=excerpt.start, seconds=excerpt.seconds, seed=seed)
 
 
 def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
@@ -159,7 +159,7 @@ def _lee(warped: bool, contest: Contest, training: int) -> Contestant:
     """Lee et al. 2019; without its warper its units follow each other at their own tempo, whatever the song's beats."""
     run = lee2019(contest.profile, contest.corpus, training)
     return of_system(
-        run.system, f"{run.folder.name} {warped}", heard=(lambda excerpt: excerpt.beats) if warped else own_tempo,
+        run.system, f"{run.folder.name} {warped}", beats=(lambda excerpt: excerpt.beats) if warped else own_tempo,
         parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes, entry=run.entry,
     )  # fmt: skip
 
@@ -187,8 +187,8 @@ def _digest(*settings: Any) -> str:
 
 def _cheap(name: str) -> Row:
     kind = "pieces" if "pieces" in name or name.startswith("nearest") else "recorded"
-    told = "no" if name in ("recorded, right song", "recorded, another song") else "yes"
-    return Row(partial(_baseline, name, BASELINES[name]), kind, told, draws=name in DRAWN)
+    beats = "no" if name in ("recorded, right song", "recorded, another song") else "yes"
+    return Row(partial(_baseline, name, BASELINES[name]), kind, beats, draws=name in DRAWN)
 
 
 ROWS: Mapping[str, Row] = MappingProxyType(
@@ -207,5 +207,5 @@ ROWS: Mapping[str, Row] = MappingProxyType(
 
 
 def applies(name: str, contest: Contest) -> bool:
-    """Whether a contest has such a row: nobody was recorded to songs of another corpus."""
+    """True if a contest has such a row: to songs of another corpus there are no recorded dancers."""
     return name != RIGHT_SONG or contest.has_own_dancers

@@ -1,4 +1,4 @@
-"""Who dances to what: a corpus that systems are trained on, and the songs that they then dance."""
+"""Dancers and their music: a corpus that systems are trained on, and the songs that they then dance."""
 
 from __future__ import annotations
 
@@ -70,12 +70,12 @@ class Contest:
 
     @cached_property
     def material(self) -> Material:
-        """What dances without training are made of."""
+        """All that dances without training are made of."""
         return Material(self.split.train, self.dancers)
 
     @cached_property
     def has_own_dancers(self) -> bool:
-        """Whether the corpus has dancers to these very songs."""
+        """True if the corpus has dancers to these very songs."""
         return {excerpt.song for excerpt in self.excerpts} <= {excerpt.song for excerpt in self.dancers}
 
     @property
@@ -90,7 +90,7 @@ class Contest:
 
     @cached_property
     def limits(self) -> LikenessLimits | None:
-        """What recorded dancers of the corpus had; None (for the shipped limits) where none danced for long enough."""
+        """The measures that recorded dancers of the corpus had; None (for the shipped limits) where none danced for long enough."""
         clips = {excerpt.song: excerpt.clip for excerpt in self.dancers}
         long = [clip for clip in clips.values() if clip.motion is not None and clip.motion.duration >= SHORTEST]
         motions = [clip.motion for clip in long if clip.motion is not None]
@@ -108,7 +108,7 @@ class Contest:
 
     @property
     def pose_net_name(self) -> str:
-        """What tells that network from others; "" in a contest without trainings, which has none."""
+        """A name that tells that network from others; "" in a contest without trainings, which has none."""
         return self._first.folder.name if self.trainings else ""
 
     @property
@@ -125,8 +125,8 @@ class Contest:
 def contests(profile: RunProfile, trainings: int) -> list[Contest]:
     """Every corpus with the songs of seven dances and, with ``HARMOLAB_DATA``, with recorded songs.
 
-    Of a recorded corpus those of its songs are danced that have units on the test side; of recordings that nobody was
-    trained on, all.
+    Of a recorded corpus those of its songs are danced that have units on the test side; for systems trained on another
+    corpus all of its songs.
     """
     music, songs = seven_dances(profile)
     planted = songs if music == SYNTHETIC_SONGS else synthetic_songs(profile)

@@ -1,4 +1,4 @@
-"""What the paper prints in Tables 1 and 2: systems by dance. For other music, models and data than ours."""
+"""The numbers of the paper's Tables 1 and 2: systems by dance. For other music, models and data than ours."""
 
 from __future__ import annotations
 

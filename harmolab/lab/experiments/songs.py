@@ -168,8 +168,8 @@ def recorded_songs(profile: RunProfile, split: Split | None = None) -> list[Exce
         tested = {unit.sequence.rpartition("/")[2] for unit in split.test.units}
         folders = tuple(folder for folder in folders if folder.name in tested)
     count = min(profile.n_sequences or len(folders), len(folders))
-    chosen = (folders[place * len(folders) // count] for place in range(count))
-    return [excerpt for recording in _readable(chosen) for excerpt in windows(recording)]
+    sample = (folders[place * len(folders) // count] for place in range(count))
+    return [excerpt for recording in _readable(sample) for excerpt in windows(recording)]
 
 
 def _readable(folders: Iterable[Path]) -> Iterable[Recording]:

@@ -198,25 +198,25 @@ def _likeness(entry: Entry) -> dict[str, float]:
     return dict(zip(names, np.mean(rows, axis=0).tolist(), strict=True))
 
 
-def _distances(entry: Entry, made: Measured, recorded: Measured) -> list[float]:
+def _distances(entry: Entry, dances: Measured, recorded: Measured) -> list[float]:
     """FID on the pose network's and on kinetic features, diversity, multimodality; NaN for another body."""
-    if not made.kinetic.shape[-1] or len(made.kinetic) < 2:
+    if not dances.kinetic.shape[-1] or len(dances.kinetic) < 2:
         return [float("nan")] * 4
     model = recorded.kinetic[:, 0]
-    kinetic: FloatArray = standardise(_rows(made.kinetic), model).reshape(made.kinetic.shape)
+    kinetic: FloatArray = standardise(_rows(dances.kinetic), model).reshape(dances.kinetic.shape)
     distances = [float("nan")] * 2  # recorded movement has no distance from itself
     if entry.name != RIGHT_SONG:
         distances = [
-            _frechet(made.poses[:, 0], recorded.poses[:, 0]),
+            _frechet(dances.poses[:, 0], recorded.poses[:, 0]),
             _frechet(kinetic[:, 0], standardise(model, model)),
         ]
     variety = multimodality(list(kinetic)) if kinetic.shape[1] > 1 else 0.0
     return [*distances, diversity(kinetic[:, 0]), variety]
 
 
-def _frechet(made: FloatArray, recorded: FloatArray) -> float:
+def _frechet(dances: FloatArray, recorded: FloatArray) -> float:
     """Frechet distance of features (..., F) of dances; NaN where there are too few."""
-    if not made.size or not recorded.size or min(len(flat := _rows(made)), len(_rows(recorded))) < LEAST:
+    if not dances.size or not recorded.size or min(len(flat := _rows(dances)), len(_rows(recorded))) < LEAST:
         return float("nan")
     return frechet_distance(flat, _rows(recorded)).value
 
@@ -226,13 +226,13 @@ def _rows(features: FloatArray) -> FloatArray:
     return features.reshape(-1, features.shape[features.ndim - 1])
 
 
-def _ratios(made: Measured, recorded: Measured) -> list[float]:
+def _ratios(dances: Measured, recorded: Measured) -> list[float]:
     """`RATIOS` in multiples of the recorded dancers' means."""
-    return [float(made.of(name).mean() / recorded.of(name).mean()) for name in RATIOS]
+    return [float(dances.of(name).mean() / recorded.of(name).mean()) for name in RATIOS]
 
 
 def _guard(entry: Entry) -> dict[str, Any]:
-    """How many longer dances move like the recorded dancers, and the recommended score of those that can be scored."""
+    """The number of longer dances that move like the recorded dancers, and the recommended score of all that have one."""
     if not entry.guards:
         return {"guard": "", "shape score": float("nan")}
     passed = np.concatenate([one.passed for one in entry.guards])

@@ -1,4 +1,4 @@
-"""How many threads torch computes with: for timings that shall mean the same on other machines."""
+"""Threads that torch computes with: for timings that shall mean the same on other machines."""
 
 from __future__ import annotations
 
