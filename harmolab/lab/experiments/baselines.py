@@ -69,7 +69,7 @@ def recorded(material: Material, excerpt: Excerpt, rng: np.random.Generator) -> 
 
 
 def another_song(material: Material, excerpt: Excerpt, rng: np.random.Generator) -> Motion:
-    """The movement recorded to another song of the same dance; of any dance where there is no other of the same.
+    """The movement recorded to another song of the same dance; of any dance where no other song has the same.
 
     Raises
     ------

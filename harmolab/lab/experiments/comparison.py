@@ -66,9 +66,8 @@ class Entry:
 def entered(contest: Contest, name: str) -> Entry:
     """A row of a contest: trained, danced and measured now, as far as it was not before."""
     row = ROWS[name]
-    contestants = tuple(
-        row.make(contest, training) for training in range(1, contest.trainings + 1 if row.is_trained else 2)
-    )
+    last = contest.trainings if row.is_trained else 1
+    contestants = tuple(row.make(contest, training) for training in range(1, last + 1))
     if any(one.failed for one in contestants):
         return Entry(contest, name, contestants, (), (), float("nan"))
     dances = tuple(all_dances(contest, name, one, contest.profile.draws if row.draws else 1) for one in contestants)

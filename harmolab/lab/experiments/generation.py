@@ -66,7 +66,7 @@ VARIANTS = {
 class Trained:
     """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch.
 
-    `minutes` are those of its pretraining and its own; NaN where nobody counted.
+    `minutes` are those of its pretraining and its own; NaN where none were counted.
     """
 
     folder: Path

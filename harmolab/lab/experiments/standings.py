@@ -232,7 +232,7 @@ def _ratios(dances: Measured, recorded: Measured) -> list[float]:
 
 
 def _guard(entry: Entry) -> dict[str, Any]:
-    """The number of longer dances that move like the recorded dancers, and the recommended score of all that have one."""
+    """The number of longer dances that move like the recorded dancers, and the recommended score of them all."""
     if not entry.guards:
         return {"guard": "", "shape score": float("nan")}
     passed = np.concatenate([one.passed for one in entry.guards])
