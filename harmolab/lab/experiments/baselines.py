@@ -74,7 +74,7 @@ def another_song(material: Material, excerpt: Excerpt, rng: np.random.Generator)
     Raises
     ------
     ValueError
-        If nobody was recorded to another song.
+        If there is no dancer of another song.
     """
     others = [other for other in material.dancers if other.song != excerpt.song]
     same = [other for other in others if other.clip.dance == excerpt.clip.dance]

@@ -90,7 +90,7 @@ class Contest:
 
     @cached_property
     def limits(self) -> LikenessLimits | None:
-        """The measures that dancers of the corpus had; None (for the shipped ones) where none danced for long enough."""
+        """The measures that dancers of the corpus had; None (for the shipped ones) where none is long enough."""
         clips = {excerpt.song: excerpt.clip for excerpt in self.dancers}
         long = [clip for clip in clips.values() if clip.motion is not None and clip.motion.duration >= SHORTEST]
         motions = [clip.motion for clip in long if clip.motion is not None]
