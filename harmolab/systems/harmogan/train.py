@@ -45,6 +45,7 @@ from harmolab.systems.harmogan.networks import (
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.steps import (
     Networks,
+    body_joints,
     danced,
     discriminator_terms,
     generator_terms,
@@ -251,12 +252,15 @@ def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[
     dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_count_ratio (valleys within 0.1 s)
     """
     motion = generator(units.audio, units.initial).motion
-    paper = score_batch(generator, motion, units, HARD, HarmonyParams.paper())
-    valleys = score_batch(generator, motion, units, HARD, HarmonyParams.valleys())
+    room, body = generator.positions(motion), body_joints(generator, motion)
+    paper = score_batch(generator, room, units, HARD, HarmonyParams.paper())
+    valleys = score_batch(generator, room, units, HARD, HarmonyParams.valleys())
+    in_body = score_batch(generator, body, units, HARD, HarmonyParams.valleys())
     return {
         "val_mse": float(motion_error(generator, motion, units, params.epsilon)),
         "val_harmony": float(paper.harmony.mean()),
         "val_hit_rate": float(paper.hit_rate.mean()),
         "val_above_chance": float(valleys.above_chance.mean()),
+        "val_body_above_chance": float(in_body.above_chance.mean()),
         "val_count_ratio": float(valleys.n_visual.sum() / valleys.n_audio.sum().clamp(min=1.0)),
     }
