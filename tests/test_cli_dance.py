@@ -22,11 +22,11 @@ from harmolab.io.audio import load_audio
 from harmolab.io.motion import load_motion, load_offset
 from harmolab.kinematics import resample_motion
 from harmolab.lab.evaluate.dance_scores import dance_scores
+from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.motion_code import bone_lengths, encode_motion
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, save_poses
 from harmolab.systems.common.weights import save_weights
-from harmolab.systems.harmogan.generate import synthesize_dance
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import BeatTrack, Clip, Motion

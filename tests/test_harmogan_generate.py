@@ -14,12 +14,12 @@ import harmolab.systems
 from harmolab.kinematics import resample_motion
 from harmolab.metrics.quality import foot_skating
 from harmolab.systems.common.borders import FADE, continued
+from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.grid import filled_beats, meter_frames
 from harmolab.systems.common.grounding import on_floor, planted_feet
 from harmolab.systems.common.motion_code import bone_lengths, encode_motion
 from harmolab.systems.common.poses_bank import PoseBank
-from harmolab.systems.harmogan.generate import synthesize_dance
-from harmolab.systems.harmogan.grid import filled_beats, meter_frames
 from harmolab.systems.harmogan.networks import Generator, GeneratorOutput
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton

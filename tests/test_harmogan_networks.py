@@ -8,6 +8,7 @@ import torch
 
 from harmolab.corpora.tang2018 import TANG_23
 from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.layers import Statistics
 from harmolab.systems.common.motion_code import bone_lengths, encode_motion
 from harmolab.systems.common.torch_code import local_joints
 from harmolab.systems.harmogan.networks import (
@@ -15,7 +16,6 @@ from harmolab.systems.harmogan.networks import (
     Generator,
     Normaliser,
     SpatialTemporalDiscriminator,
-    Statistics,
     parameter_count,
     segments,
 )

@@ -1,3 +1,4 @@
+from .common.dancing import synthesize_dance as synthesize_dance
 from .common.feature_params import FeatureParams as FeatureParams
 from .common.phases import Phase as Phase
 from .common.phases import fit as fit
@@ -7,7 +8,6 @@ from .contract import find as find
 from .contract import load as load
 from .contract import names as names
 from .harmogan.anatomy import anatomy as anatomy
-from .harmogan.generate import synthesize_dance as synthesize_dance
 from .harmogan.networks import Generator as Generator
 from .harmogan.params import ModelParams as ModelParams
 from .harmogan.params import TrainParams as TrainParams

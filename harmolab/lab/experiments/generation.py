@@ -24,11 +24,12 @@ from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.history import HISTORY
 from harmolab.systems.common.phases import make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
+from harmolab.systems.common.runs import MODEL
 from harmolab.systems.common.splits import Split, split_units
 from harmolab.systems.common.unit_corpus import load_units
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
-from harmolab.systems.harmogan.train import MODEL, POSE_NET, train_harmogan
+from harmolab.systems.harmogan.train import POSE_NET, train_harmogan
 
 SYNTHETIC = "synthetic"
 SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it

@@ -20,9 +20,9 @@ from harmolab.lab.experiments.generation import VARIANTS, Trained, corpus_root, 
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.quality import bone_error, foot_skating, jerk, largest_step
 from harmolab.params import HarmonyParams
+from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.poses_bank import load_poses
-from harmolab.systems.harmogan.generate import synthesize_dance
-from harmolab.systems.harmogan.train import MODEL
+from harmolab.systems.common.runs import MODEL
 from harmolab.types import Audio, BeatTrack, Clip, Motion
 
 SONGS = 8  # of the test split, spread over it

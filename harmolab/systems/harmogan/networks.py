@@ -16,12 +16,23 @@ from torch import Tensor, nn
 
 from harmolab.io.files import PathLike
 from harmolab.skeletons import ancestors
+from harmolab.systems.common.dancing import Heard
 from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.layers import Normaliser, channel_statistics, parameter_count
+from harmolab.systems.common.layers import (
+    SLOPE,
+    MaskedConvolution,
+    MotionBranch,
+    Normalised,
+    Normaliser,
+    mean_over_time,
+    parameter_count,
+    perceptron,
+)
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, fix_bones, local_joints
 from harmolab.systems.common.weights import MOST_LAYERS, load_weights, renamed, stored_skeleton, whole
+from harmolab.systems.harmogan.generate import danced_meters
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.types import Skeleton
+from harmolab.types import FloatArray, Skeleton
 
 # Parts in time that the spatial-temporal discriminator looks at (Sec. 4.2).
 SEGMENTS = 5
@@ -29,7 +40,6 @@ SEGMENTS = 5
 _HORIZON = 0.7
 # Size of the last layers' first weights: an untrained generator returns the initial poses, nearly.
 _FIRST_CORRECTION = 0.01
-_SLOPE = 0.1
 
 
 class GeneratorOutput(NamedTuple):
@@ -42,40 +52,7 @@ class GeneratorOutput(NamedTuple):
     flat: Tensor
 
 
-class Statistics(NamedTuple):
-    """Mean and standard deviation of every channel of the training split: audio (F,), motion code (C,)."""
-
-    audio_mean: Tensor
-    audio_std: Tensor
-    motion_mean: Tensor
-    motion_std: Tensor
-
-    @classmethod
-    def of(cls, audio: Tensor, motion: Tensor, mask: Tensor) -> Statistics:
-        """Statistics over the frames whose mask is 1, of audio (N, T, F), motion (N, T, C) and mask (N, T)."""
-        return cls(*channel_statistics(audio, mask), *channel_statistics(motion, mask))
-
-
-def _perceptron(n_in: int, n_hidden: int, n_out: int, *, first: float = 1.0) -> nn.Sequential:
-    """Two linear layers with a bend between; the last one's first weights are multiplied by `first`, its bias is 0."""
-    last = nn.Linear(n_hidden, n_out)
-    with torch.no_grad():
-        last.weight.mul_(first)
-        last.bias.zero_()
-    return nn.Sequential(nn.Linear(n_in, n_hidden), nn.LeakyReLU(_SLOPE), last)
-
-
-class _Normalised(nn.Module):
-    """A network with a `Normaliser` of motion, and maybe one of audio."""
-
-    def set_statistics(self, statistics: Statistics) -> None:
-        """Normalise by the training split from now on."""
-        for name, scale in self.named_children():
-            if isinstance(scale, Normaliser):
-                scale.set(*(statistics[:2] if name == "audio_scale" else statistics[2:]))
-
-
-class Generator(_Normalised):
+class Generator(Normalised):
     """G(A_f, V_f) = V' (Sec. 4.2, Fig. 7c): music and initial poses in, motion out, all frames of a unit at once.
 
     A GRU encodes the music; the features of the initial poses are concatenated with it; a GRU decodes both into poses.
@@ -138,17 +115,17 @@ class Generator(_Normalised):
             self.n_audio, max(1, hidden // 4), 2 * reach + 1, padding=reach, padding_mode="replicate"
         )
         self.encoder = nn.GRU(max(1, hidden // 4), hidden, params.layers, batch_first=True)
-        self.seeing = _perceptron(self.n_motion, channels, channels)
+        self.seeing = perceptron(self.n_motion, channels, channels)
         self.decoder = nn.GRU(hidden + channels, hidden, params.layers, batch_first=True)
         joined = hidden + hidden + channels
-        self.flat_head = _perceptron(joined, channels, 2 * n_joints, first=_FIRST_CORRECTION)
-        self.depth_head = _perceptron(joined + 2 * n_joints, channels, n_joints, first=_FIRST_CORRECTION)
-        self.path_head = _perceptron(joined, channels, PATH_CHANNELS, first=_FIRST_CORRECTION)
+        self.flat_head = perceptron(joined, channels, 2 * n_joints, first=_FIRST_CORRECTION)
+        self.depth_head = perceptron(joined + 2 * n_joints, channels, n_joints, first=_FIRST_CORRECTION)
+        self.path_head = perceptron(joined, channels, PATH_CHANNELS, first=_FIRST_CORRECTION)
 
     def forward(self, audio: Tensor, initial: Tensor) -> GeneratorOutput:
         """Motion for music (N, T, F) and initial poses (N, T, C), both as they are (not normalised)."""
         music = self.hearing(self.audio_scale(audio).transpose(1, 2)).transpose(1, 2)
-        encoded, _ = self.encoder(nn.functional.leaky_relu(music, _SLOPE))  # (N, T, hidden)
+        encoded, _ = self.encoder(nn.functional.leaky_relu(music, SLOPE))  # (N, T, hidden)
         features = torch.cat([encoded, self.seeing(self.motion_scale(initial))], dim=-1)
         decoded, _ = self.decoder(features)
         joined = torch.cat([decoded, features], dim=-1)
@@ -172,6 +149,10 @@ class Generator(_Normalised):
     def positions(self, motion: Tensor) -> Tensor:
         """Joints in the world, (N, T, J, 3) metres, of motion codes (N, T, C); they start at x = z = 0, heading 0."""
         return decode(motion, self.fps)
+
+    def code(self, heard: Heard, seed: int) -> FloatArray:
+        """The motion code (n_frames, C) of a dance, meter by meter. It leaves nothing to chance: `seed` is not read."""
+        return danced_meters(self, heard)
 
     def parameter_count(self) -> int:
         """Number of values that training changes."""
@@ -203,43 +184,7 @@ def load_generator(path: PathLike) -> Generator:
     return load_weights(path, Generator)
 
 
-class _MaskedConvolution(nn.Module):
-    """Convolution over time that leaves padding out: (N, T, in), (N, T) -> (N, T', out), (N, T')."""
-
-    def __init__(self, n_in: int, n_out: int, *, stride: int = 1) -> None:
-        super().__init__()
-        self.stride = stride
-        self.convolution = nn.Conv1d(n_in, n_out, 3, stride, padding=1)
-
-    def forward(self, values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        bent = nn.functional.leaky_relu(self.convolution(values), 0.2)
-        mask = mask[:, :: self.stride]
-        return bent * mask[:, None], mask
-
-
-class _Branch(nn.Module):
-    """Three convolutions over time, halving its rate after the first: (N, C, T), (N, T) -> (N, 4 c, T / 4) and mask."""
-
-    def __init__(self, n_in: int, channels: int) -> None:
-        super().__init__()
-        sizes = (n_in, channels, 2 * channels, 4 * channels)
-        self.layers = nn.ModuleList(
-            _MaskedConvolution(a, b, stride=stride) for a, b, stride in zip(sizes, sizes[1:], (1, 2, 2), strict=False)
-        )
-
-    def forward(self, values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        values = values * mask[:, None]
-        for layer in self.layers:
-            values, mask = layer(values, mask)
-        return values, mask
-
-
-def _mean_over_time(values: Tensor, mask: Tensor) -> Tensor:
-    """(N, c): mean of (N, c, T) over the frames whose mask (N, T) is 1."""
-    return (values * mask[:, None]).sum(dim=2) / mask.sum(dim=1, keepdim=True).clamp(min=1.0)
-
-
-class CrossDomainDiscriminator(_Normalised):
+class CrossDomainDiscriminator(Normalised):
     """D_cd: does this motion belong to this music? Two branches, features concatenated, one logit per clip (Sec. 4.2).
 
     The features are concatenated moment by moment, so that agreement in time is an input.
@@ -249,19 +194,22 @@ class CrossDomainDiscriminator(_Normalised):
         super().__init__()
         n_motion = 3 * len(skeleton.joints) + PATH_CHANNELS
         self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(n_motion)
-        self.hearing, self.seeing = _Branch(n_audio, params.discriminator), _Branch(n_motion, params.discriminator)
-        self.both = _MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
-        self.verdict = _perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
+        self.hearing, self.seeing = (
+            MotionBranch(n_audio, params.discriminator),
+            MotionBranch(n_motion, params.discriminator),
+        )
+        self.both = MaskedConvolution(8 * params.discriminator, 4 * params.discriminator, stride=2)
+        self.verdict = perceptron(4 * params.discriminator, 2 * params.discriminator, 1)
 
     def forward(self, audio: Tensor, motion: Tensor, mask: Tensor) -> Tensor:
         """Logits (N,), high for a true pair: audio (N, T, F), motion code (N, T, C), mask (N, T) of ones where real."""
         music, _ = self.hearing(self.audio_scale(audio).transpose(1, 2), mask)
         movement, reduced = self.seeing(self.motion_scale(motion).transpose(1, 2), mask)
         both, reduced = self.both(torch.cat([music, movement], dim=1), reduced)
-        return self.verdict(_mean_over_time(both, reduced)).squeeze(-1)
+        return self.verdict(mean_over_time(both, reduced)).squeeze(-1)
 
 
-class SpatialTemporalDiscriminator(_Normalised):
+class SpatialTemporalDiscriminator(Normalised):
     """D_st: is this how people move? Five even segments, their features concatenated one after the other (Sec. 4.2).
 
     Segment k's features are joined to those of segments 1 to k - 1. Every clip is cut by its own length.
@@ -271,15 +219,15 @@ class SpatialTemporalDiscriminator(_Normalised):
         super().__init__()
         n_motion, size = 3 * len(skeleton.joints) + PATH_CHANNELS, 4 * params.discriminator
         self.motion_scale = Normaliser(n_motion)
-        self.seeing = _Branch(n_motion, params.discriminator)
+        self.seeing = MotionBranch(n_motion, params.discriminator)
         self.joining = nn.ModuleList(nn.Linear(2 * size, size) for _ in range(SEGMENTS - 1))
-        self.verdict = _perceptron(size, 2 * params.discriminator, 1)
+        self.verdict = perceptron(size, 2 * params.discriminator, 1)
 
     def forward(self, motion: Tensor, mask: Tensor) -> Tensor:
         """Logits (N,), high for recorded motion: motion code (N, T, C), mask (N, T) of ones where real."""
         pieces, masks = segments(self.motion_scale(motion), mask)  # (N, 5, W, C), (N, 5, W)
         movement, reduced = self.seeing(pieces.flatten(0, 1).transpose(1, 2), masks.flatten(0, 1))
-        features = _mean_over_time(movement, reduced).unflatten(0, (-1, SEGMENTS))  # (N, 5, size)
+        features = mean_over_time(movement, reduced).unflatten(0, (-1, SEGMENTS))  # (N, 5, size)
         joined = features[:, 0]
         for step, join in enumerate(self.joining, start=1):
             joined = nn.functional.leaky_relu(join(torch.cat([joined, features[:, step]], dim=-1)), 0.2)

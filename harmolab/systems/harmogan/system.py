@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Self
 
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.poses_bank import PoseBank, load_poses, poses_path, save_poses
-from harmolab.systems.common.splits import split_units
-from harmolab.systems.common.unit_corpus import load_units
-from harmolab.systems.common.weights import DEFAULT_STEM, read_about, save_weights
-from harmolab.systems.harmogan.generate import synthesize_dance
-from harmolab.systems.harmogan.networks import Generator, load_generator
+from harmolab.systems.common.network_system import NetworkSystem, Notice, check_choice, training_material
+from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
-from harmolab.types import Audio, BeatTrack, Motion
 
 PRESETS, LOSSES = ("small", "paper"), ("recommended", "paper")
 
 
-class HarmoGAN:
-    """A trained generator that dances.
+class HarmoGAN(NetworkSystem):
+    """A trained generator that dances; another movement to start from is all that another seed changes.
 
     Parameters
     ----------
@@ -33,46 +26,7 @@ class HarmoGAN:
     meta : JSON-able mapping about its training, kept with the weights
     """
 
-    def __init__(
-        self, generator: Generator, poses: PoseBank | None = None, meta: Mapping[str, Any] | None = None
-    ) -> None:
-        self.generator, self.poses, self.meta = generator, poses, dict(meta or {})
-
-    def generate(
-        self,
-        audio: Audio,
-        beats: BeatTrack | None = None,
-        *,
-        start: float = 0.0,
-        seconds: float | None = None,
-        seed: int = 0,
-        initial: Motion | None = None,
-        dance: str | None = None,
-        plant_feet: bool = True,
-        progress: Progress = silent,
-    ) -> Motion:
-        """A dance to music (`harmolab.systems.System`); `dance` and `plant_feet` as in `synthesize_dance`.
-
-        The only thing that `seed` draws is the movement to start from; it draws nothing where `initial` is given.
-        """
-        return synthesize_dance(
-            self.generator, audio, beats=beats, start=start, seconds=seconds, seed=seed, poses=self.poses,
-            initial=initial, dance=dance, plant_feet=plant_feet, progress=progress,
-        )  # fmt: skip
-
-    def save(self, folder: PathLike) -> None:
-        """Write weights, and poses if there are any, to a folder; it is made unless it exists."""
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        save_weights(Path(folder) / DEFAULT_STEM, self.generator, self.meta)
-        if self.poses is not None:
-            save_poses(Path(folder) / DEFAULT_STEM, self.poses)
-
-    @classmethod
-    def load(cls, folder: PathLike) -> Self:
-        """The system in the folder of a run, or of a weights file; errors name the file."""
-        generator = load_generator(folder)
-        poses = load_poses(folder, n_channels=generator.n_motion) if poses_path(folder).is_file() else None
-        return cls(generator, poses, read_about(folder)["meta"])
+    network = Generator
 
     @classmethod
     def train(
@@ -88,7 +42,7 @@ class HarmoGAN:
         resume: bool = False,
         accelerator: str = "auto",
         report: Callable[[dict[str, Any], int], None] = lambda row, end: None,
-        notice: Callable[[str], None] = lambda line: None,
+        notice: Notice = lambda line: None,
         progress: Progress = silent,
         **changes: Any,
     ) -> Self:
@@ -113,23 +67,16 @@ class HarmoGAN:
         ValueError
             For an unknown name or value, a folder that holds something else, or too few recordings.
         """
-        from harmolab.systems.common.checkpoints import check_folder
         from harmolab.systems.common.phases import make_fabric
         from harmolab.systems.harmogan.train import train_harmogan
 
-        for name, value, choices in (("preset", preset, PRESETS), ("params", params, LOSSES)):
-            if value not in choices:
-                raise ValueError(f"{name} must be {' or '.join(choices)}, got {value!r}")
+        check_choice("preset", preset, PRESETS)
+        check_choice("params", params, LOSSES)
         settings: TrainParams = replace(getattr(TrainParams, params)(), **changes)
-        if int(os.environ.get("RANK", 0)) == 0:
-            check_folder(Path(out), resume=resume)  # before the recordings are read, which takes minutes
         features: FeatureParams = getattr(FeatureParams, params)()
-        units = load_units([Path(root) for root in data], features, step=step, progress=progress)
-        split = split_units(units, seed=split_seed)
-        for line in units.notes:
-            notice(f"left out: {line}")
-        counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
-        notice(f"units: {counts}; data: {split.train.source}")
+        split = training_material(
+            data, out, features, step=step, split_seed=split_seed, resume=resume, notice=notice, progress=progress
+        )
         fabric = make_fabric(accelerator=accelerator)
         train_harmogan(
             split, out, model=getattr(ModelParams, preset)(), params=settings, resume=resume, pretrained=pretrained,

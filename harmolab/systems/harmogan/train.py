@@ -13,7 +13,6 @@ model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes 
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from dataclasses import replace
 from itertools import cycle, islice
 from math import prod
@@ -25,11 +24,12 @@ from lightning_fabric import Fabric
 
 from harmolab.io.files import PathLike, plain
 from harmolab.params import HarmonyParams
-from harmolab.systems.common.checkpoints import check_pretrained, open_folder
+from harmolab.systems.common.checkpoints import check_pretrained
 from harmolab.systems.common.history import Report
+from harmolab.systems.common.layers import Statistics
 from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net, train_pose_net
-from harmolab.systems.common.poses_bank import pose_bank, poses_path, save_poses
+from harmolab.systems.common.runs import finish_run, open_run
 from harmolab.systems.common.shards import Batching, Tensors, check_shards
 from harmolab.systems.common.soft_harmony import anneal
 from harmolab.systems.common.splits import Split
@@ -39,7 +39,6 @@ from harmolab.systems.harmogan.networks import (
     CrossDomainDiscriminator,
     Generator,
     SpatialTemporalDiscriminator,
-    Statistics,
     load_generator,
 )
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
@@ -54,7 +53,7 @@ from harmolab.systems.harmogan.steps import (
     score_batch,
 )
 
-MODEL, POSE_NET, PRETRAINED = "model", "pose_net", "pretrained"
+POSE_NET, PRETRAINED = "pose_net", "pretrained"
 VALIDATE_EVERY = 5  # pretraining epochs; adversarial epochs are all validated
 HARD = 1e-8  # softness at which the relaxed score is the hard one
 
@@ -99,11 +98,7 @@ def train_harmogan(
     settings = plain(records | {"pretrained": pretrained is not None})
     if pretrained is not None:
         check_pretrained(pretrained, settings, split)
-    first = fabric.is_global_zero
-    with open_folder(folder, settings, split, resume=resume) if first else nullcontext():
-        if first and not poses_path(folder / MODEL).is_file():
-            save_poses(folder / MODEL, pose_bank(split.train, seed=params.seed))
-        fabric.barrier()
+    with open_run(fabric, split, folder, settings, seed=params.seed, resume=resume):
         pose_net = _pose_net(fabric, split, folder, params, pretrained, report)
         train, validation = (Tensors.of(units, fabric.device) for units in (split.train, split.validation))
         networks = _networks(split.train, train, model, pose_net, params.seed)
@@ -113,9 +108,7 @@ def train_harmogan(
             fabric.to_device(part)
         steps = phases(networks, validation, params, folder, settings)
         fit(fabric, steps, train, batching, folder, settings=settings, resume=resume, report=report)
-        if first:
-            about = {"settings": settings, "source": split.train.source, "units": len(split.train)}
-            save_weights(folder / MODEL, networks.generator, about)
+        finish_run(fabric, split, folder, settings, networks.generator)
     return networks.generator
 
 

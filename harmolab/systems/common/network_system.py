@@ -1,0 +1,107 @@
+"""What systems of one network and a bank of movements share: dancing, saving, loading, material to train on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from torch import nn
+
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.systems.common.checkpoints import check_folder
+from harmolab.systems.common.dancing import synthesize_dance
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.poses_bank import PoseBank, load_poses, poses_path, save_poses
+from harmolab.systems.common.splits import Split, split_units
+from harmolab.systems.common.unit_corpus import load_units
+from harmolab.systems.common.weights import DEFAULT_STEM, load_weights, read_about, save_weights
+from harmolab.types import Audio, BeatTrack, Motion
+
+Notice = Callable[[str], None]
+
+
+class NetworkSystem:
+    """A trained network that dances (`harmolab.systems.common.dancing.Dancer`), of the class `network`.
+
+    Parameters
+    ----------
+    generator : the network; it knows its audio features
+    poses : PoseBank, optional
+        Movements to start from. Without: the mean pose at rest.
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    network: ClassVar[type[nn.Module]]
+
+    def __init__(self, generator: Any, poses: PoseBank | None = None, meta: Mapping[str, Any] | None = None) -> None:
+        self.generator, self.poses, self.meta = generator, poses, dict(meta or {})
+
+    def generate(
+        self,
+        audio: Audio,
+        beats: BeatTrack | None = None,
+        *,
+        start: float = 0.0,
+        seconds: float | None = None,
+        seed: int = 0,
+        initial: Motion | None = None,
+        dance: str | None = None,
+        plant_feet: bool = True,
+        progress: Progress = silent,
+    ) -> Motion:
+        """A dance to music (`harmolab.systems.System`); `dance` and `plant_feet` as in `synthesize_dance`."""
+        return synthesize_dance(
+            self.generator, audio, beats=beats, start=start, seconds=seconds, seed=seed, poses=self.poses,
+            initial=initial, dance=dance, plant_feet=plant_feet, progress=progress,
+        )  # fmt: skip
+
+    def save(self, folder: PathLike) -> None:
+        """Write weights, and poses if there are any, to a folder; it is made unless it exists."""
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        save_weights(Path(folder) / DEFAULT_STEM, self.generator, self.meta)
+        if self.poses is not None:
+            save_poses(Path(folder) / DEFAULT_STEM, self.poses)
+
+    @classmethod
+    def load(cls, folder: PathLike) -> Self:
+        """The system in the folder of a run, or of a weights file; errors name the file."""
+        generator: Any = load_weights(folder, cls.network)
+        poses = load_poses(folder, n_channels=generator.n_motion) if poses_path(folder).is_file() else None
+        return cls(generator, poses, read_about(folder)["meta"])
+
+
+def training_material(
+    data: Sequence[PathLike],
+    out: PathLike,
+    features: FeatureParams,
+    *,
+    step: int,
+    split_seed: int,
+    resume: bool,
+    notice: Notice,
+    progress: Progress = silent,
+) -> Split:
+    """Units of corpora, split by motion group; `notice` is told what was left out, and how many there are.
+
+    Raises
+    ------
+    ValueError
+        For too few recordings, or a folder `out` that holds something else; asked first, since reading takes minutes.
+    """
+    if int(os.environ.get("RANK", 0)) == 0:
+        check_folder(Path(out), resume=resume)
+    units = load_units([Path(root) for root in data], features, step=step, progress=progress)
+    split = split_units(units, seed=split_seed)
+    for line in units.notes:
+        notice(f"left out: {line}")
+    counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
+    notice(f"units: {counts}; data: {split.train.source}")
+    return split
+
+
+def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
+    """ValueError unless a setting is one of those there are."""
+    if value not in choices:
+        raise ValueError(f"{name} must be {' or '.join(choices)}, got {value!r}")
