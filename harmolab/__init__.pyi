@@ -91,6 +91,8 @@ from .metrics.beats import mir_eval_scores as mir_eval_scores
 from .metrics.beats import other_scores as other_scores
 from .metrics.frechet import diversity as diversity
 from .metrics.frechet import frechet_distance as frechet_distance
+from .metrics.likeness import LikenessLimits as LikenessLimits
+from .metrics.likeness import likeness as likeness
 from .metrics.quality import foot_skating as foot_skating
 from .metrics.quality import jerk as jerk
 from .params import DANCES as DANCES

@@ -61,6 +61,10 @@ from .experiments.generation import (
 from .experiments.generation import (
     trained as trained,
 )
+from .experiments.guard import DOCTORED as DOCTORED
+from .experiments.guard import guard_table as guard_table
+from .experiments.guard import guard_verdicts as guard_verdicts
+from .experiments.guard import song_dancer as song_dancer
 from .experiments.judging import danced_unit as danced_unit
 from .experiments.levels import (
     level_recordings as level_recordings,

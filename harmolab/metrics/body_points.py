@@ -47,7 +47,7 @@ def body_points(skeleton: Skeleton) -> FloatArray:
     ValueError
         If points are missing; the message names them.
     """
-    rows = {point: np.eye(len(skeleton.joints))[joint] for point, joint in _point_joints(skeleton).items()}
+    rows = {point: np.eye(len(skeleton.joints))[joint] for point, joint in point_joints(skeleton).items()}
     for point, (one, other) in _BETWEEN.items():
         if point not in rows and one in rows and other in rows:
             rows[point] = (rows[one] + rows[other]) / 2
@@ -59,7 +59,7 @@ def body_points(skeleton: Skeleton) -> FloatArray:
     return weights
 
 
-def _point_joints(skeleton: Skeleton) -> dict[str, int]:
+def point_joints(skeleton: Skeleton) -> dict[str, int]:
     """The joint of each body point that has one of its own; of several that fit, the first."""
     joints = named_joints(skeleton)
     words = {(side, side[:1] + part): names for part, names in _PAIRED.items() for side in ("left", "right")}
