@@ -45,7 +45,7 @@ INSIDE = {
         "timing": {"figures", "widgets", "report"},
         "render": {"timing"},
     },
-    "systems": {"common": set(), "contract": {"common"}, "harmogan": {"common"}},
+    "systems": {"common": set(), "contract": {"common"}, "choreographer": {"common"}, "harmogan": {"common"}},
 }
 LIBRARIES = {
     "torch": ("systems", "lab.timing.harmonise"),

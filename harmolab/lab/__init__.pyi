@@ -173,6 +173,7 @@ from .figures.results import (
 from .figures.results import (
     picks_figure as picks_figure,
 )
+from .figures.sheets import contact_sheet as contact_sheet
 from .figures.style import (
     COLOURS as COLOURS,
 )
