@@ -36,7 +36,9 @@ from tests import tiny_training as tiny
 
 PAPER: TrainParams = tiny.PAPER
 RECOMMENDED: TrainParams = tiny.RECOMMENDED
-OTHERS = [f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot")]  # beside pose and harmony
+OTHERS = [
+    f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot", "path", "spread")
+]  # beside pose and harmony
 MODEL: ModelParams = tiny.MODEL
 
 
@@ -181,12 +183,12 @@ def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
     assert set(discriminator_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
 
 
-def test_the_ablation_has_no_harmony_term_and_ours_has_three_more(networks: Networks, batch: Tensors):
+def test_the_ablation_has_no_harmony_term_and_ours_has_five_more(networks: Networks, batch: Tensors):
     made = danced(networks.generator, batch)
     without = generator_terms(networks, made, batch, replace(PAPER, harmony_weight=0.0), 0.5)
     assert set(without) == {"kl", "mse", "feature", "gan"}
     ours = generator_terms(networks, made, batch, RECOMMENDED, 0.5)
-    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
+    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
 
 
 def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
@@ -367,7 +369,8 @@ class _Echo(torch.nn.Module):
         super().__init__()
         self.known = networks.generator
         self.motion = motion
-        self.fps, self.motion_scale, self.positions = self.known.fps, self.known.motion_scale, self.known.positions
+        self.fps, self.skeleton, self.motion_scale = self.known.fps, self.known.skeleton, self.known.motion_scale
+        self.positions = self.known.positions
 
     def forward(self, audio: torch.Tensor, initial: torch.Tensor) -> GeneratorOutput:
         return GeneratorOutput(self.motion, self.motion[..., :2])
@@ -378,7 +381,9 @@ def test_recorded_motion_is_validated_without_error(split: Split, networks: Netw
     found = validate(_Echo(networks, units.motion), units, PAPER)
     # Nothing differs, so every frame adds epsilon.
     assert found["val_mse"] == pytest.approx(1e-3 * float(units.mask.sum()) / len(units), rel=1e-3)
-    assert set(found) == {"val_mse", "val_harmony", "val_hit_rate", "val_above_chance", "val_count_ratio"}
+    names = ("mse", "harmony", "hit_rate", "above_chance", "body_above_chance", "count_ratio", "spread", "turning")
+    assert list(found) == [f"val_{name}" for name in names]
+    assert found["val_spread"] == found["val_turning"] == 1
     assert 0 < found["val_hit_rate"] <= 1 and found["val_count_ratio"] > 0
 
 
@@ -425,7 +430,7 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
         *(("pretrain", str(epoch)) for epoch in range(3)),
         *(("adversarial", str(epoch)) for epoch in range(3, 6)),
     ]
-    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
+    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
     terms |= {"critic_st", "total"}
     assert "critic_cd" not in rows[-1]  # its weight is 0
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from harmolab.systems.harmogan.natural_terms import ankle_loss, path_loss, spread_loss
+from harmolab.systems.harmogan.natural_terms import ankle_loss, mean_spread, net_turning, path_loss, spread_loss
 
 FPS = 10.0
 
@@ -41,9 +41,9 @@ def test_the_recorded_path_and_less_of_it_cost_nothing():
 
 
 def test_turning_five_times_as_fast_costs_by_hand():
-    # Rates of .05 count beside the true ones: sqrt((5^2 + .05^2) / (1^2 + .05^2)); a third of it in each of two parts.
+    # Rates of .05 count beside the true ones: sqrt((5^2 + .05^2) / (1^2 + .05^2)), of frames and of clips.
     slow, fast = going(0.2, 0.0, 1.0), going(0.2, 0.0, 5.0)
-    expected = 2 / 3 * np.log(np.sqrt((25 + 0.05**2) / (1 + 0.05**2)))
+    expected = 2 * np.log(np.sqrt((25 + 0.05**2) / (1 + 0.05**2)))
     assert number(path_loss(fast, slow, ones(slow))) == pytest.approx(expected, rel=1e-5)
 
 
@@ -115,6 +115,15 @@ def test_what_does_not_count_does_not_matter(loss: str):
 
     assert number(value(ours)) > 0
     torch.testing.assert_close(value(junk), value(ours))
+
+
+def test_mean_spread_and_net_turning_by_hand():
+    motion = torch.zeros(2, 5, 1, 3)
+    motion[0, :, 0, 0] = torch.tensor([-1.0, 1.0, -1.0, 1.0, 9.0])
+    counted = torch.tensor([[1.0, 1, 1, 1, 0], [1, 1, 1, 1, 0]])
+    assert number(mean_spread(motion, counted)) == pytest.approx(0.5)  # one clip 1 m about its mean, one at rest
+    assert number(net_turning(motion[:, :, 0, 0], counted)) == 0  # there and back
+    assert number(net_turning(motion[:, :, 0, 0].abs(), counted)) == pytest.approx(0.5)
 
 
 # Ankles

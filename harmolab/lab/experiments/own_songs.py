@@ -18,20 +18,20 @@ from harmolab.corpora.folders import Recording, find_recordings, load_recording,
 from harmolab.harmony import score_motion
 from harmolab.kinematics import resample_motion
 from harmolab.lab.experiments.generation import VARIANTS, Variant, corpus_root, generator_corpora, trained
-from harmolab.lab.experiments.guard import Generate, song_dancer, statue
+from harmolab.lab.experiments.guard import Generate
+from harmolab.lab.experiments.judging import RECORDED, as_statue, in_body
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.frechet import frechet_distance, standardise
 from harmolab.metrics.kinetic import kinetic_features
-from harmolab.metrics.likeness import MEASURES, LikenessLimits, likeness
+from harmolab.metrics.likeness import LikenessLimits, likeness
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
-from harmolab.skeletons import body_frame
-from harmolab.systems.choreographer import Choreographer
+from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.common.motion_code import encode_motion
 from harmolab.systems.common.pose_network import PoseNet
 from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.types import BeatTrack, FloatArray, Motion
 
-RECORDED, CHOREOGRAPHER = "recorded", "choreographer"
+CHOREOGRAPHER = "choreographer"
 OWN = ("DANCE_C_4", "DANCE_R_4", "DANCE_T_8", "DANCE_W_3")  # of the beat-locked recordings; else one of each dance
 SECONDS, RATE = 30.0, 15.0
 WINDOW = 2.0  # seconds that a Frechet distance compares
@@ -96,28 +96,32 @@ def dance_measures(
     dict of the measures of `SHOWN` (`harmolab.metrics.likeness.MEASURES` has their units; NaN where none), of harmonies
     above chance, and of the guard's answer: "body" for valleys of the speed in the body within 0.1 s, "pattern" for the
     recommended score with the dance's bar pattern, "room" for valleys of the speed in the room, "statue" for the same
-    of the mean pose on the same path; passed, fails
+    of the mean pose on the same path (NaN each where nothing moves); passed, fails
     """
-    judged, pattern = likeness(motion, dance=dance, limits=limits), DANCE_PATTERNS.get(dance)
+    judged = likeness(motion, dance=dance, limits=limits)
     return {
         **{name: judged.values.get(name, np.nan) for name in SHOWN},
-        "body": above_chance(in_body(motion), beats, HarmonyParams.valleys()),
-        "pattern": above_chance(motion, beats, HarmonyParams.recommended(pattern)) if pattern else np.nan,
-        "room": above_chance(motion, beats, HarmonyParams.valleys()),
-        "statue": above_chance(statue(motion), beats, HarmonyParams.valleys()),
+        "body": _valleys(in_body(motion), beats),
+        "pattern": _pattern(motion, beats, dance),
+        "room": _valleys(motion, beats),
+        "statue": _valleys(as_statue(motion), beats),
         "passed": judged.passed,
         "fails": ", ".join(judged.fails),
     }
 
 
-def above_chance(motion: Motion, beats: BeatTrack, params: HarmonyParams) -> float:
-    """Harmony above chance of a motion with beats on its time line."""
+def _valleys(motion: Motion, beats: BeatTrack) -> float:
+    """Harmony above chance of speed valleys within 0.1 s; NaN without any, of a body that does not move."""
+    score = score_motion(beats, motion, params=HarmonyParams.valleys(), n_rotations=0)
+    return score.harmony_above_chance if score.n_visual else np.nan
+
+
+def _pattern(motion: Motion, beats: BeatTrack, dance: str) -> float:
+    """Harmony above chance by the recommended score; NaN for a dance without bar pattern, or no movement to judge."""
+    if dance not in DANCE_PATTERNS:
+        return np.nan
+    params = HarmonyParams.recommended(DANCE_PATTERNS[dance])
     return score_motion(beats, motion, params=params, n_rotations=0).harmony_above_chance
-
-
-def in_body(motion: Motion) -> Motion:
-    """The motion in the dancer's own frame: without travel and turns."""
-    return replace(motion, positions=body_frame(motion.positions, motion.fps, motion.skeleton))
 
 
 def song_rows(
@@ -128,7 +132,7 @@ def song_rows(
     Parameters
     ----------
     recordings : each with a motion; half a minute from the beginning of the motion is taken
-    dancers : name -> function(recording) -> Motion (`harmolab.lab.experiments.guard.song_dancer`)
+    dancers : name -> function(recording) -> Motion, such as `song_dancer`
     reference : where Frechet distances are measured from; without it there are none
 
     Returns
@@ -142,8 +146,7 @@ def song_rows(
         together = reference.distances(motions) if reference else {}
         for recording, motion in zip(recordings, motions, strict=True):
             clip = recording.clip
-            beats = recording_beats(recording, "annotated" if recording.annotation is not None else "tracked")
-            measures = dance_measures(motion, beats.span(clip.offset, motion.duration), dance=clip.dance)
+            measures = dance_measures(motion, _beats(recording).span(clip.offset, motion.duration), dance=clip.dance)
             rows.append({"motion": name, "song": recording.folder.name, "dance": clip.dance, **measures, **together})
     return pd.DataFrame(rows)
 
@@ -161,25 +164,39 @@ def song_means(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def own_songs(profile: RunProfile) -> pd.DataFrame:
-    """`song_rows` of the songs that are kept from all training: recorded dancers, choreographer and generators.
+    """`song_rows` of songs that are kept from all training: recorded dancers, choreographer and generators.
 
     The choreographer puts together beats of the other recordings, and the generators of `GENERATORS` were trained on
-    them; the first seed's pose network measures the Frechet distances.
+    them; the first one's pose network measures the Frechet distances. In the quick profile the generators are those of
+    the other tables, which did hear these songs, and the old loss is left out.
     """
     corpus = generator_corpora(profile)[0]
     folders = find_recordings(corpus_root(profile, corpus)).folders
     recordings = {folder.name: load_recording(folder) for folder in folders}
     names = own_names(recordings)
-    kept = [recordings[name] for name in names]
     others = [recording for name, recording in recordings.items() if name not in names]
-    dancers: dict[str, Generate] = {CHOREOGRAPHER: song_dancer(Choreographer.of(others), seconds=SECONDS)}
-    nets = []
-    for name, (variant, seeds) in GENERATORS.items():
-        for seed in seeds[: profile.n_seeds]:
-            run = trained(profile, corpus, variant, seed, without=names)
-            dancers[f"{name}, seed {seed}"] = song_dancer(HarmoGAN.load(run.folder), seconds=SECONDS)
-            nets.append(run.pose_net)
-    return song_rows(kept, dancers, Reference.of([_recorded(each) for each in others], nets[0]))
+    runs = {
+        f"{name}, seed {seed}": trained(profile, corpus, variant, seed, without=() if profile.epochs else names)
+        for name, (variant, seeds) in GENERATORS.items()
+        for seed in seeds[: profile.n_seeds]
+        if not (profile.epochs and variant is BEFORE)
+    }
+    dancers = {CHOREOGRAPHER: song_dancer(Choreographer.of(others))}
+    dancers |= {name: song_dancer(HarmoGAN.load(run.folder)) for name, run in runs.items()}
+    reference = Reference.of([_recorded(each) for each in others], next(iter(runs.values())).pose_net)
+    return song_rows([recordings[name] for name in names], dancers, reference)
+
+
+def song_dancer(system: HarmoGAN | Choreographer, *, seed: int = 1) -> Generate:
+    """A function that has a system dance half a minute to a recording's song, from where the dancer begins."""
+
+    def generate(recording: Recording) -> Motion:
+        clip, seconds = recording.clip, min(SECONDS, _recorded(recording).duration)
+        return system.generate(
+            clip.audio, _beats(recording), start=clip.offset, seconds=seconds, seed=seed, dance=clip.dance
+        )
+
+    return generate
 
 
 def own_names(recordings: Mapping[str, Recording]) -> tuple[str, ...]:
@@ -190,6 +207,11 @@ def own_names(recordings: Mapping[str, Recording]) -> tuple[str, ...]:
     for name, recording in recordings.items():
         first.setdefault(recording.clip.dance, name)
     return tuple(first.values())
+
+
+def _beats(recording: Recording) -> BeatTrack:
+    """The annotated beats of the music; tracked ones where there are none."""
+    return recording_beats(recording, "annotated" if recording.annotation is not None else "tracked")
 
 
 def _recorded(recording: Recording) -> Motion:

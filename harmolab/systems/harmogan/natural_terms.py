@@ -143,11 +143,11 @@ def path_loss(path: Tensor, target: Tensor, counted: Tensor) -> Tensor:
 
     Returns
     -------
-    Sum of the two, each a mean over side, forward and yaw; 0 for no more than recorded.
+    Sum over both, and over side, forward and yaw; 0 for no more than recorded.
     """
     check_shapes(path, target, counted)
     excess = [
-        relu(_log_ratio(_mean_square(ours), _mean_square(theirs), STANDING**2) / 2).mean()
+        relu(_log_ratio(_mean_square(ours), _mean_square(theirs), STANDING**2) / 2).sum()
         for ours, theirs in zip(_frames_and_clips(path, counted), _frames_and_clips(target, counted), strict=True)
     ]
     return excess[0] + excess[1]
@@ -207,6 +207,17 @@ def ankle_loss(joints: Tensor, target: Tensor, counted: Tensor, ankles: tuple[in
     )
     spreads = [_mean((each - mean).square(), counted) for each, mean in zip(distance, means, strict=True)]
     return metres / STRIDE + _log_ratio(spreads[0], spreads[1], PLACE**2).abs() / 2
+
+
+def mean_spread(joints: Tensor, counted: Tensor) -> Tensor:
+    """Mean distance of joints (N, T, J, 3) from their mean place in the clip, metres, over frames that count."""
+    places = _clip_places(joints, counted)[:, None]
+    return _mean(torch.linalg.vector_norm(joints - places, dim=-1), counted).mean()
+
+
+def net_turning(yaw: Tensor, counted: Tensor) -> Tensor:
+    """Mean size of the mean yaw rate (N, T) of a clip over frames that count; there and back cancel."""
+    return _clip_places(yaw, counted).abs().mean()
 
 
 def _spreads(joints: Tensor, counted: Tensor, fps: float) -> tuple[Tensor, Tensor, Tensor]:

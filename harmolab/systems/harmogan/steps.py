@@ -15,7 +15,15 @@ from harmolab.systems.common.pose_network import PoseNet
 from harmolab.systems.common.shards import Tensors
 from harmolab.systems.common.soft_harmony import SoftHarmony, soft_harmony
 from harmolab.systems.common.torch_code import PATH_CHANNELS, local_joints
-from harmolab.systems.harmogan.natural_terms import energy_loss, foot_loss, jerk_loss, path_loss, spread_loss
+from harmolab.systems.harmogan.natural_terms import (
+    energy_loss,
+    foot_loss,
+    jerk_loss,
+    mean_spread,
+    net_turning,
+    path_loss,
+    spread_loss,
+)
 from harmolab.systems.harmogan.networks import (
     CrossDomainDiscriminator,
     Generator,
@@ -228,6 +236,23 @@ def _ankles(skeleton: Skeleton) -> tuple[int, int] | None:
     joints = named_joints(skeleton)
     left, right = (joints.get((side, "ankle")) for side in ("left", "right"))
     return None if left is None or right is None else (left, right)
+
+
+def likeness_ratios(generator: Generator, motion: Tensor, batch: Tensors) -> dict[str, float]:
+    """What a guard of likeness would ask of whole dances, as far as single units show it: generated over recorded.
+
+    Returns
+    -------
+    dict of spread, the mean distance of the joints from their mean place in the clip, and turning, the mean size of the
+    clips' mean yaw rate; 1 is as recorded
+    """
+    counted = meter_mask(batch)
+    ours, theirs = (
+        (mean_spread(local_joints(each), counted), net_turning(each[..., -1], counted))
+        for each in (motion, batch.motion)
+    )
+    names = ("spread", "turning")
+    return {name: float(a / b.clamp(min=1e-6)) for name, a, b in zip(names, ours, theirs, strict=True)}
 
 
 @cache
