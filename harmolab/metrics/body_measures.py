@@ -1,4 +1,4 @@
-"""Thirteen measures of how somebody moves, music aside, of at most half a minute of movement.
+"""Thirteen measures of the way a body moves, music aside, over at most half a minute.
 
 Taken at 15 frames per second in the body frame (`skeletons.body_frame`): the origin at the torso, turned with the hips,
 so that travel and turns of the whole body count as no movement. Jerk and skating are those of `metrics.quality`.
@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 from scipy.signal import find_peaks
+from scipy.spatial.distance import cdist
 
 from harmolab.kinematics import resample_motion
 from harmolab.metrics.body_points import point_joints
@@ -39,7 +40,7 @@ MEASURES: Mapping[str, str] = MappingProxyType(
 
 RATE = 15.0  # hertz
 LONGEST, SHORTEST = 30.0, 10.0  # seconds of movement that are measured at once, and that are needed
-POOREST, FIGURE, HOP = 5.0, 2.0, 1.0  # seconds: the poorest stretch, what is compared for repeats, and from one to next
+POOREST, FIGURE, HOP = 5.0, 2.0, 1.0  # seconds: the poorest stretch, what is compared, and from one to the next
 STEP = 0.08  # metres by which the ankles come together between two steps
 # Names for the end of the arm, the farthest out first.
 _HANDS = ("finger", "fingers", "hand", "wrist")
@@ -53,8 +54,9 @@ def body_measures(motion: Motion) -> dict[str, float]:
     poorest    the same about the mean places of 5 s, the least of all 5 s without filler
     hands      5th to 95th percentile on each axis of the body, length of the diagonal; mean of both hands
     steps      peaks of the ankles' distance on the floor that rise .08 m out of their surroundings
-    nearest    joints' mean distance between a stretch of 2 s and the most alike other one at least 2 s away; stretches
-               begin every second; mean over them
+    nearest    joints' mean distance between 2 s and the most alike other 2 s, which may begin at any frame at least 2 s
+               away; mean over stretches that begin every second. (Were the others to begin at whole seconds only, a
+               loop would be found or not by its length, and a figure by its tempo.)
     inside     mean joint speed in the body over mean joint speed in the room; 0 when nothing moves
     crossed    share of frames in which the left ankle is to the right of the right one, as the hips see it
     turns      full turns between the first and the last frame, there and back cancelling
@@ -96,7 +98,7 @@ def _or_nan(measure: Callable[[Motion], float], motion: Motion) -> float:
 
 
 def _amounts(body: FloatArray, motion: Motion) -> dict[str, float]:
-    """How much and how variously the body moves, from its places (T, J, 3) in the body."""
+    """Amount and variety of movement, from the places (T, J, 3) of the joints in the body."""
     return {
         "spread": 100 * _spread(body[motion.valid]),
         "poorest": 100 * _poorest(body, motion.valid),
@@ -119,13 +121,13 @@ def _poorest(body: FloatArray, valid: BoolArray) -> float:
 def _nearest(body: FloatArray, valid: BoolArray) -> float:
     """Mean distance of 2 s to the most alike other 2 s, metres; NaN where no two of them lie apart."""
     length, hop = round(FIGURE * RATE), round(HOP * RATE)
-    starts = np.flatnonzero(runs(valid, length)[::hop]) * hop
-    figures = body[starts[:, None] + np.arange(length)]
+    starts, steps = np.flatnonzero(runs(valid, length)), np.arange(length)[:, None]
+    apart = sum(cdist(places, places) for places in body.swapaxes(0, 1)) / body.shape[1]
     nearest = []
-    for start, figure in zip(starts, figures, strict=True):
-        others = figures[np.abs(starts - start) >= length]
-        if len(others):
-            nearest.append(np.linalg.norm(others - figure, axis=3).mean(axis=(1, 2)).min())
+    for start in starts[starts % hop == 0]:
+        others = starts[np.abs(starts - start) >= length]
+        if others.size:
+            nearest.append(apart[start + steps, others + steps].mean(axis=0).min())
     return float(np.mean(nearest)) if nearest else np.nan
 
 
@@ -144,10 +146,10 @@ def _inside(body: FloatArray, motion: Motion) -> float:
 def _hand_range(body: FloatArray, skeleton: Skeleton) -> float:
     """Diagonal of the box that holds a hand for most of the time, metres, mean of both hands; NaN without hands."""
     joints = named_joints(skeleton)
-    found = [[joints[side, part] for part in _HANDS if (side, part) in joints] for side in ("left", "right")]
-    if not all(found):
+    hands = [[joints[side, part] for part in _HANDS if (side, part) in joints] for side in ("left", "right")]
+    if not all(hands):
         return np.nan
-    low, high = np.percentile(body[:, [hand[0] for hand in found]], (5, 95), axis=0)
+    low, high = np.percentile(body[:, [hand[0] for hand in hands]], (5, 95), axis=0)
     return float(np.linalg.norm(high - low, axis=1).mean())
 
 
@@ -161,7 +163,7 @@ def _turns(motion: Motion) -> dict[str, float]:
 
 
 def _legs(body: FloatArray, motion: Motion) -> dict[str, float]:
-    """What ankles and knees do; empty without ankles."""
+    """The measures of ankles and knees; empty without ankles."""
     points, valid = point_joints(motion.skeleton), motion.valid
     if not {"lankle", "rankle"} <= points.keys():
         return {}

@@ -71,7 +71,7 @@ _TOO_MUCH = {
 
 @dataclass(frozen=True)
 class LikenessLimits:
-    """What recorded dancers had: minimum, median and maximum of each measure over windows of at most 30 s.
+    """Numbers of recorded dancers: minimum, median and maximum of each measure over windows of at most 30 s.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class Likeness:
 
     @property
     def passed(self) -> bool | None:
-        """Whether every measure that could be asked lies within its limits; None where the dance cannot be judged."""
+        """True where every measure that was asked is within its limits; None where the dance cannot be judged."""
         return None if self.cannot else not self.fails
 
     @property
@@ -194,7 +194,7 @@ class Likeness:
 
     @property
     def count(self) -> str:
-        """How many measures of those asked lie within their limits: "13 of 13"."""
+        """The number of measures within their limits, of those asked: "13 of 13"."""
         return f"{len(self.values) - len(self.fails)} of {len(self.values)}"
 
     @property
@@ -204,18 +204,18 @@ class Likeness:
             return self.cannot
         if not self.fails:
             return f"moves like recorded dancers ({self.count} measures{self._unasked()})"
-        told = "; ".join(self.complaint(name) for name in self.fails[:TOLD])
+        faults = "; ".join(self.complaint(name) for name in self.fails[:TOLD])
         more = f"; {len(self.fails) - TOLD} more" if len(self.fails) > TOLD else ""
-        return f"not meaningful: {told}{more} ({self.count} measures pass{self._unasked()})"
+        return f"not meaningful: {faults}{more} ({self.count} measures pass{self._unasked()})"
 
     def complaint(self, measure: str) -> str:
-        """What is wrong by a measure that fails, with its number and what recordings had."""
+        """The fault that a measure finds where it fails, with its number and the recorded range."""
         value, (low, _, high) = self.values[measure], self.recorded[measure]
         words = _TOO_LITTLE[measure] if value < self.least.get(measure, -math.inf) else _TOO_MUCH[measure]
         return f"{words} ({value:.3g}{UNITS.get(measure, '')}, recorded {low:.3g} to {high:.3g})"
 
     def harmony_text(self, score: float) -> str:
-        """What to print for the harmony of this dance: the number only where the dance passes, or nobody could ask."""
+        """The words to print for the harmony of this dance, without the number where the dance fails."""
         if self.passed is False:
             return self.verdict
         return f"{score:.2f} ({self.verdict})"
@@ -225,7 +225,7 @@ class Likeness:
 
 
 def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None = None) -> Likeness:
-    """Whether a dance moves like recorded dancers; nothing is raised where it cannot be told.
+    """The measures of a dance beside those of recorded dancers; nothing is raised where there is nothing to judge.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None =
     >>> import numpy as np
     >>> from harmolab.types import Skeleton
     >>> likeness(Motion(np.zeros((60, 1, 3)), 15.0, Skeleton.unnamed(1))).verdict
-    'too short to be judged: 10 s of movement are needed, these are 4 s'
+    'cannot be judged: no joints are named left and right hip, or shoulder'
     """
     if reason := _unjudgeable(motion):
         return Likeness(cannot=reason)
@@ -254,7 +254,7 @@ def likeness(motion: Motion, *, dance: str = "", limits: LikenessLimits | None =
             cannot=f"too short to be judged: {SHORTEST:g} s of movement are needed, these are {seconds:.3g} s"
         )
     measured = {name: [window[name] for window in windows if name in window] for name in MEASURES}
-    recorded = {name: found for name in MEASURES if measured[name] and (found := limits.reference(name, dance))}
+    recorded = {name: reference for name in MEASURES if measured[name] and (reference := limits.reference(name, dance))}
     least = {name: recorded[name][0] / MARGIN for name in recorded if name in LOWER}
     most = {name: recorded[name][2] * MARGIN for name in recorded if name in UPPER}
     values = {name: max(measured[name], key=partial(_excess, name, least, most)) for name in recorded}
@@ -280,7 +280,7 @@ def window_measures(motion: Motion) -> tuple[dict[str, float], ...]:
 
 
 def _unjudgeable(motion: Motion) -> str:
-    """Why nothing can be said of a motion, whatever its length; empty otherwise."""
+    """The reason that a motion cannot be judged, whatever its length; empty otherwise."""
     if motion.positions.shape[2] != 3:
         return "cannot be judged: places in a picture do not show how far the body moves"
     if not side_pairs(motion.skeleton):
@@ -289,7 +289,7 @@ def _unjudgeable(motion: Motion) -> str:
 
 
 def _excess(name: str, least: Mapping[str, float], most: Mapping[str, float], value: float) -> float:
-    """How many times a value is below its lower or above its upper limit; more than 1 is a failure."""
+    """The factor by which a value is below its lower or above its upper limit; more than 1 is a failure."""
     below = _times(least[name], value) if name in least else 0.0
     return max(below, _times(value, most[name]) if name in most else 0.0)
 

@@ -1,4 +1,4 @@
-"""Does the guard of a score let dancers through, and nobody else?
+"""Trials of the guard of a score: it must let dancers through, and no others.
 
 Recorded dancers, who are held against all other recordings; the same with one thing taken from them or added; and
 whatever systems dance to their songs. A guard is of use when the first pass and the second fail.

@@ -65,7 +65,7 @@ def _draw_dance(ax: Axes, motion: Motion, moments: FloatArray, columns: int, tur
     number = np.arange(len(moments))
     feet = np.stack([(number % columns + 0.5) * CELL[0], top - (number // columns + 0.88) * CELL[1]], axis=1)
     frames = np.clip(np.rint(moments * motion.fps).astype(np.int64), 0, motion.n_frames - 1)
-    figures = _seen(motion, turn)[frames]
+    figures = _from_camera(motion, turn)[frames]
     figures[..., :2] += feet[:, None]
     floors = np.unique(feet[:, 1])
     ax.hlines(floors, 0.1, columns * CELL[0] - 0.1, color=COLOURS["faint"], linewidth=0.8, zorder=0)
@@ -74,7 +74,7 @@ def _draw_dance(ax: Axes, motion: Motion, moments: FloatArray, columns: int, tur
         ax.text(x, y - 0.03, f"{moment:g}", ha="center", va="top", fontsize=6.5, color=COLOURS["chance"])
 
 
-def _seen(motion: Motion, turn: float) -> FloatArray:
+def _from_camera(motion: Motion, turn: float) -> FloatArray:
     """(T, J, 3): across from the middle of the dancer, up from the floor, and towards the camera, in body heights."""
     positions = motion.positions
     if positions.shape[2] == 2:
@@ -101,7 +101,7 @@ def _draw_figures(ax: Axes, figures: FloatArray, skeleton: Skeleton) -> None:
     colours = [SIDES[sides[limb]] for limb in order.ravel()]
     widths = np.interp(np.take_along_axis(depth, order, axis=1).ravel(), (-0.2, 0.2), (1.1, 2.0))
     segments = np.take_along_axis(lines, order[..., None, None], axis=1).reshape(-1, 2, 2)
-    ax.add_collection(LineCollection(list(segments), colors=colours, linewidths=widths, capstyle="round"))
+    ax.add_collection(LineCollection(list(segments), colors=colours, linewidths=widths, capstyle="round", gid="limbs"))
     if skull:
         balls = [Circle(tuple(head), SKULL / 2) for head in figures[:, skull, :2].mean(axis=1)]
         ax.add_collection(PatchCollection(balls, facecolor="white", edgecolor=COLOURS["ink"], linewidth=1.2, zorder=3))

@@ -1,0 +1,418 @@
+"""Likeness: each measure by hand, who passes the guard and who does not, and what it says."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+
+from harmolab import LikenessLimits, likeness, synthetic_motion
+from harmolab.corpora.folders import Recording, iter_recordings
+from harmolab.lab import DOCTORED, contact_sheet, guard_table
+from harmolab.lab.evaluate.dance_scores import dance_scores
+from harmolab.lab.figures.sheets import CELL, SIDES
+from harmolab.metrics.body_measures import MEASURES, body_measures
+from harmolab.metrics.likeness import AMOUNTS, LOWER, MARGIN, UPPER, motion_windows
+from harmolab.metrics.quality import foot_skating, jerk
+from harmolab.skeletons import turned
+from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
+from tests.builders import still
+
+FPS = 15.0
+PLACES = {
+    "torso": (0.0, 1.2, 0.0),
+    "left_shoulder": (0.2, 1.4, 0.0),
+    "right_shoulder": (-0.2, 1.4, 0.0),
+    "left_hand": (0.4, 1.0, 0.0),
+    "right_hand": (-0.4, 1.0, 0.0),
+    "left_hip": (0.1, 0.9, 0.0),
+    "right_hip": (-0.1, 0.9, 0.0),
+    "left_knee": (0.1, 0.5, 0.0),
+    "right_knee": (-0.1, 0.5, 0.0),
+    "left_ankle": (0.1, 0.1, 0.0),
+    "right_ankle": (-0.1, 0.1, 0.0),
+}
+BODY = Skeleton(tuple(PLACES), (-1, 0, 0, 1, 2, 0, 0, 5, 6, 7, 8))
+COUNT = len(PLACES)
+TIMES = np.arange(round(20 * FPS)) / FPS
+
+
+def standing() -> FloatArray:
+    """20 s of a body that faces +z and stands still; to be changed."""
+    return np.repeat(np.array(list(PLACES.values()))[None], TIMES.size, axis=0)
+
+
+def measured(positions: FloatArray, **about: object) -> dict[str, float]:
+    return body_measures(Motion(positions, FPS, BODY, **about))
+
+
+def moved(joint: str, axis: int, course: FloatArray) -> FloatArray:
+    """The body with one joint moved along an axis."""
+    positions = standing()
+    positions[:, BODY.joints.index(joint), axis] += course
+    return positions
+
+
+# The measures
+
+
+def test_a_joint_that_is_now_here_now_there_is_spread_by_half_the_way() -> None:
+    course = np.where(np.arange(TIMES.size) % 2, 0.11, -0.11)
+    values = measured(moved("left_hand", 1, course))
+    assert values["spread"] == pytest.approx(11.0 / COUNT)
+    assert values["poorest"] == pytest.approx(11.0 / COUNT, rel=0.01)
+
+
+def test_the_poorest_five_seconds_are_those_at_rest() -> None:
+    course = np.where(np.abs(TIMES - 10) < 2.6, 0.0, np.sin(5 * TIMES))
+    values = measured(moved("left_hand", 1, course))
+    assert values["poorest"] == pytest.approx(0.0, abs=1e-9)
+    assert values["spread"] > 1
+
+
+def test_the_range_of_the_hands_leaves_out_a_twentieth_at_either_end() -> None:
+    triangle = np.abs(2 * (TIMES / 1.93 % 1) - 1)  # even between 0 and 1 m
+    assert measured(moved("left_hand", 2, triangle))["hands"] == pytest.approx(0.9 / 2, abs=0.01)  # mean of two hands
+
+
+@pytest.mark.parametrize(("size", "rate"), [(0.1, 1.0), (0.03, 0.0)])
+def test_a_step_is_a_peak_of_the_distance_of_the_ankles_of_eight_centimetres(size: float, rate: float) -> None:
+    course = size * (1 - np.cos(2 * np.pi * TIMES)) / 2
+    assert measured(moved("left_ankle", 0, course))["steps"] == pytest.approx(rate)
+
+
+def test_the_nearest_other_two_seconds_of_steady_drift_are_two_seconds_away() -> None:
+    assert measured(moved("left_hand", 1, 0.05 * TIMES))["nearest"] == pytest.approx(100 * 0.05 * 2 / COUNT)
+
+
+@pytest.mark.parametrize("period", [4.0, 4.2, 5.8])
+def test_a_loop_of_any_length_repeats_itself(period: float) -> None:
+    phase = 2 * np.pi * TIMES / period
+    positions = moved("left_hand", 1, np.sin(phase) + 0.5 * np.sin(2 * phase))
+    assert measured(positions)["nearest"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_share_inside_compares_speeds_in_the_body_and_in_the_room() -> None:
+    positions = moved("left_hand", 1, 3.0 * TIMES) + 4.0 * TIMES[:, None, None] * np.array([1.0, 0.0, 0.0])
+    assert measured(positions)["inside"] == pytest.approx(3.0 / (4.0 * (COUNT - 1) + 5.0))
+
+
+def test_who_does_not_move_at_all_has_no_share_inside() -> None:
+    assert measured(standing())["inside"] == 0
+
+
+def test_a_body_that_turns_as_one_piece_only_turns() -> None:
+    angles = 2 * np.pi * 3 * TIMES / TIMES[-1]
+    values = measured(turned(standing(), angles[:, None]))
+    assert values["turns"] == pytest.approx(3.0, abs=0.02)  # the ends are smoothed
+    assert values["spread"] == pytest.approx(0.0, abs=1e-9)
+    assert values["inside"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_turns_there_and_back_are_none() -> None:
+    angles = 3 * np.sin(2 * np.pi * TIMES / TIMES[-1])
+    assert measured(turned(standing(), angles[:, None]))["turns"] == pytest.approx(0.0, abs=0.02)
+
+
+def test_ankles_are_crossed_where_the_left_one_is_right_of_the_right_one_whatever_the_heading() -> None:
+    crossed = TIMES < 5
+    positions = turned(moved("left_ankle", 0, np.where(crossed, -0.3, 0.0)), 2.0)
+    values = measured(positions)
+    assert values["crossed"] == pytest.approx(0.25)
+    assert values["ankles"] == pytest.approx(0.2)
+    assert values["stride"] == pytest.approx(0.2)
+
+
+def test_the_bend_of_a_knee_is_the_angle_between_thigh_and_shin() -> None:
+    positions = standing()
+    positions[:, BODY.joints.index("left_ankle")] = (0.1, 0.5, -0.4)
+    positions[:, BODY.joints.index("right_ankle")] = (-0.1, 0.5, -0.4)
+    assert measured(positions)["knees"] == pytest.approx(90.0)
+    assert measured(standing())["knees"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_jerk_and_skating_are_those_of_the_motion_itself() -> None:
+    motion = dancer(0)
+    values = body_measures(motion)
+    assert (values["jerk"], values["skating"]) == (jerk(motion), foot_skating(motion))
+
+
+def test_filler_counts_nowhere() -> None:
+    course = np.where(TIMES < 4, 50.0, 0.0)
+    values = measured(moved("left_hand", 1, course), valid=TIMES >= 4)
+    for name in ("spread", "poorest", "hands", "inside", "nearest", "jerk"):
+        assert values[name] == pytest.approx(0.0, abs=1e-6), name
+
+
+def test_measures_without_their_joints_are_left_out(swinging_arm: Callable[..., Motion]) -> None:
+    values = body_measures(swinging_arm(1.0, 30.0, seconds=12.0))
+    assert set(values) == {"spread", "poorest", "nearest", "inside", "jerk"}
+
+
+def test_measures_hardly_depend_on_the_frame_rate() -> None:
+    slow, fast = (body_measures(dancer(3, fps=fps)) for fps in (30.0, 60.0))
+    for name in MEASURES:
+        assert fast[name] == pytest.approx(slow[name], rel=0.1, abs=0.05), name
+
+
+# Limits
+
+
+@cache
+def dancer(seed: int, *, seconds: float = 30.0, fps: float = 30.0) -> Motion:
+    """A synthetic dancer at 112 beats a minute."""
+    beats = np.arange(0.4, seconds, 60 / 112)
+    return synthetic_motion(beats, beats[::4], dance="cha-cha", seconds=seconds, fps=fps, seed=seed)
+
+
+@cache
+def others() -> LikenessLimits:
+    """What synthetic dancers other than number 0 have."""
+    return LikenessLimits.of([dancer(seed) for seed in range(1, 9)])
+
+
+def test_limits_are_the_recorded_ends_with_half_as_much_again() -> None:
+    judged = likeness(dancer(0), limits=others())
+    for name in MEASURES:
+        low, middle, high = others().pooled[name]
+        assert low <= middle <= high
+        assert judged.least.get(name) == (low / MARGIN if name in LOWER else None)
+        assert judged.most.get(name) == (high * MARGIN if name in UPPER else None)
+
+
+def test_amounts_are_held_against_the_same_dance_and_the_rest_against_all() -> None:
+    motions = [dancer(1), dancer(2)]
+    limits = LikenessLimits.of(motions, ["waltz", "tango"])
+    alone = LikenessLimits.of(motions[:1])
+    for name in MEASURES:
+        assert limits.reference(name, "waltz") == (alone if name in AMOUNTS else limits).pooled[name]
+        assert limits.reference(name, "salsa") == limits.pooled[name]
+
+
+def test_limits_survive_json() -> None:
+    limits = LikenessLimits.of([dancer(1), dancer(2)], ["waltz", ""])
+    kept = LikenessLimits.from_dict(json.loads(json.dumps(limits.to_dict())))
+    assert (kept.windows, set(kept.dances)) == (2, {"waltz"})
+    for name in MEASURES:
+        assert kept.pooled[name] == pytest.approx(limits.pooled[name], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {},
+        [],
+        {"pooled": {"charm": [1, 2, 3]}, "dances": {}, "windows": 1},
+        {"pooled": {"hands": [3, 2, 1]}, "dances": {}, "windows": 1},
+        {"pooled": {"hands": [1, 2]}, "dances": {}, "windows": 1},
+        {"pooled": {"hands": ["a", "b", "c"]}, "dances": {}, "windows": 1},
+    ],
+)
+def test_what_is_no_limits_is_refused(content: object) -> None:
+    with pytest.raises(ValueError, match="likeness"):
+        LikenessLimits.from_dict(content)
+
+
+def test_nobody_makes_limits_of_nothing() -> None:
+    with pytest.raises(ValueError, match="10 s of movement"):
+        LikenessLimits.of([dancer(1, seconds=8.0)])
+    with pytest.raises(ValueError, match="names of dances"):
+        LikenessLimits.of([dancer(1)], ["waltz", "tango"])
+    with pytest.raises(ValueError, match="three-dimensional"):
+        LikenessLimits.of([still(600, fps=30.0, axes=2)])
+
+
+def test_shipped_limits_are_of_46_windows_and_all_measures() -> None:
+    limits = LikenessLimits.recorded()
+    assert limits.windows == 46
+    assert list(limits.pooled) == list(MEASURES)
+    assert set(limits.dances) == {"cha-cha", "rumba", "tango", "waltz"}
+
+
+@pytest.mark.data
+def test_shipped_limits_are_what_the_recordings_give(locked: list[Recording]) -> None:
+    limits = LikenessLimits.of([item.clip.motion for item in locked], [item.clip.dance for item in locked])
+    assert limits.to_dict() == LikenessLimits.recorded().to_dict()
+
+
+# Who passes
+
+
+def test_a_dancer_moves_like_other_dancers() -> None:
+    judged = likeness(dancer(0), limits=others())
+    assert judged.passed is True
+    assert judged.fails == ()
+    assert judged.verdict == "moves like recorded dancers (13 of 13 measures)"
+    assert judged.harmony_text(0.414) == "0.41 (moves like recorded dancers (13 of 13 measures))"
+
+
+@pytest.mark.parametrize(
+    ("change", "fails", "words"),
+    [
+        ("statue on the recorded path", {*AMOUNTS}, "the body hardly moves"),
+        ("4 s looped", {"nearest"}, "the same 2 s come again and again"),
+        ("movement shrunk to 35 %", {"spread", "hands", "inside"}, "the body hardly moves"),
+        ("eight turns added", {"turns"}, "the body turns round and round"),
+    ],
+)
+def test_who_does_not_dance_fails_and_is_told_why(change: str, fails: set[str], words: str) -> None:
+    judged = likeness(DOCTORED[change](dancer(0)), limits=others())
+    assert judged.passed is False
+    assert fails <= set(judged.fails)
+    assert judged.verdict.startswith("not meaningful: ")
+    assert words in judged.verdict
+    assert judged.harmony_text(0.97) == judged.verdict
+    assert "0.97" not in judged.verdict
+
+
+def test_of_a_long_dance_the_worst_window_counts() -> None:
+    lively = dancer(0, seconds=90.0)
+    positions = lively.positions.copy()
+    positions[round(30 * lively.fps) : round(60 * lively.fps)] = positions[round(30 * lively.fps)]
+    judged = likeness(replace(lively, positions=positions), limits=others())
+    assert judged.windows == 3
+    assert judged.values["spread"] == pytest.approx(0.0, abs=1e-6)
+    assert judged.passed is False
+
+
+def test_windows_cover_a_motion_evenly() -> None:
+    motion = dancer(0, seconds=50.0)
+    first, last = motion_windows(motion)
+    assert (first.n_frames, last.n_frames) == (900, 900)
+    assert np.array_equal(first.positions, motion.positions[:900])
+    assert np.array_equal(last.positions, motion.positions[-900:])
+    assert motion_windows(dancer(0, seconds=31.0)) == (dancer(0, seconds=31.0),)
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (dancer(0).span(0.0, 8.0), "too short to be judged: 10 s of movement are needed, these are 8 s"),
+        (still(600, fps=30.0, axes=2), "cannot be judged: places in a picture"),
+        (still(600, fps=30.0), "cannot be judged: no joints are named left and right hip"),
+    ],
+)
+def test_who_cannot_be_judged_neither_passes_nor_fails(motion: Motion, words: str) -> None:
+    judged = likeness(motion)
+    assert judged.passed is None
+    assert judged.verdict.startswith(words)
+    assert judged.harmony_text(0.5) == f"0.50 ({judged.verdict})"
+
+
+def test_filler_makes_no_dance_longer() -> None:
+    motion = dancer(0)
+    judged = likeness(replace(motion, valid=np.arange(motion.n_frames) < 240))
+    assert judged.verdict == "too short to be judged: 10 s of movement are needed, these are 8 s"
+
+
+def test_a_body_without_arms_and_legs_is_asked_what_it_can_answer() -> None:
+    motion = dancer(0)
+    keep = [joint for joint, name in enumerate(motion.skeleton.joints) if "hip" in name or "shoulder" in name]
+    trunk = Motion(motion.positions[:, keep], motion.fps, Skeleton.unnamed(len(keep)))
+    trunk = replace(trunk, skeleton=Skeleton(tuple(motion.skeleton.joints[joint] for joint in keep), (-1,) * len(keep)))
+    judged = likeness(trunk, limits=others())
+    assert {"hands", "steps", "ankles", "crossed", "stride", "knees", "skating"} == set(judged.missing)
+    assert judged.passed is False
+    assert "of 6 measures" in judged.verdict
+    assert "not asked: hands, steps" in judged.verdict
+
+
+def test_nobody_passes_where_nothing_is_asked() -> None:
+    limits = LikenessLimits({"hands": (0.4, 0.8, 1.6)})
+    motion = dancer(0)
+    keep = [joint for joint, name in enumerate(motion.skeleton.joints) if "hip" in name]
+    names = tuple(motion.skeleton.joints[joint] for joint in keep)
+    judged = likeness(Motion(motion.positions[:, keep], motion.fps, Skeleton(names, (-1, 0))), limits=limits)
+    assert judged.passed is None
+    assert judged.verdict.startswith("cannot be judged")
+
+
+# Tables
+
+
+def test_scores_of_a_dance_that_fails_hide_its_harmony() -> None:
+    statue = DOCTORED["statue on the recorded path"](dancer(0))
+    beats = BeatTrack(np.arange(0.4, 30.0, 60 / 112), np.ones(56), 100.0, 30.0)
+    scores = dance_scores(statue, beats, likeness=likeness(statue, limits=others()))
+    assert list(scores)[:2] == ["harmony above chance", "looks like dancing"]
+    assert scores["harmony above chance"] == "not meaningful"
+    assert str(scores["looks like dancing"]).endswith("of 13")
+    assert str(scores["like dancing: range of the hands, m"]).endswith("fails")
+
+
+def test_scores_of_a_dance_that_passes_keep_it() -> None:
+    beats = BeatTrack(np.arange(0.4, 30.0, 60 / 112), np.ones(56), 100.0, 30.0)
+    plain = dance_scores(dancer(0), beats)
+    scores = dance_scores(dancer(0), beats, likeness=likeness(dancer(0), limits=others()))
+    assert scores["looks like dancing"] == "13 of 13"
+    assert plain.items() <= scores.items()
+    low, _, high = others().pooled["hands"]
+    assert f"({low:.3g} to {high:.3g})" in str(scores["like dancing: range of the hands, m"])
+
+
+@pytest.fixture(scope="session")
+def locked(data_root: Path) -> list[Recording]:
+    """The 23 beat-locked recordings."""
+    folder = data_root / "beatlocked"
+    if not folder.is_dir():
+        pytest.skip("no beat-locked recordings")
+    return [item for item in iter_recordings(folder) if isinstance(item, Recording)]
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_every_recording_passes_against_the_others_and_nothing_else_does(locked: list[Recording]) -> None:
+    table = guard_table(locked).set_index("motion")
+    assert (table["of"] == 46).all()
+    assert table.loc["recorded", "passed"] == 46
+    assert (table.drop("recorded")["passed"] == 0).all()
+
+
+# Contact sheets
+
+
+def test_a_sheet_has_a_figure_every_half_second_and_the_names_of_dances() -> None:
+    figure = contact_sheet({"one": dancer(0, seconds=6.0), "other": dancer(1, seconds=3.0)}, columns=8)
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts[:13] == ["one", *(f"{moment / 2:g}" for moment in range(12))]
+    assert texts[13:] == ["other", *(f"{moment / 2:g}" for moment in range(6))]
+
+
+def test_a_sheet_goes_along_with_a_dancer_who_travels() -> None:
+    motion = dancer(0, seconds=3.0)
+    path = np.linspace(0, 9, motion.n_frames)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    assert np.allclose(limb_ends(motion), limb_ends(replace(motion, positions=motion.positions + path)))
+
+
+def test_left_and_right_limbs_have_their_colours() -> None:
+    axes = contact_sheet({"": Motion(standing(), FPS, BODY)}, columns=40).axes[0]
+    (limbs,) = [item for item in axes.collections if item.get_gid() == "limbs"]
+    colours, middles = limbs.get_colors(), np.array(limbs.get_segments()).mean(axis=1)[:, 0] % CELL[0] - CELL[0] / 2
+    # Seen from the front, the dancer's left is at the right.
+    assert (middles[(colours == to_rgba(SIDES["left"])).all(axis=1)] > 0.03).all()
+    assert (middles[(colours == to_rgba(SIDES["right"])).all(axis=1)] < -0.03).all()
+
+
+@pytest.mark.parametrize("motion", [still(60, fps=30.0), still(60, fps=30.0, axes=2)])
+def test_bodies_without_bones_and_pictures_have_sheets_too(motion: Motion) -> None:
+    assert len(contact_sheet({"dots": motion}, every=1.0).axes[0].texts) == 3
+
+
+def test_a_sheet_of_nothing_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one motion"):
+        contact_sheet({})
+    with pytest.raises(ValueError, match="must be positive"):
+        contact_sheet({"one": dancer(0)}, every=0.0)
+
+
+def limb_ends(motion: Motion) -> FloatArray:
+    """Ends of all limbs of a sheet with six columns."""
+    axes = contact_sheet({"": motion}, columns=6).axes[0]
+    (limbs,) = [item for item in axes.collections if item.get_gid() == "limbs"]
+    return np.array(limbs.get_segments())
