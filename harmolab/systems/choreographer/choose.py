@@ -10,7 +10,7 @@ import numpy as np
 from harmolab.io.files import Progress, silent
 from harmolab.systems.choreographer.moves import Float32, Moves
 from harmolab.systems.choreographer.params import TOO_LONG, TOO_SHORT, USUAL_METER, ChoreographerParams
-from harmolab.types import BeatTrack, FloatArray, IntArray
+from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray
 
 LONGEST_INTERVAL = 1.75  # in usual intervals; beats are put into longer ones
 NOISE_SHARE = 0.3
@@ -110,56 +110,93 @@ def choose(
     first : (N,) array, what it costs to begin with a node; nothing when left out
     """
     costs, options = node_costs(moves, music, params, seed), candidates(moves, music)
-    meter = music.meter or USUAL_METER
-    shortest = music.meter or params.unplaced_run
+    steps = Steps(moves, params, music.meter or params.unplaced_run)
+    variety = np.float32(params.variety / (music.meter or USUAL_METER))
     now = options[0]
     total = costs[0][now] + (0 if first is None else first[now].astype(np.float32))
-    memory, run = _likeness(moves, now, params), np.ones(now.size, np.int64)
-    steps: list[tuple[IntArray, IntArray]] = [(now, np.zeros(0, np.int64))]
+    memory, run = steps.likeness(now), np.ones(now.size, np.int64)
+    links: list[tuple[IntArray, IntArray]] = [(now, np.zeros(0, np.int64))]
     for beat in progress(range(1, len(costs)), "choosing"):
         before, now = now, options[beat]
         kept = np.arange(before.size)
         if before.size > params.paths:
             kept = np.sort(np.argpartition(total, params.paths)[: params.paths])
-        step, goes_on = _steps(moves, before[kept], now, run[kept], shortest, params)
-        step += np.float32(params.variety / meter) * memory[np.ix_(kept, now)] + total[kept, None]
+        step = memory[kept] if kept.size < before.size else memory
+        step = variety * _columns(step, now)
+        step += _columns(steps.costs(before[kept], run[kept]), now)
+        step += total[kept, None]
         best = step.argmin(axis=0)
-        column = np.arange(now.size)
         parent = kept[best]
-        total = step[best, column] + costs[beat][now]
-        run = np.where(goes_on[best, column], run[parent] + 1, 1)
-        memory = np.maximum(memory[parent] * np.float32(np.exp(-1 / params.forgetting)), _likeness(moves, now, params))
-        steps.append((now, parent))
-    return _traced(steps, int(total.argmin()))
+        total = step[best, np.arange(now.size)] + costs[beat][now]
+        run = np.where(steps.go_on(before[parent], now), run[parent] + 1, 1)
+        memory = memory[parent]
+        memory *= np.float32(np.exp(-1 / params.forgetting))
+        np.maximum(memory, steps.likeness(now), out=memory)
+        links.append((now, parent))
+    return _traced(links, int(total.argmin()))
 
 
-def _steps(
-    moves: Moves, before: IntArray, now: IntArray, run: IntArray, shortest: int, params: ChoreographerParams
-) -> tuple[Float32, np.ndarray]:
-    """Cost (P, Q) of going from each node to each, by the length of the run so far, and where the run goes on."""
-    distance, cost = moves.seam_rows(before, params)
-    goes_on, cost = distance[:, now] < params.twin, cost[:, now]
-    too_long = (run >= params.longest_run)[:, None]
-    cost += np.float32(TOO_SHORT) * ((run < shortest)[:, None] & ~goes_on)
-    cost += np.float32(TOO_LONG) * (too_long & goes_on)
-    column = np.full(len(moves), -1)
-    column[now] = np.arange(now.size)
-    following = np.where(moves.following[before] >= 0, column[moves.following[before]], -1)
-    rows = np.flatnonzero(following >= 0)
-    cost[rows, following[rows]] = np.where(too_long[rows, 0], TOO_LONG, 0.0)
-    goes_on[rows, following[rows]] = True
-    return cost, goes_on
+def _columns(rows: Float32, wanted: IntArray) -> Float32:
+    """The wanted columns (P, Q) of (P, N); the rows themselves where all are wanted."""
+    return rows if wanted.size == rows.shape[1] else rows[:, wanted]
 
 
-def _likeness(moves: Moves, nodes: IntArray, params: ChoreographerParams) -> Float32:
-    """How much each of `nodes` looks like any, (P, N), 1 for the same."""
-    return np.exp(-np.square(moves.alike.rows(nodes) / np.float32(params.alike)))
+class Steps:
+    """What it costs to go from one node to another, by how long the run is already.
+
+    A run that goes on, or goes over to a twin, costs nothing more until it is too long; a seam costs more where the run
+    is too short. Of few nodes all is computed beforehand, of many when it is asked for.
+    """
+
+    def __init__(self, moves: Moves, params: ChoreographerParams, shortest: int) -> None:
+        self._moves, self._params, self._shortest = moves, params, shortest
+        self._every = np.arange(len(moves))
+        self._kinds: list[Float32] = []
+        self._likeness: Float32 | None = None
+        if moves.seams.is_dense:
+            lengths = (0, shortest, max(shortest, params.longest_run))
+            self._kinds = [self._priced(self._every, np.full(len(moves), run)) for run in lengths]
+            self._likeness = self._alike(self._every)
+
+    def costs(self, nodes: IntArray, run: IntArray) -> Float32:
+        """Cost (P, N) of going from each of `nodes` to any, after runs of so many beats (P,)."""
+        if not self._kinds:
+            return self._priced(nodes, run)
+        kind = np.where(run < self._shortest, 0, np.where(run < self._params.longest_run, 1, 2))
+        rows = np.empty((nodes.size, len(self._moves)), np.float32)
+        for number, kept in enumerate(self._kinds):
+            rows[kind == number] = kept[nodes[kind == number]]
+        return rows
+
+    def likeness(self, nodes: IntArray) -> Float32:
+        """How much each of `nodes` looks like any, (P, N), 1 for the same."""
+        return self._alike(nodes) if self._likeness is None else self._likeness[nodes]
+
+    def go_on(self, before: IntArray, now: IntArray) -> BoolArray:
+        """Where a run goes on from each of (P,) nodes to each of as many others: there or in a twin."""
+        distance = self._moves.seams.pairs(self._moves.start[before] + 1, self._moves.start[now])
+        return np.asarray((self._moves.following[before] == now) | (distance < self._params.twin))
+
+    def _priced(self, nodes: IntArray, run: IntArray) -> Float32:
+        """`costs`, computed."""
+        moves, params = self._moves, self._params
+        distance, cost = moves.seam_rows(nodes, params)
+        twins, is_long = distance < params.twin, run >= params.longest_run
+        cost += np.float32(TOO_SHORT) * ((run < self._shortest)[:, None] & ~twins)
+        cost += np.float32(TOO_LONG) * (is_long[:, None] & twins)
+        rows = np.flatnonzero(moves.following[nodes] >= 0)
+        cost[rows, moves.following[nodes[rows]]] = np.where(is_long[rows], TOO_LONG, 0.0)
+        return cost
+
+    def _alike(self, nodes: IntArray) -> Float32:
+        rows = self._moves.alike.rows(nodes) / np.float32(self._params.alike)
+        return np.exp(-np.square(rows))
 
 
-def _traced(steps: list[tuple[IntArray, IntArray]], last: int) -> IntArray:
+def _traced(links: list[tuple[IntArray, IntArray]], last: int) -> IntArray:
     """The nodes of the path that ends with the `last` of the nodes of the last beat."""
     path = []
-    for nodes, parent in reversed(steps):
+    for nodes, parent in reversed(links):
         path.append(int(nodes[last]))
         last = int(parent[last]) if parent.size else last
     return np.array(path[::-1])

@@ -14,6 +14,7 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.metrics.body_measures import SHORTEST
 from harmolab.metrics.likeness import LikenessLimits
 from harmolab.params import DANCES
+from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.skeletons import Skeleton
 from harmolab.systems.choreographer import choreography as report
 from harmolab.systems.choreographer.choose import beats_between, choose
@@ -21,12 +22,12 @@ from harmolab.systems.choreographer.choreography import Choreography
 from harmolab.systems.choreographer.lay import Ending, beat_numbers, danced, runs_of
 from harmolab.systems.choreographer.moves import Course, Moves, moves_of, pattern_shares
 from harmolab.systems.choreographer.params import ChoreographerParams
-from harmolab.systems.choreographer.pulse import pulse, rests
+from harmolab.systems.choreographer.pulse import pulse
 from harmolab.systems.choreographer.store import Kept, load_takes, save_takes
 from harmolab.systems.choreographer.takes import Item, Take, meter_of, read_takes, same_skeleton, take_of
 from harmolab.systems.common.about import json_file, weights_stem
 from harmolab.systems.common.length import n_frames
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.types import Audio, BeatTrack, Clip, Motion
 
 LEAST_FPS, MOST_FPS = 25.0, 120.0
 DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any
@@ -59,8 +60,8 @@ class Choreographer:
         self.takes, self.params, self.notes = tuple(takes), params or ChoreographerParams(), tuple(notes)
         self.skeleton: Skeleton = same_skeleton(self.takes)
         self._limits = limits
-        self._moves: dict[tuple[str, ...], Moves] = {}
-        self._rests: dict[str, tuple[FloatArray, FloatArray]] = {}
+        self._moves: dict[tuple[Take, ...], Moves] = {}
+        self._signals: dict[Take, ShapeSignal] = {}
 
     @classmethod
     def of(cls, items: Iterable[Item], *, params: ChoreographerParams | None = None) -> Self:
@@ -271,17 +272,15 @@ class Choreographer:
     def _moves_of(self, takes: tuple[Take, ...], period: float) -> Moves:
         """The nodes of takes: cut at their beats, or at their own rests with the song's period."""
         if takes[0].beats.size:
-            key = tuple(take.name for take in takes)
-            if key not in self._moves:
+            if takes not in self._moves:
                 courses = [Course(take, take.beats) for take in takes]
-                self._moves[key] = moves_of(courses, self.params, pattern_shares(takes))
-            return self._moves[key]
+                self._moves[takes] = moves_of(courses, self.params, pattern_shares(takes))
+            return self._moves[takes]
         courses = []
         for take in takes:
-            if take.name not in self._rests:
-                self._rests[take.name] = rests(take.motion)
-            moments, depths = self._rests[take.name]
-            beats = pulse(moments, depths, period)
+            if take not in self._signals:
+                self._signals[take] = shape_signal(shape_speed(take.motion))
+            beats = pulse(self._signals[take], period)
             if beats.size > 1:
                 courses.append(Course(take, beats))
         if not courses:

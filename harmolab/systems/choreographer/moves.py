@@ -148,6 +148,13 @@ class Distances:
         np.put_along_axis(rows, self._nearest[wanted], self._matrix[wanted], axis=1)
         return rows
 
+    def pairs(self, one: IntArray, other: IntArray) -> Float32:
+        """Distance (P,) of each cloud of `one` to that of `other` at the same place."""
+        if self.is_dense:
+            return self._matrix[one, other]
+        near = self._nearest[one] == other[:, None]
+        return np.where(near, self._matrix[one], np.float32(TOO_LONG)).min(axis=1)
+
 
 @dataclass(frozen=True, eq=False)
 class Moves:
