@@ -383,7 +383,7 @@ def test_recorded_motion_is_validated_without_error(split: Split, networks: Netw
     assert found["val_mse"] == pytest.approx(1e-3 * float(units.mask.sum()) / len(units), rel=1e-3)
     names = ("mse", "harmony", "hit_rate", "above_chance", "body_above_chance", "count_ratio", "spread", "turning")
     assert list(found) == [f"val_{name}" for name in names]
-    assert found["val_spread"] == found["val_turning"] == 1
+    assert found["val_spread"] == found["val_turning"] == pytest.approx(1)
     assert 0 < found["val_hit_rate"] <= 1 and found["val_count_ratio"] > 0
 
 

@@ -88,6 +88,8 @@ from .experiments.long_dances import (
     long_dances as long_dances,
 )
 from .experiments.nulls import null_table as null_table
+from .experiments.own_songs import own_songs as own_songs
+from .experiments.own_songs import song_means as song_means
 from .experiments.quality import (
     motion_measures as motion_measures,
 )

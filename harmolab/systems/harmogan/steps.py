@@ -42,6 +42,8 @@ from harmolab.systems.harmogan.terms import (
 )
 from harmolab.types import Skeleton
 
+TINY = 1e-3  # metres, and radians per second: next to no spread and no turning
+
 
 @dataclass(frozen=True, eq=False)
 class Networks:
@@ -252,7 +254,7 @@ def likeness_ratios(generator: Generator, motion: Tensor, batch: Tensors) -> dic
         for each in (motion, batch.motion)
     )
     names = ("spread", "turning")
-    return {name: float(a / b.clamp(min=1e-6)) for name, a, b in zip(names, ours, theirs, strict=True)}
+    return {name: float((a + TINY) / (b + TINY)) for name, a, b in zip(names, ours, theirs, strict=True)}
 
 
 @cache
