@@ -50,7 +50,7 @@ class ChoreographerParams:
     samples: int = 7
     dense: int = 3000
     nearest: int = 200
-    paths: int = 1500
+    paths: int = 500
 
     def __post_init__(self) -> None:
         for field in fields(self):

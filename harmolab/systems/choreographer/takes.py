@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from harmolab.corpora.folders import Recording, find_recordings, load_any_motion, recorded_offset, recording_files
+from harmolab.corpora.synthetic.clip import PlantedClip
 from harmolab.io.beats import BeatAnnotation, load_annotation
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.params import DANCES
@@ -54,16 +55,17 @@ class Take:
         return BeatTrack(self.beats, np.ones(self.beats.size), 100.0, self.motion.duration, places)
 
 
-Item = Recording | Clip | Motion | Take
+Item = Recording | PlantedClip | Clip | Motion | Take
 
 
 def take_of(item: Item, number: int = 1) -> Take:
     """A recording, clip or motion as a `Take`; ValueError where it has no motion in three dimensions."""
     if isinstance(item, Take):
         return item
-    if isinstance(item, Recording):
-        meter = item.annotation.meter if item.annotation is not None else None
-        return _take_of_clip(item.clip, meter)
+    if isinstance(item, Recording | PlantedClip):
+        clip, annotation = item.clip, item.annotation
+        beats = clip.beats if annotation is None else annotation.track(clip.audio.duration)
+        return _take_of_clip(replace(clip, beats=beats), None if annotation is None else annotation.meter)
     return _take_of_clip(item) if isinstance(item, Clip) else _take(f"motion {number}", item)
 
 
