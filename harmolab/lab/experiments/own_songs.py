@@ -12,7 +12,6 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-import torch
 
 from harmolab.corpora.folders import Recording, find_recordings, load_recording, recording_beats
 from harmolab.harmony import score_motion
@@ -26,8 +25,7 @@ from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.likeness import LikenessLimits, likeness
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.systems.choreographer.generate import Choreographer
-from harmolab.systems.common.motion_code import encode_motion
-from harmolab.systems.common.pose_network import PoseNet
+from harmolab.systems.common.pose_network import PoseNet, embed_windows
 from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.types import BeatTrack, FloatArray, Motion
 
@@ -52,7 +50,7 @@ GENERATORS: Mapping[str, tuple[Variant, Sequence[int]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What Frechet distances are measured from: windows of recorded movement as a pose network and kinetics see them.
+    """Windows of recorded movement, as a pose network and kinetics see them: Frechet distances are measured from these.
 
     Parameters
     ----------
@@ -68,13 +66,13 @@ class Reference:
     @classmethod
     def of(cls, motions: Sequence[Motion], pose_net: PoseNet) -> Self:
         """Reference of recorded motions with the joints of the pose network."""
-        return cls(pose_net, _embedded(motions, pose_net), _kinetic(motions))
+        return cls(pose_net, embed_windows(motions, pose_net, seconds=WINDOW), _kinetic(motions))
 
     def distances(self, motions: Sequence[Motion]) -> dict[str, float]:
         """Frechet distances "fid" and "fid_kinetic" of windows of these motions, bias corrected."""
         kinetic, reference = (standardise(each, self.kinetic) for each in (_kinetic(motions), self.kinetic))
         return {
-            "fid": frechet_distance(_embedded(motions, self.pose_net), self.poses).value,
+            "fid": frechet_distance(embed_windows(motions, self.pose_net, seconds=WINDOW), self.poses).value,
             "fid_kinetic": frechet_distance(kinetic, reference).value,
         }
 
@@ -82,7 +80,7 @@ class Reference:
 def dance_measures(
     motion: Motion, beats: BeatTrack, *, dance: str = "", limits: LikenessLimits | None = None
 ) -> dict[str, Any]:
-    """What a dance is like and how it goes with the music: one row of a table.
+    """Measures of a dance and of its harmony with the music: one row of a table.
 
     Parameters
     ----------
@@ -229,16 +227,3 @@ def _windows(motion: Motion) -> list[Motion]:
 def _kinetic(motions: Sequence[Motion]) -> FloatArray:
     """Kinetic features (N, K) of all windows."""
     return np.stack([kinetic_features(window) for motion in motions for window in _windows(motion)])
-
-
-@torch.no_grad()
-def _embedded(motions: Sequence[Motion], pose_net: PoseNet) -> FloatArray:
-    """Embeddings (N, 32) of all windows; motions are coded whole, since the heading is smoothed over time."""
-    length = round(WINDOW * pose_net.fps)
-    codes = []
-    for motion in motions:
-        same = resample_motion(motion, pose_net.fps)
-        code = torch.from_numpy(encode_motion(same.positions, same.fps, same.skeleton))
-        codes += list(code[: len(code) // length * length].split(length))
-    batch = torch.stack(codes)
-    return pose_net.eval().embed(batch, torch.ones(batch.shape[:2])).double().numpy()

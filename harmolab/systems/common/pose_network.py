@@ -130,6 +130,21 @@ def embed_meters(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -
     return pose_net.eval().embed(nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
 
 
+@torch.no_grad()
+def embed_windows(motions: Sequence[Motion], pose_net: PoseNet, *, seconds: float) -> FloatArray:
+    """Pose network's features (N, D) of all whole pieces of so many seconds, one motion after the other.
+
+    Motions are coded whole and then cut, since the heading is smoothed over time; they have the network's joints.
+    """
+    length, pieces = round(seconds * pose_net.fps), []
+    for motion in motions:
+        same = resample_motion(motion, pose_net.fps)
+        code = torch.from_numpy(encode_motion(same.positions, same.fps, same.skeleton))
+        pieces += list(code[: len(code) // length * length].split(length))
+    batch = torch.stack(pieces)
+    return pose_net.eval().embed(batch, torch.ones(batch.shape[:2])).double().numpy()
+
+
 def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> Tensor:
     """Motion code (T, C) of a unit's meter at the frame rate of the pose network."""
     if motion.skeleton.joints != pose_net.skeleton.joints:

@@ -185,7 +185,7 @@ def spread_loss(
 
 
 def ankle_loss(joints: Tensor, target: Tensor, counted: Tensor, ankles: tuple[int, int]) -> Tensor:
-    """How far apart the ankles are, on which side of each other, and how much the distance changes, against recorded.
+    """Difference from recorded in the ankles' distance, in its variety, and in which of them is on which side.
 
     ``(|difference of mean distances| + |difference of mean sides| + 10 relu(difference of mean crossings)) / 0.1 m``
     and ``|log ratio|`` of the distance's standard deviation. The side is that of the left ankle as seen from the right

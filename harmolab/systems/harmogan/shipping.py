@@ -70,7 +70,7 @@ def best_run(runs: Sequence[Path], clips: Sequence[Clip], *, seconds: float = 30
 
 
 def standing(dances: Sequence[tuple[Motion, BeatTrack, str]]) -> tuple[int, int, float]:
-    """How good dances (motion, beats on its time line, name of the dance) are; compare as tuples.
+    """Likeness and harmony of dances (motion, beats on its time line, name of the dance); compare as tuples.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def standing(dances: Sequence[tuple[Motion, BeatTrack, str]]) -> tuple[int, int,
 
 
 def _dances(run: Path, clips: Sequence[Clip], seconds: float, seed: int) -> list[tuple[Motion, BeatTrack, str]]:
-    """What a run dances to clips."""
+    """A run's dances to clips, as `standing` takes them."""
     generator = load_generator(run / "model")
     poses = load_poses(run / "model", n_channels=generator.n_motion)
     dances = []

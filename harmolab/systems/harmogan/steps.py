@@ -216,7 +216,7 @@ def _natural_terms(
 
 
 def _variety_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
-    """How much the body moves, where it goes, and in how many poses, against the recorded units of the batch."""
+    """Energy, path and spread against the recorded units of the batch."""
     terms: dict[str, Tensor] = {}
     if params.energy_weight:
         ours, theirs = (seen_joints(generator, each, params) for each in (motion, batch.motion))
@@ -241,7 +241,7 @@ def _ankles(skeleton: Skeleton) -> tuple[int, int] | None:
 
 
 def likeness_ratios(generator: Generator, motion: Tensor, batch: Tensors) -> dict[str, float]:
-    """What a guard of likeness would ask of whole dances, as far as single units show it: generated over recorded.
+    """Spread and turning of generated over recorded units: as much of a guard of likeness as short clips can show.
 
     Returns
     -------
