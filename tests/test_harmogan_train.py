@@ -18,12 +18,14 @@ from harmolab.systems.common.phases import fit, make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
 from harmolab.systems.common.shards import Batching, Tensors, epoch_order, total_loss
 from harmolab.systems.common.splits import Split
+from harmolab.systems.common.torch_code import local_joints
 from harmolab.systems.harmogan import train as harmogan
 from harmolab.systems.harmogan.networks import GeneratorOutput, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.steps import (
     Danced,
     Networks,
+    body_joints,
     danced,
     discriminator_terms,
     generator_terms,
@@ -271,6 +273,46 @@ def test_every_term_has_a_gradient_in_the_generator(networks: Networks, batch: T
         generator_terms(networks, made, batch, RECOMMENDED, 0.5)[name].backward()
         used = [part.grad.abs().max() for part in networks.generator.parameters() if part.grad is not None]
         assert used and torch.stack(used).max() > 0, name
+
+
+def changed(batch: Tensors, part: slice, frames: torch.Tensor) -> Danced:
+    """The recorded motion, but for noise on some channels at the frames (N, T) that are 1."""
+    torch.manual_seed(0)
+    noise = torch.zeros_like(batch.motion)
+    noise[..., part] = 0.2 * torch.randn_like(noise[..., part])
+    motion = batch.motion + noise * frames[..., None]
+    return Danced(GeneratorOutput(motion, local_joints(motion)[..., :2]))
+
+
+JOINTS, PATH = slice(None, -3), slice(-3, None)
+
+
+@pytest.mark.parametrize(("frame", "same"), [("body", True), ("room", False)])
+def test_harmony_of_the_body_is_the_same_on_any_path(networks: Networks, batch: Tensors, frame: str, same: bool):
+    params = replace(RECOMMENDED, harmony_frame=frame)
+    still, moved = (
+        generator_terms(networks, changed(batch, PATH, frames), batch, params, 0.5)
+        for frames in (torch.zeros_like(batch.mask), batch.mask)
+    )
+    for name in ("harmony", "energy"):
+        assert (float(moved[name]) == pytest.approx(float(still[name]), abs=1e-6)) == same, name
+    assert moved["path"] > still["path"] == 0
+    assert moved["spread"] == still["spread"]
+
+
+def test_path_and_spread_look_at_the_meter_alone(networks: Networks, batch: Tensors):
+    before = generator_terms(networks, changed(batch, slice(None), batch.index), batch, RECOMMENDED, 0.5)
+    within = generator_terms(networks, changed(batch, slice(None), 1 - batch.index), batch, RECOMMENDED, 0.5)
+    assert before["path"] == 0 and within["path"] > 0
+    assert before["spread"] < 1e-5 < within["spread"]
+
+
+def test_the_body_is_seen_from_its_root(networks: Networks, batch: Tensors):
+    joints = body_joints(networks.generator, batch.motion)
+    assert torch.equal(joints[:, :, 0], torch.zeros_like(joints[:, :, 0]))
+    raised = batch.motion.clone()
+    raised[..., 1:-3:3] += torch.rand(*raised.shape[:2], 1)  # a jump
+    torch.testing.assert_close(body_joints(networks.generator, raised), joints)
 
 
 def test_total_is_the_terms_by_the_weights_of_section_5_2(

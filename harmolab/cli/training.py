@@ -62,7 +62,8 @@ def train(
         harmolab train DATA --out without --harmony-weight 0 --pretrained with
 
     **Several processes** share each batch: `torchrun --nproc-per-node 2 -m harmolab.cli train DATA --out RUN`. One
-    process with `--shards 2` has the same result to the last bit; without it they differ by rounding, which grows.
+    process with `--shards 2` has the same result to the last bit; without it they differ: by rounding, which
+    grows, and in the terms that compare whole batches.
 
     **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
 
