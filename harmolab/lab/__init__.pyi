@@ -36,6 +36,7 @@ from .experiments.cheating import (
 from .experiments.choreography import choreography_summary as choreography_summary
 from .experiments.choreography import choreography_table as choreography_table
 from .experiments.choreography import seam_jerk as seam_jerk
+from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import (
     auc_table as auc_table,
 )
