@@ -18,6 +18,8 @@ from scipy.optimize import minimize
 from harmolab.corpora.synthetic import ClipSettings, PlantedClip, planted_clip
 from harmolab.corpora.synthetic.corpus import write_corpus
 from harmolab.io.motion import save_motion
+from harmolab.lab import choreography_summary, choreography_table, seam_jerk
+from harmolab.lab.experiments.study import readable_recordings
 from harmolab.metrics.quality import bone_error
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.skeletons import heading
@@ -274,6 +276,12 @@ def test_a_bone_of_no_length_stays_as_it_is():
     np.testing.assert_array_equal(made, 0.0)
 
 
+def test_a_flat_motion_is_not_followed(dancer: Choreographer):
+    past = dancer.takes[0].motion
+    with pytest.raises(ValueError, match="initial is two-dimensional"):
+        dancer.generate(SILENCE, beats(), initial=replace(past, positions=past.positions[..., :2]))
+
+
 # Corpora of all kinds
 
 
@@ -293,6 +301,15 @@ def test_the_pulse_of_a_motion_is_where_it_rests():
     assert np.abs(np.diff(rests) - 0.55).max() < 0.06
     off = np.abs(rests[2:-2] / 0.55 - np.round(rests[2:-2] / 0.55))
     assert off.max() < 0.1
+
+
+def test_recordings_with_and_without_beats_do_not_mix(dancer: Choreographer):
+    short, long = waltz_motion(1, 8.0), waltz_motion(1, 90.0)
+    one_beat = Clip("one beat", SILENCE, short, beats=track([0.5]))
+    for others, names in (([short, one_beat], {"waltz 1", "waltz 2", "waltz 3"}), ([long], {"motion 4"})):
+        takes = Choreographer.of([*dancer.takes, *others]).choreograph(SILENCE, beats(), seconds=9.0)
+        assert set(takes.shares) <= names
+        assert "left out: beats are known of some only" in takes.warnings[0]
 
 
 def test_a_motion_that_is_still_is_danced_too():
@@ -441,7 +458,9 @@ def entry(about: dict[str, Any]) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda about: entry(about).update(frames=10**9), "calls for"),
+        (lambda about: entry(about).update(frames=1000), "calls for"),
+        (lambda about: entry(about).update(frames=10**9), "more than 50000000 numbers"),
+        (lambda about: about["build"]["skeleton"].update(parents=[1, 0] + [0] * 19), "form a ring"),
         (lambda about: entry(about).update(frames=1), "frames = 1"),
         (lambda about: entry(about).update(frames=True), "frames = True"),
         (lambda about: entry(about).update(beats=-1), "beats = -1"),
@@ -466,9 +485,9 @@ def test_a_description_that_lies_is_refused(saved: Path, change: Callable[[dict[
 @pytest.mark.parametrize(
     ("name", "changed", "message"),
     [
-        ("beats", lambda old: np.full_like(old, np.nan), "beats must increase"),
-        ("beats", lambda old: old[::-1], "beats must increase"),
-        ("beats", lambda old: old + 1e6, "beats must increase"),
+        ("beats", lambda old: np.full_like(old, np.nan), "beats must be two or more"),
+        ("beats", lambda old: old[::-1], "beats must be two or more"),
+        ("beats", lambda old: old + 1e6, "beats must be two or more"),
         ("places", lambda old: old + 100, "places in the bar must lie"),
         ("positions", lambda old: old.astype(np.int32), "16-bit"),
         ("positions", lambda old: np.full_like(old, 32767), "damaged"),
@@ -515,15 +534,41 @@ def test_a_dance_imports_no_torch(saved: Path):
     assert {"torch", "safetensors", "matplotlib", "pandas", "librosa"}.isdisjoint(loaded)
 
 
+# The table
+
+
+def test_jerk_at_seams_is_that_of_the_beats_around_them(dancer: Choreographer):
+    dance = dancer.choreograph(SILENCE, beats(), seconds=30.0)
+    middle = beats().times[20]
+    times = np.arange(dance.motion.n_frames) / dance.motion.fps
+    smooth = np.sin(12 * np.pi * times)[:, None, None] * np.ones((1, *dance.motion.positions.shape[1:]))
+    pieces = (dance.pieces[0], replace(dance.pieces[1], start=float(middle)))
+    even = replace(dance, motion=replace(dance.motion, positions=smooth), pieces=pieces)
+    assert seam_jerk(even, beats()) == pytest.approx(1.0, rel=0.1)
+    cut = replace(even, motion=replace(even.motion, positions=smooth + 9.0 * (times > middle)[:, None, None]))
+    assert seam_jerk(cut, beats()) > 1.3
+    assert np.isnan(seam_jerk(replace(even, pieces=pieces[:1]), beats()))
+
+
+@pytest.mark.slow
+def test_every_song_is_danced_from_all_others(tmp_path: Path):
+    corpus = write_corpus(tmp_path / "corpus", clips=15, seconds=15.0, fps=30.0)
+    clips = [recording for recording in readable_recordings(corpus) if recording.clip.dance == "cha-cha"]
+    table = choreography_table(clips, seeds=(0, 1, 2), seconds=12.0)
+    assert len(clips) == 3 and table[["recording", "seed"]].drop_duplicates().shape == (9, 2)
+    assert table[["seam (cm)", "skating", "H", "H recorded"]].notna().all(axis=None)
+    summary = choreography_summary(table)
+    assert summary.loc["mean seam (cm)", "made"] == pytest.approx(table["seam (cm)"].mean())
+    with pytest.raises(ValueError, match="no other recording of cha-cha"):
+        choreography_table(clips[:1])
+
+
 # Recordings
 
 
 @pytest.mark.data
 @pytest.mark.slow
 def test_songs_danced_from_all_other_recordings_are_dances(data_root: Path):
-    from harmolab.lab.experiments.choreography import choreography_summary, choreography_table
-    from harmolab.lab.experiments.study import readable_recordings
-
     folder = data_root / "beatlocked"
     if not folder.is_dir():
         pytest.skip(f"no beat-locked recordings in {data_root}")

@@ -11,10 +11,12 @@ from typing import Annotated, Any
 
 import typer
 
+from harmolab.cli.checks import is_told
 from harmolab.cli.common import plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples", "pattern", "one"}
+ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
 
 def train(
@@ -99,9 +101,7 @@ def accepted(function: Callable[..., Any], context: typer.Context, extras: Mappi
     parameters = signature(function).parameters
     takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     options = {
-        name: value
-        for name, value in context.params.items()
-        if name not in ANY_SYSTEM and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+        name: value for name, value in context.params.items() if name not in ANY_SYSTEM and is_told(context, name)
     }
     if other := [name for name in options if name not in parameters and not takes_all]:
         raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")

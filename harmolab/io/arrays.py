@@ -70,8 +70,8 @@ def read_npz(path: Path, members: Mapping[str, str]) -> dict[str, NDArray[Any]]:
         It would unpack to too much, is packed in an unusual way, or an array is not what `read_npy` reads.
     """
     with zipfile.ZipFile(path) as archive:
-        found = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        ours = {name: info for name, info in found.items() if name in members}
+        infos = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        ours = {name: info for name, info in infos.items() if name in members}
         unpacked = sum(info.file_size for info in ours.values())
         if unpacked > MAX_BYTES or unpacked > max(BOMB_BYTES, BOMB_RATIO * path.stat().st_size):
             raise ValueError(f"would unpack to {unpacked} bytes from {path.stat().st_size}; refused")

@@ -1,3 +1,4 @@
+from .choreographer.banks import shipped_bank as shipped_bank
 from .choreographer.choreography import Choreography as Choreography
 from .choreographer.choreography import Piece as Piece
 from .choreographer.generate import Choreographer as Choreographer

@@ -1,4 +1,4 @@
-"""What the choreographer makes of recordings: each song danced from all the others, and measured beside its dancer.
+"""The choreographer measured: each song danced from all other recordings, beside the dancer who was recorded to it.
 
 A song's own recording is left out of the corpus that it is danced from, of the bar pattern that it is scored by and of
 the limits that its dance is held against, so nothing is judged by itself.
@@ -83,7 +83,7 @@ def choreography_summary(table: pd.DataFrame) -> pd.DataFrame:
 
     Returns
     -------
-    DataFrame indexed by what is counted: made, wanted, recorded
+    DataFrame indexed by what is counted: dance, wanted, recorded
     """
     mean, size = table.mean(numeric_only=True), len(table)
     counts = {name: int((table[name] < 0.05).sum()) for name in ("p", "p recorded")}
@@ -99,7 +99,7 @@ def choreography_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _sums(recording: Recording) -> list[PatternSums]:
-    """What a recording teaches of its dance's bar, as `harmolab learn` has it."""
+    """Fourier sums of a recording's clips, which its dance's pattern is learnt from, as `harmolab learn` does."""
     clips = cut_clips(recording, "annotated", None)
     return [clip.sums["recommended"] for clip in clips if clip.sums]
 
@@ -110,8 +110,8 @@ def _row(recording: Recording, dancer: Choreographer, pattern: BarPattern, seed:
     if clip.motion is None or clip.beats is None:
         raise ValueError(f"{clip.name}: needs a motion and annotated beats")
     start = max(clip.offset, 0.0)
-    made = dancer.choreograph(clip.audio, clip.beats, start=start, seconds=seconds, seed=seed, dance=clip.dance)
-    judged = likeness(made.motion, dance=clip.dance, limits=dancer.limits)
+    dance = dancer.choreograph(clip.audio, clip.beats, start=start, seconds=seconds, seed=seed, dance=clip.dance)
+    judged = likeness(dance.motion, dance=clip.dance, limits=dancer.limits)
     danced = clip.motion.span(start - clip.offset, seconds)
     return {
         "recording": clip.name,
@@ -119,15 +119,15 @@ def _row(recording: Recording, dancer: Choreographer, pattern: BarPattern, seed:
         "seed": seed,
         "passed": judged.passed,
         "fails": ", ".join(judged.fails),
-        "seam (cm)": made.mean_seam_cm,
-        "worst seam (cm)": made.worst_seam_cm,
-        "seams": len(made.pieces) - 1,
-        "jerk ratio": seam_jerk(made, clip.beats),
-        "skating": foot_skating(made.motion),
-        **_scored(clip.beats.span(start, seconds), made.motion, pattern, ""),
-        "longest stretch": made.longest_stretch,
-        "seen before": made.seen_before,
-        "distinct minutes": made.distinct_minutes,
+        "seam (cm)": dance.mean_seam_cm,
+        "worst seam (cm)": dance.worst_seam_cm,
+        "seams": len(dance.pieces) - 1,
+        "jerk ratio": seam_jerk(dance, clip.beats),
+        "skating": foot_skating(dance.motion),
+        **_scored(clip.beats.span(start, seconds), dance.motion, pattern, ""),
+        "longest stretch": dance.longest_stretch,
+        "seen before": dance.seen_before,
+        "distinct minutes": dance.distinct_minutes,
         "skating recorded": foot_skating(danced),
         **_scored(clip.beats.span(start, seconds), danced, pattern, " recorded"),
     }
@@ -140,16 +140,16 @@ def _scored(beats: BeatTrack, motion: Motion, pattern: BarPattern, suffix: str) 
     return {f"H{suffix}": score.harmony_above_chance, f"p{suffix}": score.p_value, f"level{suffix}": level}
 
 
-def seam_jerk(made: Choreography, beats: BeatTrack) -> float:
+def seam_jerk(dance: Choreography, beats: BeatTrack) -> float:
     """Jerk in the beat around the seams of a dance over jerk around its other beats; NaN without seams, or beats.
 
     `beats` are those of the music, on the audio time line. Those within a beat of the dance's ends do not count.
     """
-    times, values = _jerk_course(made.motion)
-    moments = beats.times - made.start
+    times, values = _jerk_course(dance.motion)
+    moments = beats.times - dance.start
     period = float(np.median(np.diff(moments)))
-    moments = moments[(moments > period) & (moments < made.motion.duration - period)]
-    seams = np.array([piece.start for piece in made.pieces[1:]])
+    moments = moments[(moments > period) & (moments < dance.motion.duration - period)]
+    seams = np.array([piece.start for piece in dance.pieces[1:]])
     around = np.array([values[np.abs(times - moment) <= period / 2].mean() for moment in moments])
     is_seam = (np.abs(np.subtract.outer(moments, seams)) < NEAR).any(axis=1)
     if not is_seam.any() or is_seam.all():

@@ -58,12 +58,12 @@ def beats_between(track: BeatTrack, start: float, end: float, *, meter: int, per
     filled += period * (np.minimum(every, 0) + np.maximum(every - numbers[-1], 0))
     first = max(0, int(np.searchsorted(filled, start + SLACK, side="right")) - 1)
     last = max(int(np.searchsorted(filled, end - SLACK)), first + 1)
-    wanted = slice(first, last + 1)
+    inside = slice(first, last + 1)
     if places is None or meter < 1:
-        return MusicBeats(filled[wanted], np.zeros(0, np.int64), 0)
+        return MusicBeats(filled[inside], np.zeros(0, np.int64), 0)
     before = np.clip(np.searchsorted(numbers, every, side="right") - 1, 0, None)
     counted = (places[before] + every - numbers[before]) % meter
-    return MusicBeats(filled[wanted], counted[wanted], meter)
+    return MusicBeats(filled[inside], counted[inside], meter)
 
 
 def seed_of(seed: int, times: FloatArray) -> np.random.Generator:
@@ -72,7 +72,7 @@ def seed_of(seed: int, times: FloatArray) -> np.random.Generator:
 
 
 def node_costs(moves: Moves, music: MusicBeats, params: ChoreographerParams, seed: int) -> Float32:
-    """What each of the N nodes costs at each of the M beats, (M, N), whatever is danced before it."""
+    """Cost of each of the N nodes at each of the M beats, (M, N), whatever is danced before it."""
     meter = music.meter or USUAL_METER
     off = np.abs(np.log(np.diff(music.times))[:, None] - np.log(moves.lengths))
     luck = seed_of(seed, music.times).gumbel(size=len(moves))
@@ -136,13 +136,13 @@ def choose(
     return _traced(links, int(total.argmin()))
 
 
-def _columns(rows: Float32, wanted: IntArray) -> Float32:
-    """The wanted columns (P, Q) of (P, N); the rows themselves where all are wanted."""
-    return rows if wanted.size == rows.shape[1] else rows[:, wanted]
+def _columns(rows: Float32, nodes: IntArray) -> Float32:
+    """The columns (P, Q) of rows (P, N) that belong to nodes; the rows themselves where these are all."""
+    return rows if nodes.size == rows.shape[1] else rows[:, nodes]
 
 
 class Steps:
-    """What it costs to go from one node to another, by how long the run is already.
+    """Costs of going from one node to another, by the length of the run so far.
 
     A run that goes on, or goes over to a twin, costs nothing more until it is too long; a seam costs more where the run
     is too short. Of few nodes all is computed beforehand, of many when it is asked for.
@@ -169,11 +169,11 @@ class Steps:
         return rows
 
     def likeness(self, nodes: IntArray) -> Float32:
-        """How much each of `nodes` looks like any, (P, N), 1 for the same."""
+        """Likeness of each of `nodes` to any, (P, N), 1 for the same."""
         return self._alike(nodes) if self._likeness is None else self._likeness[nodes]
 
     def go_on(self, before: IntArray, now: IntArray) -> BoolArray:
-        """Where a run goes on from each of (P,) nodes to each of as many others: there or in a twin."""
+        """True where a run goes on from a node of `before` (P,) to that of `now`: recorded so, or in a twin."""
         distance = self._moves.seams.pairs(self._moves.start[before] + 1, self._moves.start[now])
         return np.asarray((self._moves.following[before] == now) | (distance < self._params.twin))
 

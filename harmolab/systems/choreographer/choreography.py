@@ -110,14 +110,14 @@ def _twins(moves: Moves, nodes: IntArray, params: ChoreographerParams) -> BoolAr
 def repetition(moves: Moves, path: IntArray, params: ChoreographerParams) -> tuple[int, float]:
     """The longest stretch of beats that one recording also has, and the share of beats that look like earlier ones."""
     twins = _twins(moves, path, params)
-    seen = np.triu(twins[:, path].T, k=1).any(axis=0)
+    is_repeated = np.triu(twins[:, path].T, k=1).any(axis=0)
     before = np.full(len(moves), -1)
     before[moves.following[moves.following >= 0]] = np.flatnonzero(moves.following >= 0)
     stretch, longest = np.zeros(len(moves), np.int64), 0
     for row in twins:
         stretch = np.where(row, np.where(before >= 0, stretch[before], 0) + 1, 0)
         longest = max(longest, int(stretch.max()))
-    return longest, float(seen.mean())
+    return longest, float(is_repeated.mean())
 
 
 def recording_shares(moves: Moves, path: IntArray) -> dict[str, float]:
@@ -154,7 +154,7 @@ def warnings_of(
 
 
 def _bar_warning(moves: Moves, music: MusicBeats, is_own_pulse: bool) -> tuple[str, ...]:
-    """What is not known of the bar."""
+    """A sentence where the bar is not danced, and why."""
     meter = moves.meter
     if is_own_pulse or meter == 0:
         return ("the bar is not danced: where it begins in these recordings is not known",)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -93,14 +92,20 @@ class Choreographer:
 
     @classmethod
     def read(
-        cls, data: Iterable[PathLike], *, params: ChoreographerParams | None = None, progress: Progress = silent
+        cls,
+        data: Iterable[PathLike],
+        *,
+        params: ChoreographerParams | None = None,
+        scale: float | None = None,
+        progress: Progress = silent,
     ) -> Self:
         """A choreographer of corpora: folders of recordings, or of bare motion files, or such files; errors name them.
 
-        The music of recordings is not listened to: one without annotated beats is cut at its own rests.
+        The music of recordings is not listened to: one without annotated beats is cut at its own rests. `scale` is
+        metres in one unit of the files, if they do not say (`harmolab.io.motion.load_motion`).
         """
-        found = read_takes(data, progress=progress)
-        return cls(found.takes, params=params, notes=found.notes)
+        corpus = read_takes(data, scale=scale, progress=progress)
+        return cls(corpus.takes, params=params, notes=corpus.notes)
 
     def save(self, folder: PathLike) -> None:
         """Write the recordings, not the music, and their `limits` to a folder; it is made unless it exists."""
@@ -130,9 +135,9 @@ class Choreographer:
             raise ValueError(f"a choreographer has no setting {unknown[0]!r}: it learns nothing but bar patterns")
         if Path(out).is_dir() and any(Path(out).iterdir()) and not json_file(weights_stem(out)).is_file():
             raise ValueError(f"{out}: holds something else; name a new or empty folder")
-        made = cls.read(data, progress=progress)
-        made.save(out)
-        return made
+        choreographer = cls.read(data, progress=progress)
+        choreographer.save(out)
+        return choreographer
 
     @property
     def fps(self) -> float:
@@ -142,7 +147,7 @@ class Choreographer:
 
     @property
     def limits(self) -> LikenessLimits | None:
-        """What these recordings have of each measure of likeness; None where none is long enough to be measured."""
+        """Range of each measure of likeness in these recordings; None where none is long enough to be measured."""
         if self._limits is None and any(take.motion.duration >= SHORTEST for take in self.takes):
             motions, dances = [take.motion for take in self.takes], [take.dance for take in self.takes]
             self._limits = LikenessLimits.of(motions, dances)
@@ -204,7 +209,7 @@ class Choreographer:
         ------
         ValueError
             If `start` or `seconds` lies outside the music, `dance` is unknown to both the corpus and the tempo table,
-            or `initial` is of other joints.
+            or `initial` is of other joints or two-dimensional.
         """
         frames = n_frames(audio, start, seconds, self.fps)
         self._check_initial(initial)
@@ -227,7 +232,7 @@ class Choreographer:
         positions = danced(moves, runs, numbers, self.fps, plant_feet=plant_feet, initial=initial)
         mean, worst = report.seam_sizes(runs, self.params)
         minutes = report.distinct_minutes(moves, self.params)
-        stretch, seen = report.repetition(moves, path, self.params)
+        stretch, repeated = report.repetition(moves, path, self.params)
         about = report.warnings_of(
             moves, music, worst=worst, minutes=minutes, is_own_pulse=is_own_pulse, has_beats=len(track) > 1
         )
@@ -239,7 +244,7 @@ class Choreographer:
             worst_seam_cm=worst,
             distinct_minutes=minutes,
             longest_stretch=stretch,
-            seen_before=seen,
+            seen_before=repeated,
             shares=report.recording_shares(moves, path),
             stretch=float(np.abs(report.stretches(moves, path, music)).mean()),
             warnings=(*notes, *about),
@@ -249,6 +254,8 @@ class Choreographer:
         if initial is not None and initial.skeleton.joints != self.skeleton.joints:
             joints = f"({len(initial.skeleton.joints)}) than the recordings ({len(self.skeleton.joints)})"
             raise ValueError(f"initial has other joints {joints}; retarget it first")
+        if initial is not None and initial.positions.shape[2] != 3:
+            raise ValueError("initial is two-dimensional; the recordings are in three dimensions")
 
     def _of_dance(self, dance: str) -> tuple[tuple[Take, ...], list[str]]:
         """The takes to dance from: of the asked dance if there are any, with beats or all without; and what to say."""
@@ -257,17 +264,17 @@ class Choreographer:
         notes, takes = [], tuple(take for take in self.takes if take.dance == dance) if dance else self.takes
         if not takes:
             takes = self.takes
-            there = ", ".join(self.dances) or "what is there"
-            notes.append(f"there is no {dance} among these recordings: danced is {there}")
+            names = ", ".join(self.dances) or "what is there"
+            notes.append(f"there is no {dance} among these recordings: danced is {names}")
         if len(mixed := sorted({take.dance for take in takes} - {""})) > 1:
             notes.append(f"recordings of {', '.join(mixed)} are mixed; name one of them (--dance) to keep to it")
-        timed = tuple(take for take in takes if take.beats.size > 1)
-        bare = tuple(take for take in takes if take.beats.size < 2)
+        timed = tuple(take for take in takes if take.beats.size)
+        bare = tuple(take for take in takes if not take.beats.size)
         if not timed or not bare:
             return takes, notes
         used, unused = (timed, bare) if _seconds(timed) >= _seconds(bare) else (bare, timed)
         notes.append(f"{len(unused)} of {len(takes)} recordings are left out: beats are known of some only")
-        return tuple(replace(take, beats=take.beats[:0]) for take in used) if used is bare else used, notes
+        return used, notes
 
     def _moves_of(self, takes: tuple[Take, ...], period: float) -> Moves:
         """The nodes of takes: cut at their beats, or at their own rests with the song's period."""

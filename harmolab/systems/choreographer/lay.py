@@ -103,7 +103,7 @@ def faded(moves: Moves, runs: list[Run], numbers: FloatArray) -> FloatArray:
 
 
 def _risen(numbers: FloatArray) -> FloatArray:
-    """How far a fade has come, 0 to 1, that many beats from its seam; without a jump in speed or acceleration."""
+    """Progress of a fade, 0 to 1, that many beats from its seam; without a jump in speed or acceleration."""
     share = np.clip(numbers / (2 * FADE) + 0.5, 0.0, 1.0)
     return share**3 * (10 - 15 * share + 6 * share**2)
 
@@ -166,7 +166,7 @@ class Ending:
         self._cloud = clouds_of(ended.reshape(1, back.size, -1, 3), moves.weights)
 
     def costs(self) -> FloatArray:
-        """What it costs to begin with each node (N,)."""
+        """Cost of beginning with each node (N,)."""
         moves, costs = self._moves, np.empty(len(self._moves))
         for number, course in enumerate(moves.courses):
             nodes = np.flatnonzero(moves.course == number)

@@ -140,12 +140,12 @@ class Distances:
             near = np.argpartition(block, count - 1, axis=1)[:, :count]
             self._nearest[rows], self._matrix[rows] = near, np.take_along_axis(block, near, axis=1)
 
-    def rows(self, wanted: IntArray) -> Float32:
-        """Distances (P, N) of the wanted clouds to all, centimetres."""
+    def rows(self, numbers: IntArray) -> Float32:
+        """Distances (P, N) of the clouds of those numbers to all, centimetres."""
         if self.is_dense:
-            return self._matrix[wanted]
-        rows = np.full((wanted.size, self._size), TOO_LONG, np.float32)
-        np.put_along_axis(rows, self._nearest[wanted], self._matrix[wanted], axis=1)
+            return self._matrix[numbers]
+        rows = np.full((numbers.size, self._size), TOO_LONG, np.float32)
+        np.put_along_axis(rows, self._nearest[numbers], self._matrix[numbers], axis=1)
         return rows
 
     def pairs(self, one: IntArray, other: IntArray) -> Float32:
@@ -194,8 +194,8 @@ class Moves:
     @property
     def meter(self) -> int:
         """Beats in a bar of most nodes whose place is known; 0 where none is."""
-        known = self.meters[self.places >= 0]
-        return int(np.bincount(known).argmax()) if known.size else 0
+        meters = self.meters[self.places >= 0]
+        return int(np.bincount(meters).argmax()) if meters.size else 0
 
     def seam_rows(self, nodes: IntArray, params: ChoreographerParams) -> tuple[Float32, Float32]:
         """Distance (P, N) between the end of each of `nodes` and the start of any, and what a seam there costs."""
@@ -261,7 +261,7 @@ def _edges(course: Course) -> BoolArray:
 
 
 def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
-    """How high each beat of each take ranks among all its moments, by the bar pattern that takes of its dance share.
+    """Rank of each beat of each take among all its moments, by the bar pattern that takes of its dance share.
 
     The pattern is learnt on these takes, of the speed of the body's shape; (B,) arrays in (0, 1).
     """

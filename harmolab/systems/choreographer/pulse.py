@@ -14,7 +14,7 @@ STRETCH = 20.0  # standard deviations of rest that a squared logarithm of 1 cost
 
 
 def rest(signal: ShapeSignal, period: float) -> FloatArray:
-    """How much a body rests at each sample (T,), beside half a `period` (seconds) before and after, in SDs of itself.
+    """Rest of a body at each sample (T,), beside half a `period` (seconds) before and after, in SDs of itself.
 
     The fit of the speed of its shape to one turn of a cosine: least at the moment, most half a beat to either side.
     """

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from harmolab.io.arrays import checked_fps, read_npz
 from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.metrics.likeness import LikenessLimits
+from harmolab.skeletons import tree_order
 from harmolab.systems.choreographer.takes import FARTHEST, MILLIMETRE, Take
 from harmolab.systems.common.about import (
     DEFAULT_STEM,
@@ -46,13 +47,14 @@ from harmolab.types import Motion, Skeleton
 
 CLASS = "Choreographer"
 MOST_TAKES, MOST_BEATS, MOST_METER = 10_000, 1_000_000, 32
+MOST_VALUES = 50_000_000  # 400 MB when they are read; six hours of 23 joints at 30 frames a second
 _ARRAYS = {"positions": "i", "valid": "b", "beats": "f", "places": "i"}
 _WHAT = "recorded movement of a choreographer"
 Arrays = dict[str, NDArray[Any]]
 
 
 class Kept(NamedTuple):
-    """What is kept of a corpus: its takes, lines about what could not be read, what the takes have of likeness."""
+    """A corpus as it is kept: its takes, lines about what could not be read, limits of likeness of the takes."""
 
     takes: tuple[Take, ...]
     notes: tuple[str, ...] = ()
@@ -95,7 +97,7 @@ def save_takes(folder: PathLike, kept: Kept) -> None:
 
 
 def load_takes(path: PathLike) -> Kept:
-    """What was saved in a folder.
+    """The corpus that was saved in a folder.
 
     Raises
     ------
@@ -112,7 +114,9 @@ def load_takes(path: PathLike) -> Kept:
         if hashlib.sha256(file.read_bytes()).hexdigest() != about.get("sha256"):
             raise ValueError(f"is not the file that {json_file(stem).name} describes (SHA-256 differs)")
         skeleton, entries = stored_skeleton(about["build"]), about["build"]["takes"]
-        arrays = _checked(read_npz(file, _ARRAYS), entries, len(skeleton.joints))
+        tree_order(skeleton.parents)
+        shapes = _shapes(entries, len(skeleton.joints))
+        arrays = _checked(read_npz(file, _ARRAYS), shapes)
         limits = None if about.get("limits") is None else LikenessLimits.from_dict(about["limits"])
         notes = tuple(str(line) for line in about.get("notes") or ())
         return Kept(_takes(arrays, entries, skeleton), notes, limits)
@@ -144,19 +148,25 @@ def _places(take: Take) -> NDArray[np.int64]:
 
 
 def _entry(take: Take) -> dict[str, Any]:
-    """What the JSON says about a take."""
+    """The entry of a take in the JSON."""
     motion = take.motion
     counts = {"frames": motion.n_frames, "beats": take.beats.size}
     return {"name": take.name, "dance": take.dance, "fps": motion.fps, "meter": take.meter, **counts}
 
 
-def _checked(arrays: Arrays, entries: Any, joints: int) -> Arrays:
-    """The arrays; ValueError unless they are those that the entries promise."""
+def _shapes(entries: Any, joints: int) -> dict[str, tuple[int, ...]]:
+    """The shapes of the arrays that entries promise; ValueError for those that no corpus has."""
     if not isinstance(entries, list) or not 1 <= len(entries) <= MOST_TAKES:
         raise ValueError(f"describes no list of 1 to {MOST_TAKES} recordings")
     frames = sum(_count(entry, "frames", 2, 2**31) for entry in entries)
     beats = sum(_count(entry, "beats", 0, MOST_BEATS) for entry in entries)
-    shapes = {"positions": (frames, joints, 3), "valid": (frames,), "beats": (beats,), "places": (beats,)}
+    if frames * joints * 3 > MOST_VALUES:
+        raise ValueError(f"describes {frames} frames of {joints} joints, more than {MOST_VALUES} numbers")
+    return {"positions": (frames, joints, 3), "valid": (frames,), "beats": (beats,), "places": (beats,)}
+
+
+def _checked(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> Arrays:
+    """The arrays; ValueError unless they are of these shapes and hold what a corpus may hold."""
     for name, shape in shapes.items():
         if name not in arrays:
             raise ValueError(f"has no array {name!r}")
@@ -196,10 +206,10 @@ def _take(entry: dict[str, Any], motion: Motion, times: NDArray[np.float64], pla
     meter = _count(entry, "meter", 0, MOST_METER)
     last = (motion.n_frames - 1) / motion.fps
     steps_ok = bool(np.isfinite(times).all() and (np.diff(times) > 0).all())
-    if not steps_ok or (times.size and not (times[0] >= 0 and times[-1] <= last + 1e-6)):
-        raise ValueError(f"{str(entry.get('name'))[:40]}: beats must increase, from 0 to {last:g} s")
+    if not steps_ok or times.size == 1 or (times.size and not (times[0] >= 0 and times[-1] <= last + 1e-6)):
+        raise ValueError(f"{str(entry.get('name'))[:40]}: beats must be two or more, rising from 0 to {last:g} s")
     is_placed = bool(times.size and (places >= 0).all() and meter > 0 and (places < meter).all())
     if not math.isfinite(motion.fps) or (times.size and not is_placed and (places >= 0).any()):
         raise ValueError(f"{str(entry.get('name'))[:40]}: places in the bar do not fit its {meter} beats")
-    known = places.astype(np.int64) if is_placed else np.zeros(0, np.int64)
-    return Take(str(entry["name"]), motion, str(entry["dance"]), times, known, meter)
+    bar_places = places.astype(np.int64) if is_placed else np.zeros(0, np.int64)
+    return Take(str(entry["name"]), motion, str(entry["dance"]), times, bar_places, meter)

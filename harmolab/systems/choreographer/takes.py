@@ -31,7 +31,7 @@ class Take:
     name : str
     motion : Motion, three-dimensional; the middle of its way is at x = z = 0, its floor at 0
     dance : str, "" when unknown
-    beats : (B,) array, seconds from the motion's first frame; empty when unknown
+    beats : (B,) array, seconds from the motion's first frame; two or more, or none when unknown
     places : (B,) array, place of each beat in its bar; empty when unknown
     meter : int, beats in a bar; 0 when unknown
     """
@@ -81,20 +81,23 @@ def _take(
 ) -> Take:  # fmt: skip
     """A take of a motion whose first frame is at `offset` seconds of the music that `track` belongs to."""
     take = Take(name, _kept(name, motion), dance)
-    if track is None:
+    inside = np.zeros(0, bool)
+    if track is not None:
+        inside = (track.times >= offset) & (track.times <= offset + take.seconds)
+    if track is None or inside.sum() < 2:
         return take
-    inside = (track.times >= offset) & (track.times <= offset + take.seconds)
     places = _NO_PLACES if track.bar_places is None else track.bar_places[inside]
     bar = 0 if track.bar_places is None else meter or meter_of(track, dance)
     return replace(take, beats=track.times[inside] - offset, places=places, meter=bar)
 
 
 def meter_of(track: BeatTrack, dance: str = "") -> int:
-    """Beats in a bar of a track whose places are known: those of the dance if they fit, else as many as occur; or 0."""
+    """Beats in a bar of a track: as many places as occur, or those of the dance where no bar is whole; 0: unknown."""
     places = track.bar_places
     counted = 0 if places is None or places.size == 0 else int(places.max()) + 1
     usual = DANCES[dance].meter if dance in DANCES else 0
-    return usual if usual >= counted > 0 else counted
+    is_short = places is not None and places.size < usual  # less than a bar does not show all of its places
+    return usual if is_short and counted else counted
 
 
 def _kept(name: str, motion: Motion) -> Motion:
@@ -133,10 +136,11 @@ class ReadTakes:
     notes: tuple[str, ...]
 
 
-def read_takes(roots: Iterable[PathLike], *, progress: Progress = silent) -> ReadTakes:
+def read_takes(roots: Iterable[PathLike], *, scale: float | None = None, progress: Progress = silent) -> ReadTakes:
     """The takes in corpora: folders of recordings, or folders of bare motion files, or such files.
 
     The music of recordings is not read: without annotated beats a recording is a bare motion, and is cut at its rests.
+    `scale` is metres in one unit of the motion files; None as in `harmolab.io.motion.load_motion`.
 
     Raises
     ------
@@ -149,7 +153,7 @@ def read_takes(roots: Iterable[PathLike], *, progress: Progress = silent) -> Rea
         before = len(takes)
         for path in progress(_paths(root), f"reading {root.name}"):
             try:
-                takes.append(_read(path, root))
+                takes.append(_read(path, root, scale))
             except (ValueError, FileNotFoundError) as error:
                 notes.append(str(error))
         if len(takes) == before:
@@ -162,15 +166,15 @@ def _paths(root: Path) -> list[Path]:
     """The recordings' folders at or below `root`; without any the motion files there."""
     if root.is_file():
         return [root]
-    found = find_recordings(root)
-    if found.folders:
-        return list(found.folders)
+    recordings = find_recordings(root)
+    if recordings.folders:
+        return list(recordings.folders)
     return sorted(path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
 
 
-def _read(path: Path, root: Path) -> Take:
+def _read(path: Path, root: Path, scale: float | None) -> Take:
     """The take in a recording's folder or in a motion file."""
-    motion = load_any_motion(path)
+    motion = load_any_motion(path, scale=scale)
     if path.is_file():
         name = path.stem if path == root else path.relative_to(root).with_suffix("").as_posix()
         return _take(name, motion)

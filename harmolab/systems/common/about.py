@@ -1,4 +1,4 @@
-"""What a system says about itself on disk: ``<stem>.json`` beside its numbers. Reading it needs no torch.
+"""The description of a system on disk: ``<stem>.json`` beside its numbers. Reading it needs no torch.
 
 ``<stem>.json``
     The system, its class, what is needed to build it again, the SHA-256 of the file beside it, and whatever the caller

@@ -1,4 +1,4 @@
-"""How long a dance is: as long as asked for, and no longer than its music."""
+"""Length of a dance: as long as asked for, and no longer than its music."""
 
 from __future__ import annotations
 
