@@ -45,6 +45,7 @@ from .experiments.comparison import (
 from .experiments.comparison import (
     side_by_side as side_by_side,
 )
+from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import (
     auc_table as auc_table,
 )
@@ -102,6 +103,8 @@ from .experiments.long_dances import (
     long_dances as long_dances,
 )
 from .experiments.nulls import null_table as null_table
+from .experiments.own_songs import own_songs as own_songs
+from .experiments.own_songs import song_means as song_means
 from .experiments.quality import (
     motion_measures as motion_measures,
 )

@@ -29,7 +29,7 @@ from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.likeness import likeness
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import BarPattern, HarmonyParams
-from harmolab.systems.common.pose_network import embed_motions
+from harmolab.systems.common.pose_network import embed_windows
 from harmolab.systems.common.threads import one_thread
 from harmolab.types import BeatTrack, FloatArray, Motion
 
@@ -143,15 +143,9 @@ def _measures_of(contest: Contest, motions: list[list[Motion]], excerpts: Sequen
     kinetic = np.array([[kinetic_features(motion) for motion in dances] for dances in motions])
     if not contest.pose_net_name:
         return none | {"kinetic": kinetic}
-    pieces = [piece for dances in motions for motion in dances for piece in _pieces(motion)]
-    poses = embed_motions(pieces, contest.pose_net)
-    return none | {"kinetic": kinetic, "poses": poses.reshape(*values.shape[:2], -1, poses.shape[1])}
-
-
-def _pieces(motion: Motion) -> list[Motion]:
-    """Whole pieces of `PIECE` seconds of what is danced; a shorter dance is one piece."""
-    count = max(1, int(motion.duration / PIECE + 0.1))
-    return [motion.span(place * motion.duration / count, motion.duration / count) for place in range(count)]
+    poses = [[embed_windows([motion], contest.pose_net, seconds=PIECE) for motion in dances] for dances in motions]
+    count = min(len(pieces) for dances in poses for pieces in dances)
+    return none | {"kinetic": kinetic, "poses": np.array([[pieces[:count] for pieces in dances] for dances in poses])}
 
 
 def _key(kind: str, contest: Contest, name: str, contestant: Contestant, excerpts: Sequence[Excerpt], more: Any) -> str:

@@ -12,7 +12,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
@@ -37,8 +37,6 @@ _VELOCITY_SPAN = 0.2
 _WIDTHS = (16, 32, 64)
 # Of training: units in a batch and in an epoch; moments that the network learns to draw.
 _BATCH, _EPOCH_UNITS, _MOMENTS = 32, 256, 8
-
-N = TypeVar("N", bound=Any)
 
 
 def resample(values: Tensor, mask: Tensor, frames: int = FRAMES) -> Tensor:
@@ -127,34 +125,34 @@ def embed_meters(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -
     ValueError
         If the motions are not as many as the units, or move other joints than the pose network's.
     """
-    pairs = list(zip(motions, units.units, strict=True))
-    firsts = [round(unit.n_prior * pose_net.fps / unit.fps) for _, unit in pairs]
-    codes = [_code(motion, pose_net)[first:] for (motion, _), first in zip(pairs, firsts, strict=True)]
-    return _embedded(codes, pose_net)
+    codes = [_meter_code(motion, unit, pose_net) for motion, unit in zip(motions, units.units, strict=True)]
+    mask = nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
+    return pose_net.eval().embed(nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
 
 
 @torch.no_grad()
-def embed_motions(motions: Sequence[Motion], pose_net: PoseNet) -> FloatArray:
-    """Pose network's features (N, D) of whole motions, as of meters (`embed_meters`); ValueError for other joints."""
-    return _embedded([_code(motion, pose_net) for motion in motions], pose_net)
+def embed_windows(motions: Sequence[Motion], pose_net: PoseNet, *, seconds: float) -> FloatArray:
+    """Pose network's features (N, D) of all whole pieces of so many seconds, one motion after the other.
+
+    Motions are coded whole and then cut, since the heading is smoothed over time; they have the network's joints.
+    """
+    length, pieces = round(seconds * pose_net.fps), []
+    for motion in motions:
+        same = resample_motion(motion, pose_net.fps)
+        code = torch.from_numpy(encode_motion(same.positions, same.fps, same.skeleton))
+        pieces += list(code[: len(code) // length * length].split(length))
+    batch = torch.stack(pieces)
+    return pose_net.eval().embed(batch, torch.ones(batch.shape[:2])).double().numpy()
 
 
-def _embedded(codes: Sequence[Tensor], pose_net: PoseNet) -> FloatArray:
-    """Features (N, D) of motion codes (T, C) of any lengths."""
-    mask = nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
-    values: FloatArray = (
-        pose_net.eval().embed(nn.utils.rnn.pad_sequence(list(codes), batch_first=True), mask).double().numpy()
-    )
-    return values
-
-
-def _code(motion: Motion, pose_net: PoseNet) -> Tensor:
-    """Motion code (T, C) of a motion at the frame rate of the pose network."""
+def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> Tensor:
+    """Motion code (T, C) of a unit's meter at the frame rate of the pose network."""
     if motion.skeleton.joints != pose_net.skeleton.joints:
         joints = ", ".join(motion.skeleton.joints)
-        raise ValueError(f"the motion must have the joints of the pose network, got {joints}")
+        raise ValueError(f"{unit.name}: the motion must have the joints of the pose network, got {joints}")
     same = resample_motion(motion, pose_net.fps)
-    return torch.from_numpy(encode_motion(same.positions, same.fps, same.skeleton))
+    code = encode_motion(same.positions, same.fps, same.skeleton)
+    return torch.from_numpy(code[round(unit.n_prior * same.fps / unit.fps) :])
 
 
 def _block(n_in: int, n_out: int) -> nn.Sequential:
@@ -194,28 +192,6 @@ def train_pose_net(
     ValueError
         Without units on either side, or for fewer than one epoch.
     """
-    return train_on_lesson(
-        lambda: PoseNet(train.skeleton, fps=train.features.fps), train, validation, seed=seed, epochs=epochs,
-        progress=progress,
-    )  # fmt: skip
-
-
-def train_on_lesson(
-    build: Callable[[], N],
-    train: UnitSet,
-    validation: UnitSet,
-    *,
-    seed: int,
-    epochs: int,
-    progress: Callable[[dict[str, float]], None],
-) -> N:
-    """A network of motion that learnt the three tasks of `train_pose_net`, whose parameters and errors these are too.
-
-    Parameters
-    ----------
-    build : function() -> network with fresh weights
-        It has ``motion_scale``, a `Normaliser` of motion codes, and ``embed(motion, mask)``: (N, 32) embeddings.
-    """
     if not len(train) or not len(validation) or epochs < 1:
         sizes = f"{len(train)} units, {len(validation)} validation units and {epochs} epochs"
         raise ValueError(f"a pose network needs units, validation units and epochs, got {sizes}")
@@ -224,7 +200,7 @@ def train_on_lesson(
         pairs = ((batch.motion, batch.mask) for batch in (collate(train.units), collate(validation.units)))
         motion, mask, test_motion, test_mask = (torch.from_numpy(array) for pair in pairs for array in pair)
         labels = _labels(train.units)
-        net = build()
+        net = PoseNet(train.skeleton, fps=train.features.fps)
         net.motion_scale.set(*channel_statistics(motion, mask))
         lesson = _Lesson(net, labels.shape[1])
         test = lesson.damaged(test_motion, test_mask)  # the same damage in every epoch
@@ -235,8 +211,7 @@ def train_on_lesson(
             loss = _epoch(lesson, optimiser, motion, mask, labels)
             schedule.step()
             with torch.no_grad():
-                tested = float(sum(lesson.eval().losses(test_motion, test, test_mask, None)))
-            lesson.train()
+                tested = float(sum(lesson.losses(test_motion, test, test_mask, None)))
             if tested < least:
                 least, state = tested, copy.deepcopy(net.state_dict())
             progress({"epoch": epoch, "train": loss, "validation": tested})
@@ -279,7 +254,7 @@ def _cut(motion: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
 class _Lesson(nn.Module):
     """The network and the heads that it learns with; the heads are not kept."""
 
-    def __init__(self, net: Any, n_labels: int) -> None:
+    def __init__(self, net: PoseNet, n_labels: int) -> None:
         super().__init__()
         self.net = net
         self.group_head, self.intact_head = nn.Linear(EMBEDDING, n_labels), nn.Linear(EMBEDDING, 1)
