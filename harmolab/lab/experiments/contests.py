@@ -20,6 +20,7 @@ from harmolab.lab.experiments.generation import (
 )
 from harmolab.lab.experiments.songs import (
     RECORDED_SONGS,
+    SECONDS,
     SYNTHETIC_SONGS,
     Excerpt,
     recorded_songs,
@@ -127,6 +128,11 @@ def contests(profile: RunProfile, trainings: int) -> list[Contest]:
 
     Of a recorded corpus those of its songs are danced that have units on the test side; for systems trained on another
     corpus all of its songs.
+
+    Raises
+    ------
+    ValueError
+        If no recording of a corpus that systems are trained on is long enough to be danced to.
     """
     music, songs = seven_dances(profile)
     planted = songs if music == SYNTHETIC_SONGS else synthetic_songs(profile)
@@ -135,6 +141,10 @@ def contests(profile: RunProfile, trainings: int) -> list[Contest]:
         is_planted = corpus == SYNTHETIC
         recorded = recorded_songs(profile, None if is_planted else _split(profile, corpus))
         dancers = tuple(planted if is_planted else recorded)
+        if not dancers:
+            raise ValueError(
+                f"{corpus}: no recording has {SECONDS:g} s of movement in a row; dances need some beside them"
+            )
         rows.append(Contest(profile, corpus, music, tuple(songs), dancers, trainings))
         if recorded:
             rows.append(Contest(profile, corpus, RECORDED_SONGS, tuple(recorded), dancers, trainings))
