@@ -142,9 +142,7 @@ def contests(profile: RunProfile, trainings: int) -> list[Contest]:
         recorded = recorded_songs(profile, None if is_planted else _split(profile, corpus))
         dancers = tuple(planted if is_planted else recorded)
         if not dancers:
-            raise ValueError(
-                f"{corpus}: no recording has {SECONDS:g} s of movement in a row; dances need some beside them"
-            )
+            raise ValueError(f"{corpus}: no recording has {SECONDS:g} s of movement in a row to compare with")
         rows.append(Contest(profile, corpus, music, tuple(songs), dancers, trainings))
         if recorded:
             rows.append(Contest(profile, corpus, RECORDED_SONGS, tuple(recorded), dancers, trainings))

@@ -24,6 +24,7 @@ COMPARED: Mapping[str, str] = MappingProxyType(
 )
 WIDE, THIN = 0.72, 0.34  # of bars, of the place of a system
 GAP = 0.8  # places between systems and what needs no training
+STEP = 0.8  # places from one of these to the next
 _COLOURS: Mapping[str, str] = MappingProxyType(
     {
         "HarmoGAN": LOOKS["paper"].colour,
@@ -45,7 +46,7 @@ def draw_compared(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
     """
     systems = [row for row in rows if row["kind"] not in ("recorded", "pieces")]
     cheap = [row for row in rows if row["kind"] in ("recorded", "pieces")]
-    places = [*range(len(systems)), *(len(systems) + GAP + np.arange(len(cheap)) * 0.62)]
+    places = [*range(len(systems)), *(len(systems) + GAP + np.arange(len(cheap)) * STEP)]
     for place, row in zip(places, [*systems, *cheap], strict=True):
         _draw_bar(ax, row, float(place), measure, thin=row in cheap)
     names = [str(row["system"]) for row in (*systems, *cheap)]
@@ -92,7 +93,7 @@ def comparison_figure(rows: Iterable[Record]) -> Figure:
     contests: dict[tuple[str, str], list[Record]] = {}
     for row in rows:
         contests.setdefault((row["music"], row["corpus"]), []).append(row)
-    size = (15.0, 4.5 * len(contests) + 0.5)
+    size = (17.0, 4.5 * len(contests) + 0.5)
     with styled_axes(size, len(contests), len(COMPARED)) as (figure, axes):
         for line, ((music, corpus), records) in enumerate(contests.items()):
             panels = axes[line * len(COMPARED) : (line + 1) * len(COMPARED)]
