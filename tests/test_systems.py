@@ -373,7 +373,7 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
     ("stranger", "message"),
     [
         ("polka", "unknown system 'polka'; there are choreographer, harmogan"),
-        ("polka", "unknown system 'polka'; there are harmogan, ren2020"),
+        ("polka", "unknown system 'polka'; there are choreographer, harmogan, lee2019, ren2020"),
         ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
         (f"{__name__}:Nobody", "has no class Nobody"),
         ("json:dumps", "json has no class dumps"),
