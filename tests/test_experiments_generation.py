@@ -30,9 +30,9 @@ from harmolab.lab.experiments.generation import (
 from harmolab.lab.experiments.judging import RECORDED, judge, recorded_motions
 from harmolab.lab.experiments.long_dances import dance_limits, danced_song, long_dances
 from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.motion_code import turned
 from harmolab.systems.common.pose_network import embed_meters
-from harmolab.systems.common.weights import read_about
 from harmolab.systems.harmogan.generate import generate_units
 from harmolab.types import Motion, Skeleton
 

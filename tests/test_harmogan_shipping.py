@@ -10,11 +10,12 @@ import torch
 
 from harmolab import synthetic_clip
 from harmolab.kinematics import resample_motion
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.motion_code import bone_lengths, encode_motion
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.systems.common.weights import read_about, save_weights
+from harmolab.systems.common.weights import save_weights
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.harmogan.shipping import ship

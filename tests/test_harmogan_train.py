@@ -13,11 +13,11 @@ import pytest
 import torch
 from lightning_fabric import Fabric
 
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.phases import fit, make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
 from harmolab.systems.common.shards import Batching, Tensors, epoch_order, total_loss
 from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import read_about
 from harmolab.systems.harmogan import train as harmogan
 from harmolab.systems.harmogan.networks import GeneratorOutput, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams

@@ -31,6 +31,9 @@ from .experiments.cheating import (
 from .experiments.cheating import (
     trick_means as trick_means,
 )
+from .experiments.choreography import choreography_summary as choreography_summary
+from .experiments.choreography import choreography_table as choreography_table
+from .experiments.choreography import seam_jerk as seam_jerk
 from .experiments.discrimination import (
     auc_table as auc_table,
 )

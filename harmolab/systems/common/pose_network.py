@@ -20,11 +20,12 @@ from torch.nn import functional
 
 from harmolab.io.files import PathLike
 from harmolab.kinematics import resample_motion
+from harmolab.systems.common.about import stored_skeleton
 from harmolab.systems.common.layers import Normaliser, channel_statistics
 from harmolab.systems.common.motion_code import encode_motion
 from harmolab.systems.common.torch_code import PATH_CHANNELS
 from harmolab.systems.common.units import DanceUnit, UnitSet, collate
-from harmolab.systems.common.weights import load_weights, stored_skeleton
+from harmolab.systems.common.weights import load_weights
 from harmolab.types import FloatArray, Motion, Skeleton
 
 # Frames that every clip is brought to, whatever its length and frame rate.

@@ -12,11 +12,12 @@ import numpy as np
 
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.params import DANCES
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.motion_code import encode_motion
 from harmolab.systems.common.pose_network import load_pose_net
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, retimed, save_poses
-from harmolab.systems.common.weights import read_about, save_weights
+from harmolab.systems.common.weights import save_weights
 from harmolab.systems.harmogan.networks import Generator, load_generator
 
 SECONDS = 24.0  # of each dance

@@ -13,11 +13,12 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
+from harmolab.systems.common.about import stored_skeleton
 from harmolab.systems.common.dancing import Heard
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import Normalised, Normaliser, parameter_count
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, local_joints
-from harmolab.systems.common.weights import stored_skeleton, whole
+from harmolab.systems.common.weights import whole
 from harmolab.systems.lee2019.generate import danced_units
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.lee2019.parts import (
