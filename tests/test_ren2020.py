@@ -59,7 +59,7 @@ from harmolab.systems.ren2020.terms import (
     perceptual_loss,
     pose_loss,
 )
-from harmolab.systems.ren2020.train import train_ren2020
+from harmolab.systems.ren2020.train import players, train_ren2020
 from harmolab.types import Skeleton
 from tests import tiny_training as tiny
 
@@ -494,6 +494,15 @@ def test_players_have_rates_of_their_own(units: Tensors, tmp_path: Path):
     fit(make_fabric(accelerator="cpu"), [phase], units, Batching(len(units)), tmp_path)
     assert float(slow.detach()) == pytest.approx(-3e-4, rel=1e-3)
     assert float(fast.detach()) == pytest.approx(-5e-4, rel=1e-3)
+
+
+def test_the_generator_steps_first_and_losses_and_rates_are_as_released():
+    generator, local, overall = players(networks_of(), RenParams())
+    assert [each.name for each in (generator, local, overall)] == ["generator", "local", "overall"]
+    assert generator.weights == {"pose": 200.0, "perceptual": 1.0, "feature": 1.0, "local": 1.0, "global": 1.0}
+    assert local.weights == {"critic_local": 0.5} and overall.weights == {"critic_global": 0.5, "penalty": 1.0}
+    assert [3e-4 * each.pace for each in (generator, local, overall)] == pytest.approx([3e-4, 3e-4, 5e-4])
+    assert (RenParams().epochs, RenParams().batch_size) == (400, 16)
 
 
 # Training
