@@ -1,4 +1,4 @@
-"""Cost of the relaxed harmony in training: its forward and backward pass as a share of one step of the generator.
+"""Cost of relaxed harmony, path and spread in training: forward and backward as a share of one step of the generator.
 
 A batch of 10 clips of 60 frames, 23 joints, 10 music beats, on one thread. The step is forward and backward through
 the `small` generator with the reconstruction loss alone; the real one also has discriminators, so the share is an
@@ -16,6 +16,7 @@ from benchmarks.timing import best_of
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.soft_harmony import soft_harmony
+from harmolab.systems.harmogan.natural_terms import path_loss, spread_loss
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.harmogan.terms import charbonnier_mse
@@ -45,6 +46,20 @@ def harmony_pass(params: HarmonyParams, tau: float) -> Callable[[], object]:
     return work
 
 
+def variety_pass() -> Callable[[], object]:
+    """Forward and backward of path and spread of random walks."""
+    torch.manual_seed(0)
+    recorded = (0.03 * torch.randn(N_CLIPS, N_FRAMES, N_JOINTS, 3)).cumsum(dim=1)
+    joints, counted = recorded.flip(0).requires_grad_(), torch.ones(N_CLIPS, N_FRAMES)
+
+    def work() -> Tensor:
+        loss = spread_loss(joints, recorded, counted, fps=FPS, ankles=(0, 1))
+        loss = loss + path_loss(joints[:, :, 0], recorded[:, :, 0], counted)
+        return torch.autograd.grad(loss, joints)[0]
+
+    return work
+
+
 def generator_step() -> Callable[[], object]:
     """Forward and backward of the small generator, and Adam's step."""
     torch.manual_seed(0)
@@ -66,11 +81,12 @@ def generator_step() -> Callable[[], object]:
 
 
 def measure() -> dict[str, float]:
-    """Milliseconds of all modes at the first and last softness, of the generator's step, and the larger shares."""
+    """Milliseconds of all modes at the first and last softness, of variety and the generator's step, and all shares."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         step = best_of(generator_step(), 10)
+        variety = best_of(variety_pass(), 50)
         times = {(mode, tau): best_of(harmony_pass(MODES[mode], tau), 50) for mode in MODES for tau in (0.5, 0.05)}
     finally:
         torch.set_num_threads(threads)
@@ -79,7 +95,8 @@ def measure() -> dict[str, float]:
         f"soft harmony, {mode}, against the step (ratio)": max(times[mode, 0.5], times[mode, 0.05]) / step
         for mode in MODES
     }
-    return {**figures, "training step of the small generator (ms)": step, **shares}
+    figures |= {"path and spread (ms)": variety, "training step of the small generator (ms)": step}
+    return {**figures, **shares, "path and spread, against the step (ratio)": variety / step}
 
 
 if __name__ == "__main__":

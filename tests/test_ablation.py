@@ -241,7 +241,11 @@ def test_danced_unit_holds_all_dancers_their_music_and_what_they_reached(stubs: 
     assert list(danced.beats.times) == list(0.25 + 0.5 * np.arange(8))
     assert danced.scores["recommended"].harmony_above_chance == pytest.approx(1.0)
     assert danced.scores["paper"].hits.sum() == 0
-    assert danced.verdicts["recorded"] == "4 of 4 beats met with 4 of its own, harmony above chance +1.00"
+    # A single joint is all path.
+    assert danced.verdicts["recorded"] == (
+        "4 of 4 beats met with 4 of its own, harmony above chance +1.00 (a statue on this path +1.00)"
+    )
+    assert danced.statues["paper, without"] == 0.0
 
 
 def test_unit_that_is_not_there_is_refused_with_those_that_are(stubs: UnitSet):

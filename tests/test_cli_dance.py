@@ -92,8 +92,11 @@ def test_table_begins_with_the_number_and_names_every_score_of_the_paper_beside_
     dance: Callable[..., Result], tmp_path: Path
 ) -> None:
     output = dance(tmp_path / "dance.npz").output
-    assert output.startswith("seed 0: Cannot tell: ")  # two seconds hold too few beats for a number
-    assert re.search(r"harmony above chance\W+-\W+level, 0 to 4\W+0\b", output)
+    assert output.startswith(
+        "seed 0: Too short to be judged: 10 s of movement are needed, these are 2 s.\n  Cannot tell: "
+    )
+    assert re.search(r"harmony above chance\W+-\W+looks like dancing\W+too short", output)
+    assert re.search(r"level, 0 to 4\W+0\b", output)
     for name in ("paper: harmony", "paper: hit rate", "paper: chance"):
         assert re.search(rf"{name}\W+-?\d", output), name
     for name in ("visual beats M", "music beats N", "pulse", "share inside the body", "jerk", "foot skating"):
@@ -177,10 +180,11 @@ def test_installation_without_weights_says_how_to_get_some(
     song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(harmolab, "__file__", str(tmp_path / "harmolab" / "__init__.py"))
-    result = CliRunner().invoke(app, ["dance", str(song), "--out", str(tmp_path / "x.npz")])
+    arguments = ["dance", str(song), "--system", "harmogan", "--out", str(tmp_path / "x.npz")]
+    result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 2
-    assert "no weights are shipped" in result.stderr
-    assert "harmolab train DATA --out RUN" in result.stderr
+    assert "no weights are shipped for --system harmogan" in result.stderr
+    assert "harmolab train DATA --system harmogan --out RUN" in result.stderr
 
 
 def test_page_without_its_library_is_refused_before_any_work(

@@ -59,7 +59,7 @@ def test_train_is_a_command_of_harmolab():
 def test_help_teaches(run: Run):
     shown = " ".join(run("--help").stdout.split())
     for told in (
-        "225 epochs of pretraining, then 45 adversarial ones", "split.json says how", "history.csv has every loss term",
+        "16 epochs of pretraining and 16 adversarial ones", "split.json says how", "history.csv has every loss term",
         "tensorboard --logdir RUN", "--resume goes on where the run was, after a kill too", "0 is the ablation",
         "harmolab train DATA --out without --harmony-weight 0 --pretrained with", "harmolab dance SONG --weights RUN",
         "small (1 M parameters, a laptop) or paper (8 M)", "harmolab data check", "torchrun --nproc-per-node 2",

@@ -29,10 +29,11 @@ from harmolab.lab.experiments.generation import (
 )
 from harmolab.lab.experiments.judging import RECORDED, judge, recorded_motions
 from harmolab.lab.experiments.long_dances import dance_limits, danced_song, long_dances
+from harmolab.lab.experiments.own_songs import own_songs, song_means
 from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.motion_code import turned
 from harmolab.systems.common.pose_network import embed_meters
-from harmolab.systems.common.weights import read_about
 from harmolab.systems.harmogan.generate import generate_units
 from harmolab.types import Motion, Skeleton
 
@@ -208,6 +209,28 @@ def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(
     assert set(dances["song"]) <= songs and set(dances["variant"]) == set(VARIANTS)
     assert (dances["seconds"] > 9).all() and dances["bones"].max() < 1e-6
     assert (dances[["jump", "skating", "jerk", "count_ratio"]] > 0).all(axis=None)
+    assert dances["guard"].isin([0.0, 1.0]).all()
+    assert ((dances["fails"] == "") == (dances["guard"] == 1)).all()
+    assert (dances[["body_above_chance", "statue_above_chance"]].abs() <= 1).any(axis=None)
+
+
+def test_songs_of_their_own_are_danced_to_by_people_choreographer_and_generators(paper: generation.Trained):
+    rows = own_songs(PROFILE)
+    kinds = ["recorded", "choreographer", "recommended, seed 1", "paper, seed 1"]
+    assert rows["motion"].unique().tolist() == kinds
+    assert rows.groupby("motion")["song"].nunique().nunique() == 1
+    recorded = rows[rows["motion"] == "recorded"]
+    assert (recorded["body"] > 0.5).all() and recorded["spread"].min() > 5
+    assert song_means(rows)["motion"].tolist() == ["recorded", "choreographer", "recommended", "paper"]
+
+
+def test_recordings_left_out_are_in_no_unit_of_the_split(paper: generation.Trained):
+    features = VARIANTS["paper"].features
+    units = [unit for side in ("train", "validation", "test") for unit in getattr(paper.split, side).units]
+    name = units[0].sequence.rpartition("/")[2]
+    split = training_split(PROFILE, SYNTHETIC, features, (name,))
+    left = [unit for side in ("train", "validation", "test") for unit in getattr(split, side).units]
+    assert left and not any(unit.sequence.endswith(name) for unit in left)
 
 
 def test_a_dance_beyond_a_limit_is_counted():

@@ -191,6 +191,13 @@ def test_validation_starts_at_the_end_of_pretraining(ax: Axes):
     assert ax.get_ylim() == (0.0, 1.0)
 
 
+def test_each_variant_is_validated_from_the_end_of_its_own_pretraining(ax: Axes):
+    longer = [{**row, "variant": "recommended"} for row in COURSES[:5]] + course("recommended", harmony=2.0)
+    draw_validated(ax, course("paper", harmony=-0.5) + longer, "val_harmony")
+    for line in ax.lines:
+        np.testing.assert_array_equal(line.get_xdata(), [0, 1, 2, 3])
+
+
 @pytest.mark.parametrize(("column", "level"), [("val_above_chance", 0.0), ("val_count_ratio", 1.0)])
 def test_chance_and_one_beat_for_one_are_dotted(ax: Axes, column: str, level: float):
     draw_validated(ax, COURSES, column)
@@ -203,7 +210,9 @@ def test_validation_has_the_papers_scores_and_what_they_do_not_tell():
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
         "paper's harmony h",
         "paper's hit rate",
-        "harmony above chance",
+        "harmony above chance, in the room",
+        "harmony above chance, in the body",
+        "spread of poses / recorded",
         "beats danced / heard",
     ]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +12,16 @@ import torch
 
 from harmolab import synthetic_clip
 from harmolab.kinematics import resample_motion
+from harmolab.lab.experiments.locked import statue_on_turntable
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.motion_code import bone_lengths, encode_motion
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.systems.common.weights import read_about, save_weights
+from harmolab.systems.common.weights import save_weights
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.systems.harmogan.shipping import ship
+from harmolab.systems.harmogan.shipping import best_run, ship, standing
 from harmolab.types import Motion
 
 FPS, FRAMES = 15.0, 25
@@ -75,6 +79,29 @@ def test_shipping_twice_gives_the_same_files(shipped: Path, run: Path, tmp_path:
     np.testing.assert_array_equal(again.poses, load_poses(shipped / "model").poses)
     for file in shipped.glob("*[lt].safetensors"):  # the bank's header lists its entries in any order
         assert (tmp_path / "again" / file.name).read_bytes() == file.read_bytes(), file.name
+
+
+def test_who_looks_like_dancing_stands_above_who_keeps_time():
+    clip = synthetic_clip("waltz", seconds=20.0, seed=2)
+    assert clip.motion is not None and clip.beats is not None
+    turning = statue_on_turntable(clip.motion, clip.beats)
+    late = replace(clip.beats, times=clip.beats.times + 0.25, duration=clip.beats.duration + 0.25)
+    dancer, sleepy, figurine = (
+        standing([dance, dance])
+        for dance in (
+            (clip.motion, clip.beats, "waltz"), (clip.motion, late, "waltz"), (turning, clip.beats, "waltz")
+        )
+    )  # fmt: skip
+    assert dancer > sleepy > figurine
+    assert dancer[:2] == sleepy[:2] and dancer[2] > 0.8 > sleepy[2]
+    assert figurine[0] == 0 and figurine[1] < dancer[1]
+
+
+def test_of_equal_runs_the_first_is_best(run: Path, tmp_path: Path):
+    clip = synthetic_clip("waltz", seconds=12.0, seed=2)
+    again = Path(shutil.copytree(run, tmp_path / "again"))
+    assert best_run([again, run], [clip], seconds=10.0) == again
+    assert best_run([run, again], [clip], seconds=10.0) == run
 
 
 def test_an_incomplete_run_is_not_shipped(tmp_path: Path):

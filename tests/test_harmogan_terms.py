@@ -9,17 +9,15 @@ from torch import Tensor
 
 from harmolab.systems.common.shards import total_loss
 from harmolab.systems.common.soft_harmony import SoftHarmony
+from harmolab.systems.harmogan.natural_terms import energy_loss, foot_loss, jerk_loss
 from harmolab.systems.harmogan.terms import (
     above_chance_loss,
     adversarial_value,
     charbonnier_mse,
     discriminator_loss,
-    energy_loss,
     feature_loss,
-    foot_loss,
     generator_gan_loss,
     harmony_loss,
-    jerk_loss,
     kl_loss,
 )
 

@@ -13,17 +13,19 @@ import pytest
 import torch
 from lightning_fabric import Fabric
 
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.phases import fit, make_fabric
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
 from harmolab.systems.common.shards import Batching, Tensors, epoch_order, total_loss
 from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import read_about
+from harmolab.systems.common.torch_code import local_joints
 from harmolab.systems.harmogan import train as harmogan
 from harmolab.systems.harmogan.networks import GeneratorOutput, load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.steps import (
     Danced,
     Networks,
+    body_joints,
     danced,
     discriminator_terms,
     generator_terms,
@@ -36,7 +38,9 @@ from tests import tiny_training as tiny
 
 PAPER: TrainParams = tiny.PAPER
 RECOMMENDED: TrainParams = tiny.RECOMMENDED
-OTHERS = [f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot")]  # beside pose and harmony
+OTHERS = [
+    f"{name}_weight" for name in ("feature", "gan", "smoothness", "energy", "foot", "path", "spread")
+]  # beside pose and harmony
 MODEL: ModelParams = tiny.MODEL
 
 
@@ -181,12 +185,12 @@ def test_terms_are_those_of_equation_32(networks: Networks, batch: Tensors):
     assert set(discriminator_terms(networks, made, batch, PAPER)) == {"critic_cd", "critic_st"}
 
 
-def test_the_ablation_has_no_harmony_term_and_ours_has_three_more(networks: Networks, batch: Tensors):
+def test_the_ablation_has_no_harmony_term_and_ours_has_five_more(networks: Networks, batch: Tensors):
     made = danced(networks.generator, batch)
     without = generator_terms(networks, made, batch, replace(PAPER, harmony_weight=0.0), 0.5)
     assert set(without) == {"kl", "mse", "feature", "gan"}
     ours = generator_terms(networks, made, batch, RECOMMENDED, 0.5)
-    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
+    assert set(ours) == {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
 
 
 def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
@@ -269,6 +273,46 @@ def test_every_term_has_a_gradient_in_the_generator(networks: Networks, batch: T
         generator_terms(networks, made, batch, RECOMMENDED, 0.5)[name].backward()
         used = [part.grad.abs().max() for part in networks.generator.parameters() if part.grad is not None]
         assert used and torch.stack(used).max() > 0, name
+
+
+def changed(batch: Tensors, part: slice, frames: torch.Tensor) -> Danced:
+    """The recorded motion, but for noise on some channels at the frames (N, T) that are 1."""
+    torch.manual_seed(0)
+    noise = torch.zeros_like(batch.motion)
+    noise[..., part] = 0.2 * torch.randn_like(noise[..., part])
+    motion = batch.motion + noise * frames[..., None]
+    return Danced(GeneratorOutput(motion, local_joints(motion)[..., :2]))
+
+
+JOINTS, PATH = slice(None, -3), slice(-3, None)
+
+
+@pytest.mark.parametrize(("frame", "same"), [("body", True), ("room", False)])
+def test_harmony_of_the_body_is_the_same_on_any_path(networks: Networks, batch: Tensors, frame: str, same: bool):
+    params = replace(RECOMMENDED, harmony_frame=frame)
+    still, moved = (
+        generator_terms(networks, changed(batch, PATH, frames), batch, params, 0.5)
+        for frames in (torch.zeros_like(batch.mask), batch.mask)
+    )
+    for name in ("harmony", "energy"):
+        assert (float(moved[name]) == pytest.approx(float(still[name]), abs=1e-6)) == same, name
+    assert moved["path"] > still["path"] == 0
+    assert moved["spread"] == still["spread"]
+
+
+def test_path_and_spread_look_at_the_meter_alone(networks: Networks, batch: Tensors):
+    before = generator_terms(networks, changed(batch, slice(None), batch.index), batch, RECOMMENDED, 0.5)
+    within = generator_terms(networks, changed(batch, slice(None), 1 - batch.index), batch, RECOMMENDED, 0.5)
+    assert before["path"] == 0 and within["path"] > 0
+    assert before["spread"] < 1e-5 < within["spread"]
+
+
+def test_the_body_is_seen_from_its_root(networks: Networks, batch: Tensors):
+    joints = body_joints(networks.generator, batch.motion)
+    assert torch.equal(joints[:, :, 0], torch.zeros_like(joints[:, :, 0]))
+    raised = batch.motion.clone()
+    raised[..., 1:-3:3] += torch.rand(*raised.shape[:2], 1)  # a jump
+    torch.testing.assert_close(body_joints(networks.generator, raised), joints)
 
 
 def test_total_is_the_terms_by_the_weights_of_section_5_2(
@@ -367,7 +411,8 @@ class _Echo(torch.nn.Module):
         super().__init__()
         self.known = networks.generator
         self.motion = motion
-        self.fps, self.motion_scale, self.positions = self.known.fps, self.known.motion_scale, self.known.positions
+        self.fps, self.skeleton, self.motion_scale = self.known.fps, self.known.skeleton, self.known.motion_scale
+        self.positions = self.known.positions
 
     def forward(self, audio: torch.Tensor, initial: torch.Tensor) -> GeneratorOutput:
         return GeneratorOutput(self.motion, self.motion[..., :2])
@@ -378,7 +423,9 @@ def test_recorded_motion_is_validated_without_error(split: Split, networks: Netw
     found = validate(_Echo(networks, units.motion), units, PAPER)
     # Nothing differs, so every frame adds epsilon.
     assert found["val_mse"] == pytest.approx(1e-3 * float(units.mask.sum()) / len(units), rel=1e-3)
-    assert set(found) == {"val_mse", "val_harmony", "val_hit_rate", "val_above_chance", "val_count_ratio"}
+    names = ("mse", "harmony", "hit_rate", "above_chance", "body_above_chance", "count_ratio", "spread", "turning")
+    assert list(found) == [f"val_{name}" for name in names]
+    assert found["val_spread"] == found["val_turning"] == pytest.approx(1)
     assert 0 < found["val_hit_rate"] <= 1 and found["val_count_ratio"] > 0
 
 
@@ -425,7 +472,7 @@ def test_the_history_has_a_row_an_epoch(finished: tuple[Path, list[Any]]):
         *(("pretrain", str(epoch)) for epoch in range(3)),
         *(("adversarial", str(epoch)) for epoch in range(3, 6)),
     ]
-    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot"}
+    terms = {"kl", "mse", "feature", "gan", "harmony", "smoothness", "energy", "foot", "path", "spread"}
     terms |= {"critic_st", "total"}
     assert "critic_cd" not in rows[-1]  # its weight is 0
     assert all(rows[-1][name] for name in terms | {"rate", "tau", "val_mse", "val_harmony"})

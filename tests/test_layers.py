@@ -45,7 +45,13 @@ INSIDE = {
         "timing": {"figures", "widgets", "report"},
         "render": {"timing"},
     },
-    "systems": {"common": set(), "contract": {"common"}, "harmogan": {"common"}, "ren2020": {"common"}},
+    "systems": {
+        "common": set(),
+        "contract": {"common"},
+        "choreographer": {"common"},
+        "harmogan": {"common"},
+        "ren2020": {"common"},
+    },
 }
 LIBRARIES = {
     "torch": ("systems", "lab.timing.harmonise"),

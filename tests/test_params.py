@@ -33,12 +33,19 @@ def test_training_settings_are_those_of_section_5_2():
 def test_the_paper_has_no_terms_of_ours():
     paper = TrainParams.paper()
     assert (paper.smoothness_weight, paper.energy_weight, paper.foot_weight) == (0, 0, 0)
+    assert (paper.path_weight, paper.spread_weight, paper.harmony_frame) == (0, 0, "room")
 
 
 def test_the_recommended_loss_is_corrected_for_chance():
     ours = TrainParams.recommended()
     assert ours.harmony == "above_chance"
     assert min(ours.harmony_weight, ours.count_weight, ours.smoothness_weight, ours.foot_weight) > 0
+
+
+def test_the_recommended_loss_sees_the_body_and_holds_path_and_variety():
+    ours = TrainParams.recommended()
+    assert ours.harmony_frame == "body"
+    assert (ours.path_weight, ours.spread_weight, ours.energy_weight, ours.gan_weight) == (1, 0.5, 0.5, 0.1)
 
 
 def test_features_of_the_paper_are_mfcc_at_15_hertz():
@@ -91,6 +98,11 @@ def test_a_rate_cannot_drop_to_nothing(name: str):
 def test_an_unknown_harmony_loss_is_refused():
     with pytest.raises(ValueError, match="harmony must be paper or above_chance, got 'hs'"):
         replace(TrainParams.paper(), harmony="hs")
+
+
+def test_a_frame_that_is_neither_room_nor_body_is_refused():
+    with pytest.raises(ValueError, match="harmony_frame must be room or body, got 'torso'"):
+        replace(TrainParams.paper(), harmony_frame="torso")
 
 
 @pytest.mark.parametrize(("name", "value"), [("fps", 0.0), ("fps", float("nan")), ("n_mfcc", 0)])

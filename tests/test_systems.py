@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -28,7 +29,9 @@ from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
 from harmolab.kinematics import resample_motion
 from harmolab.systems import System, find, load, names
+from harmolab.systems.choreographer import Choreographer
 from harmolab.systems.common import phases as training_loop
+from harmolab.systems.common.about import DEFAULT_STEM, stored_skeleton
 from harmolab.systems.common.audio_features import audio_features
 from harmolab.systems.common.checkpoints import load_state, open_folder
 from harmolab.systems.common.feature_params import FeatureParams
@@ -38,7 +41,7 @@ from harmolab.systems.common.poses_bank import PoseBank
 from harmolab.systems.common.shards import Batching, Tensors
 from harmolab.systems.common.splits import split_units
 from harmolab.systems.common.unit_corpus import load_units
-from harmolab.systems.common.weights import DEFAULT_STEM, load_weights, save_weights, stored_skeleton
+from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.harmogan.system import HarmoGAN
@@ -173,7 +176,12 @@ def tiny_toy() -> Toy:
     return Toy(Swaying(dancer().skeleton).eval())
 
 
+def tiny_choreographer() -> Choreographer:
+    return Choreographer.of([synthetic_clip("waltz", seconds=15.0, fps=30.0, seed=seed) for seed in (1, 2)])
+
+
 SYSTEMS: dict[str, Callable[[], System]] = {
+    "choreographer": tiny_choreographer,
     "harmogan": tiny_harmogan,
     "ren2020": tiny_ren2020,
     TOY: tiny_toy,
@@ -291,9 +299,9 @@ def change(folder: Path, **entries: Any) -> None:
 
 
 def test_damaged_weights_are_refused_by_file(saved: Path, name: str):
-    path = saved / "model.safetensors"
+    (path,) = (file for file in saved.iterdir() if file.stem == DEFAULT_STEM and file.suffix != ".json")
     path.write_bytes(path.read_bytes()[:-9])
-    with pytest.raises(ValueError, match=r"model\.safetensors"):
+    with pytest.raises(ValueError, match=re.escape(path.name)):
         load(saved, system=name if ":" in name else None)
 
 
@@ -346,7 +354,7 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
 @pytest.mark.parametrize(
     ("stranger", "message"),
     [
-        ("polka", "unknown system 'polka'; there are harmogan, ren2020"),
+        ("polka", "unknown system 'polka'; there are choreographer, harmogan, ren2020"),
         ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
         (f"{__name__}:Nobody", "has no class Nobody"),
         ("json:dumps", "json has no class dumps"),

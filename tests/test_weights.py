@@ -13,10 +13,11 @@ import pytest
 import safetensors.torch
 import torch
 
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import Statistics
 from harmolab.systems.common.pose_network import PoseNet, load_pose_net
-from harmolab.systems.common.weights import read_about, save_weights
+from harmolab.systems.common.weights import save_weights
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import Skeleton

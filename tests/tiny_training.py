@@ -36,10 +36,11 @@ PAPER, RECOMMENDED = replace(TrainParams.paper(), **SHORT), replace(TrainParams.
 # 13 training units: batches of 4, 3, 3, 3; of 5, 4, 4; of 13.
 CASES = {
     "paper": PAPER,
-    # Two shards: a dance that goes on from itself makes rounding grow, past 1e-4 within these few epochs.
+    # Two shards: a dance that goes on from itself makes rounding grow, past 1e-4 within these few epochs; and path and
+    # spread compare whole shards.
     "recommended": replace(RECOMMENDED, shards=2),
     "paper_13": replace(PAPER, batch_size=13),
-    "own_music": replace(RECOMMENDED, rollout=False, batch_size=5),
+    "own_music": replace(RECOMMENDED, rollout=False, batch_size=5, shards=2),
     "paper_shards": replace(PAPER, shards=2),
     "recommended_shards": replace(RECOMMENDED, shards=2, batch_size=5),
 }

@@ -42,6 +42,11 @@ def check_unread(context: typer.Context, out: Path) -> None:
     check_output(out, [path for name, value in context.params.items() if name not in OUTPUTS for path in _paths(value)])
 
 
+def is_told(context: typer.Context, name: str) -> bool:
+    """True where a parameter stands on the command line."""
+    return getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+
+
 def _paths(value: Any) -> Iterator[Path]:
     """The paths that a parameter holds: one, several or none."""
     yield from (path for path in (value if isinstance(value, list | tuple) else [value]) if isinstance(path, Path))

@@ -178,7 +178,7 @@ def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
 def check_pages(name: str) -> None:
     """ValueError that begins with `name` unless the library that fills pages is installed."""
     if find_spec("jinja2") is None:
-        raise ValueError(f"{name}: pages need jinja2; install it with: pip install 'harmolab[lab]'")
+        raise ValueError(f"{name}: pages need jinja2; install it with: pip install jinja2")
 
 
 def check_place(out: Path) -> None:

@@ -1,168 +1,210 @@
-"""`harmolab dance`: a song in, a dance out, with the scores of what was made."""
+"""`harmolab dance`: a song in, a dance out, and how well it went."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.checks import check_unread
+from harmolab.cli.checks import check_unread, is_told
 from harmolab.cli.common import (
-    VIDEOS_OUT,
+    AsJson,
     One,
     PatternFile,
+    Scale,
     Song,
-    check_out,
     finding_beats,
     note,
     plain_errors,
     print_music,
-    print_verdict,
+    printable,
     progress,
     recommended,
-    show,
     wrote,
 )
-from harmolab.cli.training import accepted
+from harmolab.cli.dance_files import dance_files, write_files
+from harmolab.cli.dance_report import DanceReport
+from harmolab.cli.dancers import dancer_of
+from harmolab.io.files import plain
 
 if TYPE_CHECKING:
-    from harmolab.lab.widgets.player import Dancer
-    from harmolab.systems import System
-    from harmolab.types import Audio, BeatTrack
+    from harmolab.params import HarmonyParams
+    from harmolab.types import Audio, BeatTrack, Motion
 
-SUFFIXES = (*VIDEOS_OUT, ".html", ".bvh", ".npz")
+FARTHEST = 30.0  # centimetres that --harmonise may move a joint
+CENTIMETRE = 0.01  # metres
+MOST_SEEDS = 4  # that are tried, where none is named, until a dance moves like recorded dancers
 MEANINGS = (
-    "Above chance: the number of `harmolab score`; 0 is a random phase, 1 the best moment on every beat. The share "
-    "inside the body is small for one who only turns and travels. The paper's numbers (T_delay 0.25 s) mean little "
-    "without their chance level."
+    "Moves like people: each number beside those of recorded dancers; what lies far outside FAILS, and then harmony "
+    "means nothing. Harmony above chance: the number of `harmolab score`; 0 is a random phase, 1 the best moment on "
+    "every beat. The paper's numbers (T_delay 0.25 s) mean little without their chance level."
 )
 
 
 def dance(
     context: typer.Context,
     song: Song,
-    out: Annotated[Path, typer.Option(help="mp4 or webm (with sound), html (a player), bvh (Blender) or npz.")],
-    weights: Annotated[
-        Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file (default: those shipped).")
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="mp4 or webm (with sound), html (a player), bvh (Blender) or npz. Left out: SONG_dance.html, .mp4 and "
+            ".bvh in this folder."
+        ),
     ] = None,
-    system: Annotated[
-        str | None, typer.Option(help="System that made the weights; needed for package.module:Class.")
+    corpus: Annotated[
+        Path | None,
+        typer.Option(
+            "--from", help="Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file."
+        ),
     ] = None,
+    scale: Scale = None,
+    style: Annotated[
+        str | None,
+        typer.Option(help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic)."),
+    ] = None,
+    dance: Annotated[
+        str, typer.Option(help="What the music is (waltz, ...): its usual tempo, and the dance to be judged as.")
+    ] = "",
+    one: One = None,
     seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
     start: Annotated[float, typer.Option(help="Audio time in seconds at which it begins.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
-    dance: Annotated[
-        str, typer.Option(help="Start as this dance (waltz, ...), and be judged as one; also a prior for the tempo.")
-    ] = "",
-    pattern: PatternFile = None,
-    one: One = None,
     samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
+    harmonise: Annotated[
+        float | None,
+        typer.Option(metavar="CM", help="Move joints by so many cm at most, to fit the beats better (needs torch)."),
+    ] = None,
+    system: Annotated[
+        str | None, typer.Option(help="choreographer (default), harmogan, or another; package.module:Class.")
+    ] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file; it knows its system.")
+    ] = None,
+    pattern: PatternFile = None,
     plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
+    as_json: AsJson = False,
 ) -> None:
-    """Dance to a song, and say how well it went, in the words and with the number of `harmolab score`.
+    """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
+
+    **Without any option** it dances salsa (practice, without the partner) and writes a page that plays it, a video
+    and a BVH file, named after the song, into the folder you are in.
+
+    It says whether the dance moves like recorded dancers, how well its pieces fit together, and how it goes with the
+    music, in the words and with the number of `harmolab score`.
 
     An npz keeps the song time at which the dance begins. For a bvh or a video the offset to pass on is printed.
 
-    Example: `harmolab dance song.mp3 --seconds 20 --dance waltz --out dance.mp4`
+    Example: `harmolab dance song.mp3`
+
+    Example: `harmolab dance song.mp3 --from my_corpus --dance waltz --one 12.4 --out dance.mp4`
     """
     with plain_errors():
-        paths = _paths(out, seed, samples)
-        for path in paths.values():
+        files = dance_files(out, song, seed, samples)
+        for path in (path for paths in files.values() for path in paths):
             check_unread(context, path)
-        trained = _system(weights, system)
-        options = accepted(trained.generate, context, {"progress": progress})
-        sound, audio, track = _music(song, dance, one)
-        from harmolab import Clip, score_clip
-        from harmolab.lab.evaluate.dance_scores import dance_scores
-        from harmolab.lab.widgets.player import Dancer
-
-        params = recommended(pattern, dance)
-        table: dict[str, dict[str, str]] = {}
-        for number, path in paths.items():
-            motion = trained.generate(audio, track, **options | {"start": start, "seconds": seconds, "seed": number})
-            music = track.span(start, motion.duration)
-            if len(music) < 2:
-                note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
-            score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
-            print_verdict(score.judgement, f"seed {number}")
-            table[f"seed {number}"] = facts = {
-                name: show(value) for name, value in dance_scores(motion, music, score).items()
-            }
-            _write(path, Dancer("generated", motion, score), sound, track, start, song.stem, facts)
-    print_music(music)
-    _print(table)
-    for path in paths.values():
-        wrote(path)
-    if start and out.suffix.lower() != ".npz":
-        typer.echo(f"it begins at {start:g} s of the song: pass --offset {start:g} with it")
-
-
-def _paths(out: Path, seed: int, samples: int) -> dict[int, Path]:
-    """The file of each seed, checked before any work is done."""
-    check_out(out, "a dance", SUFFIXES)
-    if samples == 1:
-        return {seed: out}
-    return {number: out.with_stem(f"{out.stem}_{number}") for number in range(seed, seed + samples)}
-
-
-def _system(weights: Path | None, system: str | None) -> System:
-    """The system in a folder; the shipped one when left out."""
-    import harmolab
-
-    shipped = Path(harmolab.__file__).parent / "systems" / "harmogan" / "weights"
-    if weights is None and not (shipped / "model.safetensors").is_file():
-        raise ValueError(
-            f"no weights are shipped with this installation ({shipped} has none); train some with "
-            "`harmolab train DATA --out RUN` and pass --weights RUN"
+        _check_harmonise(harmonise)
+        dancer = dancer_of(
+            context, corpus=corpus, scale=scale, style=style, system=system, weights=weights, dance=dance
         )
-    try:
-        from harmolab.systems import load
+        if pattern is not None and not dancer.knows_bars:
+            raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
+        from harmolab.harmony import score_clip
+        from harmolab.metrics.likeness import likeness
+        from harmolab.types import Clip
 
-        return load(shipped if weights is None else weights, system=system)
-    except ModuleNotFoundError as error:
-        raise ValueError(f"dancing needs {error.name}; install it with: pip install 'harmolab[train]'") from None
+        sound, audio, track = _music(song, dance, one)
+        params = recommended(pattern, dance if dancer.knows_bars else "")
+
+        def danced(number: int) -> DanceReport:
+            motion, choreography = dancer.dance(audio, track, start=start, seconds=seconds, seed=number)
+            music = track.span(start, motion.duration)
+            motion = _harmonised(motion, music, harmonise, params)
+            score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
+            judged = likeness(motion, dance=dance, limits=dancer.limits)
+            return DanceReport(
+                number, motion, start, music, score, judged, choreography, dancer.remarks, knows_bars=dancer.knows_bars
+            )
+
+        is_open = samples == 1 and dancer.choreographer is not None and not is_told(context, "seed")
+        reports: list[DanceReport] = []
+        paths: list[Path] = []
+        for number in files:
+            reports.append(_likely(danced, number) if is_open else danced(number))
+            paths += write_files(files[number], reports[-1], sound, song.stem, is_asked=out is not None)
+    if len(reports[0].music) < 2:
+        note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
+    _print(reports, as_json=as_json)
+    for path in paths:
+        wrote(path, err=as_json)
+    if start and any(path.suffix.lower() != ".npz" for path in paths):
+        typer.echo(f"it begins at {start:g} s of the song: pass --offset {start:g} with it", err=as_json)
+
+
+def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
+    """The dance of the first seed from `seed` on that moves like recorded dancers; that of `seed` where none does."""
+    for number in range(seed, seed + MOST_SEEDS):
+        report = danced(number)
+        if report.likeness.passed is not False:
+            return report
+        note(f"seed {number} is left: {report.likeness.verdict}")
+    return danced(seed)
+
+
+def _check_harmonise(reach: float | None) -> None:
+    """ValueError for a reach that is out of range, or where the library is missing that it needs."""
+    if reach is None:
+        return
+    if not 0 < reach <= FARTHEST:
+        raise ValueError(f"--harmonise is a number of centimetres up to {FARTHEST:g}, got {reach:g}")
+    if find_spec("torch") is None:
+        raise ValueError("--harmonise needs torch; install it with: pip install 'harmolab[train]'")
+
+
+def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: HarmonyParams) -> Motion:
+    """The motion with its joints moved by `reach` cm at most, to fit the music better; as it is without a reach."""
+    if reach is None:
+        return motion
+    from harmolab.lab.timing.harmonise import harmonise
+
+    return harmonise(motion, music, reach=reach * CENTIMETRE, params=params, progress=progress)
 
 
 def _music(song: Path, dance: str, one: float | None) -> tuple[Audio, Audio, BeatTrack]:
-    """The song at its own sample rate, as beats are tracked in it, and its beats."""
+    """The song at its own sample rate, as beats are tracked in it, and its beats; a dance of known tempo is a prior."""
     from harmolab.corpora.files import song_beats, tracked_sound
     from harmolab.io.video_sound import load_sound
+    from harmolab.params import DANCES
 
     sound = load_sound(song, sample_rate=None)
     audio = tracked_sound(song, sound)
     with finding_beats():
-        return sound, audio, song_beats(audio, dance=dance, one=one)
+        return sound, audio, song_beats(audio, dance=dance if dance in DANCES else "", one=one)
 
 
-def _write(
-    path: Path, dancer: Dancer, sound: Audio, beats: BeatTrack, start: float, title: str, facts: dict[str, str]
-) -> None:
-    """The dance with its part of the sound and the beats, in the form that the name asks for."""
-    from harmolab.io.motion import save_motion
-    from harmolab.lab.render.video import write_dance
-    from harmolab.lab.widgets.player import Player
-    from harmolab.types import Clip
-
-    suffix, seconds = path.suffix.lower(), dancer.motion.duration
-    if suffix not in (*VIDEOS_OUT, ".html"):
-        save_motion(path, dancer.motion, offset=start)
+def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
+    """All that is known of the dances: as JSON, or as sentences and a column of a table each."""
+    if as_json:
+        typer.echo(json.dumps(plain([report.to_dict() for report in reports]), indent=1))
         return
-    part, music = sound.span(start, seconds), beats.span(start, seconds)
-    if suffix == ".html":
-        Player(part, [dancer], music=music, title=title, facts=facts).save(path)
-    else:
-        write_dance(path, Clip(dancer.name, part, dancer.motion, beats=music), score=dancer.score, progress=progress)
+    for report in reports:
+        typer.echo("\n  ".join(map(printable, [f"seed {report.seed}: {report.verdict[0]}", *report.verdict[1:]])))
+    print_music(reports[0].music)
+    _print_table({f"seed {report.seed}": report.facts() for report in reports})
 
 
-def _print(table: dict[str, dict[str, str]]) -> None:
+def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
     """One column a dance."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    columns = Table("", *table, title="the dance and its music")
-    for name in next(iter(table.values())):
-        columns.add_row(name, *(facts[name] for facts in table.values()))
+    columns = Table("", *facts, title="the dance and its music")
+    for row in dict.fromkeys(name for column in facts.values() for name in column):
+        columns.add_row(row, *(escape(printable(column.get(row, "-"))) for column in facts.values()))
     console = Console()
     console.print(columns)
     console.print(MEANINGS, highlight=False)

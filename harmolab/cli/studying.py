@@ -69,7 +69,7 @@ def make(
 
     with plain_errors():
         if find_spec("jinja2") is None:
-            raise ValueError("the pages of a study need jinja2; install it with: pip install 'harmolab[lab]'")
+            raise ValueError("the pages of a study need jinja2; install it with: pip install jinja2")
         if against is not None and kind == "pick":
             raise ValueError("--against compares two dances; it goes with --kind choice")
         if (out / TRIALS_FILE).exists():

@@ -11,10 +11,12 @@ from typing import Annotated, Any
 
 import typer
 
+from harmolab.cli.checks import is_told
 from harmolab.cli.common import plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples", "pattern", "one"}
+ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
 
 def train(
@@ -25,10 +27,15 @@ def train(
     preset: Annotated[str, typer.Option(help="Size: small (1 M parameters, a laptop) or paper (8 M).")] = "small",
     params: Annotated[str, typer.Option(help="Losses and features: paper (Sec. 5.2) or recommended.")] = "recommended",
     harmony_weight: Annotated[
-        float | None, typer.Option(help="Weight of the harmony loss; 0 is the ablation.", show_default="1")
+        float | None,
+        typer.Option(help="Weight of the harmony loss; 0 is the ablation.", show_default="0.5; 1 in paper"),
     ] = None,
-    pretrain_epochs: Annotated[int, typer.Option(help="Epochs of pretraining.", min=0)] = 225,
-    adversarial_epochs: Annotated[int, typer.Option(help="Epochs after it.", min=0)] = 45,
+    pretrain_epochs: Annotated[
+        int | None, typer.Option(help="Epochs of pretraining.", min=0, show_default="16; 225 in paper")
+    ] = None,
+    adversarial_epochs: Annotated[
+        int | None, typer.Option(help="Epochs after it.", min=0, show_default="16; 45 in paper")
+    ] = None,
     pretrained: Annotated[
         Path | None, typer.Option(help="Run on the same data whose pretraining is taken over.")
     ] = None,
@@ -41,7 +48,7 @@ def train(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
     accelerator: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
 ) -> None:
-    """Train a system: HarmoGAN in 225 epochs of pretraining, then 45 adversarial ones.
+    """Train a system: HarmoGAN in 16 epochs of pretraining and 16 adversarial ones (the paper's: 225 and 45).
 
     **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
     training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
@@ -57,7 +64,8 @@ def train(
         harmolab train DATA --out without --harmony-weight 0 --pretrained with
 
     **Several processes** share each batch: `torchrun --nproc-per-node 2 -m harmolab.cli train DATA --out RUN`. One
-    process with `--shards 2` has the same result to the last bit; without it they differ by rounding, which grows.
+    process with `--shards 2` has the same result to the last bit; without it they differ: by rounding, which
+    grows, and in the terms that compare whole batches.
 
     **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
 
@@ -93,9 +101,7 @@ def accepted(function: Callable[..., Any], context: typer.Context, extras: Mappi
     parameters = signature(function).parameters
     takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     options = {
-        name: value
-        for name, value in context.params.items()
-        if name not in ANY_SYSTEM and getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+        name: value for name, value in context.params.items() if name not in ANY_SYSTEM and is_told(context, name)
     }
     if other := [name for name in options if name not in parameters and not takes_all]:
         raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import io
 import math
 import warnings
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import ArrayLike, NDArray
 
+from harmolab.io.files import MAX_BYTES
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
 MIN_FPS, MAX_FPS = 1.0, 1000.0
 MAX_JOINTS = 10_000
+# Movement hardly compresses. An archive that unfolds to more than this, and a hundredfold, is a trap.
+BOMB_BYTES, BOMB_RATIO = 64 * 2**20, 100
 
 
 def read_npy(stream: BinaryIO, size: int, *, kinds: str = "fiu") -> NDArray[Any]:
@@ -45,6 +52,41 @@ def read_npy(stream: BinaryIO, size: int, *, kinds: str = "fiu") -> NDArray[Any]
     if dtype.kind == "U" and values.view(f"{dtype.byteorder}u4").max(initial=0) > 0x10FFFF:
         raise ValueError("holds text that is none: its characters are damaged")
     return values.reshape(shape, order="F" if fortran else "C")
+
+
+def read_npz(path: Path, members: Mapping[str, str]) -> dict[str, NDArray[Any]]:
+    """The arrays of an `.npz` that have these names; call it inside `harmolab.io.files.reading`.
+
+    Sizes are summed before anything is unpacked; other arrays in the archive are not looked at.
+
+    Parameters
+    ----------
+    path : Path
+    members : name -> the dtype kinds allowed, as in `read_npy`
+
+    Raises
+    ------
+    ValueError
+        It would unpack to too much, is packed in an unusual way, or an array is not what `read_npy` reads.
+    """
+    with zipfile.ZipFile(path) as archive:
+        infos = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        ours = {name: info for name, info in infos.items() if name in members}
+        unpacked = sum(info.file_size for info in ours.values())
+        if unpacked > MAX_BYTES or unpacked > max(BOMB_BYTES, BOMB_RATIO * path.stat().st_size):
+            raise ValueError(f"would unpack to {unpacked} bytes from {path.stat().st_size}; refused")
+        return {name: _member(archive, info, name, members[name]) for name, info in ours.items()}
+
+
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, kinds: str) -> NDArray[Any]:
+    """One array of an `.npz`."""
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"array {name!r} is packed in a way that is not read; use numpy.savez")
+    data = archive.read(info)
+    try:
+        return read_npy(io.BytesIO(data), len(data), kinds=kinds)
+    except ValueError as error:
+        raise ValueError(f"array {name!r}: {error}") from None
 
 
 def _npy_header(stream: BinaryIO) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

@@ -40,9 +40,7 @@ a folder
 
 from __future__ import annotations
 
-import io
-import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -51,10 +49,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.aist import AIST_FPS, is_aist_name, load_aist
-from harmolab.io.arrays import check_joints, checked_motion, in_metres, read_npy
+from harmolab.io.arrays import check_joints, checked_motion, in_metres, read_npy, read_npz
 from harmolab.io.bvh import load_bvh
 from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.files import MAX_BYTES, MissingFrameRate, PathLike, atomic_write, reading
+from harmolab.io.files import MissingFrameRate, PathLike, atomic_write, reading
 from harmolab.io.keypoints import keypoints_motion, load_keypoints
 from harmolab.io.layouts import named_skeleton
 from harmolab.io.video import is_video
@@ -70,8 +68,6 @@ _MEMBERS = {
     "units": "U",
     "offset": "fiu",
 }
-# Movement hardly compresses. An archive that unfolds to more than this, and a hundredfold, is a trap.
-_BOMB_BYTES, _BOMB_RATIO = 64 * 2**20, 100
 _MOST_SECONDS = 36_000.0  # ten hours: no song begins or ends beyond
 
 
@@ -156,7 +152,7 @@ def _has_confidence(values: NDArray[Any]) -> bool:
 def _load_npz(path: PathLike, fps: float | None, scale: float | None) -> Motion:
     """Our own format, as in the module's docstring."""
     with reading(path, "an .npz motion") as file:
-        arrays = _npz_arrays(file)
+        arrays = read_npz(file, _MEMBERS)
         for name in ("positions", "fps"):
             if name not in arrays:
                 raise ValueError(f"has no array {name!r}; our .npz needs positions and fps, see harmolab.io.motion")
@@ -181,7 +177,7 @@ def load_offset(path: PathLike) -> float | None:
         Both name the file; ValueError where the offset is not one finite number of ten hours at most.
     """
     with reading(path, "an .npz motion") as file:
-        return _offset(_npz_arrays(file, ("offset",)))
+        return _offset(read_npz(file, {"offset": _MEMBERS["offset"]}))
 
 
 def _offset(arrays: dict[str, NDArray[Any]]) -> float | None:
@@ -202,28 +198,6 @@ def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
         check_joints(arrays[name].size if name in arrays else 0)
     parts = {name: tuple(arrays[name].ravel().tolist()) for name in ("joints", "parents") if name in arrays}
     return replace(Skeleton.unnamed(len(next(iter(parts.values())))), **parts) if parts else None
-
-
-def _npz_arrays(path: Path, names: Iterable[str] = _MEMBERS) -> dict[str, NDArray[Any]]:
-    """The arrays of an `.npz` that have these names; sizes are summed before anything is unpacked."""
-    with zipfile.ZipFile(path) as archive:
-        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        ours = {name: info for name, info in members.items() if name in names}
-        unpacked = sum(info.file_size for info in ours.values())
-        if unpacked > MAX_BYTES or unpacked > max(_BOMB_BYTES, _BOMB_RATIO * path.stat().st_size):
-            raise ValueError(f"would unpack to {unpacked} bytes from {path.stat().st_size}; refused")
-        return {name: _member(archive, info, name) for name, info in ours.items()}
-
-
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> NDArray[Any]:
-    """One array of an `.npz`."""
-    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise ValueError(f"array {name!r} is packed in a way that is not read; use numpy.savez")
-    data = archive.read(info)
-    try:
-        return read_npy(io.BytesIO(data), len(data), kinds=_MEMBERS[name])
-    except ValueError as error:
-        raise ValueError(f"array {name!r}: {error}") from None
 
 
 def save_motion(path: PathLike, motion: Motion, *, offset: float | None = None) -> None:

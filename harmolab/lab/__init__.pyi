@@ -1,3 +1,4 @@
+from .evaluate.body_rests import rests_on_beat as rests_on_beat
 from .experiments.ablation import (
     TARGETS as TARGETS,
 )
@@ -19,6 +20,7 @@ from .experiments.ablation import (
 from .experiments.ablation import (
     trade_off as trade_off,
 )
+from .experiments.banks import bank_table as bank_table
 from .experiments.cheating import (
     cheating as cheating,
 )
@@ -31,6 +33,10 @@ from .experiments.cheating import (
 from .experiments.cheating import (
     trick_means as trick_means,
 )
+from .experiments.choreography import choreography_summary as choreography_summary
+from .experiments.choreography import choreography_table as choreography_table
+from .experiments.choreography import seam_jerk as seam_jerk
+from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import (
     auc_table as auc_table,
 )
@@ -88,6 +94,8 @@ from .experiments.long_dances import (
     long_dances as long_dances,
 )
 from .experiments.nulls import null_table as null_table
+from .experiments.own_songs import own_songs as own_songs
+from .experiments.own_songs import song_means as song_means
 from .experiments.quality import (
     motion_measures as motion_measures,
 )

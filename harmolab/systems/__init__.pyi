@@ -1,3 +1,8 @@
+from .choreographer.banks import shipped_bank as shipped_bank
+from .choreographer.choreography import Choreography as Choreography
+from .choreographer.choreography import Piece as Piece
+from .choreographer.generate import Choreographer as Choreographer
+from .choreographer.params import ChoreographerParams as ChoreographerParams
 from .common.dancing import synthesize_dance as synthesize_dance
 from .common.feature_params import FeatureParams as FeatureParams
 from .common.phases import Phase as Phase

@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from typing import Any, Protocol, Self
 
 from harmolab.io.files import PathLike
-from harmolab.systems.common.weights import read_about
+from harmolab.systems.common.about import read_about
 from harmolab.types import Audio, BeatTrack, Motion
 
 

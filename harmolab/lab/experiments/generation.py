@@ -16,8 +16,9 @@ from pathlib import Path
 import pandas as pd
 from filelock import FileLock
 
+from harmolab.corpora.folders import find_recordings
 from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.files import cache_folder, plain
+from harmolab.io.files import PathLike, cache_folder, plain
 from harmolab.lab.experiments.study import corpus_folders, data_root
 from harmolab.lab.profile import RunProfile
 from harmolab.systems.common.feature_params import FeatureParams
@@ -78,15 +79,17 @@ def generator_corpora(profile: RunProfile) -> tuple[str, ...]:
 
 
 @cache
-def training_split(profile: RunProfile, corpus: str, features: FeatureParams) -> Split:
-    """Units of a corpus, split by motion group with the profile's seed.
+def training_split(profile: RunProfile, corpus: str, features: FeatureParams, without: tuple[str, ...] = ()) -> Split:
+    """Units of a corpus, but for the recordings named in `without`, split by motion group with the profile's seed.
 
     Raises
     ------
     ValueError
         If there is no corpus of that name.
     """
-    return split_units(load_units([corpus_root(profile, corpus)], features, step=UNIT_STEP), seed=profile.seed)
+    root = corpus_root(profile, corpus)
+    folders: list[PathLike] = [folder for folder in find_recordings(root).folders if folder.name not in without]
+    return split_units(load_units(folders if without else [root], features, step=UNIT_STEP), seed=profile.seed)
 
 
 def corpus_root(profile: RunProfile, corpus: str) -> Path:
@@ -107,12 +110,12 @@ def corpus_root(profile: RunProfile, corpus: str) -> Path:
     return corpus_folders(profile)[corpus]
 
 
-def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int) -> Trained:
-    """The generator of a variant and seed, trained now unless it was before.
+def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, without: tuple[str, ...] = ()) -> Trained:
+    """The generator of a variant and seed, trained now unless it was before; recordings of `without` take no part.
 
     Variants that hear the same music features share their pretraining, which the harmony loss has no part in.
     """
-    split = training_split(profile, corpus, variant.features)
+    split = training_split(profile, corpus, variant.features, without)
     epochs = profile.epochs or (variant.params.pretrain_epochs, variant.params.adversarial_epochs)
     params = replace(
         variant.params,

@@ -6,7 +6,7 @@ Everything here takes motions: a system is judged by the joints it moves, not by
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -14,11 +14,13 @@ import numpy as np
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_harmony
 from harmolab.lab.experiments.generation import VARIANTS, trained
+from harmolab.lab.experiments.guard import statue
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.frechet import diversity, frechet_distance, standardise
 from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
+from harmolab.skeletons import body_frame
 from harmolab.systems.common.pose_network import PoseNet, embed_meters
 from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.systems.harmogan.generate import generate_units
@@ -85,7 +87,8 @@ def judge(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet, *, seed:
     Returns
     -------
     dict with, in paper mode (`paper_`) and for valleys within 0.1 s: harmony, hit rate, chance, harmony above chance,
-    M and N a unit, M / N; jerk (m/s^3), skating (m/s), Frechet distances on the pose network's and on kinetic features,
+    M and N a unit, M / N; harmony above chance of the body alone (`body_`) and of its statue (`statue_`, see
+    `unit_columns`); jerk (m/s^3), skating (m/s), Frechet distances on the pose network's and on kinetic features,
     to the units' recorded motion, and diversity.
 
     Raises
@@ -119,9 +122,31 @@ def harmony_columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
     return columns | {f"{mode}count_ratio": score.n_visual / max(score.n_audio, 1) for mode, score in scores.items()}
 
 
+def in_body(motion: Motion) -> Motion:
+    """The motion in the dancer's own frame: without travel, jumps and turns of the whole body."""
+    return _to_nanometres(replace(motion, positions=body_frame(motion.positions, motion.fps, motion.skeleton)))
+
+
+def as_statue(motion: Motion) -> Motion:
+    """The mean pose of a dance on its own path: `harmolab.lab.experiments.guard.statue`."""
+    return _to_nanometres(statue(motion))
+
+
+def _to_nanometres(motion: Motion) -> Motion:
+    """The motion without errors of rounding, whose valleys would be the beats of a body that does not move."""
+    return replace(motion, positions=motion.positions.round(9))
+
+
 def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
-    """`harmony_columns` of `score_unit` in all modes."""
-    return harmony_columns({mode: score_unit(motion, unit, params) for mode, params in MODES.items()})
+    """`harmony_columns` of `score_unit` in all modes; above chance also of the body alone, and of a statue.
+
+    "body_above_chance" sees joints in the body; "statue_above_chance" is what the mean pose on the same path gets. A
+    dance that is no better than its statue has danced with its path.
+    """
+    columns = harmony_columns({mode: score_unit(motion, unit, params) for mode, params in MODES.items()})
+    others = {"body_": in_body(motion), "statue_": as_statue(motion)}
+    scores = {name: score_unit(other, unit, MODES[""]) for name, other in others.items()}
+    return columns | {f"{name}above_chance": score.harmony_above_chance for name, score in scores.items()}
 
 
 def _harmony(motions: Sequence[Motion], units: UnitSet) -> dict[str, float]:
@@ -144,6 +169,7 @@ class DancedUnit:
     start : float, seconds, where the meter begins; the motion before it was given
     motions : variant, or "recorded" -> Motion
     scores : the same names -> HarmonyScore of the meter, valleys within 0.1 s
+    statues : the same names -> harmony above chance of the mean pose on the same path
     """
 
     name: str
@@ -152,13 +178,14 @@ class DancedUnit:
     start: float
     motions: dict[str, Motion]
     scores: dict[str, HarmonyScore]
+    statues: dict[str, float]
 
     @property
     def verdicts(self) -> dict[str, str]:
         """The result of each motion, in words."""
         return {
             name: f"{score.hits.sum()} of {score.n_audio} beats met with {score.n_visual} of its own, "
-            f"harmony above chance {score.harmony_above_chance:+.2f}"
+            f"harmony above chance {score.harmony_above_chance:+.2f} (a statue on this path {self.statues[name]:+.2f})"
             for name, score in self.scores.items()
         }
 
@@ -180,5 +207,9 @@ def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
 def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
     """A unit with the motions danced to it, the recorded one among them, and their scores."""
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
+    statues = {
+        name: score_unit(as_statue(motion), unit, HarmonyParams.valleys()).harmony_above_chance
+        for name, motion in motions.items()
+    }
     beats = unit_beats(unit, motions[RECORDED])
-    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)
+    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores, statues)

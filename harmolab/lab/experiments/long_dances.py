@@ -17,7 +17,9 @@ import pandas as pd
 from harmolab.corpora.folders import Recording, load_recording, recording_beats
 from harmolab.harmony import score_motion
 from harmolab.lab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
+from harmolab.lab.experiments.judging import as_statue, in_body
 from harmolab.lab.profile import RunProfile
+from harmolab.metrics.likeness import likeness
 from harmolab.metrics.quality import bone_error, foot_skating, jerk, largest_step
 from harmolab.params import HarmonyParams
 from harmolab.systems.common.dancing import synthesize_dance
@@ -83,7 +85,8 @@ def long_dances(profile: RunProfile) -> pd.DataFrame:
     -------
     DataFrame, a row for each corpus, seed, variant and song: corpus, seed, variant, song, dance, seconds; bones, jump
     and skating as in `LIMITS`; jerk in multiples of the recorded dancers' mean; above_chance and count_ratio for
-    valleys within 0.1 s
+    valleys within 0.1 s, body_above_chance of the body alone, statue_above_chance of the mean pose on the same path;
+    guard, 1 if the dance moves like recorded dancers and 0 if not (`harmolab.metrics.likeness`), and fails, by what
     """
     rows, seconds = [], _seconds(profile)
     for corpus in generator_corpora(profile):
@@ -124,7 +127,11 @@ def _dancer(song: Recording) -> Motion:
 def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
     """One long dance, in multiples of what is `recorded`."""
     dance, beats = _danced(run, song, seconds)
-    score = score_motion(beats, dance, params=HarmonyParams.valleys(), n_rotations=0)
+    moved = {"": dance, "body_": in_body(dance), "statue_": as_statue(dance)}
+    scores = {
+        name: score_motion(beats, each, params=HarmonyParams.valleys(), n_rotations=0) for name, each in moved.items()
+    }
+    judged = likeness(dance, dance=song.clip.dance)
     return {
         "song": song.folder.name,
         "dance": song.clip.dance,
@@ -133,8 +140,10 @@ def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds
         "jump": largest_step(dance).largest / recorded["peak"],
         "skating": foot_skating(dance) / recorded["skating"],
         "jerk": jerk(dance) / recorded["jerk"],
-        "above_chance": score.harmony_above_chance,
-        "count_ratio": score.n_visual / max(score.n_audio, 1),
+        **{f"{name}above_chance": score.harmony_above_chance for name, score in scores.items()},
+        "count_ratio": scores[""].n_visual / max(scores[""].n_audio, 1),
+        "guard": np.nan if judged.passed is None else float(judged.passed),
+        "fails": ", ".join(judged.fails),
     }
 
 

@@ -31,7 +31,8 @@ from harmolab.types import FloatArray, Motion
 
 HALVES, OTHER_FIGURES, FROZEN = "recorded, halves", "recorded, other figures", "recorded, frozen"
 DISTANCES = ("fid", "fid_kinetic")
-MEASURES = (*DISTANCES, "diversity", "jerk", "foot_skating")
+HARMONIES = ("above_chance", "body_above_chance", "statue_above_chance")  # of speed valleys, see `judging.unit_columns`
+MEASURES = (*DISTANCES, "diversity", "jerk", "foot_skating", *HARMONIES)
 BY_METER = (freezing, pfc, relative_jerk)
 DRAWS = 40
 COVERAGE = (2.5, 97.5)  # per cent of the draws that an interval holds

@@ -31,13 +31,17 @@ TERMS: tuple[tuple[str, str, tuple[str, ...] | None], ...] = (
     ("our harmony", "harmony", ("recommended",)),
     ("jerk, ours only", "smoothness", None),
     ("energy, ours only", "energy", None),
+    ("turning and travelling, ours only", "path", None),
+    ("variety of poses, ours only", "spread", None),
     ("sliding feet, ours only", "foot", None),
 )
 VALIDATED = MappingProxyType(
     {
         "val_harmony": "paper's harmony h",
         "val_hit_rate": "paper's hit rate",
-        "val_above_chance": "harmony above chance",
+        "val_above_chance": "harmony above chance, in the room",
+        "val_body_above_chance": "harmony above chance, in the body",
+        "val_spread": "spread of poses / recorded",
         "val_count_ratio": "beats danced / heard",
     }
 )
@@ -47,7 +51,7 @@ _STYLES = MappingProxyType({True: "-", False: (0, (4, 1.5))})  # with the harmon
 
 
 def draw_term(ax: Axes, rows: Sequence[Record], column: str, variants: Sequence[str]) -> Axes:
-    """One column of the history over all epochs, a line for each variant; the pretraining epochs lie on grey.
+    """One column of the history over all epochs, a line for each variant; the pretraining epochs of all lie on grey.
 
     Parameters
     ----------
@@ -62,7 +66,7 @@ def draw_term(ax: Axes, rows: Sequence[Record], column: str, variants: Sequence[
         ax.plot(epochs, values[epochs - 1], **_line(name, epochs.size))
     if column in _GUESSED:
         ax.axhline(GUESSING, color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
-    before = _pretrained(rows)
+    before = min((_pretrained(rows, name) for name in _named(rows)), default=0)
     if any(np.isfinite(_column([row for row in rows if row["phase"] == PRETRAIN], column))):
         ax.axvspan(0.5, before + 0.5, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=0, gid="pretraining")
     ax.xaxis.set_major_locator(MaxNLocator(4, integer=True))
@@ -78,12 +82,12 @@ def draw_validated(ax: Axes, rows: Sequence[Record], column: str) -> Axes:
     rows : as for `draw_term`
     column : name in `VALIDATED`
     """
-    before = _pretrained(rows)
     for name in _named(rows):
+        before = _pretrained(rows, name)
         values = _column(rows, column, name)[max(before - 1, 0) :]
         epochs = np.flatnonzero(np.isfinite(values))
         ax.plot(epochs + (0 if before else 1), values[epochs], **_line(name, epochs.size))
-    levels = {"val_above_chance": 0.0, "val_count_ratio": 1.0}
+    levels = {"val_above_chance": 0.0, "val_body_above_chance": 0.0, "val_spread": 1.0, "val_count_ratio": 1.0}
     if column in levels:
         ax.axhline(levels[column], color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
     if column != "val_count_ratio":
@@ -98,8 +102,10 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
     """`draw_term` for every term of Eq. 32 and its parts, before weighting."""
     table = list(rows)
     names = _named(table)
-    with styled_axes((11.0, 8.2), 3, 4) as (figure, axes):
-        for ax, (title, column, shared) in zip(axes, TERMS, strict=True):
+    with styled_axes((11.0, 10.6), 4, 4) as (figure, axes):
+        for ax in axes[len(TERMS) :]:
+            ax.set_axis_off()
+        for ax, (title, column, shared) in zip(axes, TERMS, strict=False):
             finite = [name for name in names if np.isfinite(_column(table, column, name)).any()]
             draw_term(ax, table, column, [name for name in finite if name in (shared or names)]).set_title(title)
         figure.supxlabel("epoch", fontsize=10)
@@ -111,9 +117,9 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
 
 
 def validation_figure(rows: Iterable[Record]) -> Figure:
-    """`draw_validated` for the paper's two scores, beside two measures that they leave out."""
+    """`draw_validated` for the paper's two scores, beside four measures that they leave out."""
     table = list(rows)
-    with styled_axes((11.0, 6.2), 2, 2) as (figure, axes):
+    with styled_axes((11.0, 6.2), 2, 3) as (figure, axes):
         for ax, column in zip(axes, VALIDATED, strict=True):
             draw_validated(ax, table, column)
         figure.legend(handles=_handles(_named(table)), loc="outside upper left", ncols=4)
@@ -126,10 +132,9 @@ def _column(rows: Sequence[Record], column: str, variant: str = "") -> FloatArra
     return np.array([row.get(column, np.nan) for row in named], dtype=np.float64)
 
 
-def _pretrained(rows: Sequence[Record]) -> int:
-    """Pretraining epochs of each variant: all share their number."""
-    counts = [sum(row["phase"] == PRETRAIN for row in rows if row["variant"] == name) for name in _named(rows)]
-    return max(counts, default=0)
+def _pretrained(rows: Sequence[Record], name: str) -> int:
+    """Pretraining epochs of a variant."""
+    return sum(row["phase"] == PRETRAIN for row in rows if row["variant"] == name)
 
 
 def _named(rows: Sequence[Record]) -> list[str]:

@@ -19,7 +19,7 @@ from harmolab.io.files import Progress, silent
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.skeletons import ancestors
 from harmolab.systems.common.soft_harmony import anneal, soft_harmony
-from harmolab.systems.harmogan.terms import foot_loss, jerk_loss
+from harmolab.systems.harmogan.natural_terms import foot_loss, jerk_loss
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import LEAST_PULSE, Judgement
 from harmolab.verdict.place_test import REST, PlaceTest, place_test

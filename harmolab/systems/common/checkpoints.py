@@ -20,8 +20,9 @@ from safetensors.torch import save
 from torch import Tensor, nn
 
 from harmolab.io.files import MAX_JSON_BYTES, atomic_write, plain, read_json, reading, write_json
+from harmolab.systems.common.about import write_synced
 from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import read_tensors, renamed, write_synced
+from harmolab.systems.common.weights import read_tensors, renamed
 
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"

@@ -27,6 +27,7 @@ from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.grid import MeterFrames, filled_beats, meter_frames
 from harmolab.systems.common.grounding import on_floor, planted_feet
 from harmolab.systems.common.layers import Normaliser
+from harmolab.systems.common.length import n_frames
 from harmolab.systems.common.motion_code import decode_motion, encode_motion
 from harmolab.systems.common.poses_bank import PoseBank, retimed
 from harmolab.systems.common.torch_code import PATH_CHANNELS, fix_bones, local_joints
@@ -142,19 +143,19 @@ def synthesize_dance(
     >>> generator = load_generator("run/model")  # doctest: +SKIP
     >>> motion = synthesize_dance(generator, load_audio("song.mp3"), seconds=20.0, seed=3)  # doctest: +SKIP
     """
-    n_frames = _length(audio, start, seconds, dancer.fps)
+    frames = n_frames(audio, start, seconds, dancer.fps)
     if dancer.features is None:
         raise ValueError("this network does not say which audio features it hears; build it with features=...")
     code = _first_movement(dancer, poses, dance, seed) if initial is None else _coded(dancer, initial)
     track = music_beats(Clip("", audio, beats=beats, dance=dance or ""))
-    meters = meter_frames(track, dancer.features, start=start, n_frames=n_frames, fps=dancer.fps)
+    meters = meter_frames(track, dancer.features, start=start, n_frames=frames, fps=dancer.fps)
     first = meters[0].begin
     if initial is None:  # a movement of the bank fills the beats before a meter of four
         length = max(1, round(meters[0].share * len(code)))
         prior = retimed(code[-length:], meters[0].meter - first)
     else:  # `initial` keeps its speed, and ends where the dance begins, which may be inside a meter
         prior = retimed(code[first:], -first)
-    heard = _heard(dancer.features, audio, track, meters, prior, start, n_frames, progress)
+    heard = _heard(dancer.features, audio, track, meters, prior, start, frames, progress)
     return _dressed(dancer, dancer.code(heard, seed), plant_feet=plant_feet)
 
 
@@ -165,19 +166,19 @@ def _heard(
     meters: list[MeterFrames],
     prior: FloatArray,
     start: float,
-    n_frames: int,
+    frames: int,
     progress: Progress,
 ) -> Heard:
     """The record of what a network is told of a song."""
     times = start + np.arange(meters[0].begin, meters[-1].end) / features.fps
-    beats, _ = filled_beats(track, start, start + n_frames / features.fps, before=2 * features.unit_beats)
+    beats, _ = filled_beats(track, start, start + frames / features.fps, before=2 * features.unit_beats)
     return Heard(
         audio=audio_features(audio, track, times, features),
         song=lambda: audio_features(audio, track, np.arange(0.0, audio.duration, 1 / features.fps), features),
         beats=(beats - start) * features.fps,
         meters=meters,
         prior=prior,
-        n_frames=n_frames,
+        n_frames=frames,
         progress=progress,
     )
 
@@ -189,19 +190,6 @@ def _dressed(dancer: Dancer, code: FloatArray, *, plant_feet: bool) -> Motion:
     if plant_feet:
         positions = planted_feet(positions, dancer.fps, dancer.skeleton)
     return Motion(positions, dancer.fps, dancer.skeleton)
-
-
-def _length(audio: Audio, start: float, seconds: float | None, fps: float) -> int:
-    """Frames of the dance; ValueError where there is no music for two of them."""
-    if not 0 <= start < audio.duration:
-        raise ValueError(f"start must lie within the music (0 to {audio.duration:.2f} s), got {start:g} s")
-    if seconds is not None and not 0 < seconds < np.inf:
-        raise ValueError(f"seconds must be positive, got {seconds:g}")
-    length = min(audio.duration - start, np.inf if seconds is None else seconds)
-    n_frames = int(length * fps + 1e-6)
-    if n_frames < 2:
-        raise ValueError(f"{length:.3f} s of music are less than two frames at {fps:g} per second")
-    return n_frames
 
 
 def _first_movement(dancer: Dancer, poses: PoseBank | None, dance: str | None, seed: int) -> FloatArray:

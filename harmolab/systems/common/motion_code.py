@@ -14,12 +14,13 @@ pi / 2 faces +x: a pose that faces heading a is the canonical one turned by a ab
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.skeletons import heading, root_position, turned
+from harmolab.skeletons import heading, root_position, tree_order, turned
 from harmolab.types import FloatArray, Skeleton
 
 
@@ -120,6 +121,22 @@ def bone_lengths(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
     parents = np.array(skeleton.parents)
     lengths = np.linalg.norm(positions - positions[:, np.where(parents < 0, 0, parents)], axis=2).mean(axis=0)
     return np.where(parents < 0, 0.0, lengths)
+
+
+def fixed_bones(positions: FloatArray, parents: Sequence[int], lengths: FloatArray) -> FloatArray:
+    """Positions (T, J, 3) with every joint moved along its bone until that has its length (J,); directions stay.
+
+    Roots stay, and lengths of roots are not read. The same as `harmolab.systems.common.torch_code.fix_bones`, but for
+    bones of no length, which stay as they are.
+    """
+    fixed = np.array(positions, dtype=np.float64)
+    for joint in tree_order(parents):
+        parent = parents[joint]
+        if parent >= 0:
+            bone = positions[:, joint] - positions[:, parent]
+            length = np.linalg.norm(bone, axis=1, keepdims=True)
+            fixed[:, joint] = fixed[:, parent] + bone * (lengths[joint] / np.where(length > 0, length, np.inf))
+    return fixed
 
 
 def frames_at(values: NDArray[Any], places: FloatArray) -> FloatArray:

@@ -10,13 +10,14 @@ from typing import Any, ClassVar, Self
 from torch import nn
 
 from harmolab.io.files import PathLike, Progress, silent
+from harmolab.systems.common.about import DEFAULT_STEM, read_about
 from harmolab.systems.common.checkpoints import check_folder
 from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, poses_path, save_poses
 from harmolab.systems.common.splits import Split, split_units
 from harmolab.systems.common.unit_corpus import load_units
-from harmolab.systems.common.weights import DEFAULT_STEM, load_weights, read_about, save_weights
+from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.types import Audio, BeatTrack, Motion
 
 Notice = Callable[[str], None]

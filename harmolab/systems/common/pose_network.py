@@ -20,11 +20,12 @@ from torch.nn import functional
 
 from harmolab.io.files import PathLike
 from harmolab.kinematics import resample_motion
+from harmolab.systems.common.about import stored_skeleton
 from harmolab.systems.common.layers import Normaliser, channel_statistics
 from harmolab.systems.common.motion_code import encode_motion
 from harmolab.systems.common.torch_code import PATH_CHANNELS
 from harmolab.systems.common.units import DanceUnit, UnitSet, collate
-from harmolab.systems.common.weights import load_weights, stored_skeleton
+from harmolab.systems.common.weights import load_weights
 from harmolab.types import FloatArray, Motion, Skeleton
 
 # Frames that every clip is brought to, whatever its length and frame rate.
@@ -129,6 +130,21 @@ def embed_meters(motions: Sequence[Motion], units: UnitSet, pose_net: PoseNet) -
     codes = [_meter_code(motion, unit, pose_net) for motion, unit in zip(motions, units.units, strict=True)]
     mask = nn.utils.rnn.pad_sequence([torch.ones(len(code)) for code in codes], batch_first=True)
     return pose_net.eval().embed(nn.utils.rnn.pad_sequence(codes, batch_first=True), mask).double().numpy()
+
+
+@torch.no_grad()
+def embed_windows(motions: Sequence[Motion], pose_net: PoseNet, *, seconds: float) -> FloatArray:
+    """Pose network's features (N, D) of all whole pieces of so many seconds, one motion after the other.
+
+    Motions are coded whole and then cut, since the heading is smoothed over time; they have the network's joints.
+    """
+    length, pieces = round(seconds * pose_net.fps), []
+    for motion in motions:
+        same = resample_motion(motion, pose_net.fps)
+        code = torch.from_numpy(encode_motion(same.positions, same.fps, same.skeleton))
+        pieces += list(code[: len(code) // length * length].split(length))
+    batch = torch.stack(pieces)
+    return pose_net.eval().embed(batch, torch.ones(batch.shape[:2])).double().numpy()
 
 
 def _meter_code(motion: Motion, unit: DanceUnit, pose_net: PoseNet) -> Tensor:

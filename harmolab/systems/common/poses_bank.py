@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 from safetensors.numpy import save
 
 from harmolab.io.files import PathLike, atomic_write, reading
+from harmolab.systems.common.about import weights_stem
 from harmolab.systems.common.motion_code import frames_at
 from harmolab.systems.common.torch_code import PATH_CHANNELS
 from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.systems.common.weights import read_tensors, weights_stem
+from harmolab.systems.common.weights import read_tensors
 from harmolab.types import FloatArray
 
 _BEATS_OF_METER = 4  # the shortest meter, so that its unit has the most beats before it

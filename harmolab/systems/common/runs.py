@@ -10,10 +10,11 @@ from typing import Any
 from lightning_fabric import Fabric
 from torch import nn
 
+from harmolab.systems.common.about import DEFAULT_STEM
 from harmolab.systems.common.checkpoints import open_folder
 from harmolab.systems.common.poses_bank import pose_bank, poses_path, save_poses
 from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import DEFAULT_STEM, save_weights
+from harmolab.systems.common.weights import save_weights
 
 MODEL = DEFAULT_STEM
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -23,15 +22,12 @@ import torch
 from safetensors import SafetensorError, safe_open
 from torch import Tensor, nn
 
-from harmolab.io.files import MAX_TEXT_BYTES, PathLike, atomic_write, read_json, reading
-from harmolab.types import Skeleton
+from harmolab.io.files import PathLike, atomic_write, reading
+from harmolab.systems.common.about import FORMAT, json_file, read_about, weights_stem, write_synced
 
-FORMAT = 1
-DEFAULT_STEM = "model"
 _WHAT = "weights of harmolab"
-_PICKLES = (".pt", ".pth", ".pkl", ".pickle", ".ckpt", ".bin")
 # A description beyond these is not one of ours; building it would only fill the memory.
-MOST_JOINTS, MOST_LAYERS, MOST_UNITS = 1000, 64, 2**16
+MOST_LAYERS, MOST_UNITS = 64, 2**16
 # Statistics and lengths span too many orders of magnitude for 16 bits.
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
 # Names of settings as versions before 0.2 wrote them into runs and weights.
@@ -90,7 +86,7 @@ def save_weights(
     }
     text = json.dumps(about, indent=1, allow_nan=False)
     stem.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(_json_file(stem)) as text_part, atomic_write(_tensor_file(stem)) as tensor_part:
+    with atomic_write(json_file(stem)) as text_part, atomic_write(_tensor_file(stem)) as tensor_part:
         write_synced(text_part, text.encode())
         write_synced(tensor_part, data)
 
@@ -118,14 +114,14 @@ def load_weights(path: PathLike, network: type[N]) -> N:
     file = _tensor_file(stem)
     with reading(file, _WHAT):
         data = file.read_bytes()
-        if not _json_file(stem).is_file():
-            raise ValueError(f"lacks its description {_json_file(stem).name}, which must lie beside it")
+        if not json_file(stem).is_file():
+            raise ValueError(f"lacks its description {json_file(stem).name}, which must lie beside it")
         about = read_about(stem)
         if about.get("class") != network.__name__:
             raise ValueError(f"holds a {about.get('class')}, not a {network.__name__}")
         tensors, _ = read_tensors(file)
         if hashlib.sha256(data).hexdigest() != about.get("sha256"):
-            raise ValueError(f"is not the file that {_json_file(stem).name} describes (SHA-256 differs)")
+            raise ValueError(f"is not the file that {json_file(stem).name} describes (SHA-256 differs)")
         _check_finite(stem, tensors)
         # Without memory of its own ("meta" device): a false description cannot fill the machine.
         with torch.device("meta"):
@@ -133,34 +129,8 @@ def load_weights(path: PathLike, network: type[N]) -> N:
         return _filled(module, tensors)
 
 
-def read_about(path: PathLike) -> dict[str, Any]:
-    """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as passed to `save_weights`."""
-    file = _json_file(weights_stem(path))
-    with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
-        about = read_json(file)
-        if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
-            raise ValueError("does not describe weights of harmolab")
-        if about["format"] != FORMAT:
-            raise ValueError(f"has format {about['format']!r}; this version reads {FORMAT}. Update harmolab")
-    return about
-
-
-def weights_stem(path: PathLike) -> Path:
-    """The path without the suffix of either file, "model" inside a folder; ValueError for a pickle."""
-    path = Path(path)
-    if path.suffix.lower() in _PICKLES:
-        raise ValueError(f"{path}: pickled weights are never loaded, they can run any code; convert to safetensors")
-    if path.suffix in (".safetensors", ".json"):
-        return path.with_suffix("")
-    return path / DEFAULT_STEM if path.is_dir() else path
-
-
 def _tensor_file(stem: Path) -> Path:
     return stem.with_name(f"{stem.name}.safetensors")
-
-
-def _json_file(stem: Path) -> Path:
-    return stem.with_name(f"{stem.name}.json")
 
 
 def _stored(name: str, values: Tensor, *, half: bool) -> Tensor:
@@ -177,14 +147,6 @@ def _check_finite(stem: Path, tensors: Mapping[str, Tensor]) -> None:
             raise ValueError(f"{_tensor_file(stem)}: {name} holds NaN or infinity")
 
 
-def write_synced(path: Path, data: bytes) -> None:
-    """Write a file, on disk when this returns: not even a power failure after a rename leaves half of it."""
-    with path.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
 def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
     """Tensors and metadata of a safetensors file; call it inside `reading`, which names the file in errors."""
     try:
@@ -192,14 +154,6 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
             return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except SafetensorError as error:
         raise ValueError(f"is damaged or no safetensors file ({error})") from None
-
-
-def stored_skeleton(build: Mapping[str, Any]) -> Skeleton:
-    """The skeleton of a description; ValueError for one of too many joints."""
-    skeleton = Skeleton(tuple(build["skeleton"]["joints"]), tuple(build["skeleton"]["parents"]))
-    if len(skeleton.joints) > MOST_JOINTS:
-        raise ValueError(f"describes {len(skeleton.joints)} joints, more than {MOST_JOINTS}")
-    return skeleton
 
 
 def renamed(settings: Any) -> Any:

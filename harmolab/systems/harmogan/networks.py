@@ -14,6 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from harmolab.io.files import PathLike
+from harmolab.systems.common.about import stored_skeleton
 from harmolab.systems.common.dancing import Heard, check_dancer
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import (
@@ -27,7 +28,7 @@ from harmolab.systems.common.layers import (
     perceptron,
 )
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, fix_bones, local_joints
-from harmolab.systems.common.weights import MOST_LAYERS, load_weights, renamed, stored_skeleton, whole
+from harmolab.systems.common.weights import MOST_LAYERS, load_weights, renamed, whole
 from harmolab.systems.harmogan.generate import danced_meters
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import FloatArray, Skeleton

@@ -58,7 +58,8 @@ class TrainParams:
         Over all processes together.
     shards : int
         Parts that each batch is computed in, one after the other or by several processes; at least as many as there are
-        processes. Equal shards give equal results to the last bit; others round otherwise, which grows by the epoch.
+        processes. Equal shards give equal results to the last bit; others round otherwise, which grows by the epoch,
+        and path and spread compare smaller parts of a batch.
     pretrain_rate, adversarial_rate : float
         Initial learning rates of Adam.
     pretrain_drops : factors, one after every `pretrain_drop_epochs` epochs; the last one stays
@@ -74,14 +75,20 @@ class TrainParams:
     smoothness_weight, foot_weight, energy_weight : float
         Terms the paper does not have: jerk above the recorded motion's, feet that slide, and more or less movement than
         recorded; 0 in paper mode.
+    path_weight, spread_weight : float
+        More turning or travelling than the recorded batch; less (or more) variety of poses, and other places of the
+        joints. See `harmolab.systems.harmogan.natural_terms`; 0 in paper mode.
     harmony : "paper" or "above_chance"
         -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
+    harmony_frame : "room" or "body"
+        Where harmony and energy see movement: joints in the room, as the paper does, which a body that turns as one
+        piece satisfies with the least effort; or joints from the root in the dancer's heading.
     count_weight : float
         Weight of the count term inside the harmony loss.
     rollout : bool
-        Rollout training (compare scheduled sampling): half of each term that needs no recorded answer (L_gan, L_harmo,
-        smoothness, feet, energy) is taken of dances to other units' music that begin where the generator itself ended
-        in the batch before, as in a song. Without it a song of many meters drifts away.
+        Rollout training (compare scheduled sampling): half of each term that needs no recorded answer (all but the pose
+        and feature losses) is taken of dances to other units' music that begin where the generator itself ended in the
+        batch before, as in a song. Without it a song of many meters drifts away.
     tau_start, tau_end : float
         Softness of the relaxed harmony, annealed geometrically over the adversarial epochs.
     epsilon : float, of the Charbonnier losses (Eq. 25-26)
@@ -113,7 +120,10 @@ class TrainParams:
     smoothness_weight: float = 0.0
     foot_weight: float = 0.0
     energy_weight: float = 0.0
+    path_weight: float = 0.0
+    spread_weight: float = 0.0
     harmony: Literal["paper", "above_chance"] = "paper"
+    harmony_frame: Literal["room", "body"] = "room"
     count_weight: float = 1.0
     rollout: bool = False
     tau_start: float = 0.5
@@ -137,6 +147,8 @@ class TrainParams:
                 raise ValueError(f"{name} must be positive factors, got {getattr(self, name)}")
         if self.harmony not in ("paper", "above_chance"):
             raise ValueError(f"harmony must be paper or above_chance, got {self.harmony!r}")
+        if self.harmony_frame not in ("room", "body"):
+            raise ValueError(f"harmony_frame must be room or body, got {self.harmony_frame!r}")
 
     @classmethod
     def paper(cls) -> TrainParams:
@@ -145,8 +157,15 @@ class TrainParams:
 
     @classmethod
     def recommended(cls) -> TrainParams:
-        """The loss that gains alignment at natural movement (notebook 09)."""
+        """Alignment of the body to the beat, at the variety of poses and with the path of recorded dancers.
+
+        The schedule is the short one of the trainings behind README's table. Its rate is ten times the paper's: at that
+        one harmony in the body hardly rises in as many epochs.
+        """
         return cls(
+            pretrain_epochs=16,
+            adversarial_epochs=16,
+            adversarial_rate=1e-3,
             mse_weight=2e-3,
             feature_weight=1e-2,
             harmony_weight=0.5,
@@ -154,8 +173,11 @@ class TrainParams:
             cross_domain_weight=0.0,
             smoothness_weight=0.5,
             foot_weight=1.0,
-            energy_weight=2.0,
+            energy_weight=0.5,
+            path_weight=1.0,
+            spread_weight=0.5,
             harmony="above_chance",
+            harmony_frame="body",
             count_weight=3.0,
             rollout=True,
             adversarial_drops=(1.0,),

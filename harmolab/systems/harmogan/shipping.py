@@ -1,23 +1,32 @@
 """Weights for publication: 16 bits, and no recorded movement in them.
 
 A run keeps a bank of recorded movements for its dances to start from. Recordings are not ours to publish, so a
-published bank holds movements that the generator itself danced, to synthetic music.
+published bank holds movements that the generator itself danced, to synthetic music. Of several runs that one is
+published whose dances look most like dancing; how well they keep time comes second.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from harmolab.beats.audio import music_beats
 from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.params import DANCES
+from harmolab.harmony import score_motion
+from harmolab.metrics.likeness import likeness
+from harmolab.params import DANCES, HarmonyParams
+from harmolab.skeletons import body_frame
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.motion_code import encode_motion
 from harmolab.systems.common.pose_network import load_pose_net
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, retimed, save_poses
-from harmolab.systems.common.weights import read_about, save_weights
+from harmolab.systems.common.weights import save_weights
 from harmolab.systems.harmogan.networks import Generator, load_generator
+from harmolab.types import BeatTrack, Clip, Motion
 
 SECONDS = 24.0  # of each dance
 SETTLED = 10.0  # seconds after which nothing of the movement it started from is left: several meters
@@ -45,6 +54,53 @@ def ship(run: Path, out: Path, *, per_dance: int = 8, seed: int = 0) -> None:
     save_weights(out / "model", generator, read_about(run / "model")["meta"], half=True)
     save_poses(out / "model", bank)
     save_weights(out / "pose_net", net, read_about(run / "pose_net")["meta"], half=True)
+
+
+def best_run(runs: Sequence[Path], clips: Sequence[Clip], *, seconds: float = 30.0, seed: int = 1) -> Path:
+    """The run whose dances to validation songs have the highest `standing`; the first of equals.
+
+    Parameters
+    ----------
+    runs : folders of `harmolab train`
+    clips : songs with their beats, on audio time, and the names of their dances; each is danced to from its offset on
+    seconds : float, length of each dance, at least 10
+    seed : int, of the dances
+    """
+    return max(runs, key=lambda run: standing(_dances(run, clips, seconds, seed)))
+
+
+def standing(dances: Sequence[tuple[Motion, BeatTrack, str]]) -> tuple[int, int, float]:
+    """Likeness and harmony of dances (motion, beats on its time line, name of the dance); compare as tuples.
+
+    Returns
+    -------
+    How many move like recorded dancers (`harmolab.metrics.likeness`); how many of all measures lie within the limits;
+    and their mean harmony above chance, of speed valleys in the body within 0.1 s
+    """
+    judged = [likeness(motion, dance=dance) for motion, _, dance in dances]
+    harmonies = [
+        score_motion(
+            beats, replace(motion, positions=body_frame(motion.positions, motion.fps, motion.skeleton)),
+            params=HarmonyParams.valleys(), n_rotations=0,
+        ).harmony_above_chance
+        for motion, beats, _ in dances
+    ]  # fmt: skip
+    within = sum(len(each.values) - len(each.fails) for each in judged)
+    return sum(each.passed is True for each in judged), within, float(np.mean(harmonies))
+
+
+def _dances(run: Path, clips: Sequence[Clip], seconds: float, seed: int) -> list[tuple[Motion, BeatTrack, str]]:
+    """A run's dances to clips, as `standing` takes them."""
+    generator = load_generator(run / "model")
+    poses = load_poses(run / "model", n_channels=generator.n_motion)
+    dances = []
+    for clip in clips:
+        motion = synthesize_dance(
+            generator, clip.audio, beats=clip.beats, start=clip.offset, seconds=seconds, seed=seed, poses=poses,
+            dance=clip.dance or None,
+        )  # fmt: skip
+        dances.append((motion, music_beats(clip).span(clip.offset, motion.duration), clip.dance))
+    return dances
 
 
 def danced_bank(generator: Generator, bank: PoseBank, *, per_dance: int, seed: int) -> PoseBank:

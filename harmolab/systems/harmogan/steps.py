@@ -10,11 +10,20 @@ import torch
 from torch import Tensor, nn
 
 from harmolab.params import HarmonyParams
-from harmolab.skeletons import foot_joints
+from harmolab.skeletons import foot_joints, named_joints
 from harmolab.systems.common.pose_network import PoseNet
 from harmolab.systems.common.shards import Tensors
 from harmolab.systems.common.soft_harmony import SoftHarmony, soft_harmony
-from harmolab.systems.common.torch_code import local_joints
+from harmolab.systems.common.torch_code import PATH_CHANNELS, local_joints
+from harmolab.systems.harmogan.natural_terms import (
+    energy_loss,
+    foot_loss,
+    jerk_loss,
+    mean_spread,
+    net_turning,
+    path_loss,
+    spread_loss,
+)
 from harmolab.systems.harmogan.networks import (
     CrossDomainDiscriminator,
     Generator,
@@ -26,15 +35,14 @@ from harmolab.systems.harmogan.terms import (
     above_chance_loss,
     charbonnier_mse,
     discriminator_loss,
-    energy_loss,
     feature_loss,
-    foot_loss,
     generator_gan_loss,
     harmony_loss,
-    jerk_loss,
     kl_loss,
 )
 from harmolab.types import Skeleton
+
+TINY = 1e-3  # metres, and radians per second: next to no spread and no turning
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +101,31 @@ def meter_span(batch: Tensors, fps: float) -> Tensor:
     return torch.stack([prior, length], dim=1) / fps
 
 
-def score_batch(generator: Generator, motion: Tensor, batch: Tensors, tau: float, params: HarmonyParams) -> SoftHarmony:
-    """Relaxed harmony of coded motion (N, T, C) with its music, over each clip's own meter."""
+def score_batch(
+    generator: Generator, positions: Tensor, batch: Tensors, tau: float, params: HarmonyParams
+) -> SoftHarmony:
+    """Relaxed harmony of joints (N, T, J, 3) with the batch's music, over each clip's own meter."""
     return soft_harmony(
-        generator.positions(motion), batch.beats, batch.strengths, batch.beat_mask, batch.mask,
+        positions, batch.beats, batch.strengths, batch.beat_mask, batch.mask,
         fps=generator.fps, tau=tau, params=params, span=meter_span(batch, generator.fps),
     )  # fmt: skip
+
+
+def body_joints(generator: Generator, motion: Tensor) -> Tensor:
+    """Joints from the root in the dancer's heading, (N, T, J, 3) metres, of coded motion: no travel, turns or jumps."""
+    joints, parents = local_joints(motion), generator.skeleton.parents
+    root = parents.index(-1) if -1 in parents else 0
+    return joints - joints[:, :, root : root + 1]
+
+
+def seen_joints(generator: Generator, motion: Tensor, params: TrainParams) -> Tensor:
+    """Joints (N, T, J, 3) of coded motion where harmony and energy see them: in the room or in the body."""
+    return generator.positions(motion) if params.harmony_frame == "room" else body_joints(generator, motion)
+
+
+def meter_mask(batch: Tensors) -> Tensor:
+    """(N, T), 1 at the frames of each clip's own meter: those before it (TI = 1) are thrown away in a dance."""
+    return batch.mask * (1 - batch.index)
 
 
 def pose_terms(generator: Generator, output: GeneratorOutput, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
@@ -155,7 +182,7 @@ def generator_terms(
 def _free_terms(
     networks: Networks, motion: Tensor, batch: Tensors, params: TrainParams, tau: float, *, same_dance: bool = True
 ) -> dict[str, Tensor]:
-    """L_gan, L_harmo, jerk, energy and feet of coded motion (N, T, C), which may be another dance than the recorded."""
+    """L_gan, L_harmo and natural terms of coded motion (N, T, C), which may be another dance than the recorded."""
     terms: dict[str, Tensor] = {}
     if params.gan_weight:
         weight = params.cross_domain_weight
@@ -165,7 +192,8 @@ def _free_terms(
     if params.harmony_weight:
         paper = params.harmony == "paper"  # else the chance-corrected score
         settings = HarmonyParams.paper() if paper else HarmonyParams.valleys()
-        score = score_batch(networks.generator, motion, batch, tau, settings)
+        joints = seen_joints(networks.generator, motion, params)
+        score = score_batch(networks.generator, joints, batch, tau, settings)
         terms["harmony"] = (harmony_loss if paper else above_chance_loss)(score, count_weight=params.count_weight)
     return terms | _natural_terms(networks.generator, motion, batch, params, same_dance=same_dance)
 
@@ -174,19 +202,59 @@ def _natural_terms(
     generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams, *, same_dance: bool
 ) -> dict[str, Tensor]:
     """Terms that keep movement natural while harmony pulls at it; none in paper mode, no "foot" for nameless feet."""
-    terms: dict[str, Tensor] = {}
+    terms = _variety_terms(generator, motion, batch, params)
     feet = _feet(generator.skeleton) if params.foot_weight else ()
-    if params.smoothness_weight or params.energy_weight or feet:
+    if params.smoothness_weight or feet:
         positions, target = generator.positions(motion), generator.positions(batch.motion)
         if params.smoothness_weight:
             terms["smoothness"] = jerk_loss(positions, target, batch.mask, fps=generator.fps)
-        if params.energy_weight:
-            terms["energy"] = energy_loss(positions, target, batch.mask)
         if feet:
             terms["foot"] = foot_loss(
                 positions, target, batch.mask, feet=feet, fps=generator.fps, same_dance=same_dance
             )
     return terms
+
+
+def _variety_terms(generator: Generator, motion: Tensor, batch: Tensors, params: TrainParams) -> dict[str, Tensor]:
+    """Energy, path and spread against the recorded units of the batch."""
+    terms: dict[str, Tensor] = {}
+    if params.energy_weight:
+        ours, theirs = (seen_joints(generator, each, params) for each in (motion, batch.motion))
+        counted = batch.mask if params.harmony_frame == "room" else meter_mask(batch)
+        terms["energy"] = energy_loss(ours, theirs, counted)
+    if params.path_weight:
+        ours, theirs = (each[..., -PATH_CHANNELS:] for each in (motion, batch.motion))
+        terms["path"] = path_loss(ours, theirs, meter_mask(batch))
+    if params.spread_weight:
+        ours, theirs = local_joints(motion), local_joints(batch.motion)
+        ankles = _ankles(generator.skeleton)
+        terms["spread"] = spread_loss(ours, theirs, meter_mask(batch), fps=generator.fps, ankles=ankles)
+    return terms
+
+
+@cache
+def _ankles(skeleton: Skeleton) -> tuple[int, int] | None:
+    """The left and the right ankle; None without joints of that name."""
+    joints = named_joints(skeleton)
+    left, right = (joints.get((side, "ankle")) for side in ("left", "right"))
+    return None if left is None or right is None else (left, right)
+
+
+def likeness_ratios(generator: Generator, motion: Tensor, batch: Tensors) -> dict[str, float]:
+    """Spread and turning of generated over recorded units: as much of a guard of likeness as short clips can show.
+
+    Returns
+    -------
+    dict of spread, the mean distance of the joints from their mean place in the clip, and turning, the mean size of the
+    clips' mean yaw rate; 1 is as recorded
+    """
+    counted = meter_mask(batch)
+    ours, theirs = (
+        (mean_spread(local_joints(each), counted), net_turning(each[..., -1], counted))
+        for each in (motion, batch.motion)
+    )
+    names = ("spread", "turning")
+    return {name: float((a + TINY) / (b + TINY)) for name, a, b in zip(names, ours, theirs, strict=True)}
 
 
 @cache

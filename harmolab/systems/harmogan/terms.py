@@ -1,7 +1,7 @@
 """Loss terms of the generator and its discriminators (paper Sec. 4.3, Eq. 24-32), one function each.
 
-Every function returns one number, a mean over the clips of the batch. Padded frames never count. Three terms that the
-paper does not have follow at the end: jerk, energy and sliding feet.
+Every function returns one number, a mean over the clips of the batch. Padded frames never count. Terms that the paper
+does not have: `harmolab.systems.harmogan.natural_terms`.
 """
 
 from __future__ import annotations
@@ -10,13 +10,10 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor
-from torch.nn.functional import relu, softplus
+from torch.nn.functional import softplus
 
 from harmolab.systems.common.soft_harmony import SoftHarmony
 from harmolab.verdict.score import HarmonyScore
-
-RESTING = 1e-3  # metres per frame: less movement than this counts as this much
-STILL = 1.0  # metres per second cubed: less jerk than this in a recording counts as this much
 
 
 def kl_loss(flat: Tensor, target: Tensor, mask: Tensor, *, spread: float = 0.1) -> Tensor:
@@ -37,11 +34,11 @@ def kl_loss(flat: Tensor, target: Tensor, mask: Tensor, *, spread: float = 0.1) 
     -------
     Mean over clips of the mean over joints and real frames, in nats.
     """
-    _check_shapes(flat, target, mask)
+    check_shapes(flat, target, mask)
     if not 0 < spread < float("inf"):
         raise ValueError(f"spread must be positive, got {spread}")
     divergence = (flat - target).square().sum(dim=-1).mean(dim=-1) / (2 * spread**2)
-    return _means(divergence, mask.to(flat.dtype)).mean()
+    return clip_means(divergence, mask.to(flat.dtype)).mean()
 
 
 def charbonnier_mse(motion: Tensor, target: Tensor, index: Tensor, mask: Tensor, *, epsilon: float = 1e-3) -> Tensor:
@@ -61,7 +58,7 @@ def charbonnier_mse(motion: Tensor, target: Tensor, index: Tensor, mask: Tensor,
     -------
     Mean over clips of the sum over real frames.
     """
-    _check_shapes(motion, target, mask)
+    check_shapes(motion, target, mask)
     weights = (2 - index.to(motion.dtype)) / 2
     distance = torch.sqrt(weights * (motion - target).square().sum(dim=-1) + epsilon**2)
     return (distance * mask.to(motion.dtype)).sum(dim=1).mean()
@@ -151,111 +148,7 @@ def generator_gan_loss(
     return movement if cross_domain is None else cross_domain_weight * softplus(-cross_domain).mean() + movement
 
 
-def jerk_loss(positions: Tensor, target: Tensor, mask: Tensor, *, fps: float) -> Tensor:
-    """Excess of the jerk over that of the recorded motion: ``max(0, ratio of their root mean squares - 1)``.
-
-    Parameters
-    ----------
-    positions, target : (N, T, J, 3) tensors, metres
-    mask : (N, T) tensor, 1 at real frames
-    fps : float, hertz
-
-    Returns
-    -------
-    Mean over clips; 0 for clips of fewer than four frames.
-    """
-    _check_shapes(positions, target, mask)
-    real = mask.to(positions.dtype)
-    real = real[:, 3:] * real[:, 2:-1] * real[:, 1:-2] * real[:, :-3]
-    ours, theirs = (_root_mean_square_jerk(each, real, fps) for each in (positions, target))
-    return relu(ours / theirs.clamp(min=STILL) - 1).mean()
-
-
-def energy_loss(positions: Tensor, target: Tensor, mask: Tensor) -> Tensor:
-    """Difference in speed from the recorded dance: ``|log ratio of their root mean square speeds|``.
-
-    A calm dance has a smaller error, so pose losses alone teach to move less than any dancer does.
-
-    Parameters
-    ----------
-    positions, target : (N, T, J, 3) tensors, metres
-    mask : (N, T) tensor, 1 at real frames
-
-    Returns
-    -------
-    Mean over clips; 0 for equal speeds.
-    """
-    _check_shapes(positions, target, mask)
-    real = (mask[:, 1:] * mask[:, :-1]).to(positions.dtype)
-    ours, theirs = (_means(each.diff(dim=1).square().sum(dim=-1).mean(dim=-1), real) for each in (positions, target))
-    return (0.5 * torch.log((ours + RESTING**2) / (theirs + RESTING**2))).abs().mean()
-
-
-def _root_mean_square_jerk(positions: Tensor, real: Tensor, fps: float) -> Tensor:
-    """(N,) root mean square over joints and real frames of the length of the third derivative."""
-    square = (positions.diff(n=3, dim=1) * fps**3).square().sum(dim=-1).mean(dim=-1)
-    return torch.sqrt(_means(square, real) + 1e-12)
-
-
-def foot_loss(
-    positions: Tensor,
-    target: Tensor,
-    mask: Tensor,
-    *,
-    feet: Sequence[int],
-    fps: float,
-    height: float = 0.03,
-    same_dance: bool = True,
-) -> Tensor:
-    """Excess of the speed at which feet slide over that of the recorded ones.
-
-    A foot is on the floor from one frame to the next when it is within `height` of its lowest place in the clip in
-    both.
-
-    Parameters
-    ----------
-    positions, target : (N, T, J, 3) tensors, metres, y up
-    mask : (N, T) tensor, 1 at real frames
-    feet : indices of the joints of the feet
-    fps : float, hertz
-    height : float, metres
-    same_dance : bool
-        True if the motion should equal the target: then a foot has to stand where the recorded one is on the floor,
-        and may slide as that one does. If False, it has to stand where it is on the floor itself, and may slide as the
-        recorded ones do on average.
-
-    Returns
-    -------
-    Mean over clips of the mean excess of speed over all such steps, metres per second; 0 where no foot is on the floor.
-    """
-    _check_shapes(positions, target, mask)
-    if not feet:
-        raise ValueError("foot_loss needs the indices of the feet, got none")
-    joints = torch.as_tensor(list(feet), device=positions.device)
-    ours, theirs = positions.index_select(2, joints), target.index_select(2, joints)
-    contact, allowed = _contact(theirs, mask, height), _sliding(theirs, fps)
-    if not same_dance:
-        allowed = _means(allowed, contact)[:, None, None]
-        contact = _contact(ours, mask, height)
-    return _means(relu(_sliding(ours, fps) - allowed), contact).mean()
-
-
-@torch.no_grad()
-def _contact(feet: Tensor, mask: Tensor, height: float) -> Tensor:
-    """(N, T - 1, F), 1 where a foot is on the floor in two frames in a row."""
-    real, altitude = mask.bool()[..., None], feet[..., 1]
-    lowest = altitude.masked_fill(~real, float("inf")).amin(dim=1, keepdim=True)
-    low = (altitude <= lowest + height) & real
-    return (low[:, 1:] & low[:, :-1]).to(feet.dtype)
-
-
-def _sliding(feet: Tensor, fps: float) -> Tensor:
-    """(N, T - 1, F) horizontal speed of each foot."""
-    step = feet.diff(dim=1)
-    return torch.linalg.vector_norm(step[..., (0, 2)], dim=-1) * fps
-
-
-def _means(values: Tensor, counted: Tensor) -> Tensor:
+def clip_means(values: Tensor, counted: Tensor) -> Tensor:
     """(N,) means of (N, ...) values where `counted` is 1; 0 for a clip where nothing counts.
 
     Losses are means over clips: that does not depend on how a batch is shared among processes; one over all frames
@@ -265,7 +158,7 @@ def _means(values: Tensor, counted: Tensor) -> Tensor:
     return sums / counts.clamp(min=1)
 
 
-def _check_shapes(motion: Tensor, target: Tensor, mask: Tensor) -> None:
+def check_shapes(motion: Tensor, target: Tensor, mask: Tensor) -> None:
     """ValueError unless motion and target agree, and the mask has one entry per frame."""
     if motion.shape != target.shape or motion.ndim < 3:
         shapes = f"{tuple(motion.shape)} and {tuple(target.shape)}"

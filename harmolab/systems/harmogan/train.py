@@ -44,9 +44,11 @@ from harmolab.systems.harmogan.networks import (
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.steps import (
     Networks,
+    body_joints,
     danced,
     discriminator_terms,
     generator_terms,
+    likeness_ratios,
     motion_error,
     pose_terms,
     score_batch,
@@ -237,19 +239,25 @@ def adversarial_rate(epoch: int, params: TrainParams) -> float:
 
 @torch.no_grad()
 def validate(generator: Generator, units: Tensors, params: TrainParams) -> dict[str, float]:
-    """Means over units: error, the paper's harmony and hit rate, harmony above chance, beats M per beat N.
+    """Means over units: error, harmony by the paper and above chance, and what a guard of likeness would ask.
 
     Returns
     -------
-    dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_count_ratio (valleys within 0.1 s)
+    dict of val_mse, val_harmony, val_hit_rate (paper mode), val_above_chance, val_body_above_chance, val_count_ratio
+    (valleys within 0.1 s; of the speed in the room but for the second), val_spread and val_turning (over recorded)
     """
     motion = generator(units.audio, units.initial).motion
-    paper = score_batch(generator, motion, units, HARD, HarmonyParams.paper())
-    valleys = score_batch(generator, motion, units, HARD, HarmonyParams.valleys())
+    room, body = generator.positions(motion), body_joints(generator, motion)
+    paper = score_batch(generator, room, units, HARD, HarmonyParams.paper())
+    valleys = score_batch(generator, room, units, HARD, HarmonyParams.valleys())
+    in_body = score_batch(generator, body, units, HARD, HarmonyParams.valleys())
+    ratios = likeness_ratios(generator, motion, units)
     return {
         "val_mse": float(motion_error(generator, motion, units, params.epsilon)),
         "val_harmony": float(paper.harmony.mean()),
         "val_hit_rate": float(paper.hit_rate.mean()),
         "val_above_chance": float(valleys.above_chance.mean()),
+        "val_body_above_chance": float(in_body.above_chance.mean()),
         "val_count_ratio": float(valleys.n_visual.sum() / valleys.n_audio.sum().clamp(min=1.0)),
+        **{f"val_{name}": value for name, value in ratios.items()},
     }

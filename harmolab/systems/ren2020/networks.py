@@ -14,11 +14,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
+from harmolab.systems.common.about import stored_skeleton
 from harmolab.systems.common.dancing import Heard, check_dancer
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import MotionBranch, Normalised, Normaliser, mean_over_time, perceptron
 from harmolab.systems.common.torch_code import PATH_CHANNELS
-from harmolab.systems.common.weights import MOST_LAYERS, stored_skeleton, whole
+from harmolab.systems.common.weights import MOST_LAYERS, whole
 from harmolab.systems.ren2020.batch_norm import BatchNorm
 from harmolab.systems.ren2020.generate import danced_song
 from harmolab.systems.ren2020.params import RenParams

@@ -16,10 +16,11 @@ from torch import Tensor, nn
 from torch.nn.functional import relu
 
 from harmolab.skeletons import ancestors
+from harmolab.systems.common.about import stored_skeleton
 from harmolab.systems.common.layers import Normaliser
 from harmolab.systems.common.pose_network import EMBEDDING, resample
 from harmolab.systems.common.torch_code import PATH_CHANNELS
-from harmolab.systems.common.weights import stored_skeleton, whole
+from harmolab.systems.common.weights import whole
 from harmolab.systems.ren2020.batch_norm import BatchNorm
 from harmolab.types import Skeleton
 

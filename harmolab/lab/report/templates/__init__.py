@@ -1,4 +1,4 @@
-"""The HTML pages of players, own dances and reports: filled and framed here. Needs jinja2 (extra `lab`)."""
+"""The HTML pages of players, own dances and reports: filled and framed here."""
 
 from __future__ import annotations
 

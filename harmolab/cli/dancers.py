@@ -1,0 +1,169 @@
+"""The dancer that `harmolab dance` asks: a choreographer of a bank or of a corpus, or a trained system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from harmolab.cli.common import note, progress
+from harmolab.cli.training import accepted
+
+if TYPE_CHECKING:
+    from harmolab.metrics.likeness import LikenessLimits
+    from harmolab.systems.choreographer.choreography import Choreography
+    from harmolab.systems.choreographer.generate import Choreographer
+    from harmolab.systems.contract import System
+    from harmolab.types import Audio, BeatTrack, Motion
+
+CHOREOGRAPHER, PUPPET = "choreographer", "puppet"
+FEWEST_WINDOWS = 6  # of half a minute at most: fewer are no measure of what else is a dance
+LOWEST, HIGHEST = 0.8, 2.5  # metres that a dancer may be tall
+TOO_FEW = (
+    "these recordings are too few to be a measure: the numbers beside it are those of ballroom dancers, and what fails "
+    "by them may be another style"
+)
+NO_BAR = "the bar of a {dance} is not asked for: the number is that of `harmolab score` without --dance"
+TRAIN_HINT = "install it with: pip install 'harmolab[train]'"
+
+
+@dataclass(frozen=True, eq=False)
+class Dancer:
+    """The one who dances.
+
+    Parameters
+    ----------
+    system : System
+    options : keywords of its `generate` from the command line
+    choreographer : the system where it is one; a dance then takes a second, and says what it is made of
+    limits : LikenessLimits of its recordings, None for those of the package
+    knows_bars : bool, whether its dances have places in the bar that can be judged
+    remarks : sentences about it that are printed with every dance
+    """
+
+    system: System
+    options: dict[str, Any]
+    choreographer: Choreographer | None = None
+    limits: LikenessLimits | None = None
+    knows_bars: bool = True
+    remarks: tuple[str, ...] = ()
+
+    def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, Choreography | None]:
+        """A motion, and what it is made of where it was made of recordings."""
+        options = self.options | more
+        if self.choreographer is None:
+            return self.system.generate(audio, beats, **options), None
+        choreography = self.choreographer.choreograph(audio, beats, **options)
+        return choreography.motion, choreography
+
+
+def dancer_of(
+    context: typer.Context,
+    *,
+    corpus: Path | None,
+    scale: float | None,
+    style: str | None,
+    system: str | None,
+    weights: Path | None,
+    dance: str,
+) -> Dancer:
+    """The dancer that the options name; the shipped salsa where they name none.
+
+    Raises
+    ------
+    ValueError
+        For options that exclude each other, or one that this dancer does not take.
+    """
+    from harmolab.systems.choreographer.generate import Choreographer
+
+    _check_choice(corpus=corpus, scale=scale, style=style, system=system, weights=weights)
+    if weights is None and system in (None, CHOREOGRAPHER):
+        return _choreographer(context, corpus, scale, style or "salsa", dance)
+    trained = _trained(weights, system)
+    if isinstance(trained, Choreographer):
+        return _of_recordings(context, trained)
+    options = accepted(trained.generate, context, {"progress": progress})
+    return Dancer(trained, options, limits=getattr(trained, "limits", None))
+
+
+def _check_choice(
+    *, corpus: Path | None, scale: float | None, style: str | None, system: str | None, weights: Path | None
+) -> None:
+    """ValueError for options that exclude each other."""
+    if scale is not None and corpus is None:
+        raise ValueError("--scale is for the files of --from")
+    if corpus is not None and style is not None:
+        raise ValueError("--from and --style exclude each other: recordings of your own, or one of the banks")
+    for name, value in (("--from", corpus), ("--style", style)):
+        if value is not None and (weights is not None or system not in (None, CHOREOGRAPHER)):
+            other = "--weights" if weights is not None else f"--system {system}"
+            raise ValueError(f"{name} is for the choreographer, which dances with recorded movement; leave out {other}")
+    if weights is not None and system == CHOREOGRAPHER and not weights.exists():
+        raise FileNotFoundError(f"{weights}: no such folder")
+
+
+def _choreographer(context: typer.Context, corpus: Path | None, scale: float | None, style: str, dance: str) -> Dancer:
+    """The choreographer of a corpus or of a bank; ValueError for a dance that neither it nor the tempo table knows."""
+    from harmolab.params import DANCES
+    from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
+    from harmolab.systems.choreographer.kept import load_corpus
+
+    choreographer = (
+        shipped_bank(style, dance) if corpus is None else load_corpus(corpus, scale=scale, progress=progress)
+    )
+    if dance and dance not in (dances := {*DANCES, *choreographer.dances}):
+        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted(dances))}")
+    if corpus is not None:
+        return _of_recordings(context, choreographer)
+    limits = None if style == PUPPET else choreographer.limits
+    return _dancer(context, choreographer, limits, REMARKS[style])
+
+
+def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Dancer:
+    """A choreographer of recordings of one's own, by which its dances are judged if there are enough of them."""
+    from harmolab.skeletons import standing_height
+
+    for line in choreographer.notes:
+        note(f"left out: {line}")
+    height = standing_height(choreographer.takes[0].motion.positions)
+    if not LOWEST <= height <= HIGHEST:
+        note(f"these recordings are of a body {height:.2g} m tall; for other units pass --scale (CMU's BVH: 0.056444)")
+    limits = choreographer.limits
+    is_measure = limits is not None and limits.windows >= FEWEST_WINDOWS
+    return _dancer(context, choreographer, limits) if is_measure else _dancer(context, choreographer, None, TOO_FEW)
+
+
+def _dancer(
+    context: typer.Context, choreographer: Choreographer, limits: LikenessLimits | None, *remarks: str
+) -> Dancer:
+    """A choreographer as a dancer; where it knows no bar, it says by what it is not judged."""
+    from harmolab.params import DANCE_PATTERNS
+
+    options = accepted(choreographer.choreograph, context, {"progress": progress})
+    knows_bars = any(take.places.size for take in choreographer.takes)
+    if not knows_bars and options.get("dance") in DANCE_PATTERNS:
+        remarks = (*remarks, NO_BAR.format(dance=options["dance"]))
+    return Dancer(choreographer, options, choreographer, limits, knows_bars, remarks)
+
+
+def _trained(weights: Path | None, system: str | None) -> System:
+    """The system in a folder; the weights shipped for it where none are named."""
+    import harmolab
+    from harmolab.systems.contract import names
+
+    if weights is None and system not in names():
+        raise ValueError(f"no weights are shipped for {system!r}: pass --weights RUN, or one of {', '.join(names())}")
+    shipped = Path(harmolab.__file__).parent / "systems" / (system or "") / "weights"
+    if weights is None and not (shipped / "model.safetensors").is_file():
+        raise ValueError(
+            f"no weights are shipped for --system {system}; train some with "
+            f"`harmolab train DATA --system {system} --out RUN` and pass --weights RUN"
+        )
+    try:
+        from harmolab.systems import load
+
+        return load(shipped if weights is None else weights, system=system)
+    except ModuleNotFoundError as error:
+        raise ValueError(f"{weights or system}: dancing with it needs {error.name}; {TRAIN_HINT}") from None

@@ -1,0 +1,286 @@
+"""Recorded beats as things that can be danced: how far apart they are, where they stand in the bar, what fits them.
+
+A node is one beat of one recording, [k, k + 1). Its borders are the beats k and k + 1. Around every border and every
+middle of a beat lies a cloud: the joints at some moments from half a beat before to half a beat after. The distance of
+two clouds is what is left after the best turn about the vertical and the best shift on the floor:
+
+``D^2 = sum w |a|^2 + sum w |b|^2 - 2 |sum w a conj(b)| + sum w (height of a - height of b)^2``
+
+with a, b = x + i z of the joints, less their weighted mean, and weights w that sum to 1. The angle of the cross term is
+the turn. All pairs are one product of complex matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator, make_interp_spline
+
+from harmolab.bar_pattern import (
+    GRID,
+    beat_curve,
+    beat_positions,
+    fit_pattern,
+    moment_ranks,
+    normalised_speed,
+    pattern_sums,
+)
+from harmolab.beats.meter import cycle_of_meter
+from harmolab.params import HarmonyParams
+from harmolab.skeletons import Skeleton, foot_joints
+from harmolab.systems.choreographer.params import TOO_LONG, ChoreographerParams
+from harmolab.systems.choreographer.takes import Take
+from harmolab.types import BoolArray, FloatArray, IntArray
+
+Complex64 = NDArray[np.complex64]
+Float32 = NDArray[np.float32]
+
+CENTIMETRES = 100.0  # in a metre
+BLOCK = 2**22  # distances computed at a time: 32 MB
+UNKNOWN_SHARE = 0.5  # rank of a beat of which no pattern is known
+
+
+class Course:
+    """A take as a function of its beat number: 2.5 is half way between its third and its fourth beat.
+
+    Positions are a cubic spline; between beats time runs by a monotone cubic (PCHIP), before the first and after the
+    last as fast as in the beat interval there. Before its first frame and after its last the dancer stands still.
+    """
+
+    def __init__(self, take: Take, beats: FloatArray) -> None:
+        self.take, self.beats = take, beats
+        positions = take.motion.positions.reshape(take.motion.n_frames, -1)
+        self._spline = make_interp_spline(
+            np.arange(len(positions)) / take.motion.fps, positions, k=min(3, len(positions) - 1)
+        )
+        self._clock = PchipInterpolator(np.arange(beats.size), beats) if beats.size > 2 else None
+
+    def seconds(self, numbers: FloatArray) -> FloatArray:
+        """Time in the take, of any beat number; it may lie outside of the take."""
+        last = self.beats.size - 1
+        inside = np.clip(numbers, 0, last)
+        times = np.interp(inside, [0, last], self.beats[[0, -1]]) if self._clock is None else self._clock(inside)
+        before, after = np.minimum(numbers, 0), np.maximum(numbers - last, 0)
+        first, final = self.beats[1] - self.beats[0], self.beats[-1] - self.beats[-2]
+        return np.asarray(times + before * first + after * final)
+
+    def positions(self, numbers: FloatArray) -> FloatArray:
+        """Joints (..., J, 3) at beat numbers (...)."""
+        times = np.clip(self.seconds(numbers), 0.0, self.take.seconds)
+        return np.asarray(self._spline(times)).reshape(*np.shape(numbers), -1, 3)
+
+
+class Clouds(NamedTuple):
+    """N clouds of K points: places on the floor as x + i z, heights (metres), both times root weight; the N middles."""
+
+    floor: Complex64
+    heights: Float32
+    middles: NDArray[np.complex128]
+
+
+def joint_weights(skeleton: Skeleton, foot_weight: float) -> FloatArray:
+    """(J,) weights of the joints in a cloud, with sum 1; feet weigh more."""
+    weights = np.ones(len(skeleton.joints))
+    with suppress(ValueError):  # no joint is called a foot
+        weights[[joint for foot in foot_joints(skeleton) for joint in foot]] = foot_weight
+    return weights / weights.sum()
+
+
+def around(params: ChoreographerParams) -> FloatArray:
+    """The moments of a cloud, beats from its middle."""
+    return np.linspace(-0.5, 0.5, params.samples) if params.samples > 1 else np.zeros(1)
+
+
+def clouds_of(positions: FloatArray, weights: FloatArray) -> Clouds:
+    """The clouds of joints (N, S, J, 3), metres; `weights` (J,) sum to 1."""
+    weight = np.broadcast_to(weights / positions.shape[1], positions.shape[1:3]).ravel()
+    floor = (positions[..., 0] + 1j * positions[..., 2]).reshape(len(positions), -1)
+    middles = floor @ weight
+    root = np.sqrt(weight)
+    heights = positions[..., 1].reshape(len(positions), -1)
+    return Clouds(
+        ((floor - middles[:, None]) * root).astype(np.complex64), (heights * root).astype(np.float32), middles
+    )
+
+
+def distances(one: Clouds, other: Clouds) -> Float32:
+    """Distance D of every cloud of `one` to every one of `other`, (N, M) centimetres."""
+    level = other.heights.mean(axis=0) if len(other.heights) else 0.0  # single precision does not like large heights
+    own, others = one.heights - level, other.heights - level
+    cross = np.abs(one.floor @ other.floor.conj().T)
+    cross += own @ others.T
+    square = _squares(one.floor, own)[:, None] + _squares(other.floor, others) - 2 * cross
+    return np.sqrt(np.maximum(square, 0, out=square), out=square) * np.float32(CENTIMETRES)
+
+
+def _squares(floor: Complex64, heights: Float32) -> Float32:
+    return (floor.real**2 + floor.imag**2 + heights**2).sum(axis=1)
+
+
+class Distances:
+    """Distances of all clouds to all; of many clouds those to the nearest alone, and all others are far."""
+
+    def __init__(self, clouds: Clouds, params: ChoreographerParams) -> None:
+        size = len(clouds.floor)
+        self.is_dense = size <= params.dense
+        self._size = size
+        if self.is_dense:
+            self._matrix = distances(clouds, clouds)
+            return
+        count = min(params.nearest, size)
+        self._nearest, self._matrix = np.empty((size, count), np.int32), np.empty((size, count), np.float32)
+        for first in range(0, size, step := max(1, BLOCK // size)):
+            rows = slice(first, first + step)
+            block = distances(Clouds(clouds.floor[rows], clouds.heights[rows], clouds.middles[rows]), clouds)
+            near = np.argpartition(block, count - 1, axis=1)[:, :count]
+            self._nearest[rows], self._matrix[rows] = near, np.take_along_axis(block, near, axis=1)
+
+    def rows(self, numbers: IntArray) -> Float32:
+        """Distances (P, N) of the clouds of those numbers to all, centimetres."""
+        if self.is_dense:
+            return self._matrix[numbers]
+        rows = np.full((numbers.size, self._size), TOO_LONG, np.float32)
+        np.put_along_axis(rows, self._nearest[numbers], self._matrix[numbers], axis=1)
+        return rows
+
+    def pairs(self, one: IntArray, other: IntArray) -> Float32:
+        """Distance (P,) of each cloud of `one` to that of `other` at the same place."""
+        if self.is_dense:
+            return self._matrix[one, other]
+        near = self._nearest[one] == other[:, None]
+        return np.where(near, self._matrix[one], np.float32(TOO_LONG)).min(axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """The nodes of a corpus: N beats of recordings, and all that is known of each before any song is heard.
+
+    Parameters
+    ----------
+    courses : the recordings
+    course, beat : (N,) arrays, each node's recording and beat in it
+    start : (N,) array, its first border; its last is the next one
+    following : (N,) array, the node that was danced next, -1 at the end of a recording
+    places, meters : (N,) arrays, place in the bar (-1 unknown) and beats in a bar (0 unknown)
+    lengths : (N,) array, seconds
+    shares : (N,) array in (0, 1), rank of the beat among all moments of its recording, by the pattern of its dance
+    edges : borders at which a seam reaches beyond a recording or into filler, bool
+    seams, alike : Distances between borders, and between middles of beats
+    weights : (J,) array, of the joints in a cloud
+    """
+
+    courses: tuple[Course, ...]
+    course: IntArray
+    beat: IntArray
+    start: IntArray
+    following: IntArray
+    places: IntArray
+    meters: IntArray
+    lengths: FloatArray
+    shares: FloatArray
+    edges: BoolArray
+    seams: Distances
+    alike: Distances
+    weights: FloatArray
+
+    def __len__(self) -> int:
+        return self.beat.size
+
+    @property
+    def meter(self) -> int:
+        """Beats in a bar of most nodes whose place is known; 0 where none is."""
+        meters = self.meters[self.places >= 0]
+        return int(np.bincount(meters).argmax()) if meters.size else 0
+
+    def seam_rows(self, nodes: IntArray, params: ChoreographerParams) -> tuple[Float32, Float32]:
+        """Distance (P, N) between the end of each of `nodes` and the start of any, and what a seam there costs."""
+        ends = self.start[nodes] + 1
+        distance = self.seams.rows(ends)[:, self.start]
+        at_edge = self.edges[ends][:, None] | self.edges[self.start]
+        return distance, distance + (np.float32(params.seam) + at_edge * np.float32(params.edge))
+
+
+def moves_of(courses: Sequence[Course], params: ChoreographerParams, shares: Sequence[FloatArray] = ()) -> Moves:
+    """The nodes of recordings that have two beats or more; `shares` (a number a beat) are .5 where left out."""
+    counts = np.array([course.beats.size - 1 for course in courses])
+    course = np.repeat(np.arange(len(courses)), counts)
+    beat = np.concatenate([np.arange(count) for count in counts])
+    last = beat == counts[course] - 1
+    weights = joint_weights(courses[0].take.motion.skeleton, params.foot_weight)
+    places = [one.take.places if one.take.places.size else np.full(one.beats.size, -1) for one in courses]
+    if not shares:
+        shares = [np.full(one.beats.size, UNKNOWN_SHARE) for one in courses]
+    borders = [np.arange(one.beats.size, dtype=np.float64) for one in courses]
+    return Moves(
+        courses=tuple(courses),
+        course=course,
+        beat=beat,
+        start=np.arange(beat.size) + course,
+        following=np.where(last, -1, np.arange(1, beat.size + 1)),
+        places=np.concatenate([one[:-1] for one in places]),
+        meters=np.array([one.take.meter for one in courses])[course],
+        lengths=np.concatenate([np.diff(one.beats) for one in courses]),
+        shares=np.concatenate([one[:-1] for one in shares]),
+        edges=np.concatenate([_edges(one) for one in courses]),
+        seams=Distances(_clouds(courses, borders, weights, params), params),
+        alike=Distances(_clouds(courses, [one[:-1] + 0.5 for one in borders], weights, params), params),
+        weights=weights,
+    )
+
+
+def _clouds(
+    courses: Sequence[Course], middles: Sequence[FloatArray], weights: FloatArray, params: ChoreographerParams
+) -> Clouds:
+    """The clouds around beat numbers of each recording, one recording after the other."""
+    clouds = [
+        clouds_of(course.positions(numbers[:, None] + around(params)), weights)
+        for course, numbers in zip(courses, middles, strict=True)
+    ]
+    return Clouds(
+        np.concatenate([cloud.floor for cloud in clouds]),
+        np.concatenate([cloud.heights for cloud in clouds]),
+        np.concatenate([cloud.middles for cloud in clouds]),
+    )
+
+
+def _edges(course: Course) -> BoolArray:
+    """The borders (B,) whose cloud reaches beyond the recording, or into frames that are filler."""
+    numbers = np.arange(course.beats.size, dtype=np.float64)
+    first, last = course.seconds(numbers - 0.5), course.seconds(numbers + 0.5)
+    motion = course.take.motion
+    filler = np.concatenate([[0], np.cumsum(~motion.valid)])
+    frames = [np.clip(np.round(times * motion.fps), 0, motion.n_frames - 1).astype(np.int64) for times in (first, last)]
+    tolerance = 0.5 / motion.fps
+    outside = (first < -tolerance) | (last > course.take.seconds + tolerance)
+    return np.asarray(outside | (filler[frames[1] + 1] > filler[frames[0]]))
+
+
+def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
+    """Rank of each beat of each take among all its moments, by the bar pattern that takes of its dance share.
+
+    The pattern is learnt on these takes, of the speed of the body's shape; (B,) arrays in (0, 1).
+    """
+    params = HarmonyParams.recommended()
+    speeds = [normalised_speed(take.motion, params) for take in takes]
+    groups: dict[tuple[str, int], list[int]] = {}
+    for number, take in enumerate(takes):
+        groups.setdefault((take.dance, cycle_of_meter(take.meter or None)), []).append(number)
+    shares = [np.full(take.beats.size, UNKNOWN_SHARE) for take in takes]
+    for (_, cycle), numbers in groups.items():
+        moving = [number for number in numbers if speeds[number][1].any() and takes[number].beats.size > 1]
+        if not moving:
+            continue
+        sums = [pattern_sums(beat_positions(speeds[n][0], takes[n].track), speeds[n][1], cycle) for n in moving]
+        pattern = fit_pattern(sums)
+        for number in moving:
+            track = takes[number].track
+            curve, first = beat_curve(*speeds[number], track)
+            beats = np.arange(track.times.size) + (0 if track.bar_places is None else int(track.bar_places[0]))
+            moments = np.clip(beats * GRID - first, 0, curve.size - 1)
+            shares[number] = moment_ranks(curve, pattern)[beats % cycle, moments]
+    return shares

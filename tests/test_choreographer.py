@@ -1,0 +1,580 @@
+"""The choreographer: seams in closed form, the best path, beats on beats, what it refuses and what it warns of."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from harmolab.corpora.synthetic import ClipSettings, PlantedClip, planted_clip
+from harmolab.corpora.synthetic.corpus import write_corpus
+from harmolab.io.motion import save_motion
+from harmolab.lab import choreography_summary, choreography_table, seam_jerk
+from harmolab.lab.experiments.study import readable_recordings
+from harmolab.metrics.quality import bone_error
+from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.skeletons import heading
+from harmolab.systems.choreographer import Choreographer
+from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose
+from harmolab.systems.choreographer.choreography import TOO_LITTLE
+from harmolab.systems.choreographer.lay import beat_numbers, faded, fit, runs_of
+from harmolab.systems.choreographer.moves import Clouds, Course, Distances, clouds_of, distances, moves_of
+from harmolab.systems.choreographer.params import TOO_LONG, ChoreographerParams
+from harmolab.systems.choreographer.pulse import pulse
+from harmolab.systems.choreographer.takes import Take, take_of
+from harmolab.systems.common.motion_code import fixed_bones
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from tests.builders import BODY, bone_lengths, track, waving
+
+SILENCE = Audio(np.zeros(8000 * 60), 8000.0)
+
+
+def planted(dance: str, seed: int, seconds: float = 20.0) -> PlantedClip:
+    return planted_clip(ClipSettings(dance, seconds, fps=30.0, seed=seed), name=f"{dance} {seed}")
+
+
+def waltz_motion(seed: int, seconds: float = 20.0) -> Motion:
+    motion = planted("waltz", seed, seconds).clip.motion
+    assert motion is not None
+    return motion
+
+
+@pytest.fixture(scope="module")
+def dancer() -> Choreographer:
+    return Choreographer.of([planted("waltz", seed) for seed in (1, 2, 3)])
+
+
+def beats(bpm: float = 88.0, *, first: float = 0.31, meter: int = 3) -> BeatTrack:
+    times = np.arange(first, 60.0, 60.0 / bpm)
+    places = None if meter == 0 else (np.arange(times.size) % meter).tolist()
+    return track(times, duration=60.0, bar_places=places)
+
+
+# Seams
+
+
+def clouds(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, Clouds]:
+    positions, weights = rng.normal(size=(count, 3, 4, 3)), np.array([0.1, 0.2, 0.3, 0.4])
+    return positions, weights, clouds_of(positions, weights)
+
+
+def test_a_distance_is_what_is_left_after_the_best_turn_and_shift(rng: np.random.Generator):
+    positions, weights, made = clouds(rng, 4)
+
+    def left(way: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
+        floor = (other[..., 0] + 1j * other[..., 2]) * np.exp(1j * way[0]) + way[1] + 1j * way[2]
+        off = np.abs(one[..., 0] + 1j * one[..., 2] - floor) ** 2 + (one[..., 1] - other[..., 1]) ** 2
+        return float(np.sqrt((off * weights).sum(axis=1).mean()))
+
+    for first, second in itertools.product(range(4), repeat=2):
+        if first != second:
+            tried = [
+                minimize(left, [angle, 0.0, 0.0], (positions[first], positions[second])).fun for angle in (0, 2, 4)
+            ]
+            assert distances(made, made)[first, second] == pytest.approx(100 * min(tried), rel=1e-4)
+
+
+def test_a_cloud_that_was_only_turned_and_shifted_is_at_no_distance_and_fits(rng: np.random.Generator):
+    positions, weights, made = clouds(rng, 1)
+    floor = (positions[..., 0] + 1j * positions[..., 2]) * np.exp(0.7j) + 5 - 3j
+    moved = clouds_of(np.stack([floor.real, positions[..., 1], floor.imag], axis=-1), weights)
+    assert distances(made, moved)[0, 0] == pytest.approx(0.0, abs=0.05)
+    turn, shift = fit(moved, made)
+    assert turn == pytest.approx(np.exp(0.7j), abs=1e-6) and shift == pytest.approx(5 - 3j, abs=1e-5)
+
+
+def test_a_dancer_who_stands_higher_is_at_a_distance(rng: np.random.Generator):
+    positions, weights, made = clouds(rng, 1)
+    assert distances(made, clouds_of(positions + np.array([0.0, 0.1, 0.0]), weights))[0, 0] == pytest.approx(
+        10.0, rel=1e-4
+    )
+
+
+def test_of_many_clouds_the_nearest_alone_are_kept(rng: np.random.Generator):
+    _, _, made = clouds(rng, 40)
+    made = Clouds(made.floor / 5, made.heights / 5, made.middles)
+    every = Distances(made, ChoreographerParams())
+    few = Distances(made, ChoreographerParams(dense=39, nearest=5))
+    rows = np.arange(40)
+    full, kept = every.rows(rows), few.rows(rows)
+    assert ((kept < TOO_LONG).sum(axis=1) == 5).all()
+    np.testing.assert_allclose(np.sort(kept, axis=1)[:, :5], np.sort(full, axis=1)[:, :5], atol=1e-3)
+    np.testing.assert_allclose(few.pairs(rows, kept.argmin(axis=1)), kept.min(axis=1), atol=1e-3)
+
+
+# Choice
+
+
+def wandering_take(name: str, rng: np.random.Generator, *, count: int = 8, meter: int = 0) -> Take:
+    """A body that goes through random poses, one a beat of half a second."""
+    keys = BODY + 0.3 * rng.normal(size=(count, *BODY.shape))
+    places = np.linspace(0, count - 1, (count - 1) * 15 + 1)
+    positions = np.stack([np.interp(places, np.arange(count), column) for column in keys.reshape(count, -1).T], axis=1)
+    motion = Motion(positions.reshape(-1, *BODY.shape), 30.0, Skeleton.unnamed(len(BODY)))
+    bars = np.arange(count) % meter if meter else None
+    clip = Clip(name, SILENCE, motion, beats=track(np.arange(count) / 2, bar_places=bars))
+    return take_of(clip)
+
+
+PLAIN = ChoreographerParams(variety=0.0, noise=0.0, unplaced_run=1, harmony=0.0)
+
+
+def test_the_path_is_the_best_of_all_there_are(rng: np.random.Generator):
+    takes = [wandering_take(name, rng, count=4) for name in "ab"]
+    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    music = MusicBeats(np.cumsum([0.0, 0.5, 0.6, 0.4, 0.5, 0.5]), np.zeros(0, int), 0)
+    _, step = moves.seam_rows(np.arange(len(moves)), PLAIN)
+    for node, following in enumerate(moves.following):
+        if following >= 0:
+            step[node, following] = 0.0
+    tempo = PLAIN.tempo / 4 * np.abs(np.log(np.diff(music.times))[:, None] - np.log(moves.lengths))
+
+    def cost(path: tuple[int, ...]) -> float:
+        seams = sum(step[one, other] for one, other in itertools.pairwise(path))
+        return float(seams + sum(tempo[beat, node] for beat, node in enumerate(path)))
+
+    best = min(itertools.product(range(len(moves)), repeat=5), key=cost)
+    assert cost(tuple(choose(moves, music, PLAIN))) == pytest.approx(cost(best), rel=1e-5)
+
+
+def test_no_run_is_shorter_than_a_bar_or_longer_than_eight_beats(dancer: Choreographer):
+    made = dancer.choreograph(SILENCE, beats(), seconds=40.0)
+    lengths = [piece.last_beat - piece.first_beat for piece in made.pieces]
+    assert min(lengths[:-1]) >= 3 and max(lengths) <= 8
+
+
+def test_each_beat_is_danced_at_its_place_in_the_bar(dancer: Choreographer):
+    music = beats()
+    made = dancer.choreograph(SILENCE, music, seconds=30.0)
+    places = {take.name: take.places for take in dancer.takes}
+    for piece in made.pieces:
+        beat = int(np.abs(music.times - piece.start).argmin()) if piece.start >= 0 else None
+        if beat is not None:
+            assert places[piece.recording][piece.first_beat] == music.bar_places[beat]
+
+
+def test_without_variety_the_dance_repeats_itself_more(dancer: Choreographer):
+    again = Choreographer(dancer.takes, params=ChoreographerParams(variety=0.0, noise=0.0))
+    seen = [each.choreograph(SILENCE, beats(), seconds=50.0).seen_before for each in (again, dancer)]
+    assert seen[0] > seen[1] + 0.1
+
+
+@pytest.mark.parametrize(("name", "value"), [("seam", -1.0), ("nearest", 0), ("alike", 0.0), ("samples", 2.5)])
+def test_impossible_settings_are_refused(name: str, value: float):
+    with pytest.raises(ValueError, match=name):
+        ChoreographerParams(**{name: value})
+
+
+# The music's beats
+
+
+def test_gaps_and_ends_of_the_music_are_filled_with_beats_at_its_pace():
+    music = beats_between(track([1.0, 1.5, 2.0, 3.5, 4.0]), 0.2, 5.1, meter=0, period=9.0)
+    np.testing.assert_allclose(music.times, np.arange(0.0, 5.6, 0.5))
+    assert music.meter == 0 and music.places.size == 0
+
+
+def test_places_in_the_bar_go_on_through_gaps():
+    music = beats_between(track([1.0, 1.5, 2.0, 3.5, 4.0], bar_places=[0, 1, 2, 2, 0]), 0.2, 4.4, meter=3, period=1.0)
+    assert music.places.tolist() == [1, 2, 0, 1, 2, 0, 1, 2, 0, 1]
+
+
+def test_a_beat_of_the_music_lies_exactly_on_a_recorded_beat(dancer: Choreographer):
+    music = MusicBeats(np.array([0.2, 0.9, 1.5, 2.3, 3.0, 3.6, 4.4]), np.arange(7) % 3, 3)
+    moves = dancer._moves_of(dancer.takes, music.period)
+    path = choose(moves, music, dancer.params)
+    runs = runs_of(moves, path, dancer.params)
+    numbers = beat_numbers(music, music.times)
+    np.testing.assert_allclose(numbers, np.arange(7), atol=1e-12)
+    middle = next(run.first + 1 for run in runs if run.last - run.first >= 3)  # outside of every fade
+    course, node = moves.courses[moves.course[path[middle]]], path[middle]
+    recorded = course.take.motion.positions
+    frame = course.beats[moves.beat[node]] * course.take.motion.fps
+    made = faded(moves, runs, numbers)[middle]
+    nearest = recorded[round(frame)]
+    np.testing.assert_allclose(made[:, 1], nearest[:, 1], atol=0.02)
+    exact = course.positions(np.array([float(moves.beat[node])]))[0]
+    np.testing.assert_allclose(made[:, 1], exact[:, 1], atol=1e-9)
+
+
+# Dances
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_another_dance(dancer: Choreographer):
+    one, same, other = (dancer.generate(SILENCE, beats(), seconds=12.0, seed=seed) for seed in (3, 3, 4))
+    assert one.positions.tobytes() == same.positions.tobytes()
+    assert np.abs(one.positions - other.positions).max() > 0.1
+
+
+def test_another_song_of_the_same_tempo_gets_another_dance(dancer: Choreographer):
+    made = [dancer.choreograph(SILENCE, beats(first=first), seconds=30.0) for first in (0.31, 0.32)]
+    pieces = [[(piece.recording, piece.first_beat) for piece in each.pieces] for each in made]
+    assert pieces[0] != pieces[1]
+
+
+def test_the_dance_begins_in_the_middle_faces_the_camera_and_keeps_its_bones(dancer: Choreographer):
+    motion = dancer.generate(SILENCE, beats(), seconds=10.0)
+    assert motion.fps == 30.0 and motion.n_frames == 300 and motion.skeleton == dancer.skeleton
+    assert abs(heading(motion.positions, motion.fps, motion.skeleton)[0]) < 0.1
+    assert motion.positions[..., 1].min() >= -1e-6
+    assert bone_error(motion) < 0.02
+
+
+def test_what_a_dance_is_made_of_adds_up(dancer: Choreographer):
+    made = dancer.choreograph(SILENCE, beats(), start=2.0, seconds=20.0)
+    danced = sum(piece.last_beat - piece.first_beat for piece in made.pieces)
+    assert danced == pytest.approx(20.0 * 88 / 60, abs=2)
+    assert sum(made.shares.values()) == pytest.approx(1.0)
+    assert {piece.recording for piece in made.pieces} == set(made.shares)
+    assert made.start == 2.0 and made.pieces[0].start <= 0 < made.pieces[1].start
+    assert made.worst_seam_cm == max(piece.seam_cm for piece in made.pieces)
+    assert 0 < made.mean_seam_cm <= made.worst_seam_cm
+    assert 1 <= made.longest_stretch <= danced and 0 <= made.seen_before <= 1
+
+
+def test_a_dance_goes_on_from_where_a_motion_ends(dancer: Choreographer):
+    past = dancer.takes[0].motion.span(2.0, 3.0)
+    past = replace(past, positions=past.positions + np.array([4.0, 0.0, -7.0]))
+    motion = dancer.generate(SILENCE, beats(), seconds=5.0, initial=past)
+    steps = np.linalg.norm(np.diff(past.positions, axis=0), axis=2).max()
+    assert np.linalg.norm(motion.positions[0] - past.positions[-1], axis=1).max() < 2 * steps
+
+
+def test_feet_slide_less_when_they_are_planted(dancer: Choreographer):
+    from harmolab.metrics.quality import foot_skating
+
+    slides = [
+        foot_skating(dancer.generate(SILENCE, beats(), seconds=15.0, plant_feet=plant)) for plant in (False, True)
+    ]
+    assert slides[1] < slides[0]
+
+
+def test_bones_are_fixed_as_torch_fixes_them(rng: np.random.Generator):
+    torch = pytest.importorskip("torch")
+    from harmolab.systems.common.torch_code import fix_bones
+
+    parents, lengths = (1, -1, 1, 2, -1), np.array([0.4, 9.0, 0.3, 0.2, 9.0])
+    positions = rng.normal(size=(6, 5, 3))
+    made = fixed_bones(positions, parents, lengths)
+    theirs = fix_bones(torch.tensor(positions[None]), parents, torch.tensor(lengths))[0]
+    np.testing.assert_allclose(made, theirs, atol=1e-6)
+    skeleton = Skeleton(tuple("abcde"), parents)
+    np.testing.assert_allclose(bone_lengths(Motion(made, 30.0, skeleton)), np.tile(lengths[[0, 2, 3]], (6, 1)))
+
+
+def test_a_bone_of_no_length_stays_as_it_is():
+    made = fixed_bones(np.zeros((2, 2, 3)), (-1, 0), np.array([0.0, 0.5]))
+    np.testing.assert_array_equal(made, 0.0)
+
+
+def test_a_flat_motion_is_not_followed(dancer: Choreographer):
+    past = dancer.takes[0].motion
+    with pytest.raises(ValueError, match="initial is two-dimensional"):
+        dancer.generate(SILENCE, beats(), initial=replace(past, positions=past.positions[..., :2]))
+
+
+# Corpora of all kinds
+
+
+def test_a_motion_without_beats_rests_on_the_beats_of_the_song():
+    phase = np.arange(0.0, 60.0, 1 / 30.0 / 0.61)  # rests every .61 s
+    dancer = Choreographer.of([waving(phase)])
+    made = dancer.choreograph(SILENCE, beats(100.0, meter=0), seconds=20.0)
+    signal = shape_signal(shape_speed(made.motion))
+    on_beat = np.interp(beats(100.0).times[2:30], signal.times, signal.values)
+    assert (on_beat < -1).mean() > 0.8  # standard deviations of speed; a seam may hide a rest
+    assert any("bar is not danced" in line for line in made.warnings)
+
+
+def test_the_pulse_of_a_motion_is_where_it_rests():
+    phase = np.arange(0.0, 40.0, 1 / 30.0 / 0.55)
+    rests = pulse(shape_signal(shape_speed(waving(phase))), 0.6)
+    assert np.abs(np.diff(rests) - 0.55).max() < 0.06
+    off = np.abs(rests[2:-2] / 0.55 - np.round(rests[2:-2] / 0.55))
+    assert off.max() < 0.1
+
+
+def test_recordings_with_and_without_beats_do_not_mix(dancer: Choreographer):
+    short, long = waltz_motion(1, 8.0), waltz_motion(1, 90.0)
+    one_beat = Clip("one beat", SILENCE, short, beats=track([0.5]))
+    for others, names in (([short, one_beat], {"waltz 1", "waltz 2", "waltz 3"}), ([long], {"motion 4"})):
+        takes = Choreographer.of([*dancer.takes, *others]).choreograph(SILENCE, beats(), seconds=9.0)
+        assert set(takes.shares) <= names
+        assert "left out: beats are known of some only" in takes.warnings[0]
+
+
+def test_a_motion_that_is_still_is_danced_too():
+    still = waving(np.zeros(600))
+    made = Choreographer.of([still]).choreograph(SILENCE, beats(100.0), seconds=8.0)
+    assert np.ptp(made.motion.positions, axis=0).max() < 1e-6
+    assert made.warnings
+
+
+def test_another_skeleton_dances(rng: np.random.Generator):
+    takes = [wandering_take(name, rng, count=20) for name in "ab"]
+    assert Choreographer(takes).generate(SILENCE, beats(meter=0), seconds=10.0).positions.shape == (300, 6, 3)
+
+
+def test_two_skeletons_are_refused(dancer: Choreographer, rng: np.random.Generator):
+    with pytest.raises(ValueError, match=r"waltz 1 and a have different skeletons \(21 and 6 joints\)"):
+        Choreographer([*dancer.takes, wandering_take("a", rng)])
+
+
+def test_pictures_are_refused():
+    with pytest.raises(ValueError, match="two-dimensional"):
+        Choreographer.of([Motion(np.zeros((30, 3, 2)), 30.0, Skeleton.unnamed(3))])
+
+
+def test_no_recording_is_refused():
+    with pytest.raises(ValueError, match="needs a recording at least"):
+        Choreographer.of([])
+
+
+def test_only_the_dance_that_is_asked_for_is_danced(dancer: Choreographer):
+    both = Choreographer.of([*dancer.takes, planted("cha-cha", 1)])
+    assert any("mixed" in line for line in both.choreograph(SILENCE, beats(), seconds=9.0).warnings)
+    made = both.choreograph(SILENCE, beats(), seconds=9.0, dance="waltz")
+    assert set(made.shares) <= {"waltz 1", "waltz 2", "waltz 3"}
+    assert not any("mixed" in line for line in made.warnings)
+
+
+def test_a_dance_that_was_not_recorded_is_said_and_one_that_nobody_knows_is_refused(dancer: Choreographer):
+    assert "there is no tango" in dancer.choreograph(SILENCE, beats(), seconds=9.0, dance="tango").warnings[0]
+    with pytest.raises(ValueError, match="unknown dance 'polka'"):
+        dancer.generate(SILENCE, beats(), seconds=9.0, dance="polka")
+
+
+def test_folders_of_recordings_and_of_bare_motions_are_read(tmp_path: Path):
+    write_corpus(tmp_path / "corpus", clips=2, seconds=12.0, fps=30.0)
+    (tmp_path / "bare" / "inner").mkdir(parents=True)
+    for seed, name in ((1, "a.npz"), (2, "inner/b.npz"), (3, "c.bvh")):
+        save_motion(tmp_path / "bare" / name, waltz_motion(seed, 10.0))
+    (tmp_path / "bare" / "broken.npz").write_bytes(b"nothing")
+    corpus = Choreographer.load(tmp_path / "corpus")
+    assert [take.dance for take in corpus.takes] == ["cha-cha", "jive"] and corpus.takes[0].meter == 4
+    with pytest.raises(ValueError, match="different skeletons"):  # BVH has end sites
+        Choreographer.load(tmp_path / "bare")
+    (tmp_path / "bare" / "c.bvh").unlink()
+    bare = Choreographer.load(tmp_path / "bare")
+    assert [take.name for take in bare.takes] == ["a", "inner/b"]
+    assert len(bare.notes) == 1 and "broken.npz" in bare.notes[0]
+    assert Choreographer.load(tmp_path / "bare" / "a.npz").takes[0].name == "a"
+    assert bare.generate(SILENCE, beats(), seconds=6.0).n_frames == 180
+
+
+def test_a_folder_without_movement_is_named(tmp_path: Path):
+    with pytest.raises(ValueError, match=f"{tmp_path}: holds no motion"):
+        Choreographer.load(tmp_path)
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        Choreographer.load(tmp_path / "nowhere")
+
+
+# Warnings
+
+
+def warned(dancer: Choreographer, music: BeatTrack, **options: Any) -> str:
+    return " ".join(dancer.choreograph(SILENCE, music, seconds=20.0, **options).warnings)
+
+
+def test_half_a_minute_is_too_little(dancer: Choreographer):
+    assert TOO_LITTLE in warned(Choreographer(dancer.takes[:1]), beats())
+
+
+def test_another_tempo_is_said(dancer: Choreographer):
+    own = 60 / np.median(np.concatenate([np.diff(take.beats) for take in dancer.takes]))
+    assert "slower than the recorded" in warned(dancer, beats(0.7 * own))
+    assert "faster than the recorded" in warned(dancer, beats(1.4 * own))
+    assert "than the recorded" not in warned(dancer, beats(1.1 * own))
+
+
+def test_what_is_not_known_of_the_bar_is_said(dancer: Choreographer):
+    assert '"one" of this music is not known' in warned(dancer, beats(meter=0))
+    assert "the music has 4 beats in a bar, these recordings 3" in warned(dancer, beats(meter=4))
+    assert "bar" not in warned(dancer, beats())
+
+
+def test_music_without_beats_is_danced_and_said(dancer: Choreographer):
+    assert "no beats are heard" in warned(dancer, track([], duration=60.0))
+
+
+# What is saved
+
+
+@pytest.fixture
+def saved(dancer: Choreographer, tmp_path: Path) -> Path:
+    dancer.save(tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_what_is_saved_is_the_same_to_the_millimetre(dancer: Choreographer, saved: Path):
+    again = Choreographer.load(saved)
+    for one, other in zip(dancer.takes, again.takes, strict=True):
+        np.testing.assert_array_equal(one.motion.positions, other.motion.positions)
+        np.testing.assert_array_equal(one.beats, other.beats)
+        np.testing.assert_array_equal(one.places, other.places)
+        about = [(take.name, take.dance, take.meter, take.motion.fps) for take in (one, other)]
+        assert about[0] == about[1]
+    off = waltz_motion(1).positions - dancer.takes[0].motion.positions
+    assert np.abs(off - off[0, 0]).max() <= 0.001 + 1e-9
+    assert again.limits is not None and (saved / "model.npz").stat().st_size < 200_000
+
+
+def test_training_is_reading_and_saving(tmp_path: Path):
+    corpus = write_corpus(tmp_path / "corpus", clips=2, seconds=12.0, fps=30.0)
+    made = Choreographer.train([corpus], tmp_path / "run", seed=3)
+    assert [take.name for take in Choreographer.load(tmp_path / "run").takes] == [take.name for take in made.takes]
+    with pytest.raises(ValueError, match="holds something else"):
+        Choreographer.train([corpus], corpus)
+    with pytest.raises(ValueError, match="no setting 'epochs'"):
+        Choreographer.train([corpus], tmp_path / "other", epochs=3)
+
+
+def rewrite(folder: Path, change: Callable[[dict[str, Any]], None], **arrays: Any) -> None:
+    """Change description and arrays of a saved choreographer as somebody would who can count, but means ill."""
+    import hashlib
+
+    about = json.loads((folder / "model.json").read_text())
+    with np.load(folder / "model.npz") as content:
+        kept = dict(content) | arrays
+    np.savez_compressed(folder / "model.npz", **kept)
+    about["sha256"] = hashlib.sha256((folder / "model.npz").read_bytes()).hexdigest()
+    change(about)
+    (folder / "model.json").write_text(json.dumps(about))
+
+
+def entry(about: dict[str, Any]) -> dict[str, Any]:
+    return about["build"]["takes"][0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda about: entry(about).update(frames=1000), "calls for"),
+        (lambda about: entry(about).update(frames=10**9), "more than 50000000 numbers"),
+        (lambda about: about["build"]["skeleton"].update(parents=[1, 0] + [0] * 19), "form a ring"),
+        (lambda about: entry(about).update(frames=1), "frames = 1"),
+        (lambda about: entry(about).update(frames=True), "frames = True"),
+        (lambda about: entry(about).update(beats=-1), "beats = -1"),
+        (lambda about: entry(about).update(fps=float("1e9")), "fps must lie between"),
+        (lambda about: entry(about).update(meter=2), "places in the bar do not fit"),
+        (lambda about: entry(about).update(meter="three"), "meter = three"),
+        (lambda about: about["build"].update(takes=[]), "1 to 10000 recordings"),
+        (lambda about: about["build"].update(takes={}), "1 to 10000 recordings"),
+        (lambda about: about["build"].update(skeleton={"joints": ["a"], "parents": [-1]}), "calls for"),
+        (lambda about: about["build"]["skeleton"].update(parents=[0] * 21), "parents must be"),
+        (lambda about: about.update(sha256="0"), "SHA-256 differs"),
+        (lambda about: about.update(limits={"pooled": {"spread": "wide"}}), "no limits of likeness"),
+        (lambda about: about["build"].pop("skeleton"), "skeleton"),
+    ],
+)
+def test_a_description_that_lies_is_refused(saved: Path, change: Callable[[dict[str, Any]], None], message: str):
+    rewrite(saved, change)
+    with pytest.raises(ValueError, match=rf"model\.npz.*{message}"):
+        Choreographer.load(saved)
+
+
+@pytest.mark.parametrize(
+    ("name", "changed", "message"),
+    [
+        ("beats", lambda old: np.full_like(old, np.nan), "beats must be two or more"),
+        ("beats", lambda old: old[::-1], "beats must be two or more"),
+        ("beats", lambda old: old + 1e6, "beats must be two or more"),
+        ("places", lambda old: old + 100, "places in the bar must lie"),
+        ("positions", lambda old: old.astype(np.int32), "16-bit"),
+        ("positions", lambda old: np.full_like(old, 32767), "damaged"),
+        ("positions", lambda old: old.astype(float), "positions"),
+        ("valid", lambda old: old[:-1], "valid has shape"),
+    ],
+)
+def test_arrays_that_no_recording_has_are_refused(saved: Path, name: str, changed: Callable[[Any], Any], message: str):
+    with np.load(saved / "model.npz") as content:
+        old = content[name]
+    rewrite(saved, lambda about: None, **{name: changed(old)})
+    with pytest.raises(ValueError, match=rf"model\.npz.*{message}"):
+        Choreographer.load(saved)
+
+
+def test_an_archive_that_would_fill_the_memory_is_refused_unread(saved: Path):
+    rewrite(saved, lambda about: None, positions=np.zeros((3 * 10**7, 1, 3), np.int16))
+    with pytest.raises(ValueError, match=r"model\.npz.*would unpack to"):
+        Choreographer.load(saved)
+
+
+def test_pickled_objects_are_never_read(saved: Path):
+    rewrite(saved, lambda about: None, beats=np.array([{"a": 1}] * 3, dtype=object))
+    with pytest.raises(ValueError, match=r"model\.npz.*never Python objects"):
+        Choreographer.load(saved)
+
+
+# No torch
+
+
+def test_a_dance_imports_no_torch(saved: Path):
+    code = (
+        "import sys, numpy as np\n"
+        "from harmolab.systems import find, load\n"
+        "from harmolab.types import Audio, BeatTrack\n"
+        "times = np.arange(0.3, 9.0, 0.7)\n"
+        "music = BeatTrack(times, np.ones(times.size), 100.0, 10.0)\n"
+        f"made = load({str(saved)!r}).generate(Audio(np.zeros(80000), 8000.0), music, seconds=5.0)\n"
+        "assert type(find('choreographer')) and made.n_frames == 150\n"
+        "print(*sorted({name.partition('.')[0] for name in sys.modules}))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "harmolab" in loaded
+    assert {"torch", "safetensors", "matplotlib", "pandas", "librosa"}.isdisjoint(loaded)
+
+
+# The table
+
+
+def test_jerk_at_seams_is_that_of_the_beats_around_them(dancer: Choreographer):
+    dance = dancer.choreograph(SILENCE, beats(), seconds=30.0)
+    middle = beats().times[20]
+    times = np.arange(dance.motion.n_frames) / dance.motion.fps
+    smooth = np.sin(12 * np.pi * times)[:, None, None] * np.ones((1, *dance.motion.positions.shape[1:]))
+    pieces = (dance.pieces[0], replace(dance.pieces[1], start=float(middle)))
+    even = replace(dance, motion=replace(dance.motion, positions=smooth), pieces=pieces)
+    assert seam_jerk(even, beats()) == pytest.approx(1.0, rel=0.1)
+    cut = replace(even, motion=replace(even.motion, positions=smooth + 9.0 * (times > middle)[:, None, None]))
+    assert seam_jerk(cut, beats()) > 1.3
+    assert np.isnan(seam_jerk(replace(even, pieces=pieces[:1]), beats()))
+
+
+@pytest.mark.slow
+def test_every_song_is_danced_from_all_others(tmp_path: Path):
+    corpus = write_corpus(tmp_path / "corpus", clips=15, seconds=15.0, fps=30.0)
+    clips = [recording for recording in readable_recordings(corpus) if recording.clip.dance == "cha-cha"]
+    table = choreography_table(clips, seeds=(0, 1, 2), seconds=12.0)
+    assert len(clips) == 3 and table[["recording", "seed"]].drop_duplicates().shape == (9, 2)
+    assert table[["seam (cm)", "skating", "H", "H recorded"]].notna().all(axis=None)
+    summary = choreography_summary(table)
+    assert summary.loc["mean seam (cm)", "made"] == pytest.approx(table["seam (cm)"].mean())
+    with pytest.raises(ValueError, match="no other recording of cha-cha"):
+        choreography_table(clips[:1])
+
+
+# Recordings
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_songs_danced_from_all_other_recordings_are_dances(data_root: Path):
+    folder = data_root / "beatlocked"
+    if not folder.is_dir():
+        pytest.skip(f"no beat-locked recordings in {data_root}")
+    table = choreography_table(list(readable_recordings(folder)))
+    means = table.mean(numeric_only=True)
+    assert (table["passed"] == True).all(), table[table["passed"] != True][["recording", "seed", "fails"]]  # noqa: E712
+    assert means["seam (cm)"] <= 8 and means["jerk ratio"] <= 1.1 and means["skating"] <= 0.35
+    assert means["H"] >= 0.35
+    assert choreography_summary(table).loc["passes the guard", "made"] == f"{len(table)}/{len(table)}"
