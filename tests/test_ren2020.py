@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -56,7 +59,7 @@ from harmolab.systems.ren2020.terms import (
     perceptual_loss,
     pose_loss,
 )
-from harmolab.systems.ren2020.train import train_ren2020
+from harmolab.systems.ren2020.train import players, train_ren2020
 from harmolab.types import Skeleton
 from tests import tiny_training as tiny
 
@@ -489,7 +492,17 @@ def test_players_have_rates_of_their_own(units: Tensors, tmp_path: Path):
     ]
     phase = Phase("one", 1, rate=lambda epoch: 3e-4, modules={}, players=players, forward=lambda shard, last: None)
     fit(make_fabric(accelerator="cpu"), [phase], units, Batching(len(units)), tmp_path)
-    assert float(slow) == pytest.approx(-3e-4, rel=1e-3) and float(fast) == pytest.approx(-5e-4, rel=1e-3)
+    assert float(slow.detach()) == pytest.approx(-3e-4, rel=1e-3)
+    assert float(fast.detach()) == pytest.approx(-5e-4, rel=1e-3)
+
+
+def test_the_generator_steps_first_and_losses_and_rates_are_as_released():
+    generator, local, overall = players(networks_of(), RenParams())
+    assert [each.name for each in (generator, local, overall)] == ["generator", "local", "overall"]
+    assert generator.weights == {"pose": 200.0, "perceptual": 1.0, "feature": 1.0, "local": 1.0, "global": 1.0}
+    assert local.weights == {"critic_local": 0.5} and overall.weights == {"critic_global": 0.5, "penalty": 1.0}
+    assert [3e-4 * each.pace for each in (generator, local, overall)] == pytest.approx([3e-4, 3e-4, 5e-4])
+    assert (RenParams().epochs, RenParams().batch_size) == (400, 16)
 
 
 # Training
@@ -558,6 +571,24 @@ def test_shards_change_no_more_than_batch_statistics(run: Path, train: Train, tm
     train(tmp_path / "run", params=replace(TINY, shards=2))
     one, two = (pd.read_csv(folder / "history.csv") for folder in (run, tmp_path / "run"))
     np.testing.assert_allclose(two["pose"], one["pose"], rtol=0.1)
+
+
+@pytest.mark.slow
+def test_two_processes_train_the_same_as_one(train: Train, tmp_path: Path):
+    code = (
+        "import sys\nfrom tests import test_ren2020 as own\n"
+        "own.train_ren2020(own.tiny.tiny_split(beat_channels=False), sys.argv[1],\n"
+        "    params=own.replace(own.TINY, shards=2), fabric=own.make_fabric(accelerator='cpu'))\n"
+    )
+    (tmp_path / "two.py").write_text(code)
+    processes = ("torch.distributed.run", "--standalone", "--nproc-per-node", "2")
+    subprocess.run(
+        [sys.executable, "-m", *processes, str(tmp_path / "two.py"), str(tmp_path / "two")], check=True, timeout=300,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}, capture_output=True,
+    )  # fmt: skip
+    train(tmp_path / "one", params=replace(TINY, shards=2))
+    for file in ("history.csv", "model.safetensors"):
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
 
 
 def test_a_trained_run_dances_like_the_network_it_came_from(run: Path, train: Train, tmp_path: Path):
