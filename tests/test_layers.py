@@ -45,7 +45,14 @@ INSIDE = {
         "timing": {"figures", "widgets", "report"},
         "render": {"timing"},
     },
-    "systems": {"common": set(), "contract": {"common"}, "choreographer": {"common"}, "harmogan": {"common"}},
+    "systems": {
+        "common": set(),
+        "contract": {"common"},
+        "choreographer": {"common"},
+        "harmogan": {"common"},
+        "lee2019": {"common"},
+        "ren2020": {"common"},
+    },
 }
 LIBRARIES = {
     "torch": ("systems", "lab.timing.harmonise"),

@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -45,6 +45,12 @@ from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.harmogan.system import HarmoGAN
+from harmolab.systems.lee2019 import Lee2019
+from harmolab.systems.lee2019.networks import DancingToMusic
+from harmolab.systems.lee2019.params import LeeParams
+from harmolab.systems.ren2020.networks import RenGenerator
+from harmolab.systems.ren2020.params import RenParams
+from harmolab.systems.ren2020.system import Ren2020
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 
 TOY = f"{__name__}:Toy"
@@ -148,17 +154,24 @@ def dancer() -> Motion:
     return resample_motion(motion, FEATURES.fps)
 
 
-def tiny_harmogan() -> HarmoGAN:
-    """An untrained generator, and two movements to start from."""
+def tiny(system: Any, network: Callable[..., Any], sizes: Any) -> Any:
+    """A system of an untrained network of these sizes, and two movements to start from."""
     torch.manual_seed(0)
     motion = dancer()
     code = encode_motion(motion.positions, motion.fps, motion.skeleton)
     lengths = torch.as_tensor(bone_lengths(motion.positions, motion.skeleton))
-    model = ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4)
-    generator = Generator(model, FEATURES.n_audio, motion.skeleton, lengths, fps=motion.fps, features=FEATURES)
+    generator = network(sizes, FEATURES.n_audio, motion.skeleton, lengths, fps=motion.fps, features=FEATURES)
     generator.motion_scale.set(torch.tensor(code.mean(axis=0)), torch.tensor(code.std(axis=0)))
     bank = np.stack([code[:25], code[30:55]]).astype(np.float16)
-    return HarmoGAN(generator.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
+    return system(generator.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
+
+
+def tiny_harmogan() -> HarmoGAN:
+    return tiny(HarmoGAN, Generator, ModelParams(hidden=8, layers=1, pose_features=8, discriminator=4))
+
+
+def tiny_ren2020() -> Ren2020:
+    return tiny(Ren2020, RenGenerator, RenParams(hidden=8, body=8, blocks=1, discriminator=4))
 
 
 def tiny_toy() -> Toy:
@@ -170,9 +183,25 @@ def tiny_choreographer() -> Choreographer:
     return Choreographer.of([synthetic_clip("waltz", seconds=15.0, fps=30.0, seed=seed) for seed in (1, 2)])
 
 
+def tiny_lee2019() -> Lee2019:
+    """Untrained networks, and two movements to start from."""
+    torch.manual_seed(0)
+    motion = dancer()
+    code = encode_motion(motion.positions, motion.fps, motion.skeleton)
+    lengths = torch.as_tensor(bone_lengths(motion.positions, motion.skeleton))
+    sizes = replace(LeeParams.small(), hidden=8, latent=4, critic_layers=(8,), regressor_layers=(8,))
+    network = DancingToMusic(sizes, motion.skeleton, lengths, features=FEATURES, dances=["waltz"])
+    for scale in (network.motion_scale, network.pose_scale):
+        scale.set(torch.tensor(code.mean(axis=0)), torch.tensor(code.std(axis=0)))
+    bank = np.stack([code[:25], code[30:55]]).astype(np.float16)
+    return Lee2019(network.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
+
+
 SYSTEMS: dict[str, Callable[[], System]] = {
     "choreographer": tiny_choreographer,
     "harmogan": tiny_harmogan,
+    "lee2019": tiny_lee2019,
+    "ren2020": tiny_ren2020,
     TOY: tiny_toy,
 }
 
@@ -344,6 +373,7 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
     ("stranger", "message"),
     [
         ("polka", "unknown system 'polka'; there are choreographer, harmogan"),
+        ("polka", "unknown system 'polka'; there are choreographer, harmogan, lee2019, ren2020"),
         ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
         (f"{__name__}:Nobody", "has no class Nobody"),
         ("json:dumps", "json has no class dumps"),

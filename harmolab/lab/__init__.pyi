@@ -36,6 +36,15 @@ from .experiments.cheating import (
 from .experiments.choreography import choreography_summary as choreography_summary
 from .experiments.choreography import choreography_table as choreography_table
 from .experiments.choreography import seam_jerk as seam_jerk
+from .experiments.comparison import (
+    comparison as comparison,
+)
+from .experiments.comparison import (
+    long_table as long_table,
+)
+from .experiments.comparison import (
+    side_by_side as side_by_side,
+)
 from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import (
     auc_table as auc_table,
@@ -105,6 +114,15 @@ from .experiments.quality import (
 from .experiments.quality import (
     typical_unit as typical_unit,
 )
+from .experiments.standings import (
+    difference_table as difference_table,
+)
+from .experiments.standings import (
+    system_table as system_table,
+)
+from .experiments.standings import (
+    table_by_dance as table_by_dance,
+)
 from .experiments.study import (
     agreement as agreement,
 )
@@ -157,6 +175,7 @@ from .figures.beats import score_figure as score_figure
 from .figures.cheating import CHEAT_MEASURES as CHEAT_MEASURES
 from .figures.cheating import cheating_figure as cheating_figure
 from .figures.cheating import locked_figure as locked_figure
+from .figures.comparison import comparison_figure as comparison_figure
 from .figures.dance import dance_figure as dance_figure
 from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure

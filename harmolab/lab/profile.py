@@ -22,6 +22,8 @@ class RunProfile:
         Epochs of each training; None: the whole schedule.
     pose_epochs : int or None
         Epochs of the pose network; None: as many as ``TrainParams`` says.
+    songs : int, songs of each dance that systems are compared on
+    draws : int, dances of each system to the same seconds of a song
     hidden : int or None
         Recurrent units of the generators, everything else in proportion; None: those of ``ModelParams.small()``.
     """
@@ -35,6 +37,8 @@ class RunProfile:
     epochs: tuple[int, int] | None = None
     pose_epochs: int | None = None
     hidden: int | None = None
+    songs: int = 24
+    draws: int = 3
     seed: int = 1
 
     @classmethod
@@ -50,6 +54,8 @@ class RunProfile:
             epochs=(12, 16),
             pose_epochs=8,
             hidden=48,
+            songs=2,
+            draws=2,
         )
 
     @classmethod

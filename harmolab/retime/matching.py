@@ -101,7 +101,10 @@ def beat_warp(
 def lee_warp(
     visual: BeatTrack, music: BeatTrack, duration: float, *, phase: float = 0.0, params: HarmonyParams | None = None
 ) -> TimeWarp:
-    """The warp of Lee et al. 2019 ("Dancing to Music"): each visual beat goes to its nearest music beat.
+    """The warp of Lee et al. 2019 ("Dancing to Music") for a motion of any beats: each goes to its nearest music beat.
+
+    Nearest is for unknown beats. A dance whose beats are known by number needs no search: in their system
+    (`harmolab.systems.lee2019`) beat j goes to the j-th beat of the music.
 
     In between time is stretched linearly, as much as it takes: the local speed has no bounds. Of visual beats with the
     same nearest music beat the closest one goes there. Parameters are those of `beat_warp`.

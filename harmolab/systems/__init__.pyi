@@ -17,3 +17,5 @@ from .harmogan.networks import Generator as Generator
 from .harmogan.params import ModelParams as ModelParams
 from .harmogan.params import TrainParams as TrainParams
 from .harmogan.system import HarmoGAN as HarmoGAN
+from .ren2020.params import RenParams as RenParams
+from .ren2020.system import Ren2020 as Ren2020

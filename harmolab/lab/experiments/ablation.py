@@ -12,6 +12,7 @@ import pandas as pd
 
 from harmolab.lab.experiments.generation import VARIANTS, Trained, generator_corpora, trained, weight_sweep
 from harmolab.lab.experiments.judging import RECORDED, danced_units, judge, recorded_motions, score_unit
+from harmolab.lab.experiments.printed import printed
 from harmolab.lab.profile import RunProfile
 from harmolab.params import HarmonyParams
 from harmolab.significance import mean_interval
@@ -39,11 +40,21 @@ TARGET_WORDS = MappingProxyType(
 # Fields of a harmony score that choose between two dances, and what they are called.
 JUDGES = MappingProxyType({"harmony": "paper's harmony", "harmony_above_chance": "above chance"})
 
+# Row of the paper's Tables 1 and 2 that each variant stands beside.
+_PRINTED_ROWS = MappingProxyType(
+    {"paper, without": "HarmoGAN without L_harmo", "paper": "HarmoGAN", "lee2019": "Lee", "ren2020": "Ren"}
+)
+
 # Means over the seven dances of the paper's Tables 1 and 2 (Ballroom music; not comparable number by number).
 PAPER_MEANS: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
-        "paper, without": MappingProxyType({"paper_harmony": 0.1993, "paper_hit_rate": 0.2396}),
-        "paper": MappingProxyType({"paper_harmony": 0.3522, "paper_hit_rate": 0.7572}),
+        variant: MappingProxyType(
+            {
+                f"paper_{measure}": round(printed(name, row), 4)
+                for measure, name in (("harmony", "h"), ("hit_rate",) * 2)
+            }
+        )
+        for variant, row in _PRINTED_ROWS.items()
     }
 )
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from filelock import FileLock
@@ -19,6 +20,7 @@ from filelock import FileLock
 from harmolab.corpora.folders import find_recordings
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import PathLike, cache_folder, plain
+from harmolab.lab.experiments.clock import TrainingClock, training_minutes
 from harmolab.lab.experiments.study import corpus_folders, data_root
 from harmolab.lab.profile import RunProfile
 from harmolab.systems.common.feature_params import FeatureParams
@@ -63,13 +65,17 @@ VARIANTS = {
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch."""
+    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch.
+
+    `minutes` are those of its pretraining and its own; NaN where none were counted.
+    """
 
     folder: Path
     generator: Generator
     pose_net: PoseNet
     split: Split
     history: pd.DataFrame
+    minutes: float = float("nan")
 
 
 def generator_corpora(profile: RunProfile) -> tuple[str, ...]:
@@ -132,6 +138,7 @@ def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, wi
         load_pose_net(folder / POSE_NET),
         split,
         pd.concat([pd.read_csv(base / HISTORY), pd.read_csv(folder / HISTORY)], ignore_index=True),
+        training_minutes(base) + training_minutes(folder),
     )
 
 
@@ -144,16 +151,30 @@ def _pretraining(params: TrainParams) -> TrainParams:
 
 
 def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
-    """Folder of a finished training of these settings; waits for a process that is at it."""
+    """Folder of a finished training of these settings."""
     model = _model(profile)
-    about = plain({"model": model, "params": params, "features": split.train.features, "split": split.to_dict()})
-    name = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:16]
-    folder = _home() / "runs" / f"{'pretrained' if pretrained is None else 'run'}-{name}"
+
+    def train(folder: Path) -> None:
+        train_harmogan(
+            split, folder, model=model, params=params, pretrained=pretrained, resume=True,
+            fabric=make_fabric(accelerator="cpu"), report=TrainingClock(folder),
+        )  # fmt: skip
+
+    about = {"model": model, "params": params, "features": split.train.features, "split": split.to_dict()}
+    return kept_run("pretrained" if pretrained is None else "run", about, train)
+
+
+def kept_run(kind: str, about: Any, train: Callable[[Path], object]) -> Path:
+    """Folder of a finished training in the cache, named by `kind` and all it depends on; trained now unless it was.
+
+    Waits for another process that is at it. `train` is called with the folder, and goes on where it was cut off.
+    """
+    name = hashlib.sha256(json.dumps(plain(about), sort_keys=True).encode()).hexdigest()[:16]
+    folder = _home() / "runs" / f"{kind}-{name}"
     folder.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(folder.with_suffix(".lock")):
         if not (folder / f"{MODEL}.json").is_file():
-            fabric = make_fabric(accelerator="cpu")
-            train_harmogan(split, folder, model=model, params=params, pretrained=pretrained, resume=True, fabric=fabric)
+            train(folder)
     return folder
 
 

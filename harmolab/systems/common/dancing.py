@@ -7,6 +7,7 @@ bones, floor and feet are seen to here, for all of them alike.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -20,6 +21,7 @@ from harmolab.beats.audio import music_beats
 from harmolab.io.files import Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.params import DANCES
+from harmolab.skeletons import ancestors
 from harmolab.systems.common.audio_features import audio_features
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.grid import MeterFrames, filled_beats, meter_frames
@@ -75,6 +77,20 @@ class Dancer(Protocol):
 
     def code(self, heard: Heard, seed: int) -> FloatArray:
         """The motion code (n_frames, C) of a dance, bones about as long as they should be; `seed` draws all chance."""
+
+
+def check_dancer(
+    n_audio: int, skeleton: Skeleton, bone_lengths: Tensor, *, fps: float, features: FeatureParams | None
+) -> None:
+    """ValueError unless what a dancer is built of fits together: skeleton, bone lengths (J,), audio channels, rate."""
+    ancestors(skeleton.parents)  # refuses bones in a circle
+    n_joints = len(skeleton.joints)
+    if bone_lengths.shape != (n_joints,) or not bool((bone_lengths >= 0).all()):
+        raise ValueError(f"bone_lengths must be {n_joints} lengths in metres, got {bone_lengths.tolist()}")
+    if n_audio < 1 or not 0 < fps < math.inf:
+        raise ValueError(f"n_audio and fps must be positive, got {n_audio} and {fps}")
+    if features is not None and (features.n_audio, features.fps) != (n_audio, fps):
+        raise ValueError(f"features must have {n_audio} audio channels at {fps} Hz, got {features}")
 
 
 def synthesize_dance(

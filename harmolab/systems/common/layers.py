@@ -111,10 +111,14 @@ class MotionBranch(nn.Module):
         )
 
     def forward(self, values: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-        values = values * mask[:, None]
+        return self.maps(values, mask)[-1]
+
+    def maps(self, values: Tensor, mask: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Output of each of the three layers, with its mask."""
+        maps = [(values * mask[:, None], mask)]
         for layer in self.layers:
-            values, mask = layer(values, mask)
-        return values, mask
+            maps.append(layer(*maps[-1]))
+        return maps[1:]
 
 
 def mean_over_time(values: Tensor, mask: Tensor) -> Tensor:

@@ -35,19 +35,24 @@ class Player:
     Parameters
     ----------
     name : of the optimiser (Adam) in the state
-    parameters : that a step changes; no others
+    parameters : that a step changes; no others. Or groups of them, ``{"params": [...], "share": 0.1}``, which learn at
+        this share of the phase's rate
     terms : function(output, shard, row) -> named loss terms of one shard
         `output` is the phase's forward pass of the shard, `row` the epoch's row of history as far as it is known
         before its first batch (phase, epoch, rate, what the phase's schedule says).
     weights : of the terms in the loss, by name; those of absent terms are not read
     decay : float, weight decay
+    clip : float or None, largest norm of the gradient of all its parameters
+    pace : float, learning rate as a multiple of the phase's
     """
 
     name: str
-    parameters: Sequence[nn.Parameter]
+    parameters: Sequence[nn.Parameter] | Sequence[dict[str, Any]]
     terms: Callable[[Any, Shard, Row], Terms]
     weights: Mapping[str, float]
     decay: float = 0.0
+    clip: float | None = None
+    pace: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +63,7 @@ class Phase:
     ----------
     name : in the history
     epochs : int, at most
-    rate : function(number of the epoch in the phase) -> learning rate of all players
+    rate : function(number of the epoch in the phase) -> learning rate of players whose pace is 1
     modules : networks by name, as they are kept in the state
     players : in the order of their steps on each batch
         The terms of all of them are in the history; "total" there is the last one's loss.
@@ -196,8 +201,9 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         if phase.patience is not None and epoch > _best_epoch(run.rows, phase) + phase.patience:
             break
         rate = phase.rate(epoch - first)
-        for group in (group for optimiser in optimisers.values() for group in optimiser.param_groups):
-            group["lr"] = rate
+        for player in phase.players:
+            for group in optimisers[player.name].param_groups:
+                group["lr"] = rate * player.pace * group.get("share", 1.0)
         row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
         row |= _epoch_means(run, phase, optimisers, row)
         _end_epoch(run, phase, row, optimisers, first)
@@ -231,7 +237,7 @@ def _batch(
     for player in phase.players:
         with run.fabric.autocast():
             terms = [_with_total(player, output, shard, row) for output, shard in zip(outputs, shards, strict=True)]
-        step(run.fabric, terms, shards, optimisers[player.name])
+        step(run.fabric, terms, shards, optimisers[player.name], clip=player.clip)
         for earlier, own in zip(all_terms, terms, strict=True):
             earlier.pop("total", None)
             earlier |= own

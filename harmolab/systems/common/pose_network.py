@@ -12,7 +12,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -37,6 +37,8 @@ _VELOCITY_SPAN = 0.2
 _WIDTHS = (16, 32, 64)
 # Of training: units in a batch and in an epoch; moments that the network learns to draw.
 _BATCH, _EPOCH_UNITS, _MOMENTS = 32, 256, 8
+
+N = TypeVar("N", bound=Any)
 
 
 def resample(values: Tensor, mask: Tensor, frames: int = FRAMES) -> Tensor:
@@ -192,6 +194,28 @@ def train_pose_net(
     ValueError
         Without units on either side, or for fewer than one epoch.
     """
+    return train_on_lesson(
+        lambda: PoseNet(train.skeleton, fps=train.features.fps), train, validation, seed=seed, epochs=epochs,
+        progress=progress,
+    )  # fmt: skip
+
+
+def train_on_lesson(
+    build: Callable[[], N],
+    train: UnitSet,
+    validation: UnitSet,
+    *,
+    seed: int,
+    epochs: int,
+    progress: Callable[[dict[str, float]], None],
+) -> N:
+    """A network of motion that learnt the three tasks of `train_pose_net`, whose parameters and errors these are too.
+
+    Parameters
+    ----------
+    build : function() -> network with fresh weights
+        It has ``motion_scale``, a `Normaliser` of motion codes, and ``embed(motion, mask)``: (N, 32) embeddings.
+    """
     if not len(train) or not len(validation) or epochs < 1:
         sizes = f"{len(train)} units, {len(validation)} validation units and {epochs} epochs"
         raise ValueError(f"a pose network needs units, validation units and epochs, got {sizes}")
@@ -200,7 +224,7 @@ def train_pose_net(
         pairs = ((batch.motion, batch.mask) for batch in (collate(train.units), collate(validation.units)))
         motion, mask, test_motion, test_mask = (torch.from_numpy(array) for pair in pairs for array in pair)
         labels = _labels(train.units)
-        net = PoseNet(train.skeleton, fps=train.features.fps)
+        net = build()
         net.motion_scale.set(*channel_statistics(motion, mask))
         lesson = _Lesson(net, labels.shape[1])
         test = lesson.damaged(test_motion, test_mask)  # the same damage in every epoch
@@ -211,7 +235,8 @@ def train_pose_net(
             loss = _epoch(lesson, optimiser, motion, mask, labels)
             schedule.step()
             with torch.no_grad():
-                tested = float(sum(lesson.losses(test_motion, test, test_mask, None)))
+                tested = float(sum(lesson.eval().losses(test_motion, test, test_mask, None)))
+            lesson.train()
             if tested < least:
                 least, state = tested, copy.deepcopy(net.state_dict())
             progress({"epoch": epoch, "train": loss, "validation": tested})
@@ -254,7 +279,7 @@ def _cut(motion: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
 class _Lesson(nn.Module):
     """The network and the heads that it learns with; the heads are not kept."""
 
-    def __init__(self, net: PoseNet, n_labels: int) -> None:
+    def __init__(self, net: Any, n_labels: int) -> None:
         super().__init__()
         self.net = net
         self.group_head, self.intact_head = nn.Linear(EMBEDDING, n_labels), nn.Linear(EMBEDDING, 1)

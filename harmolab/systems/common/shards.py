@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, Protocol, Self
 
+import numpy as np
 import torch
 from lightning_fabric import Fabric
 from torch import Tensor
@@ -89,11 +90,16 @@ class Batching:
 
 
 class Shard(NamedTuple):
-    """A part of a batch: its units, the units next to them in the batch, and its share of the batch."""
+    """A part of a batch: its units, the units next to them in the batch, its share of the batch, and a seed.
+
+    All that chance decides about a shard is drawn by its seed, which depends on its number in the run alone. So a run
+    that resumes draws the same again, and so do several processes.
+    """
 
     own: Any
     others: Any
     share: float
+    seed: int = 0
 
 
 def epoch_order(n_units: int, epoch: int, batching: Batching) -> list[Tensor]:
@@ -120,16 +126,22 @@ def check_shards(n_units: int, batching: Batching, world: int) -> None:
 def epoch_shards(fabric: Fabric, units: Units, epoch: int, batching: Batching) -> Iterator[list[Shard]]:
     """This process's shards of each batch of an epoch: of R processes, number r has the shards r, r + R, ..."""
     count = max(batching.shards, fabric.world_size)
-    for indices in epoch_order(len(units), epoch, batching):
+    for place, indices in enumerate(epoch_order(len(units), epoch, batching)):
         numbers = range(fabric.global_rank, count, fabric.world_size)
         yield [
             Shard(
                 units.take(indices, number, count),
                 units.take(indices.roll(-1), number, count),
                 len(indices[number::count]) / len(indices),
+                _shard_seed(batching.seed, epoch, place, number),
             )
             for number in numbers
         ]
+
+
+def _shard_seed(*numbers: int) -> int:
+    """A seed of its own for the shard of these numbers: of the run, epoch, batch and shard."""
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
 def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:
@@ -149,8 +161,18 @@ def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Ten
     return torch.stack([weights[name] * term for name, term in terms.items()]).sum()
 
 
-def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: torch.optim.Optimizer) -> None:
-    """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch."""
+def step(
+    fabric: Fabric,
+    terms: list[Terms],
+    shards: list[Shard],
+    optimiser: torch.optim.Optimizer,
+    *,
+    clip: float | None = None,
+) -> None:
+    """Change the optimiser's own parameters, and no others, by the gradient of "total" over all shards of the batch.
+
+    A gradient whose norm is larger than `clip` is scaled down to it.
+    """
     parameters = [part for group in optimiser.param_groups for part in group["params"]]
     gradients = []
     for each, shard in zip(terms, shards, strict=True):
@@ -159,6 +181,8 @@ def step(fabric: Fabric, terms: list[Terms], shards: list[Shard], optimiser: tor
     pieces = _added(fabric, torch.stack(gradients)).split([part.numel() for part in parameters])
     for part, piece in zip(parameters, pieces, strict=True):
         part.grad = piece.view_as(part)
+    if clip is not None:
+        torch.nn.utils.clip_grad_norm_(parameters, clip)
     optimiser.step()
 
 

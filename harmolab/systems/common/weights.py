@@ -179,5 +179,6 @@ def _filled(module: N, tensors: Mapping[str, Tensor]) -> N:
         if values.shape != expected[name].shape:
             shapes = f"{tuple(values.shape)}; its description calls for {tuple(expected[name].shape)}"
             raise ValueError(f"{name} has shape {shapes}")
-    module.load_state_dict({name: values.float() for name, values in tensors.items()}, assign=True)
+    # Copies, since products of a single row round by where in memory its numbers lie, which in a file is anywhere.
+    module.load_state_dict({name: values.float().clone() for name, values in tensors.items()}, assign=True)
     return module.eval()

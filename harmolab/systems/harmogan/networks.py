@@ -6,7 +6,6 @@ training split's mean and standard deviation, which they keep as buffers.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, NamedTuple, Self
@@ -15,9 +14,8 @@ import torch
 from torch import Tensor, nn
 
 from harmolab.io.files import PathLike
-from harmolab.skeletons import ancestors
 from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.dancing import Heard
+from harmolab.systems.common.dancing import Heard, check_dancer
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import (
     SLOPE,
@@ -93,14 +91,8 @@ class Generator(Normalised):
     ) -> None:
         super().__init__()
         n_joints = len(skeleton.joints)
-        ancestors(skeleton.parents)  # refuses bones in a circle
         bone_lengths = bone_lengths.detach().float()
-        if bone_lengths.shape != (n_joints,) or not bool((bone_lengths >= 0).all()):
-            raise ValueError(f"bone_lengths must be {n_joints} lengths in metres, got {bone_lengths.tolist()}")
-        if n_audio < 1 or not 0 < fps < math.inf:
-            raise ValueError(f"n_audio and fps must be positive, got {n_audio} and {fps}")
-        if features is not None and (features.n_audio, features.fps) != (n_audio, fps):
-            raise ValueError(f"features must have {n_audio} audio channels at {fps} Hz, got {features}")
+        check_dancer(n_audio, skeleton, bone_lengths, fps=fps, features=features)
         self.params, self.n_audio, self.skeleton, self.fps = params, n_audio, skeleton, float(fps)
         self.features = features
         self.n_motion = 3 * n_joints + PATH_CHANNELS

@@ -1,0 +1,634 @@
+"""Lee et al. 2019: pieces and the warp back, networks, loss terms, training, dancing; every reading of it, once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from lightning_fabric import Fabric
+from torch import Tensor
+from typer.testing import CliRunner
+
+from harmolab.cli import app
+from harmolab.corpora.synthetic import write_corpus
+from harmolab.lab.experiments import entry_tests_lee
+from harmolab.lab.experiments.entry_tests_lee import entry_lee2019
+from harmolab.systems.common import phases as training_loop
+from harmolab.systems.common.dancing import Heard
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.grid import MeterFrames
+from harmolab.systems.common.layers import parameter_count
+from harmolab.systems.common.motion_code import decode_motion
+from harmolab.systems.common.phases import make_fabric
+from harmolab.systems.common.shards import Shard, step
+from harmolab.systems.common.unit_corpus import load_units
+from harmolab.systems.common.units import DanceUnit
+from harmolab.systems.common.weights import load_weights
+from harmolab.systems.lee2019 import generate
+from harmolab.systems.lee2019.generate import beats_from, composed_units, danced_units, moving_sequence
+from harmolab.systems.lee2019.networks import DancingToMusic
+from harmolab.systems.lee2019.params import LeeParams
+from harmolab.systems.lee2019.parts import (
+    Code,
+    Critic,
+    DanceCoder,
+    DanceDecoder,
+    MovementCoder,
+    MusicStyle,
+    PoseCoder,
+    StyleCoder,
+    UnitDecoder,
+)
+from harmolab.systems.lee2019.pieces import bent, canonical, laid_on_beats, line, piece_set, rest_times, unit_pieces
+from harmolab.systems.lee2019.terms import (
+    Pieces,
+    coded_units,
+    composed,
+    composition_terms,
+    divergence,
+    piece_tensors,
+    ramp,
+    shifted,
+    unit_terms,
+)
+from harmolab.systems.lee2019.train import initial_network, phases, split_pieces, train_lee2019
+from harmolab.types import Skeleton
+from tests.builders import bobbing
+from tests.tiny_training import DANCER, FPS, tiny_split
+
+PARAMS = LeeParams(
+    hidden=16, latent=6, pose_latent=4, pose_hidden=8, style=5, noise=3, style_layers=(8,), regressor_layers=(8,),
+    critic_layers=(12, 6), style_epochs=2, unit_epochs=3, composition_epochs=2, batch_size=8,
+)  # fmt: skip
+SPLIT = tiny_split(beat_channels=False)
+N_MOTION = 18
+
+
+@pytest.fixture
+def network() -> DancingToMusic:
+    return made_network()
+
+
+def made_network(**changes: Any) -> DancingToMusic:
+    params = replace(PARAMS, **changes)
+    codes = piece_set(SPLIT.train, beats=params.beats, sequence=params.sequence)
+    return initial_network(SPLIT.train, codes, params)
+
+
+@pytest.fixture
+def pieces(network: DancingToMusic) -> Pieces:
+    return split_pieces(network, SPLIT.train)
+
+
+# Sizes
+
+
+@pytest.mark.parametrize(
+    ("part", "millions"),
+    [
+        (lambda params: PoseCoder(params, 28), 0.015),
+        (lambda params: MovementCoder(params, 28), 8.58),
+        (lambda params: UnitDecoder(params, 28), 6.34),
+        (DanceCoder, 7.35),
+        (DanceDecoder, 7.35),
+        (lambda params: MusicStyle(params, 28, 3), 0.006),
+        (StyleCoder, 0.15),
+        (lambda params: Critic(params, 3 * 2 * 512, 28), 3.82),
+        (lambda params: Critic(params, 2 * 512, 28), 1.72),
+    ],
+    ids=["pose", "movement", "unit", "dance", "dances", "music", "style", "units' critic", "dances' critic"],
+)
+def test_each_part_has_the_released_number_of_parameters(part: Callable[[LeeParams], Any], millions: float):
+    with torch.device("meta"):
+        assert parameter_count(part(LeeParams.paper())) / 1e6 == pytest.approx(millions, rel=0.12, abs=0.006)
+
+
+def built(params: LeeParams, joints: int, n_mfcc: int) -> DancingToMusic:
+    with torch.device("meta"):
+        return DancingToMusic(
+            params, Skeleton.unnamed(joints), torch.zeros(joints), features=FeatureParams(n_mfcc=n_mfcc), dances="abc"
+        )
+
+
+def test_the_released_sizes_generate_with_13_85_million_parameters():
+    assert built(LeeParams.paper(), 8, 28).parameter_count() / 1e6 == pytest.approx(13.85, abs=0.01)  # 27 pose numbers
+
+
+def test_the_small_sizes_generate_with_1_72_million_and_train_with_3_74():
+    network = built(LeeParams.small(), 23, 20)
+    taught = parameter_count(network.movements) + parameter_count(network.dance_coder)
+    assert network.parameter_count() / 1e6 == pytest.approx(1.72, abs=0.015)
+    assert (network.parameter_count() + taught) / 1e6 == pytest.approx(3.74, abs=0.015)
+
+
+def test_our_motion_code_is_what_goes_in_and_out(network: DancingToMusic):
+    assert network.n_motion == 3 * len(DANCER.joints) + 3 == N_MOTION
+    code = torch.from_numpy(SPLIT.train.units[0].motion)[None]
+    torch.testing.assert_close(network.motion(network.standardised(code)), code, atol=2e-5, rtol=0)
+
+
+def test_numbers_are_in_standard_deviations_of_the_shifted_training_pieces(network: DancingToMusic, pieces: Pieces):
+    many = pieces.poses.flatten(0, 1).repeat(400, 1, 1)
+    moved = shifted(network, many, torch.Generator().manual_seed(1)).flatten(0, 1)
+    varied = network.pose_scale.std > 2e-3
+    torch.testing.assert_close(moved.mean(dim=0)[varied], torch.zeros(int(varied.sum())), atol=0.05, rtol=0)
+    torch.testing.assert_close(moved.std(dim=0)[varied], torch.ones(int(varied.sum())), atol=0.05, rtol=0)
+
+
+@pytest.mark.parametrize("change", [{"clip": 0.0}, {"beats": "offbeat"}, {"critic_layers": ()}, {"still": -1.0}])
+def test_settings_out_of_range_are_refused_by_name(change: dict[str, Any]):
+    with pytest.raises(ValueError, match=next(iter(change))):
+        replace(PARAMS, **change)
+
+
+# Pieces
+
+
+def ramp_code(frames: int, channels: int = 6) -> np.ndarray:
+    """A code whose joints tell the frame; its path goes one unit a frame."""
+    code = np.repeat(np.arange(frames, dtype=float)[:, None], channels, axis=1)
+    code[:, -3:] = 1.0
+    return code
+
+
+def unit_of(code: np.ndarray, beats: np.ndarray) -> DanceUnit:
+    return replace(
+        SPLIT.train.units[0], audio=np.zeros((len(code), 4), np.float32), motion=code.astype(np.float32),
+        index=(np.arange(len(code)) < 4).astype(np.float32), beats=beats, strengths=np.ones(len(beats)),
+    )  # fmt: skip
+
+
+UNEVEN = np.array([0.0, 0.5, 1.1, 1.5, 2.0, 2.7, 3.1, 3.6])  # seconds
+
+
+def test_beats_of_a_unit_lie_at_frames_3_11_19_and_27_of_its_two_pieces():
+    one, two = unit_pieces(unit_of(ramp_code(64), UNEVEN), bobbing(0.0), "music", 2)
+    np.testing.assert_allclose(one[[3, 11, 19, 27], 0], UNEVEN[:4] * FPS, atol=1e-5)
+    np.testing.assert_allclose(two[[3, 11, 19, 27], 0], UNEVEN[4:] * FPS, atol=1e-5)
+    assert one.shape == two.shape == (32, 6)
+
+
+def test_none_of_the_path_is_lost_in_a_piece():
+    both = unit_pieces(unit_of(ramp_code(64), UNEVEN), bobbing(0.0), "music", 2).reshape(64, -1)
+    between = both[4 : 3 + 8 * 7 + 1, -1]  # the steps from beat 0 to beat 7
+    assert between.sum() == pytest.approx(UNEVEN[7] * FPS, rel=1e-6)
+
+
+def test_before_its_first_frame_a_unit_goes_on_backwards_at_its_speed():
+    first = unit_pieces(unit_of(ramp_code(64), UNEVEN), bobbing(0.0), "music", 2)[0]
+    np.testing.assert_allclose(first[:4, 0], np.arange(-3, 1) * 7.5 / 8, atol=1e-5)
+    np.testing.assert_allclose(first[:4, -1], 7.5 / 8, atol=1e-5)
+
+
+def test_a_unit_of_too_few_beats_is_named():
+    with pytest.raises(ValueError, match="unit0: 3 pieces need 12 beats, this unit has 8"):
+        piece_set(SPLIT.train, beats="music", sequence=3)
+
+
+def test_a_rest_within_a_quarter_of_a_period_is_the_beat_else_the_music_is():
+    resting = bobbing(0.1, fps=60.0, seconds=4.0)  # rests at .1, .6, 1.1 ...
+    np.testing.assert_allclose(rest_times(np.array([0.5, 1.5, 2.5]), resting), [0.6, 1.6, 2.6], atol=0.02)
+    far = np.array([0.5, 0.7, 0.88])  # a quarter of .2 s does not reach to .6
+    np.testing.assert_array_equal(rest_times(far, resting), far)
+
+
+def test_kinematic_beats_of_a_piece_are_its_rests():
+    beats, resting = 0.5 * np.arange(8.0), bobbing(0.07, fps=60.0, seconds=4.5)
+    kinematic, music = (
+        unit_pieces(unit_of(ramp_code(64), beats), resting, name, 2)[1] for name in ("kinematic", "music")
+    )
+    np.testing.assert_allclose((kinematic - music)[[3, 11, 19], 0] / FPS, 0.07, atol=0.02)
+
+
+@pytest.mark.parametrize("bpm", [60, 97.3, 112.5, 150, 220])
+def test_canonical_beats_lie_within_a_millisecond_of_the_musics(bpm: float):
+    beats = 60 / bpm * FPS * np.arange(-2, 40) + 1.234
+    start = beats_from(beats, 0.0)
+    frames = np.arange(int(beats[30]))
+    told = laid_on_beats(ramp_code(400), start, frames, first=-1)[:, 0]  # the canonical frame that is shown
+    inside = start[(start > 0) & (start < frames[-1])]
+    numbers = np.flatnonzero((start > 0) & (start < frames[-1])) - 1
+    times = np.interp(3 + 8 * numbers, told, frames)
+    assert len(times) > 20
+    # Between two frames the picture is a straight line; a beat of another interval bends it by less than a frame.
+    np.testing.assert_allclose(times / FPS, inside / FPS, atol=1e-3)
+
+
+def test_uneven_beats_are_met_exactly_where_the_warp_is_asked():
+    beats = np.array([-4.0, 3.3, 9.1, 21.7, 25.0])
+    np.testing.assert_allclose(line(beats, beats, canonical(5, first=-1)), [-5, 3, 11, 19, 27], atol=1e-12)
+    np.testing.assert_allclose(
+        laid_on_beats(ramp_code(40), beats, beats[1:], first=-1)[:, 0], [3, 11, 19, 27], atol=1e-9
+    )
+
+
+def test_pieces_laid_on_their_own_beats_are_the_recorded_movement():
+    errors = []
+    for unit in SPLIT.train.units:
+        motion = SPLIT.train.decoded(unit.motion.astype(float))
+        beats = rest_times(unit.beats, motion) * FPS
+        code = unit_pieces(unit, motion, "kinematic", 2).reshape(64, -1)
+        frames = np.arange(int(np.ceil(beats[0])), int(beats[-1]) + 1)
+        pair = [decode_motion(each, FPS, DANCER) for each in (laid_on_beats(code, beats, frames), unit.motion[frames])]
+        errors.append(np.linalg.norm(pair[0] - pair[1], axis=-1).mean())
+    assert np.mean(errors) < 0.01  # metres
+
+
+def test_a_code_at_its_own_frames_is_itself(rng: np.random.Generator):
+    code = rng.normal(size=(12, 9))
+    np.testing.assert_allclose(bent(code, np.arange(12.0))[1:], code[1:], atol=1e-12)
+
+
+# Networks and terms
+
+
+def test_parts_have_the_shapes_that_the_next_ones_take(network: DancingToMusic, pieces: Pieces):
+    batch = pieces.take(torch.arange(4))
+    output = coded_units(network, batch)
+    assert output.own.shape == output.cross.shape == output.poses.shape == (16, 32, N_MOTION)
+    assert output.single.shape == (16, PARAMS.pose_frames, N_MOTION) and output.drawn.shape == (16, 6)
+    dance = composed(network, batch)
+    assert dance.poses.shape == batch.poses.shape == (4, 2, 32, N_MOTION)
+    assert dance.fake_units.mean.shape == (4, 2, 6) and dance.style.shape == (4, 5)
+
+
+def test_the_recurrent_layer_of_a_constant_is_torchs_own(network: DancingToMusic):
+    unrolled = network.unit_decoder.unrolled
+    first, value = torch.randn(3, 10), torch.randn(3, 6)
+    state, states = unrolled.first(first), []
+    for _ in range(5):
+        state = unrolled.cell(value, state)
+        states.append(state)
+    torch.testing.assert_close(unrolled(first, value, 5), unrolled.after(torch.stack(states, dim=1)))
+
+
+def test_padding_does_not_change_the_style(network: DancingToMusic):
+    audio, mask = torch.randn(1, 20, 4), torch.ones(1, 20)
+    padded = torch.cat([audio, torch.full((1, 7, 4), 9.0)], dim=1)
+    longer = torch.cat([mask, torch.zeros(1, 7)], dim=1)
+    torch.testing.assert_close(network.music(audio, mask), network.music(padded, longer))
+
+
+def test_divergence_is_summed_over_a_code_and_averaged_over_a_batch():
+    code = Code(torch.tensor([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]), torch.zeros(2, 3))
+    assert float(divergence(code)) == pytest.approx(0.5 * (3 * 0.5))
+    wide = Code(torch.zeros(1, 2), torch.full((1, 2), float(np.log(4.0))))
+    assert float(divergence(wide)) == pytest.approx(2 * 0.5 * (4 - 1 - np.log(4.0)))
+
+
+@pytest.mark.parametrize("epochs", [10, 270, 1000])
+def test_the_ramp_has_its_midpoint_at_30_percent_of_any_number_of_epochs(epochs: int):
+    params = replace(PARAMS, unit_epochs=epochs)
+    shares = (np.arange(epochs) + 0.5) / epochs
+    weights = np.array([ramp(epoch, params) for epoch in range(epochs)]) / params.kl_weight
+    np.testing.assert_allclose(weights, 1 / (1 + np.exp(-(shares - 0.3) / 0.04)), rtol=1e-9)
+    assert weights[0] < 0.01 and weights[-1] > 0.999
+
+
+def test_a_shift_is_one_offset_of_all_joints_and_is_taken_off_again(network: DancingToMusic, pieces: Pieces):
+    poses = pieces.poses.flatten(0, 1)
+    moved = shifted(network, poses, torch.Generator().manual_seed(2))
+    offsets = ((moved - poses) * network.pose_scale.std)[..., :3]  # the root is the first joint
+    assert float(offsets[..., 0].abs().max()) <= 0.4 and float(offsets[..., 1].abs().max()) <= 0.16
+    assert float(offsets[..., 0].abs().max()) > 0.2 and float(offsets[..., 2].abs().max()) == 0
+    torch.testing.assert_close(offsets.amax(dim=1), offsets.amin(dim=1), atol=1e-5, rtol=0)  # constant over the unit
+    plain, back = (network.motion(each).unflatten(-1, (-1, 3))[..., :-1, :] for each in (poses, moved))
+    raised = (back - plain)[..., 1]
+    torch.testing.assert_close(back[..., (0, 2)], plain[..., (0, 2)], atol=1e-5, rtol=0)
+    torch.testing.assert_close(raised, raised[..., :1].expand_as(raised), atol=1e-5, rtol=0)
+
+
+def test_units_are_decoded_with_either_shifts_movement_but_their_own_place(
+    network: DancingToMusic, pieces: Pieces, monkeypatch: pytest.MonkeyPatch
+):
+    fed: list[tuple[Tensor, Tensor]] = []
+    decode = network.unit_decoder.forward
+    monkeypatch.setattr(
+        network.unit_decoder, "forward", lambda first, move: (fed.append((first, move)), decode(first, move))[1]
+    )
+    output = coded_units(network, pieces.take(torch.arange(3)))
+    (place, movement), n = fed[0], 6
+    assert torch.equal(place[: 2 * n], place[2 * n :])
+    assert torch.equal(movement[: 2 * n], output.drawn)
+    assert torch.equal(movement[2 * n :], torch.cat([output.drawn[n:], output.drawn[:n]]))
+
+
+def test_errors_are_summed_over_both_shifts_and_the_ramp_weighs_the_divergences(
+    network: DancingToMusic, pieces: Pieces
+):
+    with torch.no_grad():
+        output = coded_units(network, pieces.take(torch.arange(3)))
+    terms, half = unit_terms(output, 0.01), unit_terms(output, 0.005)
+    each = [(output.own - output.poses)[part].abs().mean() for part in (slice(6), slice(6, 12))]
+    assert float(terms["own"]) == pytest.approx(float(sum(each)), rel=1e-5)
+    assert float(terms["kl"]) == pytest.approx(2 * float(half["kl"])) and float(terms["nats"]) > float(terms["kl"])
+
+
+def test_noise_is_drawn_by_the_units_of_a_batch_and_their_order(network: DancingToMusic, pieces: Pieces):
+    one, again, other = (pieces.take(torch.tensor(rows)) for rows in ([0, 1, 2], [0, 1, 2], [2, 1, 0]))
+    assert one.draw == again.draw != other.draw != pieces.take(torch.tensor([0, 1, 2]), 1, 2).draw
+    assert torch.equal(coded_units(network, one).own, coded_units(network, again).own)
+
+
+def test_the_style_of_both_kinds_of_dance_is_part_of_the_composers_loss(network: DancingToMusic, pieces: Pieces):
+    batch = pieces.take(torch.arange(4))
+    with torch.no_grad():
+        output = composed(network, batch)
+        terms = composition_terms(network, output, batch)
+        errors = [
+            (network.regressor(code) - output.style).square().mean() for code in (output.real_drawn, output.fake_drawn)
+        ]
+    assert float(terms["style"]) == pytest.approx(float(sum(errors)), rel=1e-5)
+    composer = phases(network, pieces, replace(PARAMS, style_weight=0.25))[2].players[1]
+    assert composer.weights["style"] == 0.25 and set(composer.weights) == set(terms)
+
+
+def test_an_unknown_dance_is_a_class_of_its_own():
+    units = [replace(unit, dance="" if number % 2 else "rumba") for number, unit in enumerate(SPLIT.train.units)]
+    train = replace(SPLIT.train, units=tuple(units))
+    codes = piece_set(train, beats="music", sequence=2)
+    network = initial_network(train, codes, PARAMS)
+    assert network.dances == ("", "rumba")
+    assert piece_tensors(network, train, codes, "cpu").dance.tolist() == [
+        number % 2 ^ 1 for number in range(len(units))
+    ]
+    assert split_pieces(network, SPLIT.test).dance.tolist() == [-1, -1, -1]  # waltz, which it does not know
+
+
+# Training
+
+
+def stepped(network: DancingToMusic, number: int, pieces: Pieces) -> dict[str, Tensor]:
+    """Parameters by name after one batch of a phase; `number` says which."""
+    phase, shard = phases(network, pieces, PARAMS)[number], Shard(pieces, pieces, 1.0)
+    output, row = phase.forward(shard, None), {"kl_weight": 0.01}
+    for player in phase.players:
+        terms = player.terms(output, shard, row)
+        total = torch.stack([player.weights[name] * value for name, value in terms.items()]).sum()
+        optimiser = torch.optim.Adam(player.parameters, lr=phase.rate(0))
+        for group in optimiser.param_groups:
+            group["lr"] = phase.rate(0) * group.get("share", 1.0)
+        step(Fabric(accelerator="cpu"), [{"total": total}], [shard], optimiser, clip=player.clip)
+    return {name: value.detach().clone() for name, value in network.named_parameters()}
+
+
+@pytest.mark.parametrize(
+    ("number", "taught"),
+    [
+        (0, {"music"}),
+        (1, {"poses", "movements", "unit_decoder"}),
+        (
+            2,
+            {"unit_critic", "dance_critic", "dance_coder", "dance_decoder", "style_coder", "regressor", "unit_decoder"},
+        ),
+    ],
+    ids=["style", "units", "composition"],
+)
+def test_a_phase_changes_its_own_parts_and_no_frozen_ones(
+    number: int, taught: set[str], network: DancingToMusic, pieces: Pieces
+):
+    before = {name: value.detach().clone() for name, value in network.named_parameters()}
+    after = stepped(network, number, pieces)
+    changed = {name.partition(".")[0] for name in before if not torch.equal(before[name], after[name])}
+    if number == 0:  # all units of the tiny split are waltzes: nothing to tell apart
+        assert changed <= taught
+    else:
+        assert changed == taught
+
+
+def test_while_composing_the_unit_decoder_learns_at_a_tenth_of_the_rate(network: DancingToMusic, pieces: Pieces):
+    before = {name: value.detach().clone() for name, value in network.named_parameters()}
+    after = stepped(network, 2, pieces)
+    largest = {  # the first step of Adam is the rate, for every number with a gradient
+        part: max(float((after[name] - before[name]).abs().max()) for name in before if name.startswith(part))
+        for part in ("unit_decoder", "dance_decoder")
+    }
+    assert largest["dance_decoder"] == pytest.approx(PARAMS.rate, rel=0.01)
+    assert largest["unit_decoder"] == pytest.approx(PARAMS.rate / 10, rel=0.01)
+
+
+@pytest.mark.parametrize(("clip", "norm"), [(None, 5.0), (10.0, 5.0), (0.5, 0.5)])
+def test_a_gradient_is_not_longer_than_the_clip(clip: float | None, norm: float):
+    weights = torch.nn.Parameter(torch.zeros(2))
+    optimiser, total = torch.optim.SGD([weights], lr=1.0), (weights * torch.tensor([3.0, 4.0])).sum()
+    step(Fabric(accelerator="cpu"), [{"total": total}], [Shard(None, None, 1.0)], optimiser, clip=clip)
+    assert float(weights.detach().norm()) == pytest.approx(norm, rel=1e-4)
+
+
+def test_one_batch_is_learnt_by_heart(pieces: Pieces):
+    torch.manual_seed(0)
+    network = made_network(hidden=32)
+    parts = (network.poses, network.movements, network.unit_decoder)
+    optimiser = torch.optim.Adam([value for part in parts for value in part.parameters()], lr=1e-2)
+    batch, errors = pieces.take(torch.arange(2)), []
+    for _ in range(200):
+        terms = unit_terms(coded_units(network, batch), 0.0)
+        optimiser.zero_grad()
+        (terms["own"] + terms["cross"]).backward()
+        optimiser.step()
+        errors.append(terms["own"].item())
+    assert errors[-1] < 0.4 * errors[0]
+
+
+def trained(folder: Path, **options: Any) -> DancingToMusic:
+    return train_lee2019(SPLIT, folder, params=PARAMS, fabric=make_fabric(accelerator="cpu"), **options)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "lee"
+    trained(folder)
+    return folder
+
+
+def rows(folder: Path) -> list[list[str]]:
+    return [line.split(",") for line in (folder / "history.csv").read_text().splitlines()]
+
+
+def test_a_run_has_three_phases_and_ends_with_weights_that_load(run: Path):
+    header, *epochs = rows(run)
+    assert [row[0] for row in epochs] == 2 * ["style"] + 3 * ["units"] + 2 * ["composition"]
+    assert {"dance", "own", "cross", "single", "same", "nats", "critic_units", "gan", "val_style", "val_error"} <= set(
+        header
+    )
+    assert load_weights(run, DancingToMusic).params == PARAMS
+
+
+@pytest.mark.parametrize("last", [0, 3, 5], ids=["style", "units", "composition"])
+def test_a_run_goes_on_bit_for_bit_where_it_was_stopped(
+    last: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def stop(row: dict[str, Any], end: int) -> None:
+        if row["epoch"] == last:
+            raise InterruptedError
+
+    monkeypatch.setattr(training_loop, "SAVING_SHARE", float("inf"))
+    with pytest.raises(InterruptedError):
+        trained(tmp_path / "run", report=stop)
+    trained(tmp_path / "run", resume=True)
+    for file in ("history.csv", "model.safetensors"):
+        assert (tmp_path / "run" / file).read_bytes() == (run / file).read_bytes()
+
+
+def test_coders_are_frozen_while_composing(tmp_path: Path, run: Path):
+    short = replace(PARAMS, composition_epochs=0)
+    before = train_lee2019(SPLIT, tmp_path / "run", params=short, fabric=make_fabric(accelerator="cpu")).state_dict()
+    after = load_weights(run, DancingToMusic).state_dict()
+    frozen = [name for name in before if name.startswith(("poses.", "movements.", "music."))]
+    assert len(frozen) > 20 and all(torch.equal(before[name], after[name]) for name in frozen)
+
+
+# Dancing
+
+
+def heard(network: DancingToMusic, *, n_frames: int = 100, period: float = 7.0, song: float = 0.0) -> Heard:
+    prior = SPLIT.train.units[0].motion[:12].astype(float)
+    return Heard(
+        audio=np.zeros((n_frames + 12, 4), np.float32),
+        song=lambda: np.full((40, 4), song, np.float32),
+        beats=np.arange(-20, 40) * period,
+        meters=[MeterFrames(-12, 0, n_frames, 1.0)],
+        prior=prior,
+        n_frames=n_frames,
+    )
+
+
+def test_a_dance_is_the_seeds_and_as_long_as_asked(network: DancingToMusic):
+    told = heard(network)
+    one, same, other = (network.code(told, seed) for seed in (1, 1, 2))
+    assert one.shape == (100, N_MOTION) and np.isfinite(one).all()
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 0.01
+
+
+def test_the_style_of_the_whole_song_is_heard(network: DancingToMusic):
+    assert np.abs(network.code(heard(network, song=3.0), 1) - network.code(heard(network), 1)).max() > 1e-4
+
+
+def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
+    network: DancingToMusic, monkeypatch: pytest.MonkeyPatch
+):
+    starts: list[Tensor] = []
+
+    def drawn(network: Any, style: Tensor, last: Tensor, generator: torch.Generator) -> tuple[Tensor, int]:
+        starts.append(last)
+        return moving_sequence(network, style, last, generator)
+
+    monkeypatch.setattr(generate, "moving_sequence", drawn)
+    dance = composed_units(network, heard(network), 7, 1)
+    assert dance.sequences == len(starts) == 3 and dance.code.shape == (7 * 32, N_MOTION)
+    first = torch.from_numpy(SPLIT.train.units[0].motion[11:12])
+    torch.testing.assert_close(starts[0], network.standardised(first))
+
+
+@pytest.mark.parametrize(("still", "redraws"), [(0.0, 0), (1e6, 40)])
+def test_still_sequences_are_drawn_again_twenty_times_at_most_and_counted(still: float, redraws: int):
+    network = made_network(still=still)
+    assert composed_units(network, heard(network), 6, 1).redraws == redraws
+
+
+def jump(network: DancingToMusic) -> float:
+    """Largest change of step at the border of two units."""
+    code = composed_units(network, heard(network), 3, 1).code
+    return float(np.abs(np.diff(code[30:33], n=2, axis=0)).max())
+
+
+def test_units_go_on_from_each_other_without_a_jump(network: DancingToMusic):
+    assert jump(network) < 0.5 * jump(made_network(fade=1e-3))  # which leaves nothing of the difference to fade
+
+
+def test_a_dance_goes_on_from_the_movement_before_it(network: DancingToMusic):
+    told = heard(network)
+    code = danced_units(network, told, 1).code
+    change = np.diff(np.concatenate([told.prior[-2:], code[:1]]), n=2, axis=0)  # of the step, at the border
+    assert np.abs(change[..., :-3]).max() < 0.15 < np.abs(code[20] - told.prior[-1]).max()
+
+
+def test_the_root_of_a_dance_stays_at_the_origin(network: DancingToMusic):
+    code = network.code(heard(network), 1)[30:]  # after the first fade
+    np.testing.assert_allclose(code[:, [0, 2]], 0.0, atol=1e-3)
+
+
+# Weights and commands
+
+
+def test_a_description_of_giants_is_refused(network: DancingToMusic):
+    about = network.description()
+    about["params"]["hidden"] = 10**9
+    with pytest.raises(ValueError, match="describes hidden = 1000000000"):
+        DancingToMusic.built(about, network.state_dict())
+
+
+@pytest.mark.parametrize("option", ["--params", "--harmony-weight", "--pretrain-epochs"])
+def test_options_of_harmogan_are_refused(option: str, tmp_path: Path):
+    value = "paper" if option == "--params" else "1"
+    arguments = ["train", str(tmp_path), "--out", str(tmp_path / "run"), "--system", "lee2019", option, value]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2 and f"{option} is no option of this system" in result.stderr
+
+
+@pytest.mark.slow
+def test_the_commands_train_it_and_dance_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    corpus = write_corpus(tmp_path / "synth", clips=8, seconds=10.0, fps=30.0, seed=2)
+    monkeypatch.setattr(LeeParams, "small", classmethod(lambda cls: PARAMS))
+    run, song = tmp_path / "run", next(corpus.glob("*/audio.wav"))
+    commands = (
+        ["train", corpus, "--out", run, "--system", "lee2019"],
+        ["dance", song, "--weights", run, "--seconds", "3", "--out", tmp_path / "dance.npz"],
+    )
+    for command in commands:
+        result = CliRunner().invoke(app, [str(word) for word in command], env={"COLUMNS": "200"})
+        assert result.exit_code == 0, result.output
+    assert (tmp_path / "dance.npz").is_file()
+
+
+# Entry tests
+
+
+ENTRY = {
+    "L1 of rebuilt pieces over their own mean pose's", "speed of rebuilt pieces over recorded",
+    "speed of drawn movements over recorded", "divergence of z_move (nats)", "dance told by style, over guessing",
+    "critic of units right", "critic of dances right",
+}  # fmt: skip
+
+
+def test_untrained_networks_do_not_pass_the_entry_tests(network: DancingToMusic):
+    results = entry_lee2019(network, SPLIT)
+    assert set(results) == ENTRY and all(np.isfinite(value) for value, _, _ in results.values())
+    assert not results["L1 of rebuilt pieces over their own mean pose's"][2]
+    assert results["divergence of z_move (nats)"][0] < 20 and not results["divergence of z_move (nats)"][2]
+
+
+def test_a_coder_that_gives_everything_back_passes_the_tests_of_the_units(
+    network: DancingToMusic, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(entry_tests_lee, "rebuilt", lambda network, pieces: pieces)
+    results = entry_lee2019(network, SPLIT)
+    assert results["L1 of rebuilt pieces over their own mean pose's"] == (0.0, (0.0, 0.5), True)
+    assert results["speed of rebuilt pieces over recorded"] == (1.0, (0.7, 1.2), True)
+    assert results["dance told by style, over guessing"][0] == 1.0  # one dance: a guess is always right
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("beats", ["kinematic", "music"])
+def test_recorded_movement_cut_and_put_back_on_its_own_beats_is_off_by_a_centimetre_at_most(
+    beats: str, data_root: Path
+):
+    units = load_units(data_root / "beatlocked", FeatureParams.paper())
+    errors = []
+    for unit in units.units:
+        motion = units.decoded(unit.motion.astype(float))
+        frames = (rest_times(unit.beats, motion) if beats == "kinematic" else unit.beats) * unit.fps
+        code = unit_pieces(unit, motion, beats, 2).reshape(64, -1)
+        at = np.arange(int(np.ceil(frames[0])), int(frames[-1]) + 1)
+        pair = [
+            units.decoded(each).positions for each in (laid_on_beats(code, frames, at), unit.motion[at].astype(float))
+        ]
+        errors.append(np.linalg.norm(pair[0] - pair[1], axis=-1).mean())
+    assert len(errors) > 100 and np.mean(errors) < 0.01  # metres a joint, the path's drift over eight beats included
