@@ -19,7 +19,7 @@ from harmolab.corpora.synthetic import write_corpus
 from harmolab.lab.experiments import entry_tests_lee
 from harmolab.lab.experiments.entry_tests_lee import entry_lee2019
 from harmolab.systems.common import phases as training_loop
-from harmolab.systems.common.dancing import Heard
+from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.grid import MeterFrames
 from harmolab.systems.common.layers import parameter_count
@@ -486,9 +486,9 @@ def test_coders_are_frozen_while_composing(tmp_path: Path, run: Path):
 # Dancing
 
 
-def heard(network: DancingToMusic, *, n_frames: int = 100, period: float = 7.0, song: float = 0.0) -> Heard:
+def dance_input(network: DancingToMusic, *, n_frames: int = 100, period: float = 7.0, song: float = 0.0) -> DanceInput:
     prior = SPLIT.train.units[0].motion[:12].astype(float)
-    return Heard(
+    return DanceInput(
         audio=np.zeros((n_frames + 12, 4), np.float32),
         song=lambda: np.full((40, 4), song, np.float32),
         beats=np.arange(-20, 40) * period,
@@ -499,7 +499,7 @@ def heard(network: DancingToMusic, *, n_frames: int = 100, period: float = 7.0, 
 
 
 def test_a_dance_is_the_seeds_and_as_long_as_asked(network: DancingToMusic):
-    told = heard(network)
+    told = dance_input(network)
     one, same, other = (network.code(told, seed) for seed in (1, 1, 2))
     assert one.shape == (100, N_MOTION) and np.isfinite(one).all()
     np.testing.assert_array_equal(one, same)
@@ -507,7 +507,7 @@ def test_a_dance_is_the_seeds_and_as_long_as_asked(network: DancingToMusic):
 
 
 def test_the_style_of_the_whole_song_is_heard(network: DancingToMusic):
-    assert np.abs(network.code(heard(network, song=3.0), 1) - network.code(heard(network), 1)).max() > 1e-4
+    assert np.abs(network.code(dance_input(network, song=3.0), 1) - network.code(dance_input(network), 1)).max() > 1e-4
 
 
 def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
@@ -520,7 +520,7 @@ def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
         return moving_sequence(network, style, last, generator)
 
     monkeypatch.setattr(generate, "moving_sequence", drawn)
-    dance = composed_units(network, heard(network), 7, 1)
+    dance = composed_units(network, dance_input(network), 7, 1)
     assert dance.sequences == len(starts) == 3 and dance.code.shape == (7 * 32, N_MOTION)
     first = torch.from_numpy(SPLIT.train.units[0].motion[11:12])
     torch.testing.assert_close(starts[0], network.standardised(first))
@@ -529,12 +529,12 @@ def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
 @pytest.mark.parametrize(("still", "redraws"), [(0.0, 0), (1e6, 40)])
 def test_still_sequences_are_drawn_again_twenty_times_at_most_and_counted(still: float, redraws: int):
     network = made_network(still=still)
-    assert composed_units(network, heard(network), 6, 1).redraws == redraws
+    assert composed_units(network, dance_input(network), 6, 1).redraws == redraws
 
 
 def jump(network: DancingToMusic) -> float:
     """Largest change of step at the border of two units."""
-    code = composed_units(network, heard(network), 3, 1).code
+    code = composed_units(network, dance_input(network), 3, 1).code
     return float(np.abs(np.diff(code[30:33], n=2, axis=0)).max())
 
 
@@ -543,14 +543,14 @@ def test_units_go_on_from_each_other_without_a_jump(network: DancingToMusic):
 
 
 def test_a_dance_goes_on_from_the_movement_before_it(network: DancingToMusic):
-    told = heard(network)
+    told = dance_input(network)
     code = danced_units(network, told, 1).code
     change = np.diff(np.concatenate([told.prior[-2:], code[:1]]), n=2, axis=0)  # of the step, at the border
     assert np.abs(change[..., :-3]).max() < 0.15 < np.abs(code[20] - told.prior[-1]).max()
 
 
 def test_the_root_of_a_dance_stays_at_the_origin(network: DancingToMusic):
-    code = network.code(heard(network), 1)[30:]  # after the first fade
+    code = network.code(dance_input(network), 1)[30:]  # after the first fade
     np.testing.assert_allclose(code[:, [0, 2]], 0.0, atol=1e-3)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,7 +22,7 @@ from harmolab.corpora.synthetic import write_corpus
 from harmolab.lab.experiments.entry_tests_ren import entry_ren2020
 from harmolab.systems import load
 from harmolab.systems.common import phases as loop
-from harmolab.systems.common.dancing import Heard
+from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.grid import MeterFrames
 from harmolab.systems.common.layers import parameter_count
@@ -56,7 +59,7 @@ from harmolab.systems.ren2020.terms import (
     perceptual_loss,
     pose_loss,
 )
-from harmolab.systems.ren2020.train import train_ren2020
+from harmolab.systems.ren2020.train import players, train_ren2020
 from harmolab.types import Skeleton
 from tests import tiny_training as tiny
 
@@ -489,7 +492,17 @@ def test_players_have_rates_of_their_own(units: Tensors, tmp_path: Path):
     ]
     phase = Phase("one", 1, rate=lambda epoch: 3e-4, modules={}, players=players, forward=lambda shard, last: None)
     fit(make_fabric(accelerator="cpu"), [phase], units, Batching(len(units)), tmp_path)
-    assert float(slow) == pytest.approx(-3e-4, rel=1e-3) and float(fast) == pytest.approx(-5e-4, rel=1e-3)
+    assert float(slow.detach()) == pytest.approx(-3e-4, rel=1e-3)
+    assert float(fast.detach()) == pytest.approx(-5e-4, rel=1e-3)
+
+
+def test_the_generator_steps_first_and_losses_and_rates_are_as_released():
+    generator, local, overall = players(networks_of(), RenParams())
+    assert [each.name for each in (generator, local, overall)] == ["generator", "local", "overall"]
+    assert generator.weights == {"pose": 200.0, "perceptual": 1.0, "feature": 1.0, "local": 1.0, "global": 1.0}
+    assert local.weights == {"critic_local": 0.5} and overall.weights == {"critic_global": 0.5, "penalty": 1.0}
+    assert [3e-4 * each.pace for each in (generator, local, overall)] == pytest.approx([3e-4, 3e-4, 5e-4])
+    assert (RenParams().epochs, RenParams().batch_size) == (400, 16)
 
 
 # Training
@@ -560,6 +573,24 @@ def test_shards_change_no_more_than_batch_statistics(run: Path, train: Train, tm
     np.testing.assert_allclose(two["pose"], one["pose"], rtol=0.1)
 
 
+@pytest.mark.slow
+def test_two_processes_train_the_same_as_one(train: Train, tmp_path: Path):
+    code = (
+        "import sys\nfrom tests import test_ren2020 as own\n"
+        "own.train_ren2020(own.tiny.tiny_split(beat_channels=False), sys.argv[1],\n"
+        "    params=own.replace(own.TINY, shards=2), fabric=own.make_fabric(accelerator='cpu'))\n"
+    )
+    (tmp_path / "two.py").write_text(code)
+    processes = ("torch.distributed.run", "--standalone", "--nproc-per-node", "2")
+    subprocess.run(
+        [sys.executable, "-m", *processes, str(tmp_path / "two.py"), str(tmp_path / "two")], check=True, timeout=300,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}, capture_output=True,
+    )  # fmt: skip
+    train(tmp_path / "one", params=replace(TINY, shards=2))
+    for file in ("history.csv", "model.safetensors"):
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+
+
 def test_a_trained_run_dances_like_the_network_it_came_from(run: Path, train: Train, tmp_path: Path):
     made, again = train(tmp_path / "run"), load_weights(run, RenGenerator)
     assert not made.training
@@ -571,22 +602,24 @@ def test_a_trained_run_dances_like_the_network_it_came_from(run: Path, train: Tr
 # Dancing
 
 
-def heard(frames: int, *, first: int = 0, seed: int = 0, prior: float = 0.0) -> Heard:
+def dance_input(frames: int, *, first: int = 0, seed: int = 0, prior: float = 0.0) -> DanceInput:
     audio = np.random.default_rng(seed).normal(size=(frames - first, 4)).astype(np.float32)
     meters = [MeterFrames(first, first + 8, frames, 1.0)]
-    return Heard(audio, lambda: audio, np.arange(0.0, frames, 8), meters, np.full((-first, N_MOTION), prior), frames)
+    return DanceInput(
+        audio, lambda: audio, np.arange(0.0, frames, 8), meters, np.full((-first, N_MOTION), prior), frames
+    )
 
 
 def test_a_song_of_any_length_is_danced_in_one_pass():
     generator, calls = generator_of().eval(), []
     generator.register_forward_hook(lambda module, inputs, result: calls.append(result.shape))
-    assert generator.code(heard(301), 0).shape == (301, N_MOTION)
+    assert generator.code(dance_input(301), 0).shape == (301, N_MOTION)
     assert calls == [(1, 301, N_MOTION)]
 
 
 def test_the_code_is_in_metres():
     generator = generator_of().eval()
-    song = heard(30)
+    song = dance_input(30)
     plain = generator.code(song, 1)
     generator.motion_scale.set(torch.full((N_MOTION,), 2.0), torch.full((N_MOTION,), 3.0))
     np.testing.assert_allclose(generator.code(song, 1), 3 * plain + 2, atol=1e-5)
@@ -594,22 +627,22 @@ def test_the_code_is_in_metres():
 
 def test_noise_is_drawn_once_a_song_by_its_seed():
     generator = generator_of().eval()
-    first = generator.code(heard(40), 1)
-    np.testing.assert_array_equal(generator.code(heard(40), 1), first)
-    assert np.abs(generator.code(heard(40), 2) - first).max() > 1e-4
+    first = generator.code(dance_input(40), 1)
+    np.testing.assert_array_equal(generator.code(dance_input(40), 1), first)
+    assert np.abs(generator.code(dance_input(40), 2) - first).max() > 1e-4
 
 
 def test_nothing_is_left_out_when_dancing_even_in_training_mode():
     generator = generator_of().train()
     settle(generator, torch.randn(2, 30, 4), torch.ones(2, 30), seed=0)
-    first = generator.code(heard(40), 1)
-    np.testing.assert_array_equal(generator.train().code(heard(40), 1), first)
+    first = generator.code(dance_input(40), 1)
+    np.testing.assert_array_equal(generator.train().code(dance_input(40), 1), first)
     assert generator.training
 
 
 def test_a_dance_goes_on_from_the_movement_before_it_and_soon_forgets_it():
     generator = generator_of().eval()
-    from_here, from_there = (generator.code(heard(40, first=-12, prior=place), 1) for place in (0.0, 1.0))
+    from_here, from_there = (generator.code(dance_input(40, first=-12, prior=place), 1) for place in (0.0, 1.0))
     difference = np.abs(from_there - from_here).max(axis=1)
     assert difference[0] == pytest.approx(0.72, abs=0.01)  # one frame into a fade of a quarter second
     assert difference[15:].max() < 1e-3
@@ -617,7 +650,7 @@ def test_a_dance_goes_on_from_the_movement_before_it_and_soon_forgets_it():
 
 def test_multimodality_is_above_zero(run: Path):
     generator = load_weights(run, RenGenerator)
-    assert np.abs(generator.code(heard(60), 1) - generator.code(heard(60), 2)).mean() > 1e-4
+    assert np.abs(generator.code(dance_input(60), 1) - generator.code(dance_input(60), 2)).mean() > 1e-4
 
 
 @pytest.mark.parametrize(

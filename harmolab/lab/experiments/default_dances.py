@@ -1,4 +1,4 @@
-"""What `harmolab dance SONG` makes when nothing else is asked of it: the shipped bank on songs of several dances."""
+"""Dances of `harmolab dance SONG` without any option: the shipped bank on songs of several dances."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ def default_dances(songs: Iterable[str] = SONGS, *, seconds: float = SECONDS) ->
     dances = {}
     for number, name in enumerate(songs):
         audio = synthetic_clip(name, seconds=seconds, seed=SEED + number).audio
-        made = bank.choreograph(audio, audio_beats(audio, tempo=name), seconds=seconds)
-        judged = likeness(made.motion, limits=bank.limits)
-        dances[f"{name} (synthetic song)"] = DefaultDance(made.motion, judged, made.mean_seam_cm, made.worst_seam_cm)
+        choreography = bank.choreograph(audio, audio_beats(audio, tempo=name), seconds=seconds)
+        judged = likeness(choreography.motion, limits=bank.limits)
+        dances[f"{name} (synthetic song)"] = DefaultDance(
+            choreography.motion, judged, choreography.mean_seam_cm, choreography.worst_seam_cm
+        )
     return dances

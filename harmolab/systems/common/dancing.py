@@ -1,7 +1,7 @@
-"""From a song to a dance, for every network that moves a body by a motion code: what it is told, and what follows.
+"""From a song to a dance, for every network that moves a body by a motion code: what it gets, and what follows.
 
 A network that dances is a `Dancer`: it says which music features it hears and which body it moves, and its method
-``code`` answers a `Heard` with a motion code. Beats, features and the movement to start from are prepared here, and
+``code`` turns a `DanceInput` into a motion code. Beats, features and the movement to start from are prepared here, and
 bones, floor and feet are seen to here, for all of them alike.
 """
 
@@ -35,8 +35,8 @@ from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion, Skeleton
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
-    """What a network is told before it dances. Frame 0 is the first of the dance; frames before it have been danced.
+class DanceInput:
+    """All that a network gets before it dances. Frame 0 is the first of the dance; frames before it have been danced.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Dancer(Protocol):
     n_motion: int
     motion_scale: Normaliser
 
-    def code(self, heard: Heard, seed: int) -> FloatArray:
+    def code(self, source: DanceInput, seed: int) -> FloatArray:
         """The motion code (n_frames, C) of a dance, bones about as long as they should be; `seed` draws all chance."""
 
 
@@ -155,11 +155,11 @@ def synthesize_dance(
         prior = retimed(code[-length:], meters[0].meter - first)
     else:  # `initial` keeps its speed, and ends where the dance begins, which may be inside a meter
         prior = retimed(code[first:], -first)
-    heard = _heard(dancer.features, audio, track, meters, prior, start, frames, progress)
-    return _dressed(dancer, dancer.code(heard, seed), plant_feet=plant_feet)
+    source = _dance_input(dancer.features, audio, track, meters, prior, start, frames, progress)
+    return _dressed(dancer, dancer.code(source, seed), plant_feet=plant_feet)
 
 
-def _heard(
+def _dance_input(
     features: FeatureParams,
     audio: Audio,
     track: BeatTrack,
@@ -168,11 +168,11 @@ def _heard(
     start: float,
     frames: int,
     progress: Progress,
-) -> Heard:
+) -> DanceInput:
     """The record of what a network is told of a song."""
     times = start + np.arange(meters[0].begin, meters[-1].end) / features.fps
     beats, _ = filled_beats(track, start, start + frames / features.fps, before=2 * features.unit_beats)
-    return Heard(
+    return DanceInput(
         audio=audio_features(audio, track, times, features),
         song=lambda: audio_features(audio, track, np.arange(0.0, audio.duration, 1 / features.fps), features),
         beats=(beats - start) * features.fps,

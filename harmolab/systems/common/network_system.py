@@ -1,4 +1,4 @@
-"""What systems of one network and a bank of movements share: dancing, saving, loading, material to train on."""
+"""Systems of one network and a bank of movements, what they share: dancing, saving, loading, material to train on."""
 
 from __future__ import annotations
 

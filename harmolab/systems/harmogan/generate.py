@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from harmolab.systems.common.borders import continued
-from harmolab.systems.common.dancing import Heard
+from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.priors import initial_poses, temporal_index
 from harmolab.systems.common.units import UnitSet, collate
 from harmolab.types import FloatArray, Motion
@@ -33,17 +33,17 @@ class MeterDancer(Protocol):
 
 
 @torch.inference_mode()
-def danced_meters(generator: MeterDancer, heard: Heard) -> FloatArray:
+def danced_meters(generator: MeterDancer, source: DanceInput) -> FloatArray:
     """The motion code (n_frames, C) of all meters, one after the other, from the end of the movement before."""
-    origin, prior = heard.first, heard.prior
-    code = np.zeros((heard.meters[-1].end - origin, generator.n_motion))
+    origin, prior = source.first, source.prior
+    code = np.zeros((source.meters[-1].end - origin, generator.n_motion))
     code[: len(prior)] = prior
-    for meter in heard.progress(heard.meters, "dancing"):
+    for meter in source.progress(source.meters, "dancing"):
         begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
-        motion = _meter(generator, heard.audio[begin:end], code[begin:end], now - begin)
+        motion = _meter(generator, source.audio[begin:end], code[begin:end], now - begin)
         new = max(now, len(prior))
         code[new:end] = continued(code[:new], motion[new - now :], generator.fps)
-    return code[-origin : heard.n_frames - origin]
+    return code[-origin : source.n_frames - origin]
 
 
 def _meter(generator: MeterDancer, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
@@ -51,8 +51,8 @@ def _meter(generator: MeterDancer, music: NDArray[np.float32], code: FloatArray,
     initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
     device = generator.bone_lengths.device
     motion = generator(torch.from_numpy(music[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
-    made: FloatArray = motion[0, n_prior:].double().cpu().numpy()
-    return made
+    code_of_meter: FloatArray = motion[0, n_prior:].double().cpu().numpy()
+    return code_of_meter
 
 
 @torch.no_grad()

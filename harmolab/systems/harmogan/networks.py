@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from harmolab.io.files import PathLike
 from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.dancing import Heard, check_dancer
+from harmolab.systems.common.dancing import DanceInput, check_dancer
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import (
     SLOPE,
@@ -143,9 +143,9 @@ class Generator(Normalised):
         """Joints in the world, (N, T, J, 3) metres, of motion codes (N, T, C); they start at x = z = 0, heading 0."""
         return decode(motion, self.fps)
 
-    def code(self, heard: Heard, seed: int) -> FloatArray:
+    def code(self, source: DanceInput, seed: int) -> FloatArray:
         """The motion code (n_frames, C) of a dance, meter by meter. It leaves nothing to chance: `seed` is not read."""
-        return danced_meters(self, heard)
+        return danced_meters(self, source)
 
     def parameter_count(self) -> int:
         """Number of values that training changes."""

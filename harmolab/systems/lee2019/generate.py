@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from harmolab.systems.common.borders import continued
-from harmolab.systems.common.dancing import Heard
+from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.layers import Normaliser
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.lee2019.parts import DanceDecoder, MusicStyle, PoseCoder, StyleCoder, UnitDecoder
@@ -59,7 +59,7 @@ class Dance(NamedTuple):
     redraws: int
 
 
-def danced_units(network: Composer, music: Heard, seed: int) -> Dance:
+def danced_units(network: Composer, music: DanceInput, seed: int) -> Dance:
     """The dance to what was heard, from the end of the movement before it; `seed` draws noise and codes."""
     start = music.first + len(music.prior)  # frame of the dance, 0 or before it
     beats = beats_from(music.beats, start)
@@ -84,7 +84,7 @@ def beats_from(beats: FloatArray, start: float) -> FloatArray:
 
 
 @torch.inference_mode()
-def composed_units(network: Composer, music: Heard, n_units: int, seed: int) -> Dance:
+def composed_units(network: Composer, music: DanceInput, n_units: int, seed: int) -> Dance:
     """So many units one after the other in canonical time, three to each draw of noise: code (32 n_units, C)."""
     generator = torch.Generator().manual_seed(seed)
     device, params = network.bone_lengths.device, network.params

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.dancing import Heard
+from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import Normalised, Normaliser, parameter_count
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, local_joints
@@ -96,9 +96,9 @@ class DancingToMusic(Normalised):
         """Joints in the world, (N, T, J, 3) metres, of motion codes (N, T, C); they start at x = z = 0, heading 0."""
         return decode(motion, self.fps)
 
-    def code(self, heard: Heard, seed: int) -> FloatArray:
+    def code(self, source: DanceInput, seed: int) -> FloatArray:
         """The motion code (n_frames, C) of a dance (`generate.danced_units`)."""
-        return danced_units(self, heard, seed).code
+        return danced_units(self, source, seed).code
 
     def parameter_count(self) -> int:
         """Number of values that training changes and dancing needs."""

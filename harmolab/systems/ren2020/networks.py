@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.dancing import Heard, check_dancer
+from harmolab.systems.common.dancing import DanceInput, check_dancer
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import MotionBranch, Normalised, Normaliser, mean_over_time, perceptron
 from harmolab.systems.common.torch_code import PATH_CHANNELS
@@ -120,9 +120,9 @@ class RenGenerator(Normalised):
         """Noise (clips, frames, n) as torch's generator of random numbers has it now."""
         return self.params.noise_std * torch.randn(clips, frames, self.params.noise).to(self.bone_lengths.device)
 
-    def code(self, heard: Heard, seed: int) -> FloatArray:
+    def code(self, source: DanceInput, seed: int) -> FloatArray:
         """The motion code (n_frames, C) of a dance (`danced_song`)."""
-        return danced_song(self, heard, seed)
+        return danced_song(self, source, seed)
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""

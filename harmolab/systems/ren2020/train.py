@@ -117,39 +117,44 @@ def _networks(units: UnitSet, train: Tensors, st_gcn: STGCN, params: RenParams) 
 
 def adversarial(networks: Networks, train: Tensors, validation: Tensors, params: RenParams) -> Phase:
     """Generator first, then the two discriminators, one step each on every batch; all learn from the same dances."""
-    half, players = params.discriminator_weight, networks.modules()
-    weights = {name: getattr(params, f"{name}_weight") for name in ("pose", "perceptual", "feature", "local", "global")}
     return Phase(
         "adversarial",
         params.epochs,
         rate=lambda number: params.generator_rate,
-        modules=players,
-        players=[
-            Player(
-                "generator",
-                [*networks.generator.parameters()],
-                lambda dance, shard, row: generator_terms(networks, dance, params),
-                weights,
-            ),
-            Player(
-                "local",
-                [*networks.local.parameters()],
-                lambda dance, shard, row: local_terms(networks, dance),
-                {"critic_local": half},
-                pace=params.local_rate / params.generator_rate,
-            ),
-            Player(
-                "overall",
-                [*networks.overall.parameters()],
-                lambda dance, shard, row: global_terms(networks, dance),
-                {"critic_global": half, "penalty": params.penalty_weight},
-                pace=params.global_rate / params.generator_rate,
-            ),
-        ],
+        modules=networks.modules(),
+        players=players(networks, params),
         forward=lambda shard, last: danced(networks.generator, shard),
         validate=lambda: validate(networks.generator, train, validation, params),
         validate_every=VALIDATE_EVERY,
     )
+
+
+def players(networks: Networks, params: RenParams) -> list[Player]:
+    """The generator, the local and the global discriminator, with their losses and rates."""
+    terms = ("pose", "perceptual", "feature", "local", "global")
+    half = params.discriminator_weight
+    return [
+        Player(
+            "generator",
+            [*networks.generator.parameters()],
+            lambda dance, shard, row: generator_terms(networks, dance, params),
+            {name: getattr(params, f"{name}_weight") for name in terms},
+        ),
+        Player(
+            "local",
+            [*networks.local.parameters()],
+            lambda dance, shard, row: local_terms(networks, dance),
+            {"critic_local": half},
+            pace=params.local_rate / params.generator_rate,
+        ),
+        Player(
+            "overall",
+            [*networks.overall.parameters()],
+            lambda dance, shard, row: global_terms(networks, dance),
+            {"critic_global": half, "penalty": params.penalty_weight},
+            pace=params.global_rate / params.generator_rate,
+        ),
+    ]
 
 
 def validate(generator: RenGenerator, train: Tensors, validation: Tensors, params: RenParams) -> dict[str, float]:
