@@ -277,6 +277,7 @@ def test_what_fails_an_entry_test_is_a_row_without_a_number(rows: dict[str, Row]
     assert system.dances == 0
     assert np.isnan([row[name] for name in ("h", "hit_rate", "above_chance", "M / N", "seconds for 6 s")]).all()
     assert (row["remark"], row["entry tests"]) == ("not trained well enough: speed", "2 of 4")
+    assert row["entry values"] == "speed: 0.2; L1: 0.3"
     assert row["h paper"] == pytest.approx(0.263, abs=1e-3)
     assert long_table([one]).empty
 

@@ -106,8 +106,15 @@ def facts(entry: Entry) -> dict[str, Any]:
         "training minutes": float(np.mean([one.minutes for one in entry.contestants])),
         "told the beats": ROWS[entry.name].told_beats,
         "entry tests": f"{sum(tests)} of {len(tests)}" if tests else "",
+        "entry values": "; ".join(f"{name}: {value:.3g}" for name, value in _entry_means(entry).items()),
         "remark": f"not trained well enough: {', '.join(entry.failed)}" if entry.failed else "",
     }
+
+
+def _entry_means(entry: Entry) -> dict[str, float]:
+    """The value of each entry test, mean over trainings."""
+    names = dict.fromkeys(name for one in entry.contestants for name in one.entry)
+    return {name: float(np.mean([one.entry[name][0] for one in entry.contestants])) for name in names}
 
 
 def long_table(entries: Iterable[Entry]) -> pd.DataFrame:
