@@ -187,6 +187,14 @@ def test_nothing_that_is_written_tells_the_harmony_of_a_dance_that_fails(
     assert page.count("<td>not meaningful</td>") == len(OF_HARMONY)
 
 
+def test_page_of_a_dance_too_short_to_be_judged_says_so_before_its_harmony(song: Path) -> None:
+    assert called(app, "dance", song, "--seconds", 4, "--out", "dance.html").exit_code == 0
+    (data,) = re.findall(r"^const data = (.*);$", Path("dance.html").read_text("utf-8"), flags=re.MULTILINE)
+    (dancer,) = json.loads(data)["dancers"]
+    assert dancer["number"]["verdict"].startswith("Too short to be judged: 10 s of movement are needed")
+    assert "Cannot tell: " in dancer["number"]["verdict"]
+
+
 def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path) -> None:
     first = called(app, "dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz")
     assert first.exit_code == 0, first.output

@@ -56,15 +56,25 @@ class DanceReport:
         return self.likeness.passed is not False
 
     @property
+    def caption(self) -> str:
+        """The words on a dance that does not pass by likeness, whose harmony is not told alone; "" on one that does."""
+        return "" if self.likeness.passed else " ".join(self._judged())
+
+    @property
     def verdict(self) -> tuple[str, ...]:
         """Sentences: likeness; harmony, if likeness does not fail; what else there is to say."""
-        sentences, judgement = [self.likeness.verdict], self.score.judgement
-        if judgement is not None and self.has_harmony:
-            remarks = (remark for remark in judgement.remarks if self.knows_bars or ADVICE not in remark)
-            sentences += [judgement.verdict, *remarks]
+        judgement = self.score.judgement if self.has_harmony else None
+        remarks = () if judgement is None else judgement.remarks
+        sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
         sentences += self.remarks
         sentences += () if self.choreography is None else self.choreography.warnings
-        return tuple(map(sentence, sentences))
+        return (*self._judged(), *map(sentence, sentences))
+
+    def _judged(self) -> tuple[str, ...]:
+        """Likeness, and harmony where it means something."""
+        judgement = self.score.judgement if self.has_harmony else None
+        harmony = () if judgement is None else (judgement.verdict,)
+        return tuple(map(sentence, (self.likeness.verdict, *harmony)))
 
     def facts(self) -> dict[str, str]:
         """Name -> text of every number, for a table."""
