@@ -25,7 +25,7 @@ from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.skeletons import heading
 from harmolab.systems.choreographer import Choreographer
 from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose
-from harmolab.systems.choreographer.choreography import TOO_LITTLE
+from harmolab.systems.choreographer.choreography import TOO_LITTLE, warnings_of
 from harmolab.systems.choreographer.lay import beat_numbers, faded, fit, runs_of
 from harmolab.systems.choreographer.moves import Clouds, Course, Distances, clouds_of, distances, moves_of
 from harmolab.systems.choreographer.params import TOO_LONG, ChoreographerParams
@@ -387,6 +387,17 @@ def warned(dancer: Choreographer, music: BeatTrack, **options: Any) -> str:
 
 def test_half_a_minute_is_too_little(dancer: Choreographer):
     assert TOO_LITTLE in warned(Choreographer(dancer.takes[:1]), beats())
+
+
+def test_who_has_enough_is_not_told_how_much_is_enough(dancer: Choreographer):
+    music = beats_between(beats(), 0.0, 20.0, meter=3, period=0.5)
+    moves = dancer._moves_of(dancer.takes, music.period)
+    told = [
+        " ".join(warnings_of(moves, music, worst=20.0, minutes=minutes, is_own_pulse=False, has_beats=True))
+        for minutes in (1.5, 2.5)
+    ]
+    assert all(f"{TOO_LITTLE} (a seam of 20 cm shows)" in line for line in told)
+    assert ["2 distinct minutes of a dance do" in line for line in told] == [True, False]
 
 
 def test_another_tempo_is_said(dancer: Choreographer):

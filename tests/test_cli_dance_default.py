@@ -15,8 +15,11 @@ import pytest
 from typer.testing import Result
 
 from harmolab.cli import app
+from harmolab.cli.dancing import MOST_SEEDS
 from harmolab.corpora.synthetic import DANCER, synthetic_motion, write_corpus
 from harmolab.io.motion import load_motion, save_motion
+from harmolab.lab.evaluate.dance_scores import OF_HARMONY
+from harmolab.metrics.likeness import Likeness
 from harmolab.skeletons import Skeleton, standing_height
 from harmolab.types import Clip, Motion
 from tests.builders import called, planted_dance, write_song
@@ -141,14 +144,19 @@ def test_samples_without_a_name_are_numbered_after_the_song(song: Path) -> None:
     assert np.abs(one - other).max() > 0.05
 
 
+SPUN = Likeness({"turns": 9.0}, {}, {"turns": 3.0}, {"turns": (0.0, 1.0, 2.0)})
+
+
+def judged_as(monkeypatch: pytest.MonkeyPatch, *verdicts: Likeness) -> None:
+    """The guard gives these verdicts, one after the other."""
+    left = iter(verdicts)
+    monkeypatch.setattr(sys.modules[Likeness.__module__], "likeness", lambda motion, **options: next(left))
+
+
 def test_a_dance_that_fails_is_left_for_the_next_seed_unless_one_is_named(
     song: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from harmolab.metrics import likeness as module
-
-    spun = module.Likeness({"turns": 9.0}, {}, {"turns": 3.0}, {"turns": (0.0, 1.0, 2.0)})
-    verdicts = iter([spun, module.Likeness(), spun])
-    monkeypatch.setattr(module, "likeness", lambda motion, **options: next(verdicts))
+    judged_as(monkeypatch, SPUN, Likeness(), SPUN)
     result = called(app, "dance", song, "--out", "dance.npz")
     assert result.stdout.startswith("seed 1: ")
     assert "seed 0 is left: not meaningful: the body turns round and round" in result.stderr
@@ -156,6 +164,35 @@ def test_a_dance_that_fails_is_left_for_the_next_seed_unless_one_is_named(
     assert named.stdout.startswith("seed 0: Not meaningful: the body turns round and round")
     assert re.search(r"harmony above chance\W+not meaningful", named.stdout)
     assert "rests of the body" not in named.stdout
+
+
+def test_where_every_seed_fails_the_first_is_danced_and_it_is_said(song: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    judged_as(monkeypatch, *[SPUN] * MOST_SEEDS)
+    result = called(app, "dance", song, "--out", "dance.npz")
+    assert result.stdout.startswith("seed 0: Not meaningful: the body turns round and round")
+    assert "no seed up to 3 does better: seed 0 is danced" in result.stderr
+
+
+def test_nothing_that_is_written_tells_the_harmony_of_a_dance_that_fails(
+    song: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judged_as(monkeypatch, SPUN)
+    result = called(app, "dance", song, "--seed", 0, "--json", "--out", "dance.html")
+    (told,) = json.loads(result.stdout)
+    assert told["harmony"] is None
+    page = Path("dance.html").read_text("utf-8")
+    (data,) = re.findall(r"^const data = (.*);$", page, flags=re.MULTILINE)
+    (number,) = [dancer["number"] for dancer in json.loads(data)["dancers"]]
+    assert number == {"verdict": told["likeness"]["verdict"].capitalize() + "."}
+    assert page.count("<td>not meaningful</td>") == len(OF_HARMONY)
+
+
+def test_page_of_a_dance_too_short_to_be_judged_says_so_before_its_harmony(song: Path) -> None:
+    assert called(app, "dance", song, "--seconds", 4, "--out", "dance.html").exit_code == 0
+    (data,) = re.findall(r"^const data = (.*);$", Path("dance.html").read_text("utf-8"), flags=re.MULTILINE)
+    (dancer,) = json.loads(data)["dancers"]
+    assert dancer["number"]["verdict"].startswith("Too short to be judged: 10 s of movement are needed")
+    assert "Cannot tell: " in dancer["number"]["verdict"]
 
 
 def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path) -> None:

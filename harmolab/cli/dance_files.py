@@ -81,7 +81,7 @@ def _write_page(path: Path, report: DanceReport, sound: Audio, title: str) -> No
     from harmolab.lab.widgets.player import Dancer, Player
 
     part = sound.span(report.start, report.motion.duration)
-    dancer = Dancer("generated", report.motion, report.score)
+    dancer = Dancer("generated", report.motion, report.score, instead=report.caption)
     Player(part, [dancer], music=report.music, title=title, facts=report.facts()).save(path)
 
 

@@ -51,15 +51,30 @@ class DanceReport:
     knows_bars: bool = True
 
     @property
+    def has_harmony(self) -> bool:
+        """Whether harmony means something: not where the dance fails by likeness."""
+        return self.likeness.passed is not False
+
+    @property
+    def caption(self) -> str:
+        """The words on a dance that does not pass by likeness, whose harmony is not told alone; "" on one that does."""
+        return "" if self.likeness.passed else " ".join(self._judged())
+
+    @property
     def verdict(self) -> tuple[str, ...]:
         """Sentences: likeness; harmony, if likeness does not fail; what else there is to say."""
-        sentences, judgement = [self.likeness.verdict], self.score.judgement
-        if judgement is not None and self.likeness.passed is not False:
-            remarks = (remark for remark in judgement.remarks if self.knows_bars or ADVICE not in remark)
-            sentences += [judgement.verdict, *remarks]
+        judgement = self.score.judgement if self.has_harmony else None
+        remarks = () if judgement is None else judgement.remarks
+        sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
         sentences += self.remarks
         sentences += () if self.choreography is None else self.choreography.warnings
-        return tuple(map(sentence, sentences))
+        return (*self._judged(), *map(sentence, sentences))
+
+    def _judged(self) -> tuple[str, ...]:
+        """Likeness, and harmony where it means something."""
+        judgement = self.score.judgement if self.has_harmony else None
+        harmony = () if judgement is None else (judgement.verdict,)
+        return tuple(map(sentence, (self.likeness.verdict, *harmony)))
 
     def facts(self) -> dict[str, str]:
         """Name -> text of every number, for a table."""
@@ -73,8 +88,9 @@ class DanceReport:
         from harmolab.lab.evaluate.body_rests import rests_on_beat
 
         late = {"rests of the body on the beat, above chance": 0.0, "the same half a beat late": 0.5}
-        is_dance = self.likeness.passed is not False
-        return {name: rests_on_beat(self.motion, self.music, late=beats) for name, beats in late.items() if is_dance}
+        return {
+            name: rests_on_beat(self.motion, self.music, late=beats) for name, beats in late.items() if self.has_harmony
+        }
 
     def _pieces(self) -> dict[str, str]:
         """Seams and recordings of a dance that was made of recordings."""
@@ -91,14 +107,14 @@ class DanceReport:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything, for JSON; every piece with its place in the dance."""
+        """Everything, for JSON; every piece with its place in the dance. What fails by likeness has no harmony."""
         joined = () if self.choreography is None else JOINED
         return {
             "seed": self.seed,
             "start": self.start,
             "seconds": self.motion.duration,
             "likeness": {name: getattr(self.likeness, name) for name in LIKENESS},
-            "harmony": self.score.to_dict(),
+            "harmony": self.score.to_dict() if self.has_harmony else None,
             "remarks": self.remarks,
             **{name: getattr(self.choreography, name) for name in joined},
         }

@@ -146,12 +146,15 @@ def dance(
 
 def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:
     """The dance of the first seed from `seed` on that moves like recorded dancers; that of `seed` where none does."""
+    left: list[DanceReport] = []
     for number in range(seed, seed + MOST_SEEDS):
         report = danced(number)
-        if report.likeness.passed is not False:
+        if report.has_harmony:
             return report
+        left.append(report)
         note(f"seed {number} is left: {report.likeness.verdict}")
-    return danced(seed)
+    note(f"no seed up to {seed + MOST_SEEDS - 1} does better: seed {seed} is danced")
+    return left[0]
 
 
 def _check_harmonise(reach: float | None) -> None:

@@ -12,6 +12,10 @@ from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.score import HarmonyScore
 
 Entry = float | int | str | None
+ABOVE_CHANCE = "harmony above chance"
+# What speaks of harmony: of a dance that fails by likeness none is told.
+OF_HARMONY = (ABOVE_CHANCE, "level, 0 to 4", "p value", "paper: harmony", "paper: hit rate", "paper: chance")
+MEANINGLESS = "not meaningful"
 
 
 def dance_scores(
@@ -19,8 +23,8 @@ def dance_scores(
 ) -> dict[str, Entry]:
     """Name -> number of every score of a dance; None where it is too short for that, or has no feet to judge.
 
-    With a likeness the harmony of a dance that fails is "not meaningful", "looks like dancing" says how many measures
-    pass, and every measure stands there with the range that recorded dancers had.
+    With a likeness "looks like dancing" says how many measures pass, and every measure stands there with the range that
+    recorded dancers had; of a dance that fails all that speaks of harmony (`OF_HARMONY`) is "not meaningful".
 
     Parameters
     ----------
@@ -44,11 +48,10 @@ def dance_scores(
 
 def _guarded(scores: dict[str, Entry], likeness: Likeness) -> dict[str, Entry]:
     """The scores with those of likeness after harmony, which says nothing where they fail."""
-    harmony, *others = scores
-    meaningful = scores[harmony] if likeness.passed is not False else "not meaningful"
-    dancing = likeness.cannot or likeness.count
-    rows = {harmony: meaningful, "looks like dancing": dancing, **{name: scores[name] for name in others}}
-    return rows | {f"like dancing: {MEASURES[name]}": _measured(likeness, name) for name in MEASURES}
+    if likeness.passed is False:
+        scores |= dict.fromkeys(OF_HARMONY, MEANINGLESS)
+    first = {ABOVE_CHANCE: scores[ABOVE_CHANCE], "looks like dancing": likeness.cannot or likeness.count}
+    return first | scores | {f"like dancing: {MEASURES[name]}": _measured(likeness, name) for name in MEASURES}
 
 
 def _measured(likeness: Likeness, name: str) -> str | None:
@@ -64,7 +67,7 @@ def _judged(score: HarmonyScore) -> dict[str, Entry]:
     """The numbers of the recommended score, beginning with the one to read."""
     verdict = score.judgement.to_dict() if score.judgement else {}
     return {
-        "harmony above chance": score.above_chance,
+        ABOVE_CHANCE: score.above_chance,
         "level, 0 to 4": verdict.get("level"),
         "p value": score.p_value,
         "pulse, 1/s": verdict.get("pulse"),

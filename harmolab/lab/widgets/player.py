@@ -44,12 +44,15 @@ class Dancer:
     score : HarmonyScore of the motion with the player's music: beats, hits and settings are its own
     number : HarmonyScore, optional
         Of the same dance at its own frame rate, where the motion is shown at another: the number of the page.
+    instead : str
+        Words that stand in place of that number and its verdict, where these mean nothing; "" where they do.
     """
 
     name: str
     motion: Motion
     score: HarmonyScore
     number: HarmonyScore | None = None
+    instead: str = ""
 
 
 class Player:
@@ -233,7 +236,7 @@ def _dancer(dancer: Dancer) -> dict[str, Any]:
         "speed": _speed(dancer.motion, dancer.score.params),
         "visual": [_seconds(time) for time in dancer.score.visual.times],
         "marks": _marks(dancer.score),
-        "number": _number(dancer.number or dancer.score),
+        "number": {"verdict": dancer.instead} if dancer.instead else _number(dancer.number or dancer.score),
     }
 
 

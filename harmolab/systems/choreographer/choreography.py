@@ -141,8 +141,8 @@ def warnings_of(
         lines.append("no beats are heard in this music: the dance keeps a tempo of its own")
     if worst > VISIBLE_SEAM or minutes < LEAST_MINUTES:
         reason = f"{minutes:.1f} distinct minutes" if minutes < LEAST_MINUTES else f"a seam of {worst:.0f} cm shows"
-        rule = f"{ENOUGH_MINUTES:g} distinct minutes of a dance do, {LEAST_MINUTES:g} is the least"
-        lines.append(f"{TOO_LITTLE} ({reason}): {rule}")
+        rule = f": {ENOUGH_MINUTES:g} distinct minutes of a dance do, {LEAST_MINUTES:g} is the least"
+        lines.append(f"{TOO_LITTLE} ({reason}){rule if minutes < ENOUGH_MINUTES else ''}")
     ratio = float(np.median(moves.lengths)) / music.period
     if not is_own_pulse and has_beats and abs(ratio - 1) > OTHER_TEMPO:
         pace = "faster" if ratio > 1 else "slower"
