@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from harmolab.cli.common import show
@@ -50,7 +51,7 @@ class DanceReport:
     remarks: tuple[str, ...] = ()
     knows_bars: bool = True
 
-    @property
+    @cached_property
     def has_harmony(self) -> bool:
         """Whether harmony means something: not where the dance fails by likeness."""
         return self.likeness.passed is not False
@@ -76,6 +77,7 @@ class DanceReport:
         harmony = () if judgement is None else (judgement.verdict,)
         return tuple(map(sentence, (self.likeness.verdict, *harmony)))
 
+    @cached_property
     def facts(self) -> dict[str, str]:
         """Name -> text of every number, for a table."""
         from harmolab.lab.evaluate.dance_scores import dance_scores

@@ -196,7 +196,7 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
     for report in reports:
         typer.echo("\n  ".join(map(printable, [f"seed {report.seed}: {report.verdict[0]}", *report.verdict[1:]])))
     print_music(reports[0].music)
-    _print_table({f"seed {report.seed}": report.facts() for report in reports})
+    _print_table({f"seed {report.seed}": report.facts for report in reports})
 
 
 def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
