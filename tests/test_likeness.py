@@ -384,6 +384,11 @@ def test_a_sheet_has_a_figure_every_half_second_and_the_names_of_dances() -> Non
     assert texts[13:] == ["other", *(f"{moment / 2:g}" for moment in range(6))]
 
 
+def test_times_of_a_fine_sheet_are_hundredths() -> None:
+    texts = contact_sheet({"one": dancer(0).span(0.0, 0.5)}, every=1 / 12).axes[0].texts
+    assert [text.get_text() for text in texts[1:]] == ["0", "0.08", "0.17", "0.25", "0.33", "0.42"]
+
+
 def test_a_sheet_goes_along_with_a_dancer_who_travels() -> None:
     motion = dancer(0, seconds=3.0)
     path = np.linspace(0, 9, motion.n_frames)[:, None, None] * np.array([1.0, 0.0, 0.0])
