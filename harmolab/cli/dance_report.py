@@ -53,7 +53,7 @@ class DanceReport:
 
     @cached_property
     def has_harmony(self) -> bool:
-        """Whether harmony means something: not where the dance fails by likeness."""
+        """True unless the dance fails by likeness: its harmony would mean nothing."""
         return self.likeness.passed is not False
 
     @property
