@@ -17,6 +17,7 @@ from harmolab.corpora.synthetic import synthetic_motion
 from harmolab.lab.evaluate.body_rests import later, rests_on_beat
 from harmolab.lab.experiments import banks as measured
 from harmolab.metrics.likeness import LikenessLimits, likeness
+from harmolab.skeletons import turned
 from harmolab.systems.choreographer.banks import (
     FOLDER,
     STYLES,
@@ -229,3 +230,11 @@ def test_the_shipped_salsa_is_what_its_takes_give(data_root: Path, tmp_path: Pat
         np.testing.assert_allclose(take.motion.positions, other.motion.positions, atol=1e-9)
         assert take.name == other.name
     assert isinstance(shipped.limits, LikenessLimits)
+
+
+def test_a_body_that_only_turns_and_travels_has_no_rests() -> None:
+    motion = dance(1)
+    body = np.repeat(motion.positions[:1], motion.n_frames, axis=0)
+    moments = np.linspace(0.0, 9.0, motion.n_frames)[:, None]
+    statue = replace(motion, positions=turned(body, moments) + 0.3 * moments[..., None])
+    assert np.isnan(rests_on_beat(statue, metronome(np.ones(24), first=0.25, duration=12.0)))

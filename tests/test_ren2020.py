@@ -487,8 +487,13 @@ def test_speed_is_that_of_the_recorded_dance_over_again(units: Tensors):
 def test_players_have_rates_of_their_own(units: Tensors, tmp_path: Path):
     slow, fast = nn.Parameter(torch.zeros(1)), nn.Parameter(torch.zeros(1))
     players = [
-        Player(name, [value], lambda made, shard, row, value=value: {"a": value.sum()}, {"a": 1.0}, pace=pace)
-        for name, value, pace in (("slow", slow, 1.0), ("fast", fast, 5 / 3))
+        Player(
+            name,
+            [{"params": [value], "share": share}],
+            lambda made, shard, row, value=value: {"a": value.sum()},
+            {"a": 1.0},
+        )
+        for name, value, share in (("slow", slow, 1.0), ("fast", fast, 5 / 3))
     ]
     phase = Phase("one", 1, rate=lambda epoch: 3e-4, modules={}, players=players, forward=lambda shard, last: None)
     fit(make_fabric(accelerator="cpu"), [phase], units, Batching(len(units)), tmp_path)
@@ -501,7 +506,9 @@ def test_the_generator_steps_first_and_losses_and_rates_are_as_released():
     assert [each.name for each in (generator, local, overall)] == ["generator", "local", "overall"]
     assert generator.weights == {"pose": 200.0, "perceptual": 1.0, "feature": 1.0, "local": 1.0, "global": 1.0}
     assert local.weights == {"critic_local": 0.5} and overall.weights == {"critic_global": 0.5, "penalty": 1.0}
-    assert [3e-4 * each.pace for each in (generator, local, overall)] == pytest.approx([3e-4, 3e-4, 5e-4])
+    shares = [group["share"] for each in (local, overall) for group in each.parameters if isinstance(group, dict)]
+    assert [3e-4 * share for share in (1.0, *shares)] == pytest.approx([3e-4, 3e-4, 5e-4])
+    assert not any(isinstance(each, dict) for each in generator.parameters)  # the phase's own rate
     assert (RenParams().epochs, RenParams().batch_size) == (400, 16)
 
 

@@ -59,7 +59,7 @@ class DanceReport:
     @property
     def caption(self) -> str:
         """The words on a dance that does not pass by likeness, whose harmony is not told alone; "" on one that does."""
-        return "" if self.likeness.passed else " ".join(self._judged())
+        return "" if self.likeness.passed else " ".join(self._judged)
 
     @property
     def verdict(self) -> tuple[str, ...]:
@@ -69,8 +69,9 @@ class DanceReport:
         sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
         sentences += self.remarks
         sentences += () if self.choreography is None else self.choreography.warnings
-        return (*self._judged(), *map(sentence, sentences))
+        return (*self._judged, *map(sentence, sentences))
 
+    @cached_property
     def _judged(self) -> tuple[str, ...]:
         """Likeness, and harmony where it means something."""
         judgement = self.score.judgement if self.has_harmony else None

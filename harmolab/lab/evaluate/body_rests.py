@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from harmolab.harmony import score_motion
+from harmolab.kinematics import in_body
 from harmolab.params import HarmonyParams
-from harmolab.skeletons import body_frame
 from harmolab.types import BeatTrack, Motion
 
 
@@ -16,7 +16,7 @@ def rests_on_beat(motion: Motion, music: BeatTrack, *, late: float = 0.0) -> flo
     """Harmony above chance of the moments at which the joints are slowest in the body (`HarmonyParams.valleys`).
 
     The body's way through the room and its turns are taken out before. 0 is what chance reaches, 1 a rest on every
-    beat. Recorded ballroom dancers have about .06: they do not dance that plainly.
+    beat; NaN where nothing moves in the body. Recorded ballroom dancers have about .06: they do not dance that plainly.
 
     Parameters
     ----------
@@ -26,8 +26,10 @@ def rests_on_beat(motion: Motion, music: BeatTrack, *, late: float = 0.0) -> flo
     """
     if len(music) < 2:
         return float("nan")
-    inside = replace(motion, positions=body_frame(motion.positions, motion.fps, motion.skeleton))
-    return score_motion(later(music, late), inside, params=HarmonyParams.valleys(), n_rotations=0).harmony_above_chance
+    score = score_motion(
+        later(music, late) if late else music, in_body(motion), params=HarmonyParams.valleys(), n_rotations=0
+    )
+    return score.harmony_above_chance if score.n_visual else float("nan")
 
 
 def later(music: BeatTrack, beats: float) -> BeatTrack:

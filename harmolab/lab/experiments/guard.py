@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from harmolab.corpora.folders import Recording
+from harmolab.kinematics import NANOMETRE
 from harmolab.metrics.likeness import LONGEST, LikenessLimits, likeness, motion_windows, window_measures
 from harmolab.skeletons import HIPS, body_frame, heading, turned
 from harmolab.systems.contract import System
@@ -61,7 +62,8 @@ def _on_path(motion: Motion, body: FloatArray) -> Motion:
     """Poses (T, J, 3) in the body put where the motion is and turned as it is turned."""
     angles = heading(motion.positions, motion.fps, motion.skeleton, parts=HIPS, smoothing=0.0)[:, None]
     torso = motion.positions - turned(_body(motion), angles)
-    return replace(motion, positions=turned(body, angles) + torso[:, :1])
+    # To the nanometre: the valleys of rounding errors would be the beats of a statue that stands.
+    return replace(motion, positions=(turned(body, angles) + torso[:, :1]).round(NANOMETRE))
 
 
 DOCTORED: Mapping[str, Callable[[Motion], Motion]] = MappingProxyType(

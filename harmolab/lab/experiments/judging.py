@@ -6,13 +6,14 @@ Everything here takes motions: a system is judged by the joints it moves, not by
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_harmony
+from harmolab.kinematics import in_body
 from harmolab.lab.experiments.generation import VARIANTS, trained
 from harmolab.lab.experiments.guard import statue
 from harmolab.lab.profile import RunProfile
@@ -20,7 +21,6 @@ from harmolab.metrics.frechet import diversity, frechet_distance, standardise
 from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
-from harmolab.skeletons import body_frame
 from harmolab.systems.common.pose_network import PoseNet, embed_meters
 from harmolab.systems.common.units import DanceUnit, UnitSet
 from harmolab.systems.harmogan.generate import generate_units
@@ -122,21 +122,6 @@ def harmony_columns(scores: Mapping[str, HarmonyScore]) -> dict[str, float]:
     return columns | {f"{mode}count_ratio": score.n_visual / max(score.n_audio, 1) for mode, score in scores.items()}
 
 
-def in_body(motion: Motion) -> Motion:
-    """The motion in the dancer's own frame: without travel, jumps and turns of the whole body."""
-    return _to_nanometres(replace(motion, positions=body_frame(motion.positions, motion.fps, motion.skeleton)))
-
-
-def as_statue(motion: Motion) -> Motion:
-    """The mean pose of a dance on its own path: `harmolab.lab.experiments.guard.statue`."""
-    return _to_nanometres(statue(motion))
-
-
-def _to_nanometres(motion: Motion) -> Motion:
-    """The motion without errors of rounding, whose valleys would be the beats of a body that does not move."""
-    return replace(motion, positions=motion.positions.round(9))
-
-
 def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
     """`harmony_columns` of `score_unit` in all modes; above chance also of the body alone, and of a statue.
 
@@ -144,7 +129,7 @@ def unit_columns(motion: Motion, unit: DanceUnit) -> dict[str, float]:
     dance that is no better than its statue has danced with its path.
     """
     columns = harmony_columns({mode: score_unit(motion, unit, params) for mode, params in MODES.items()})
-    others = {"body_": in_body(motion), "statue_": as_statue(motion)}
+    others = {"body_": in_body(motion), "statue_": statue(motion)}
     scores = {name: score_unit(other, unit, MODES[""]) for name, other in others.items()}
     return columns | {f"{name}above_chance": score.harmony_above_chance for name, score in scores.items()}
 
@@ -208,7 +193,7 @@ def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
     """A unit with the motions danced to it, the recorded one among them, and their scores."""
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
     statues = {
-        name: score_unit(as_statue(motion), unit, HarmonyParams.valleys()).harmony_above_chance
+        name: score_unit(statue(motion), unit, HarmonyParams.valleys()).harmony_above_chance
         for name, motion in motions.items()
     }
     beats = unit_beats(unit, motions[RECORDED])

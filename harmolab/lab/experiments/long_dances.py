@@ -16,8 +16,9 @@ import pandas as pd
 
 from harmolab.corpora.folders import Recording, load_recording, recording_beats
 from harmolab.harmony import score_motion
+from harmolab.kinematics import in_body
 from harmolab.lab.experiments.generation import VARIANTS, Trained, corpus_root, generator_corpora, trained
-from harmolab.lab.experiments.judging import as_statue, in_body
+from harmolab.lab.experiments.guard import statue
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.likeness import likeness
 from harmolab.metrics.quality import bone_error, foot_skating, jerk, largest_step
@@ -127,7 +128,7 @@ def _dancer(song: Recording) -> Motion:
 def _measured(run: Trained, song: Recording, recorded: dict[str, float], seconds: float) -> dict[str, Any]:
     """One long dance, in multiples of what is `recorded`."""
     dance, beats = _danced(run, song, seconds)
-    moved = {"": dance, "body_": in_body(dance), "statue_": as_statue(dance)}
+    moved = {"": dance, "body_": in_body(dance), "statue_": statue(dance)}
     scores = {
         name: score_motion(beats, each, params=HarmonyParams.valleys(), n_rotations=0) for name, each in moved.items()
     }

@@ -16,9 +16,10 @@ import pandas as pd
 from harmolab.corpora.folders import Recording, find_recordings, load_recording, recording_beats
 from harmolab.harmony import score_motion
 from harmolab.kinematics import resample_motion
+from harmolab.lab.evaluate.body_rests import rests_on_beat
 from harmolab.lab.experiments.generation import VARIANTS, Variant, corpus_root, generator_corpora, trained
-from harmolab.lab.experiments.guard import Generate
-from harmolab.lab.experiments.judging import RECORDED, as_statue, in_body
+from harmolab.lab.experiments.guard import Generate, statue
+from harmolab.lab.experiments.judging import RECORDED
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.frechet import frechet_distance, standardise
 from harmolab.metrics.kinetic import kinetic_features
@@ -99,10 +100,10 @@ def dance_measures(
     judged = likeness(motion, dance=dance, limits=limits)
     return {
         **{name: judged.values.get(name, np.nan) for name in SHOWN},
-        "body": _valleys(in_body(motion), beats),
+        "body": rests_on_beat(motion, beats),
         "pattern": _pattern(motion, beats, dance),
         "room": _valleys(motion, beats),
-        "statue": _valleys(as_statue(motion), beats),
+        "statue": _valleys(statue(motion), beats),
         "passed": judged.passed,
         "fails": ", ".join(judged.fails),
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -14,6 +15,7 @@ from harmolab.systems.common.about import DEFAULT_STEM, read_about
 from harmolab.systems.common.checkpoints import check_folder
 from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.history import Report
 from harmolab.systems.common.poses_bank import PoseBank, load_poses, poses_path, save_poses
 from harmolab.systems.common.splits import Split, split_units
 from harmolab.systems.common.unit_corpus import load_units
@@ -21,6 +23,7 @@ from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.types import Audio, BeatTrack, Motion
 
 Notice = Callable[[str], None]
+PRESETS = ("small", "paper")
 
 
 class NetworkSystem:
@@ -71,6 +74,70 @@ class NetworkSystem:
         generator: Any = load_weights(folder, cls.network)
         poses = load_poses(folder, n_channels=generator.n_motion) if poses_path(folder).is_file() else None
         return cls(generator, poses, read_about(folder)["meta"])
+
+
+class PresetSystem(NetworkSystem):
+    """A system whose sizes, losses and schedule are one record with presets, `settings`, and that has no other options.
+
+    It hears the features of the paper's own system, so that systems compared hear the same.
+    """
+
+    settings: ClassVar[type[Any]]
+
+    @classmethod
+    def train_network(cls, split: Split, folder: PathLike, **options: Any) -> None:
+        """Train the network in a folder; options are `params`, `resume`, `fabric` and `report`."""
+        raise NotImplementedError
+
+    @classmethod
+    def train(
+        cls,
+        data: Sequence[PathLike],
+        out: PathLike,
+        *,
+        preset: str = "small",
+        step: int = 2,
+        split_seed: int = 0,
+        resume: bool = False,
+        accelerator: str = "auto",
+        report: Report = lambda row, end: None,
+        notice: Notice = lambda line: None,
+        progress: Progress = silent,
+        **changes: Any,
+    ) -> Self:
+        """The system trained on corpora, in a folder of its own.
+
+        Parameters
+        ----------
+        data : folders of recordings
+        out : folder; new or empty unless `resume`
+        preset : "small" or "paper", of `settings`
+        step : int, beats between the starts of training units
+        split_seed : int, of the split by motion group
+        resume : go on where the run in `out` stopped; start it when there is none
+        accelerator : "auto", "cpu" or "cuda"
+        report, notice : called after each epoch with its row and its phase's end; with a line about the units
+        changes : other values for fields of `settings`, such as ``seed``
+
+        Raises
+        ------
+        ValueError
+            For an unknown name or value, a folder that holds something else, or too few recordings.
+        """
+        from harmolab.systems.common.phases import make_fabric
+
+        check_choice("preset", preset, PRESETS)
+        if other := sorted(changes.keys() - {field.name for field in fields(cls.settings)}):
+            raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
+        params = replace(getattr(cls.settings, preset)(), **changes)
+        split = training_material(
+            data, out, FeatureParams.paper(), step=step, split_seed=split_seed, resume=resume, notice=notice,
+            progress=progress,
+        )  # fmt: skip
+        fabric = make_fabric(accelerator=accelerator)
+        cls.train_network(split, out, params=params, resume=resume, fabric=fabric, report=report)
+        fabric.barrier()
+        return cls.load(out)
 
 
 def training_material(

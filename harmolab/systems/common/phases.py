@@ -43,7 +43,6 @@ class Player:
     weights : of the terms in the loss, by name; those of absent terms are not read
     decay : float, weight decay
     clip : float or None, largest norm of the gradient of all its parameters
-    pace : float, learning rate as a multiple of the phase's
     """
 
     name: str
@@ -52,7 +51,6 @@ class Player:
     weights: Mapping[str, float]
     decay: float = 0.0
     clip: float | None = None
-    pace: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ class Phase:
     ----------
     name : in the history
     epochs : int, at most
-    rate : function(number of the epoch in the phase) -> learning rate of players whose pace is 1
+    rate : function(number of the epoch in the phase) -> learning rate of parameters whose share is 1
     modules : networks by name, as they are kept in the state
     players : in the order of their steps on each batch
         The terms of all of them are in the history; "total" there is the last one's loss.
@@ -201,9 +199,8 @@ def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
         if phase.patience is not None and epoch > _best_epoch(run.rows, phase) + phase.patience:
             break
         rate = phase.rate(epoch - first)
-        for player in phase.players:
-            for group in optimisers[player.name].param_groups:
-                group["lr"] = rate * player.pace * group.get("share", 1.0)
+        for group in (group for optimiser in optimisers.values() for group in optimiser.param_groups):
+            group["lr"] = rate * group.get("share", 1.0)
         row: Row = {"phase": phase.name, "epoch": epoch, "rate": rate, **phase.schedule(epoch - first)}
         row |= _epoch_means(run, phase, optimisers, row)
         _end_epoch(run, phase, row, optimisers, first)

@@ -8,7 +8,6 @@ published whose dances look most like dancing; how well they keep time comes sec
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +15,9 @@ import numpy as np
 from harmolab.beats.audio import music_beats
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_motion
+from harmolab.kinematics import in_body
 from harmolab.metrics.likeness import likeness
 from harmolab.params import DANCES, HarmonyParams
-from harmolab.skeletons import body_frame
 from harmolab.systems.common.about import read_about
 from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.motion_code import encode_motion
@@ -79,12 +78,9 @@ def standing(dances: Sequence[tuple[Motion, BeatTrack, str]]) -> tuple[int, int,
     """
     judged = [likeness(motion, dance=dance) for motion, _, dance in dances]
     harmonies = [
-        score_motion(
-            beats, replace(motion, positions=body_frame(motion.positions, motion.fps, motion.skeleton)),
-            params=HarmonyParams.valleys(), n_rotations=0,
-        ).harmony_above_chance
+        score_motion(beats, in_body(motion), params=HarmonyParams.valleys(), n_rotations=0).harmony_above_chance
         for motion, beats, _ in dances
-    ]  # fmt: skip
+    ]
     within = sum(len(each.values) - len(each.fails) for each in judged)
     return sum(each.passed is True for each in judged), within, float(np.mean(harmonies))
 

@@ -142,17 +142,15 @@ def players(networks: Networks, params: RenParams) -> list[Player]:
         ),
         Player(
             "local",
-            [*networks.local.parameters()],
+            [{"params": [*networks.local.parameters()], "share": params.local_rate / params.generator_rate}],
             lambda dance, shard, row: local_terms(networks, dance),
             {"critic_local": half},
-            pace=params.local_rate / params.generator_rate,
         ),
         Player(
             "overall",
-            [*networks.overall.parameters()],
+            [{"params": [*networks.overall.parameters()], "share": params.global_rate / params.generator_rate}],
             lambda dance, shard, row: global_terms(networks, dance),
             {"critic_global": half, "penalty": params.penalty_weight},
-            pace=params.global_rate / params.generator_rate,
         ),
     ]
 
