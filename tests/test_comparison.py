@@ -282,6 +282,20 @@ def test_what_fails_an_entry_test_is_a_row_without_a_number(rows: dict[str, Row]
     assert long_table([one]).empty
 
 
+def test_rivals_are_trained_as_often_as_the_profile_says_and_never_more_often_than_the_others():
+    def numbers(contest: contests.Contest, training: int) -> Contestant:
+        return Contestant(lambda excerpt, seed: excerpt.dancer, str(training))
+
+    contest = replace(contests.contests(PROFILE, 0)[0], trainings=3)
+    rival = Row(numbers, "network", "no", rival=True)
+    several = replace(contest, profile=replace(PROFILE, n_rivals=2))
+    assert [one.identity for one in Row(numbers, "network", "no").contestants(contest)] == ["1", "2", "3"]
+    assert [one.identity for one in rival.contestants(contest)] == ["1"]
+    assert [one.identity for one in rival.contestants(several)] == ["1", "2"]
+    assert rival.contestants(replace(contest, trainings=0)) == ()
+    assert len(Row(numbers, "recorded", "no").contestants(contest)) == 1
+
+
 @pytest.mark.slow
 def test_a_system_of_another_body_has_no_distance(rows: dict[str, Row]):
     (entry,) = comparison(replace(PROFILE, songs=1, draws=1), [BANK], trainings=0)

@@ -98,6 +98,14 @@ def test_what_was_not_trained_is_held_against_every_training():
     assert row["rank"] == ""
 
 
+def test_a_rival_trained_once_is_held_against_the_first_training_alone_and_gets_no_rank():
+    base = {(training, "waltz", song, 1): 0.1 * training for training in (1, 2, 3) for song in "ab"}
+    rival = {(1, "waltz", "a", 1): 0.5, (1, "waltz", "b", 1): 0.6}
+    (row,) = difference_table(pd.concat([dances(HARMOGAN, base), dances(REN, rival)]), ["h"]).to_dict("records")
+    assert row["difference"] == pytest.approx(0.55 - 0.1)
+    assert np.isnan([row["low"], row["high"]]).all() and row["rank"] == ""
+
+
 def test_without_harmogan_there_is_nothing_to_differ_from():
     assert difference_table(dances(RIGHT_SONG, {(1, "waltz", "a", 1): 0.2}), ["h"]).empty
 

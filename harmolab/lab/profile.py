@@ -18,6 +18,7 @@ class RunProfile:
     n_rotations : int, rotations of a null distribution
     n_nulls : int, clips in each row of a table of false alarms
     n_seeds : int, trainings of each generator, over which means and intervals are taken
+    n_rivals : int, trainings of each rival system of the comparison, which take an hour each
     epochs : (pretraining, adversarial) or None
         Epochs of each training; None: the whole schedule.
     pose_epochs : int or None
@@ -34,6 +35,7 @@ class RunProfile:
     n_rotations: int
     n_nulls: int = 400
     n_seeds: int = 3
+    n_rivals: int = 1
     epochs: tuple[int, int] | None = None
     pose_epochs: int | None = None
     hidden: int | None = None

@@ -66,8 +66,7 @@ class Entry:
 def entered(contest: Contest, name: str) -> Entry:
     """A row of a contest: trained, danced and measured now, as far as it was not before."""
     row = ROWS[name]
-    last = contest.trainings if row.is_trained else 1
-    contestants = tuple(row.make(contest, training) for training in range(1, last + 1))
+    contestants = row.contestants(contest)
     if any(one.failed for one in contestants):
         return Entry(contest, name, contestants, (), (), float("nan"))
     dances = tuple(all_dances(contest, name, one, contest.profile.draws if row.draws else 1) for one in contestants)
@@ -88,7 +87,8 @@ def comparison(
     ----------
     profile : RunProfile
     rows : names in `ROWS`
-    trainings : int, of each network; the profile's when left out. With 0 there are no networks, nor a pose network
+    trainings : int, of each network, of a rival at most `RunProfile.n_rivals`; the profile's when left out. With 0 there
+        are no networks, nor a pose network
     progress : function(iterable, label) -> iterable
     """
     every = contests(profile, profile.n_seeds if trainings is None else trainings)

@@ -94,6 +94,7 @@ class Row:
     told_beats : str, "yes", "no", or how
     printed : str, name of the row of the paper's tables; "" for none
     draws : bool, whether another seed is another dance
+    rival : bool, whether it is a system of other authors, trained less often
     """
 
     make: Callable[[Contest, int], Contestant]
@@ -101,11 +102,17 @@ class Row:
     told_beats: str
     printed: str = ""
     draws: bool = True
+    rival: bool = False
 
     @property
     def is_trained(self) -> bool:
         """True if there is a contestant for each training."""
         return self.kind == "network"
+
+    def contestants(self, contest: Contest) -> tuple[Contestant, ...]:
+        """One for each training in a contest; one where nothing is trained."""
+        last = min(contest.trainings, contest.profile.n_rivals) if self.rival else contest.trainings
+        return tuple(self.make(contest, training) for training in range(1, (last if self.is_trained else 1) + 1))
 
 
 def of_system(
@@ -194,9 +201,9 @@ def _cheap(name: str) -> Row:
 ROWS: Mapping[str, Row] = MappingProxyType(
     {
         **{name: _cheap(name) for name in BASELINES},
-        LEE_UNWARPED: Row(partial(_lee, False), "network", "no"),
-        LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee"),
-        REN: Row(_ren, "network", "no", "Ren"),
+        LEE_UNWARPED: Row(partial(_lee, False), "network", "no", rival=True),
+        LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True),
+        REN: Row(_ren, "network", "no", "Ren", rival=True),
         WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
         HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
         RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),

@@ -128,10 +128,9 @@ def difference_table(dances: pd.DataFrame, measures: Sequence[str], base: str = 
 
 def _difference(part: pd.DataFrame, base: pd.DataFrame, measure: str) -> dict[str, Any]:
     """One row of `difference_table`."""
-    trained = part["training"].nunique() > 1
     keys = ["dance", "song", "clip"]
     left, right = (_over_draws(side, [measure], "training") for side in (part, base))
-    if not trained and base["training"].nunique() > 1:
+    if not ROWS[str(part["system"].iloc[0])].is_trained:
         left = left.drop(columns="training")
     paired = left.merge(right, on=[name for name in (*keys, "training") if name in left], suffixes=("", " base"))
     paired = paired.assign(**{measure: paired[measure] - paired[f"{measure} base"]})
