@@ -273,10 +273,11 @@ def test_what_cannot_be_read_is_left_out_and_named(song: Path, tmp_path: Path) -
 
 
 def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path) -> None:
-    result = called(app, "dance", song, "--dance", "waltz", "--out", "dance.npz")
+    result = called(app, "dance", song, "--dance", "waltz", "--out", "dance.html")
     assert result.exit_code == 0, result.output
     assert "There is no waltz among these recordings: danced is salsa." in result.stdout
     assert "The bar of a waltz is not asked for" in result.stdout
+    assert "There is no waltz among these recordings: danced is salsa." in Path("dance.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize("style", ["indian", "puppet"])

@@ -82,7 +82,8 @@ def _write_page(path: Path, report: DanceReport, sound: Audio, title: str) -> No
 
     part = sound.span(report.start, report.motion.duration)
     dancer = Dancer("generated", report.motion, report.score, instead=report.caption)
-    Player(part, [dancer], music=report.music, title=title, facts=report.facts).save(path)
+    facts = report.facts | ({"to note": " ".join(report.notes)} if report.notes else {})
+    Player(part, [dancer], music=report.music, title=title, facts=facts).save(path)
 
 
 def _write_video(path: Path, report: DanceReport, sound: Audio, title: str) -> None:

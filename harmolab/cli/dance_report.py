@@ -64,12 +64,17 @@ class DanceReport:
     @property
     def verdict(self) -> tuple[str, ...]:
         """Sentences: likeness; harmony, if likeness does not fail; what else there is to say."""
+        return (*self._judged, *self.notes)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that go with the numbers: of the score, the dancer, and the choice of movement."""
         judgement = self.score.judgement if self.has_harmony else None
         remarks = () if judgement is None else judgement.remarks
         sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
         sentences += self.remarks
         sentences += () if self.choreography is None else self.choreography.warnings
-        return (*self._judged, *map(sentence, sentences))
+        return tuple(map(sentence, sentences))
 
     @cached_property
     def _judged(self) -> tuple[str, ...]:
