@@ -282,6 +282,14 @@ def test_what_fails_an_entry_test_is_a_row_without_a_number(rows: dict[str, Row]
     assert long_table([one]).empty
 
 
+def test_rivals_are_trained_on_the_first_corpus_alone(monkeypatch: pytest.MonkeyPatch):
+    contest = contests.contests(PROFILE, 0)[0]
+    assert all(contestants.applies(name, contest) for name in ROWS)
+    monkeypatch.setattr(contestants, "generator_corpora", lambda profile: ("recorded", SYNTHETIC))
+    left_out = [name for name in ROWS if not contestants.applies(name, contest)]
+    assert left_out == [contestants.LEE_UNWARPED, contestants.LEE, contestants.REN]
+
+
 def test_rivals_are_trained_as_often_as_the_profile_says_and_never_more_often_than_the_others():
     def numbers(contest: contests.Contest, training: int) -> Contestant:
         return Contestant(lambda excerpt, seed: excerpt.dancer, str(training))

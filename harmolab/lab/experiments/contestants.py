@@ -19,7 +19,7 @@ import numpy as np
 from harmolab.io.files import plain
 from harmolab.lab.experiments.baselines import BASELINES, DRAWN, Baseline
 from harmolab.lab.experiments.contests import Contest
-from harmolab.lab.experiments.generation import VARIANTS, trained
+from harmolab.lab.experiments.generation import VARIANTS, generator_corpora, trained
 from harmolab.lab.experiments.rivals import Asked, lee2019, ren2020
 from harmolab.lab.experiments.songs import Excerpt
 from harmolab.metrics.likeness import LikenessLimits
@@ -214,5 +214,11 @@ ROWS: Mapping[str, Row] = MappingProxyType(
 
 
 def applies(name: str, contest: Contest) -> bool:
-    """True if a contest has such a row: to songs of another corpus there are no recorded dancers."""
+    """True if a contest has such a row.
+
+    To songs of another corpus there are no recorded dancers; rivals, which take an hour each, are trained on the first
+    corpus alone.
+    """
+    if ROWS[name].rival:
+        return contest.corpus == generator_corpora(contest.profile)[0]
     return name != RIGHT_SONG or contest.has_own_dancers
