@@ -87,8 +87,8 @@ def comparison(
     ----------
     profile : RunProfile
     rows : names in `ROWS`
-    trainings : int, of each network, of a rival at most `RunProfile.n_rivals`; the profile's when left out. With 0 there
-        are no networks, nor a pose network
+    trainings : int, of each network, of a rival at most `RunProfile.n_rivals`; the profile's when left out. With 0
+        there are no networks, nor a pose network
     progress : function(iterable, label) -> iterable
     """
     every = contests(profile, profile.n_seeds if trainings is None else trainings)

@@ -7,15 +7,14 @@ training split's mean and standard deviation, which they keep as buffers.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any, NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
 
 from harmolab.io.files import PathLike
-from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.dancing import DanceInput, check_dancer
+from harmolab.systems.common.dancer_network import DancerNetwork
+from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import (
     SLOPE,
@@ -51,7 +50,7 @@ class GeneratorOutput(NamedTuple):
     flat: Tensor
 
 
-class Generator(Normalised):
+class Generator(DancerNetwork):
     """G(A_f, V_f) = V' (Sec. 4.2, Fig. 7c): music and initial poses in, motion out, all frames of a unit at once.
 
     A GRU encodes the music; the features of the initial poses are concatenated with it; a GRU decodes both into poses.
@@ -68,16 +67,11 @@ class Generator(Normalised):
     Parameters
     ----------
     params : ModelParams
-    n_audio : int, channels F of the audio features
-    skeleton : Skeleton with J joints
-    bone_lengths : (J,) tensor, metres, 0 at roots
-    fps : float, hertz
-    features : FeatureParams, optional
-        Settings of the audio features; kept with the weights, so that the generator can dance to a song.
+    n_audio, skeleton, bone_lengths, fps, features : as of `DancerNetwork`
     """
 
-    system = "harmogan"
-    bone_lengths: Tensor
+    system, settings = "harmogan", "model"
+    params: ModelParams
 
     def __init__(
         self,
@@ -89,20 +83,8 @@ class Generator(Normalised):
         fps: float,
         features: FeatureParams | None = None,
     ) -> None:
-        super().__init__()
-        n_joints = len(skeleton.joints)
-        bone_lengths = bone_lengths.detach().float()
-        check_dancer(n_audio, skeleton, bone_lengths, fps=fps, features=features)
-        self.params, self.n_audio, self.skeleton, self.fps = params, n_audio, skeleton, float(fps)
-        self.features = features
-        self.n_motion = 3 * n_joints + PATH_CHANNELS
-        self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(self.n_motion)
-        self.register_buffer("bone_lengths", bone_lengths.clone())
-        self._build(params, n_joints)
-
-    def _build(self, params: ModelParams, n_joints: int) -> None:
-        """The layers of Fig. 7c."""
-        hidden, channels = params.hidden, params.pose_features
+        super().__init__(params, n_audio, skeleton, bone_lengths, fps=fps, features=features)
+        hidden, channels, n_joints = params.hidden, params.pose_features, len(skeleton.joints)
         reach = max(1, round(_HORIZON * self.fps))
         self.hearing = nn.Conv1d(
             self.n_audio, max(1, hidden // 4), 2 * reach + 1, padding=reach, padding_mode="replicate"
@@ -151,25 +133,13 @@ class Generator(Normalised):
         """Number of values that training changes."""
         return parameter_count(self)
 
-    def description(self) -> dict[str, Any]:
-        """Everything that `built` needs beside the tensors, JSON-able."""
-        return {
-            "model": asdict(self.params),
-            "features": None if self.features is None else asdict(self.features),
-            "n_audio": self.n_audio,
-            "fps": self.fps,
-            "skeleton": asdict(self.skeleton),
-        }
-
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A generator as its description says; ValueError for sizes that cannot be."""
         model = ModelParams(**{name: whole(name, value) for name, value in renamed(build["model"]).items()})
         if model.layers > MOST_LAYERS:
             raise ValueError(f"describes {model.layers} recurrent layers, more than {MOST_LAYERS}")
-        features = None if build["features"] is None else FeatureParams(**build["features"])
-        n_audio, fps, skeleton = whole("n_audio", build["n_audio"]), float(build["fps"]), stored_skeleton(build)
-        return cls(model, n_audio, skeleton, tensors["bone_lengths"], fps=fps, features=features)
+        return cls(model, **cls.body_of(build, tensors))
 
 
 def load_generator(path: PathLike) -> Generator:

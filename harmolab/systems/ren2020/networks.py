@@ -7,18 +7,16 @@ counts: the same clip with more of it gives the same dance and the same verdicts
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
-from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.dancing import DanceInput, check_dancer
+from harmolab.systems.common.dancer_network import DancerNetwork
+from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.layers import MotionBranch, Normalised, Normaliser, mean_over_time, perceptron
-from harmolab.systems.common.torch_code import PATH_CHANNELS
+from harmolab.systems.common.layers import MotionBranch, mean_over_time, perceptron
 from harmolab.systems.common.weights import MOST_LAYERS, whole
 from harmolab.systems.ren2020.batch_norm import BatchNorm
 from harmolab.systems.ren2020.generate import danced_song
@@ -60,22 +58,17 @@ class ResidualBlock(nn.Module):
         return values + self.layers(values)
 
 
-class RenGenerator(Normalised):
+class RenGenerator(DancerNetwork):
     """Music and noise in, the motion code out, all frames of a clip at once.
 
     Parameters
     ----------
     params : RenParams
-    n_audio : int, channels F of the audio features
-    skeleton : Skeleton with J joints
-    bone_lengths : (J,) tensor, metres, 0 at roots
-    fps : float, hertz
-    features : FeatureParams, optional
-        Settings of the audio features; kept with the weights, so that the generator can dance to a song.
+    n_audio, skeleton, bone_lengths, fps, features : as of `DancerNetwork`
     """
 
     system = "ren2020"
-    bone_lengths: Tensor
+    params: RenParams
 
     def __init__(
         self,
@@ -87,14 +80,7 @@ class RenGenerator(Normalised):
         fps: float,
         features: FeatureParams | None = None,
     ) -> None:
-        super().__init__()
-        bone_lengths = bone_lengths.detach().float()
-        check_dancer(n_audio, skeleton, bone_lengths, fps=fps, features=features)
-        self.params, self.n_audio, self.skeleton, self.fps = params, n_audio, skeleton, float(fps)
-        self.features = features
-        self.n_motion = 3 * len(skeleton.joints) + PATH_CHANNELS
-        self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(self.n_motion)
-        self.register_buffer("bone_lengths", bone_lengths.clone())
+        super().__init__(params, n_audio, skeleton, bone_lengths, fps=fps, features=features)
         self.hearing = MusicEncoder(params, n_audio)
         self.chance = nn.GRU(params.noise, params.noise, batch_first=True)
         self.joining = nn.Linear(params.hidden + params.noise, params.body)
@@ -124,16 +110,6 @@ class RenGenerator(Normalised):
         """The motion code (n_frames, C) of a dance (`danced_song`)."""
         return danced_song(self, source, seed)
 
-    def description(self) -> dict[str, Any]:
-        """Everything that `built` needs beside the tensors, JSON-able."""
-        return {
-            "params": asdict(self.params),
-            "features": None if self.features is None else asdict(self.features),
-            "n_audio": self.n_audio,
-            "fps": self.fps,
-            "skeleton": asdict(self.skeleton),
-        }
-
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A generator as its description says; ValueError for sizes that cannot be."""
@@ -143,9 +119,7 @@ class RenGenerator(Normalised):
             whole(name, getattr(params, name))
         if max(params.layers, params.blocks) > MOST_LAYERS:
             raise ValueError(f"describes {params.layers} layers and {params.blocks} blocks, more than {MOST_LAYERS}")
-        features = None if build["features"] is None else FeatureParams(**build["features"])
-        n_audio, fps, skeleton = whole("n_audio", build["n_audio"]), float(build["fps"]), stored_skeleton(build)
-        return cls(params, n_audio, skeleton, tensors["bone_lengths"], fps=fps, features=features)
+        return cls(params, **cls.body_of(build, tensors))
 
 
 @torch.no_grad()
