@@ -17,5 +17,7 @@ from .harmogan.networks import Generator as Generator
 from .harmogan.params import ModelParams as ModelParams
 from .harmogan.params import TrainParams as TrainParams
 from .harmogan.system import HarmoGAN as HarmoGAN
+from .lee2019.params import LeeParams as LeeParams
+from .lee2019.system import Lee2019 as Lee2019
 from .ren2020.params import RenParams as RenParams
 from .ren2020.system import Ren2020 as Ren2020
