@@ -713,7 +713,7 @@ def history(**columns: list[float]) -> pd.DataFrame:
 def test_an_untrained_network_fails_the_entry_tests(split: Split):
     results = entry_ren2020(generator_of().eval(), split, history())
     assert not results["L1 of training units over the mean pose's"][2]
-    assert results["perceptual loss, last tenth of epochs over first"] == (
+    assert results["feature terms, last tenth of epochs over first"] == (
         pytest.approx(0.52, abs=1e-9),
         (0, 1),
         True,
@@ -721,11 +721,19 @@ def test_an_untrained_network_fails_the_entry_tests(split: Split):
     assert results["difference between two seeds (SD)"][0] > 0
 
 
+def test_feature_matching_alone_may_rise_but_not_all_features(split: Split):
+    rising, falling = [*np.linspace(1.0, 2.0, 20)], [*np.linspace(20.0, 8.0, 20)]
+    results = entry_ren2020(generator_of().eval(), split, history(feature=rising, perceptual=falling))
+    assert results["feature terms, last tenth of epochs over first"][2]
+    value, _, passed = results["of these, feature matching alone"]
+    assert value == pytest.approx(1.975 / 1.025, abs=0.02) and passed
+
+
 def test_rising_features_and_lost_numbers_fail_the_entry_tests(split: Split):
-    rows = history(feature=[*np.linspace(1.0, 2.0, 20)], pose=[*np.ones(19), np.nan])
+    rows = history(perceptual=[*np.linspace(1.0, 4.0, 20)], pose=[*np.ones(19), np.nan])
     results = entry_ren2020(generator_of().eval(), split, rows)
     assert [name for name, (_, _, passed) in results.items() if not passed][1:] == [
-        "feature matching, last tenth of epochs over first",
+        "feature terms, last tenth of epochs over first",
         "losses that are not finite",
     ]
 
