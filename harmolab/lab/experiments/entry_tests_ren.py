@@ -18,8 +18,8 @@ Results = dict[str, tuple[float, tuple[float, float], bool]]
 def entry_ren2020(network: RenGenerator, split: Split, history: pd.DataFrame) -> Results:
     """The entry tests: for each its value, the range asked for, and whether the value lies in it.
 
-    Feature terms must fall on the whole, as weighted in the loss. Feature matching alone is no condition: it is measured
-    in features of a discriminator that goes on learning, and may rise while the dances come nearer. Nor is the speed on
+    Feature terms must fall on the whole, as weighted in the loss. Feature matching alone is no condition: its features
+    are those of a discriminator that goes on learning, so it may rise while the dances come nearer. Nor is the speed on
     new units: "slight body swings" are what the system is known for.
 
     Parameters
