@@ -166,10 +166,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write")
     parser.add_argument("--profile", choices=("quick", "full"), default="quick")
     parser.add_argument("--figures", type=Path, help="publish figures and tables here, if every notebook ran")
-    parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 300, full: 3600)")
+    parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 300, full: 6 hours)")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
     options = parser.parse_args(arguments)
-    options.timeout = options.timeout or {"quick": 300.0, "full": 3600.0}[options.profile]
+    options.timeout = options.timeout or {"quick": 300.0, "full": 21600.0}[options.profile]
     try:
         report = build(**vars(options))
     except (ValueError, OSError) as error:
