@@ -124,7 +124,7 @@ def test_key_of_another_study_is_refused(tmp_path: Path):
         ({"n": 0}, "n must be a multiple of 4"),
         ({"n": True}, "n must be a multiple of 4"),
         ({"n": 16}, "only 12 clips"),
-        ({"kind": "rank"}, "kind must be 'pick' or 'choice', got 'rank'"),
+        ({"kind": "rank"}, "kind must be 'pick', 'choice' or 'rate', got 'rank'"),
         ({"seed": -1}, "seed must be a whole number"),
         ({"rater": ""}, "a rater needs a name"),
         ({"rater": "a\nb"}, "a rater needs a name"),

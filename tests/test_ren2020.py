@@ -22,6 +22,7 @@ from harmolab.corpora.synthetic import write_corpus
 from harmolab.lab.experiments.entry_tests_ren import entry_ren2020
 from harmolab.systems import load
 from harmolab.systems.common import phases as loop
+from harmolab.systems.common.batch_norm import BatchNorm
 from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.grid import MeterFrames
@@ -30,7 +31,6 @@ from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
 from harmolab.systems.common.shards import Batching, Shard, Tensors, epoch_shards
 from harmolab.systems.common.splits import Split
 from harmolab.systems.common.weights import load_weights, save_weights
-from harmolab.systems.ren2020.batch_norm import BatchNorm
 from harmolab.systems.ren2020.networks import (
     GlobalDiscriminator,
     LocalDiscriminator,

@@ -48,6 +48,10 @@ from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.systems.lee2019 import Lee2019
 from harmolab.systems.lee2019.networks import DancingToMusic
 from harmolab.systems.lee2019.params import LeeParams
+from harmolab.systems.music2dance.codes import PositionCode
+from harmolab.systems.music2dance.networks import DanceNetwork
+from harmolab.systems.music2dance.params import Music2DanceParams
+from harmolab.systems.music2dance.system import Music2Dance
 from harmolab.systems.ren2020.networks import RenGenerator
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.ren2020.system import Ren2020
@@ -197,10 +201,25 @@ def tiny_lee2019() -> Lee2019:
     return Lee2019(network.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
 
 
+def tiny_music2dance() -> Music2Dance:
+    """An untrained network, and two movements to go on from."""
+    torch.manual_seed(0)
+    motion = dancer()
+    code = PositionCode.of([motion])
+    sizes = replace(Music2DanceParams.recommended(), fps=motion.fps, residual=8, skip=8, groups=1)
+    network = DanceNetwork(sizes, code, ["waltz"])
+    values = code.encode(motion)
+    network.motion_scale.set(*(torch.tensor(part).float() for part in (values.mean(axis=0), values.std(axis=0))))
+    standing = np.column_stack([values, np.ones((len(values), 2))])
+    bank = np.stack([standing[:25], standing[30:55]]).astype(np.float16)
+    return Music2Dance(network.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
+
+
 SYSTEMS: dict[str, Callable[[], System]] = {
     "choreographer": tiny_choreographer,
     "harmogan": tiny_harmogan,
     "lee2019": tiny_lee2019,
+    "music2dance": tiny_music2dance,
     "ren2020": tiny_ren2020,
     TOY: tiny_toy,
 }
@@ -373,7 +392,7 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
     ("stranger", "message"),
     [
         ("polka", "unknown system 'polka'; there are choreographer, harmogan"),
-        ("polka", "unknown system 'polka'; there are choreographer, harmogan, lee2019, ren2020"),
+        ("polka", "unknown system 'polka'; there are choreographer, harmogan, lee2019, music2dance, ren2020"),
         ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
         (f"{__name__}:Nobody", "has no class Nobody"),
         ("json:dumps", "json has no class dumps"),

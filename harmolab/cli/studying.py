@@ -27,7 +27,7 @@ study_app = typer.Typer(
 )
 
 
-Kind = Literal["pick", "choice"]
+Kind = Literal["pick", "choice", "rate"]
 Wrong = Literal["lagged", "swapped"]
 Raters = Literal["all", "people", "simulated"]
 
@@ -38,7 +38,10 @@ def make(
     out: Annotated[Path, typer.Argument(help="Folder for the study; `ask` needs nothing else.")],
     kind: Annotated[
         Kind,
-        typer.Option(help="pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13)"),
+        typer.Option(
+            help="pick: one dance, does it fit? (Fig. 8) choice: two dances, which fits better? (Fig. 13) rate: one "
+            "dance, four marks from 0 to 10 (Music2Dance)"
+        ),
     ] = "pick",
     n: Annotated[int, typer.Option(help="Number of trials; an even one, so that the answers are balanced.")] = 20,
     seconds: Annotated[float, typer.Option(help="Length of a trial's music and dances.")] = 8.0,
@@ -51,7 +54,7 @@ def make(
     against: Annotated[
         Path | None,
         typer.Option(
-            help="choice only: a folder with another dance to the same music for each sequence, under the same name "
+            help="choice, rate: a folder with another dance to the same music for each sequence, under the same name "
             "(a sequence folder, NAME.npz or NAME.bvh). No answer is right then; it is told which is preferred."
         ),
     ] = None,
@@ -71,7 +74,7 @@ def make(
         if find_spec("jinja2") is None:
             raise ValueError("the pages of a study need jinja2; install it with: pip install jinja2")
         if against is not None and kind == "pick":
-            raise ValueError("--against compares two dances; it goes with --kind choice")
+            raise ValueError("--against compares two dances; it goes with --kind choice or rate")
         if (out / TRIALS_FILE).exists():
             raise ValueError(f"{out}: holds a study already; name another folder")
         pieces = study_pieces(
@@ -179,6 +182,7 @@ def _print(tables: Tables, answers: Answers, kind: str) -> None:
     titles = {
         "raters": "right answers",
         "versions": "called inharmonious" if kind == "pick" else "preferred",
+        "marks": "marks, 0 to 10",
         "agreement": "agreement beyond chance",
         "scores": "how the scores go with the answers",
     }

@@ -25,14 +25,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from harmolab.io.files import PathLike, atomic_write
+from harmolab.rotations import alignment, mean_shape
 from harmolab.skeletons import ancestors, children, tree_order
 from harmolab.types import BoolArray, FloatArray, IntArray, Motion, Skeleton
 
 # Metres by which a joint may miss its place before it gets position channels.
 REACH = 2e-5
-MEAN_SHAPE_ROUNDS = 3
-# Share of the children's weight that draws a rotation to no rotation: it decides about the twist only.
-REST = 1e-9
 ROTATIONS = "Zrotation Xrotation Yrotation"
 POSITIONS = "Xposition Yposition Zposition"
 # Rest skeletons above this extent are read as centimetres (`harmolab.io.bvh`).
@@ -109,10 +107,10 @@ def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
         branch, above = below[joint], frames.pop(joint)
         if not branch:
             continue
-        offsets[branch] = _mean_shape(places[:, branch] - places[:, joint, None])
+        offsets[branch] = mean_shape(places[:, branch] - places[:, joint, None])
         # Rows times a rotation: the world's axes to the parent's.
         vectors = (places[:, branch] - reached[:, joint, None]) @ above
-        turn = _alignment(offsets[branch], vectors)
+        turn = alignment(offsets[branch], vectors)
         local[:, branch] = vectors @ turn
         missed = np.linalg.norm(vectors - offsets[branch] @ turn.swapaxes(1, 2), axis=2)
         turns[:, joint] = _angles(turn)
@@ -122,33 +120,6 @@ def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
             reached[:, child] = reached[:, joint] + (above @ bone[..., None])[..., 0]
             frames[child] = above @ turn
     return _Bones(offsets, local, turns, moving)
-
-
-def _mean_shape(vectors: FloatArray) -> FloatArray:
-    """(C, 3): the vectors (T, C, 3) turned together and averaged, in the first frame's attitude, at their mean lengths.
-
-    Each round turns every frame onto the shape so far (generalised Procrustes analysis).
-    """
-    lengths = np.linalg.norm(vectors, axis=2).mean(axis=0)
-    shape = vectors[0]
-    for _ in range(MEAN_SHAPE_ROUNDS):
-        mean = (vectors @ _alignment(shape, vectors)).mean(axis=0)
-        size = np.linalg.norm(mean, axis=1)
-        shape = mean * np.divide(lengths, size, out=np.zeros_like(size), where=size > 0)[:, None]
-    return shape
-
-
-def _alignment(shape: FloatArray, vectors: FloatArray) -> FloatArray:
-    """(T, 3, 3): the rotations that bring `shape` (C, 3) closest to `vectors` (T, C, 3) (Kabsch 1976).
-
-    Where twist stays free (one child, or children on a line) it is the smallest such rotation.
-    """
-    product = vectors.swapaxes(1, 2) @ shape
-    weight = np.linalg.norm(product, axis=(1, 2)) + np.finfo(float).tiny
-    left, _, right = np.linalg.svd(product + REST * weight[:, None, None] * np.eye(3))
-    # No mirror images: where the product of both is one, the weakest axis is turned round.
-    left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
-    return left @ right
 
 
 def _angles(turn: FloatArray) -> FloatArray:

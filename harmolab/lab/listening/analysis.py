@@ -15,6 +15,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from harmolab.lab.listening.answers import Answers
+from harmolab.lab.listening.marks import agreement_of_marks, mark_rows
 from harmolab.lab.listening.trials import CHOICES, Key
 from harmolab.significance import auc, bootstrap_interval_of, wilson_interval
 from harmolab.types import BoolArray, FloatArray
@@ -78,7 +79,14 @@ def answer_grid(answers: Answers, key: Key) -> Grid:
 def study_tables(
     answers: Answers, key: Key, scores: Mapping[str, Mapping[str, float]], *, seed: int = 0
 ) -> dict[str, list[Row]]:
-    """The rows of all tables of a study by name; "raters" and "agreement" only where there are any."""
+    """The rows of all tables of a study by name; "raters" and "agreement" only where there are any.
+
+    A study of marks has "marks", and "agreement" of several raters.
+    """
+    if key.kind == "rate":
+        alone = len(answers.raters) < 2
+        agreement = {} if alone else {"agreement": [agreement_of_marks(answers, key, seed=seed)]}
+        return {"marks": mark_rows(answers, key, seed=seed), **agreement}
     grid = answer_grid(answers, key)
     tables = {
         "raters": rater_rows(grid) if any(entry.right for entry in key.trials.values()) else [],

@@ -16,7 +16,7 @@ from pathlib import Path
 from filelock import FileLock
 
 from harmolab.io.files import MAX_TEXT_BYTES, PathLike, reading
-from harmolab.lab.listening.trials import CHOICES, Trial, TrialSet
+from harmolab.lab.listening.trials import CHOICES, QUESTIONS, Trial, TrialSet, is_answer
 
 SIMULATED = "simulated-"
 START = b'{"study"'  # of every line
@@ -30,7 +30,7 @@ class Answer:
     Parameters
     ----------
     study, rater, trial : str
-    choice : str, one of `trials.CHOICES`
+    choice : str, one of `trials.CHOICES`, or four marks ("8 7 10 3")
     seconds : float or None, time that the rater took
     time : str, moment of the answer, as ISO 8601
     simulated : bool
@@ -51,8 +51,9 @@ class Answer:
                 raise ValueError(f"{name} must be text, got {getattr(self, name)!r:.60}")
         if not (self.study and self.rater and self.trial):
             raise ValueError("an answer needs a study, a rater and a trial")
-        if self.choice not in {choice for pair in CHOICES.values() for choice in pair}:
-            raise ValueError(f"choice must be one of {[*CHOICES['pick'], *CHOICES['choice']]}, got {self.choice!r:.60}")
+        if not any(is_answer(kind, self.choice) for kind in QUESTIONS):
+            choices = [choice for pair in CHOICES.values() for choice in pair]
+            raise ValueError(f"choice must be one of {choices} or four marks, got {self.choice!r:.60}")
         is_number = isinstance(self.seconds, int | float) and not isinstance(self.seconds, bool)
         if self.seconds is not None and not (is_number and 0 <= self.seconds < float("inf")):
             raise ValueError(f"seconds must be zero or more, got {self.seconds!r:.60}")
@@ -144,8 +145,9 @@ class AnswerLog:
         ValueError
             If there is no such trial or choice, or it is answered already.
         """
-        if choice not in trials.choices:
-            raise ValueError(f"choice must be one of {trials.choices}, got {choice!r:.60}")
+        if not is_answer(trials.kind, choice):
+            expected = "four marks, as 8 7 10 3" if trials.kind == "rate" else f"one of {trials.choices}"
+            raise ValueError(f"choice must be {expected}, got {choice!r:.60}")
         if trial not in {one.id for one in self.resume(trials)}:
             raise ValueError(f"trial {trial!r:.60} is not waiting for an answer of {trials.rater}")
         now = datetime.now(UTC).isoformat(timespec="seconds")

@@ -11,7 +11,7 @@ from urllib.parse import parse_qs
 
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.local_page import LocalPage, Reply
-from harmolab.lab.listening.trials import Trial, TrialSet
+from harmolab.lab.listening.trials import ANCHORS, ASKED, MARKED, MOST, Trial, TrialSet
 from harmolab.lab.report.templates import framed, rendered
 
 TITLE = "Listening study"
@@ -35,7 +35,7 @@ def trial_page(trials: TrialSet, waiting: tuple[Trial, ...], show: Callable[[Tri
 
 
 def _page(**values: Any) -> str:
-    return rendered("study.html.j2", title=TITLE, **values)
+    return rendered("study.html.j2", title=TITLE, asked=ASKED, anchors=ANCHORS, most=MOST, **values)
 
 
 class StudyServer(LocalPage):
@@ -84,7 +84,9 @@ class StudyServer(LocalPage):
         """Writes the answer of a form, and leads back to the page."""
         form = parse_qs(body)
         try:
-            self.answer(form.get("trial", [""])[0], form.get("choice", [""])[0])
+            marks = " ".join(form.get(name, [""])[0] for name in MARKED)
+            choice = marks if self._trials.kind == "rate" else form.get("choice", [""])[0]
+            self.answer(form.get("trial", [""])[0], choice)
         except (ValueError, OSError) as error:
             raise ValueError(f"The answer was not saved: {error}") from None
         return Reply("", HTTPStatus.SEE_OTHER, location=self.path)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harmolab.lab.listening.answers import SIMULATED, Answer
-from harmolab.lab.listening.trials import Key, TrialSet
+from harmolab.lab.listening.trials import MARKED, MOST, Key, TrialSet
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class SimulatedRater:
     skill : float in [0, 1], probability of a right answer; 0.5 is guessing
     seed : int
     prefers : str, optional
-        The version that it takes for right in trials whose key knows no right answer (two models).
+        The version that it takes for right in trials whose key knows no right answer (two models). Marks of its dances
+        are higher, the more so the more skill.
 
     Examples
     --------
@@ -54,12 +55,25 @@ class SimulatedRater:
         if trials.study != key.study or trials.rater != self.name:
             raise ValueError(f"{self.name} was given trials of {trials.rater}, study {trials.study}")
         successes = np.random.default_rng([self.seed, int(trials.study, 16)]).random(len(trials)) < self.skill
+        if trials.kind == "rate":
+            return tuple(self._marked(trials, key))
         rows = []
         for trial, is_right in zip(trials.trials, successes, strict=True):
             right = self._right(key, trial.id)
             choice = right if is_right else trials.choices[1 - trials.choices.index(right)]
             rows.append(Answer(trials.study, self.name, trial.id, choice, simulated=True))
         return tuple(rows)
+
+    def _marked(self, trials: TrialSet, key: Key) -> list[Answer]:
+        """Four marks for every dance: 5, two more or less by skill and version, and chance."""
+        rng = np.random.default_rng([self.seed, int(trials.study, 16)])
+        answers = []
+        for trial in trials.trials:
+            is_liked = key.trials[trial.id].versions[0] == self.prefers
+            centre = MOST / 2 + (2 if is_liked else -2) * (2 * self.skill - 1)
+            marks = np.clip(np.round(rng.normal(centre, 1.0, len(MARKED))), 0, MOST).astype(int)
+            answers.append(Answer(trials.study, self.name, trial.id, " ".join(map(str, marks)), simulated=True))
+        return answers
 
     def _right(self, key: Key, trial: str) -> str:
         entry = key.trials[trial]

@@ -1,7 +1,8 @@
 """Balanced, seeded, blind trials: the questions of a rater, and apart from them the key that holds the truth.
 
-Two kinds, after the paper's two studies. "pick" (Fig. 8): one clip at a time, with its own or with wrong music; is it
-harmonious? "choice" (Fig. 13): two dances to the same music side by side; which one fits better?
+Three kinds, after the papers' studies. "pick" (Fig. 8): one clip at a time, with its own or with wrong music; is it
+harmonious? "choice" (Fig. 13): two dances to the same music side by side; which one fits better? "rate" (Music2Dance,
+Table 3): one dance of some system; four marks from 0 to 10.
 
 All raters of a study get the same trials, each in an order of their own, so that they can be compared trial by trial.
 """
@@ -20,10 +21,39 @@ from typing import Literal
 
 import numpy as np
 
-Kind = Literal["pick", "choice"]
+Kind = Literal["pick", "choice", "rate"]
 
 CHOICES = MappingProxyType({"pick": ("harmonious", "inharmonious"), "choice": ("left", "right")})
-QUESTIONS = MappingProxyType({"pick": "Does the dance fit its music?", "choice": "Which dance fits the music better?"})
+QUESTIONS = MappingProxyType(
+    {
+        "pick": "Does the dance fit its music?",
+        "choice": "Which dance fits the music better?",
+        "rate": "How good is this dance? Four marks, 0 to 10.",
+    }
+)
+# Sides of a dance that are marked, and what is asked of each.
+MARKED = ("naturalness", "richness", "music", "sliding")
+ASKED = MappingProxyType(
+    {
+        "naturalness": "Does it move like a person?",
+        "richness": "Is it rich in movements?",
+        "music": "Does it follow rhythm and melody?",
+        "sliding": "Do the feet stand? (10: they never slide)",
+    }
+)
+MOST = 10  # the best mark
+# The paper's scoring levels (Table 3).
+ANCHORS = MappingProxyType(
+    {
+        0: "does not move with the music at all",
+        2: "not like a person",
+        4: "like a person, but does not match the music at all",
+        6: "slightly natural, slightly matching, not rich, feet slide a lot",
+        8: "natural, matching, not rich, no large sliding (beginners)",
+        9: "natural, matching, not rich, no large sliding (ordinary dancers)",
+        10: "natural, highly matching, no sliding, very rich (professionals)",
+    }
+)
 ID = re.compile(r"[0-9a-f]{12}")
 MOST_TRIALS = 10_000
 
@@ -36,8 +66,8 @@ class Item:
     ----------
     name : str
     versions : mapping from condition or model to source
-        For "pick" the condition "true" and one or more wrong ones, such as ``{"true": ..., "lagged": ...}``; for
-        "choice" the models. A source is a text that leads the caller to the stimulus: a file, a clip's name.
+        For "pick" the condition "true" and one or more wrong ones, such as ``{"true": ..., "lagged": ...}``; else the
+        models. A source is a text that leads the caller to the stimulus: a file, a clip's name.
     """
 
     name: str
@@ -57,7 +87,7 @@ class Trial:
     Parameters
     ----------
     id : str, the same for all raters of the study
-    stimuli : tuple of str; one for "pick", (left, right) for "choice"
+    stimuli : tuple of str; (left, right) for "choice", else one
     """
 
     id: str
@@ -71,7 +101,7 @@ class TrialSet:
     Parameters
     ----------
     study : str, the id that trials, key and answers share
-    kind : "pick" or "choice"
+    kind : "pick", "choice" or "rate"
     rater : str
     trials : tuple of Trial
     """
@@ -96,8 +126,8 @@ class TrialSet:
 
     @property
     def choices(self) -> tuple[str, str]:
-        """The two possible answers."""
-        return CHOICES[self.kind]
+        """The two possible answers; ("", "") where marks are asked."""
+        return CHOICES.get(self.kind, ("", ""))
 
     @property
     def question(self) -> str:
@@ -136,7 +166,7 @@ class Key:
     Parameters
     ----------
     study : str
-    kind : "pick" or "choice"
+    kind : "pick", "choice" or "rate"
     trials : mapping from the id of a trial to KeyEntry
     """
 
@@ -150,7 +180,7 @@ class Key:
         for name, entry in self.trials.items():
             if not len(entry.versions) == len(entry.sources) == n_stimuli:
                 raise ValueError(f"trial {name} must have {n_stimuli} versions and sources")
-            if entry.right not in (None, *CHOICES[self.kind]):
+            if entry.right not in (None, *CHOICES.get(self.kind, ())):
                 raise ValueError(f"trial {name}: right answer must be in {CHOICES[self.kind]}, got {entry.right!r}")
         object.__setattr__(self, "trials", MappingProxyType(dict(self.trials)))
 
@@ -161,9 +191,10 @@ def make_trials(items: Sequence[Item], *, kind: Kind, n: int, seed: int, rater: 
     Parameters
     ----------
     items : sequence of Item, all with the same versions
-    kind : "pick" or "choice"
+    kind : "pick", "choice" or "rate"
         "pick": half of the trials are true, the other half is shared equally by the wrong conditions, and no clip comes
-        twice. "choice": every pair of versions comes equally often, each of the two equally often on the left.
+        twice. "choice": every pair of versions comes equally often, each of the two equally often on the left. "rate":
+        every version comes equally often, and no dance twice.
     n : int, number of trials; the balance has to come out even
     seed : int, of the choice of trials; with it and the items the answers can be worked out
     rater : str, decides the order
@@ -191,7 +222,7 @@ def make_key(items: Sequence[Item], *, kind: Kind, n: int, seed: int, truth: str
     _n_stimuli(kind)  # checks the kind
     versions = _common_versions(items)
     rng = _rng(seed, 0)
-    plan = (_plan_pick if kind == "pick" else _plan_choice)(items, versions, n, truth, rng)
+    plan = {"pick": _plan_pick, "choice": _plan_choice, "rate": _plan_rate}[kind](items, versions, n, truth, rng)
     entries = [plan[place] for place in rng.permutation(n)]
     study = hashlib.sha256(json.dumps([kind, seed, [asdict(one) for one in entries]]).encode()).hexdigest()[:12]
     return Key(study, kind, dict(zip(_random_ids(n, seed), entries, strict=True)))
@@ -228,6 +259,37 @@ def _plan_choice(
             sources = tuple(items[place].versions[side] for side in sides)
             plan.append(KeyEntry(items[place].name, sides, sources, right))
     return plan
+
+
+def _plan_rate(
+    items: Sequence[Item], versions: Sequence[str], n: int, truth: str, rng: np.random.Generator
+) -> list[KeyEntry]:
+    """Dances of every version; no answer is right."""
+    _check_count(n, len(versions), len(items) * len(versions), "dances")
+    return [
+        KeyEntry(items[place].name, (version,), (items[place].versions[version],), None)
+        for version in versions
+        for place in rng.permutation(len(items))[: n // len(versions)]
+    ]
+
+
+def is_answer(kind: str, choice: str) -> bool:
+    """True if a text can be the answer to a trial of this kind."""
+    if kind != "rate":
+        return choice in CHOICES[kind]
+    parts = choice.split(" ")
+    return len(parts) == len(MARKED) and all(re.fullmatch(r"\d{1,2}", part) and int(part) <= MOST for part in parts)
+
+
+def marks_of(choice: str) -> tuple[int, ...]:
+    """The marks of an answer, in the order of `MARKED`; ValueError where it is no such answer.
+
+    >>> marks_of("8 7 10 3")
+    (8, 7, 10, 3)
+    """
+    if not is_answer("rate", choice):
+        raise ValueError(f"marks are {len(MARKED)} whole numbers from 0 to {MOST}, got {choice!r:.60}")
+    return tuple(int(part) for part in choice.split(" "))
 
 
 def _check_count(n: int, multiple: int, most: int, what: str) -> None:
@@ -268,10 +330,10 @@ def _random_ids(count: int, seed: int) -> list[str]:
 
 
 def _n_stimuli(kind: object) -> int:
-    """Number of stimuli in a trial; ValueError for a kind that is neither."""
-    if kind not in ("pick", "choice"):
-        raise ValueError(f"kind must be 'pick' or 'choice', got {kind!r:.60}")
-    return 1 if kind == "pick" else 2
+    """Number of stimuli in a trial; ValueError for a kind that is none of them."""
+    if not isinstance(kind, str) or kind not in QUESTIONS:
+        raise ValueError(f"kind must be 'pick', 'choice' or 'rate', got {kind!r:.60}")
+    return 2 if kind == "choice" else 1
 
 
 def _check_ids(*ids: object) -> None:

@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 from filelock import FileLock, Timeout
@@ -23,6 +23,14 @@ from harmolab.io.files import MAX_JSON_BYTES, atomic_write, plain, read_json, re
 from harmolab.systems.common.about import write_synced
 from harmolab.systems.common.splits import Split
 from harmolab.systems.common.weights import read_tensors, renamed
+
+
+class Sides(Protocol):
+    """A split, as far as a run needs it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """All about it, ready for JSON."""
+
 
 STATE = "state.safetensors"
 FORMAT = "harmolab training state 2"
@@ -124,14 +132,14 @@ def check_folder(folder: Path, *, resume: bool) -> None:
 
 
 @contextmanager
-def open_folder(folder: Path, settings: dict[str, Any], split: Split, *, resume: bool) -> Iterator[None]:
+def open_folder(folder: Path, settings: dict[str, Any], split: Sides, *, resume: bool) -> Iterator[None]:
     """Lock `folder` for this process and write settings.json and split.json, or check those that are there.
 
     Parameters
     ----------
     folder : made unless it is there
     settings : JSON-able
-    split : Split of the units
+    split : Split of the units, or of songs: its `to_dict` says who is on which side
     resume : whether the folder may hold a run
 
     Raises

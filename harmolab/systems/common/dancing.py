@@ -25,7 +25,7 @@ from harmolab.skeletons import ancestors
 from harmolab.systems.common.audio_features import audio_features
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.grid import MeterFrames, filled_beats, meter_frames
-from harmolab.systems.common.grounding import on_floor, planted_feet
+from harmolab.systems.common.grounding import grounded
 from harmolab.systems.common.layers import Normaliser
 from harmolab.systems.common.length import n_frames
 from harmolab.systems.common.motion_code import decode_motion, encode_motion
@@ -186,9 +186,7 @@ def _dance_input(
 def _dressed(dancer: Dancer, code: FloatArray, *, plant_feet: bool) -> Motion:
     """The motion of a code (T, C): bones of their lengths, on the floor, feet that stand."""
     positions = decode_motion(_with_bones(dancer, code), dancer.fps, dancer.skeleton)
-    positions = on_floor(positions, dancer.fps)
-    if plant_feet:
-        positions = planted_feet(positions, dancer.fps, dancer.skeleton)
+    positions = grounded(positions, dancer.fps, dancer.skeleton, plant_feet=plant_feet)
     return Motion(positions, dancer.fps, dancer.skeleton)
 
 

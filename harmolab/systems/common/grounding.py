@@ -45,6 +45,12 @@ def on_floor(positions: FloatArray, fps: float) -> FloatArray:
     return positions - shift[:, None, None] * np.array([0.0, 1.0, 0.0])
 
 
+def grounded(positions: FloatArray, fps: float, skeleton: Skeleton, *, plant_feet: bool) -> FloatArray:
+    """Positions (T, J, 3) `on_floor`, and with `planted_feet` if they are asked for."""
+    positions = on_floor(positions, fps)
+    return planted_feet(positions, fps, skeleton) if plant_feet else positions
+
+
 def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> FloatArray:
     """Positions (T, J, 3) with feet that do not slide while they carry: the body goes with them, the legs do the rest.
 

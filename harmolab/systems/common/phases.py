@@ -34,7 +34,7 @@ class Player:
 
     Parameters
     ----------
-    name : of the optimiser (Adam) in the state
+    name : of the optimiser in the state
     parameters : that a step changes; no others. Or groups of them, ``{"params": [...], "share": 0.1}``, which learn at
         this share of the phase's rate
     terms : function(output, shard, row) -> named loss terms of one shard
@@ -43,6 +43,7 @@ class Player:
     weights : of the terms in the loss, by name; those of absent terms are not read
     decay : float, weight decay
     clip : float or None, largest norm of the gradient of all its parameters
+    optimiser : class of torch.optim
     """
 
     name: str
@@ -51,6 +52,7 @@ class Player:
     weights: Mapping[str, float]
     decay: float = 0.0
     clip: float | None = None
+    optimiser: type[torch.optim.Optimizer] = torch.optim.Adam
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +191,7 @@ def fit(
 def _train(run: _Run, phase: Phase, saved: dict[str, Tensor] | None) -> None:
     """The epochs of a phase that are still to come, from the tensors of a saved state if there is one."""
     optimisers: Optimisers = {
-        player.name: torch.optim.Adam(player.parameters, lr=phase.rate(0), weight_decay=player.decay)
+        player.name: player.optimiser(player.parameters, lr=phase.rate(0), weight_decay=player.decay)  # type: ignore[call-arg]
         for player in phase.players
     }
     if saved is not None:

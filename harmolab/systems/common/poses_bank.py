@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,7 @@ from harmolab.io.files import PathLike, atomic_write, reading
 from harmolab.systems.common.about import weights_stem
 from harmolab.systems.common.motion_code import frames_at
 from harmolab.systems.common.torch_code import PATH_CHANNELS
-from harmolab.systems.common.units import DanceUnit, UnitSet
+from harmolab.systems.common.units import UnitSet
 from harmolab.systems.common.weights import read_tensors
 from harmolab.types import FloatArray
 
@@ -79,13 +80,23 @@ def pose_bank(units: UnitSet, *, count: int = 48, seed: int = 0) -> PoseBank:
     usable = [unit for unit, end in ends if (unit.beats < end).sum() == before]
     if not usable:
         raise ValueError(f"no unit has a meter of {_BEATS_OF_METER} beats to take starting poses from")
-    sample = _spread(usable, count, np.random.default_rng(seed))
+    sample = spread(usable, count, np.random.default_rng(seed))
     frames = round(float(np.median([unit.n_prior for unit in sample])))
     clips = [retimed(unit.motion[: unit.n_prior], frames) for unit in sample]
     return PoseBank(np.stack(clips), tuple(unit.dance for unit in sample))
 
 
-def _spread(units: Sequence[DanceUnit], count: int, rng: np.random.Generator) -> list[DanceUnit]:
+class Danced(Protocol):
+    """Something that is danced: a unit, a window."""
+
+    @property
+    def dance(self) -> str: ...
+
+
+D = TypeVar("D", bound=Danced)
+
+
+def spread(units: Sequence[D], count: int, rng: np.random.Generator) -> list[D]:
     """Up to `count` units at random, the dances in turn."""
     shuffled = [units[row] for row in reversed(rng.permutation(len(units)))]
     queues = [[unit for unit in shuffled if unit.dance == dance] for dance in sorted({unit.dance for unit in units})]

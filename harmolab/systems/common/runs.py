@@ -11,12 +11,27 @@ from lightning_fabric import Fabric
 from torch import nn
 
 from harmolab.systems.common.about import DEFAULT_STEM
-from harmolab.systems.common.checkpoints import open_folder
+from harmolab.systems.common.checkpoints import Sides, open_folder
 from harmolab.systems.common.poses_bank import pose_bank, poses_path, save_poses
 from harmolab.systems.common.splits import Split
 from harmolab.systems.common.weights import save_weights
 
 MODEL = DEFAULT_STEM
+
+
+@contextmanager
+def locked_run(fabric: Fabric, split: Sides, folder: Path, settings: dict[str, Any], *, resume: bool) -> Iterator[bool]:
+    """Lock the folder of a run, with its settings and split, by the first process; True for that one.
+
+    Raises
+    ------
+    ValueError
+        As `harmolab.systems.common.checkpoints.open_folder`.
+    """
+    first = fabric.is_global_zero
+    with open_folder(folder, settings, split, resume=resume) if first else nullcontext():
+        fabric.barrier()
+        yield first
 
 
 @contextmanager
@@ -30,8 +45,7 @@ def open_run(
     ValueError
         As `harmolab.systems.common.checkpoints.open_folder`.
     """
-    first = fabric.is_global_zero
-    with open_folder(folder, settings, split, resume=resume) if first else nullcontext():
+    with locked_run(fabric, split, folder, settings, resume=resume) as first:
         if first and not poses_path(folder / MODEL).is_file():
             save_poses(folder / MODEL, pose_bank(split.train, seed=seed))
         fabric.barrier()

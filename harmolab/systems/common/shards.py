@@ -7,8 +7,9 @@ result to the last bit, whether one process computes them one after the other or
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -21,13 +22,13 @@ Terms = dict[str, Tensor]  # by name, "total" is what the gradient is of
 
 
 class Units(Protocol):
-    """Training units as tensors, all of a set or a batch of them (`Tensors` is one kind)."""
+    """Training units that batches are taken from (`Tensors` is one kind)."""
 
     def __len__(self) -> int:
         """Number of units."""
 
-    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Self:
-        """The units at every `world`-th of `indices`, from number `rank` on."""
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Any:
+        """A batch of the units at every `world`-th of `indices`, from number `rank` on."""
 
 
 class Tensors(Batch[Tensor]):
@@ -142,6 +143,14 @@ def epoch_shards(fabric: Fabric, units: Units, epoch: int, batching: Batching) -
 def _shard_seed(*numbers: int) -> int:
     """A seed of its own for the shard of these numbers: of the run, epoch, batch and shard."""
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
+
+
+@contextmanager
+def drawn_by(seed: int, device: torch.device) -> Iterator[None]:
+    """Random numbers of torch, on the CPU and `device`, by a seed; afterwards they go on as before."""
+    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+        torch.manual_seed(seed)
+        yield
 
 
 def total_loss(terms: Mapping[str, Tensor], weights: Mapping[str, float]) -> Tensor:

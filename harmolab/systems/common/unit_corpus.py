@@ -220,7 +220,7 @@ def load_units(
         A root is missing, two recordings have different skeletons, or there is no unit at all; both name the folder.
     """
     roots = list(roots) if isinstance(roots, list | tuple) else [roots]
-    folders, notes = _folders(roots)
+    folders, notes = recording_folders(roots)
     contents: list[_Contents] = []
     for folder in progress(folders, "reading sequences"):
         try:
@@ -258,7 +258,7 @@ class _Contents(NamedTuple):
     motion: Motion  # at the rate of the features
 
 
-def _folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
+def recording_folders(roots: Iterable[PathLike]) -> tuple[list[Path], list[str]]:
     """Folders of recordings below all roots, each once, and notes on those that are left out."""
     folders: dict[Path, Path] = {}
     notes = []

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar, runtime_checkable
@@ -168,6 +169,26 @@ def whole(name: str, value: object) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or not 0 < value <= MOST_UNITS:
         raise ValueError(f"describes {name} = {str(value)[:40]}; a whole number from 1 to {MOST_UNITS} is needed")
     return value
+
+
+R = TypeVar("R")
+
+
+def stored_record(record: type[R], stored: Mapping[str, Any]) -> R:
+    """A dataclass of settings out of a description, where tuples have become lists; ValueError for what cannot be.
+
+    Numbers that are whole by default must be whole, from 0 to `MOST_UNITS`.
+    """
+    values = {field.name: stored[field.name] for field in fields(record)}  # type: ignore[arg-type]
+    for name, value in values.items():
+        default = getattr(record, name, None)
+        if isinstance(default, int) and not isinstance(default, bool) and value != 0:
+            whole(name, value)
+        if isinstance(value, list):
+            if len(value) > MOST_LAYERS:
+                raise ValueError(f"describes {len(value)} numbers as {name}, more than {MOST_LAYERS}")
+            values[name] = tuple(whole(name, each) if isinstance(each, int) else each for each in value)
+    return record(**values)
 
 
 def _filled(module: N, tensors: Mapping[str, Tensor]) -> N:

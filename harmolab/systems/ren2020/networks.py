@@ -13,12 +13,12 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
+from harmolab.systems.common.batch_norm import BatchNorm
 from harmolab.systems.common.dancer_network import DancerNetwork
 from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import MotionBranch, mean_over_time, perceptron
 from harmolab.systems.common.weights import MOST_LAYERS, whole
-from harmolab.systems.ren2020.batch_norm import BatchNorm
 from harmolab.systems.ren2020.generate import danced_song
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.types import FloatArray, Skeleton

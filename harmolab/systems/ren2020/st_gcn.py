@@ -17,11 +17,11 @@ from torch.nn.functional import relu
 
 from harmolab.skeletons import ancestors
 from harmolab.systems.common.about import stored_skeleton
+from harmolab.systems.common.batch_norm import BatchNorm
 from harmolab.systems.common.layers import Normaliser
 from harmolab.systems.common.pose_network import EMBEDDING, resample
 from harmolab.systems.common.torch_code import PATH_CHANNELS
 from harmolab.systems.common.weights import whole
-from harmolab.systems.ren2020.batch_norm import BatchNorm
 from harmolab.types import Skeleton
 
 PARTITIONS = 3  # of a joint's neighbours: itself, those nearer to the root, those farther from it

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from harmolab.systems.common.shards import Shard, Tensors, Terms
+from harmolab.systems.common.shards import Shard, Tensors, Terms, drawn_by
 from harmolab.systems.common.torch_code import decode
 from harmolab.systems.ren2020.networks import GlobalDiscriminator, LocalDiscriminator, RenGenerator
 from harmolab.systems.ren2020.params import RenParams
@@ -47,14 +45,6 @@ class Danced(NamedTuple):
     audio: Tensor
     mask: Tensor
     seed: int
-
-
-@contextmanager
-def drawn_by(seed: int, device: torch.device) -> Iterator[None]:
-    """Random numbers of torch, on the CPU and `device`, by a seed; afterwards they go on as before."""
-    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
-        torch.manual_seed(seed)
-        yield
 
 
 def danced(generator: RenGenerator, shard: Shard) -> Danced:

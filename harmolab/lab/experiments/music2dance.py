@@ -1,0 +1,106 @@
+"""Music2Dance trained in the notebooks' settings: the paper's way, ours, its baseline, and every ablation as a
+difference of settings. Trainings are kept in the cache folder and go on where they were cut off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import pandas as pd
+
+from harmolab.lab.experiments.clock import TrainingClock, training_minutes
+from harmolab.lab.experiments.generation import corpus_root, kept_run, training_split
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.history import HISTORY
+from harmolab.systems.common.phases import make_fabric
+from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
+from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences
+from harmolab.systems.music2dance.system import Music2Dance
+from harmolab.systems.music2dance.train import train_music2dance
+
+_PAPER, _OURS = Music2DanceParams.paper(), Music2DanceParams.recommended()
+SETTINGS: Mapping[str, Music2DanceParams] = MappingProxyType(
+    {
+        "paper": _PAPER,
+        "paper, LSTM": replace(_PAPER, generator="lstm"),
+        "recommended": _OURS,
+        "recommended, LSTM": replace(_OURS, generator="lstm"),
+    }
+)
+ABLATIONS: Mapping[str, Music2DanceParams] = MappingProxyType(
+    {
+        "paper": _PAPER,
+        "mel spectrogram": replace(_PAPER, song=SongParams(features="mel")),
+        "no mapping": replace(_PAPER, mapping=False),
+        "no end effectors": replace(_PAPER, end_effectors=False),
+        "no clusters": replace(_PAPER, clusters=0),
+        "no second phase": replace(_PAPER, second_epochs=0),
+        "LSTM": replace(_PAPER, generator="lstm"),
+    }
+)
+ABLATION_SHARE = 0.2  # of the schedule: seven settings, several seeds
+QUICK: Mapping[str, Any] = {
+    "first_epochs": 4,
+    "second_epochs": 2,
+    "residual": 8,
+    "skip": 16,
+    "groups": 1,
+    "lstm": 16,
+    "clusters": 6,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedDancer:
+    """One finished training: where it is kept, the system, its history, the minutes it took."""
+
+    folder: Path
+    system: Music2Dance
+    history: pd.DataFrame
+    minutes: float
+
+
+def dancer(profile: RunProfile, corpus: str, params: Music2DanceParams, seed: int) -> TrainedDancer:
+    """The network of some settings and a seed, trained now unless it was before, on HarmoGAN's split."""
+    params = profiled(profile, replace(params, seed=seed))
+    split = training_split(profile, corpus, FeatureParams.paper())
+
+    def train(folder: Path) -> None:
+        train_music2dance(
+            split, coded_sequences(profile, corpus, params), folder, resume=True,
+            fabric=make_fabric(accelerator="cpu"), report=TrainingClock(folder),
+        )  # fmt: skip
+
+    folder = kept_run("music2dance", {"params": params, "split": split.to_dict()}, train)
+    return TrainedDancer(folder, Music2Dance.load(folder), pd.read_csv(folder / HISTORY), training_minutes(folder))
+
+
+def profiled(profile: RunProfile, params: Music2DanceParams) -> Music2DanceParams:
+    """Settings for a profile: a quick one trains a tiny network for a few epochs, from which nothing follows."""
+    return params if profile.epochs is None else replace(params, **QUICK)
+
+
+def shortened(params: Music2DanceParams) -> Music2DanceParams:
+    """The same with a fifth of the schedule, for ablations."""
+    return replace(
+        params,
+        first_epochs=round(ABLATION_SHARE * params.first_epochs),
+        second_epochs=round(ABLATION_SHARE * params.second_epochs),
+    )
+
+
+def coded_sequences(profile: RunProfile, corpus: str, params: Music2DanceParams) -> SequenceSet:
+    """The recordings of a corpus as a training takes them; read once for all trainings that hear and see the same."""
+    read = {name: getattr(params, name) for name in ("song", "representation", "end_effectors", "fps", "window")}
+    return replace(_read(profile, corpus, replace(_PAPER, **read)), params=params)
+
+
+@cache
+def _read(profile: RunProfile, corpus: str, params: Music2DanceParams) -> SequenceSet:
+    return load_sequences([corpus_root(profile, corpus)], params)

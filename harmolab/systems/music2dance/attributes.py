@@ -1,0 +1,255 @@
+"""The dance that a song calls for: the paper's attribute classifier (Sec. 4.3, Fig. 5), its baseline, their training.
+
+Its classes are dances, or groups of dances: no one sorted songs by mood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+import torch
+from lightning_fabric import Fabric
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn.functional import cross_entropy
+
+from harmolab.io.files import PathLike, plain
+from harmolab.systems.common.about import DEFAULT_STEM
+from harmolab.systems.common.feature_params import check_numbers
+from harmolab.systems.common.history import Report
+from harmolab.systems.common.layers import Normaliser, channel_statistics
+from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
+from harmolab.systems.common.runs import locked_run
+from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
+from harmolab.systems.common.song_layers import FrameLayers, SongEncoder, TemporalConvolution
+from harmolab.systems.common.weights import save_weights, stored_record
+from harmolab.types import FloatArray
+
+Front = Literal["convolution", "frames"]
+FRONTS: tuple[Front, ...] = ("convolution", "frames")
+N_AUDIO = 15
+SETTLED = 256  # windows that batch normalisation takes its last statistics from, at most
+
+
+@dataclass(frozen=True)
+class AttributeParams:
+    """The classifier and its training; the defaults are the paper's.
+
+    Parameters
+    ----------
+    front : "convolution", or "frames" for the baseline of Table 1
+    channels : ints, of the temporal convolutions
+    hidden : int, units of the LSTM in each direction
+    dropout : float
+    window, hop : float, seconds, of what is heard at once; a shorter song is filled up with zeros
+    rate : float, hertz, of the features
+    epochs, batch_size, learning_rate : of Adam
+    drops : floats, shares of the epochs at which the rate falls to a tenth
+    seed : int
+    """
+
+    front: Front = "convolution"
+    channels: tuple[int, ...] = (16, 24, 32)
+    hidden: int = 15
+    dropout: float = 0.1
+    window: float = 30.0
+    hop: float = 5.0
+    rate: float = 10.0
+    epochs: int = 30
+    batch_size: int = 128
+    learning_rate: float = 1e-3
+    drops: tuple[float, ...] = (18 / 30, 25 / 30)
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        positive = ("hidden", "window", "hop", "rate", "batch_size", "learning_rate")
+        check_numbers(self, positive=positive, not_negative=("dropout", "epochs", "seed"))
+        if self.front not in FRONTS:
+            raise ValueError(f"front must be {' or '.join(FRONTS)}, got {self.front!r}")
+        if not self.channels or min(self.channels) < 1 or self.dropout >= 1:
+            raise ValueError("convolutions need channels, and dropout must leave something")
+
+    @property
+    def n_cells(self) -> int:
+        """Moments of a window."""
+        return round(self.window * self.rate)
+
+
+class Song(NamedTuple):
+    """The features (M, 15) of a song, found without knowing its dance, and the number of its class."""
+
+    name: str
+    music: NDArray[np.float32]
+    label: int
+
+
+class AttributeClassifier(nn.Module):
+    """Windows of features (N, M, 15) to logits (N, classes): the mapping network, mean over time, one layer.
+
+    Parameters
+    ----------
+    params : AttributeParams
+    classes : names
+    """
+
+    system = "music2dance attributes"
+
+    def __init__(self, params: AttributeParams, classes: Sequence[str]) -> None:
+        super().__init__()
+        self.params, self.classes = params, tuple(classes)
+        self.audio_scale = Normaliser(N_AUDIO)
+        front = (
+            TemporalConvolution(N_AUDIO, params.channels, params.dropout)
+            if params.front == "convolution"
+            else FrameLayers(N_AUDIO)
+        )
+        self.encoder = SongEncoder(front, params.hidden)
+        self.verdict = nn.Linear(self.encoder.size, len(self.classes))
+
+    def forward(self, music: Tensor) -> Tensor:
+        logits: Tensor = self.verdict(self.encoder(self.audio_scale(music)).mean(dim=1))
+        return logits
+
+    def probabilities(self, music: NDArray[np.float32]) -> FloatArray:
+        """Of each class (K,) for a song's features (M, 15): mean over its windows (R13)."""
+        return self.window_probabilities(music).mean(axis=0)
+
+    @torch.no_grad()
+    def window_probabilities(self, music: NDArray[np.float32]) -> FloatArray:
+        """Of each class in each window, (N, K)."""
+        windows = torch.from_numpy(song_windows(music, self.params))
+        shares: FloatArray = self.eval()(windows).softmax(dim=1).double().numpy()
+        return shares
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {"params": asdict(self.params), "classes": list(self.classes)}
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A classifier as its description says; ValueError for sizes that cannot be."""
+        return cls(stored_record(AttributeParams, build["params"]), [str(name) for name in build["classes"]])
+
+
+def song_windows(music: NDArray[np.float32], params: AttributeParams) -> NDArray[np.float32]:
+    """Windows (N, M', 15) of a song's features, `hop` apart, the last at its end; a short song is filled with zeros."""
+    length, hop = params.n_cells, max(1, round(params.hop * params.rate))
+    music = np.pad(music, ((0, max(0, length - len(music))), (0, 0)))
+    starts = np.unique(np.append(np.arange(0, len(music) - length + 1, hop), len(music) - length))
+    return np.stack([music[start : start + length] for start in starts])
+
+
+@dataclass(frozen=True, eq=False)
+class SongWindows:
+    """Windows of songs and their classes (`harmolab.systems.common.shards.Units`)."""
+
+    music: Tensor
+    label: Tensor
+
+    def __len__(self) -> int:
+        return len(self.music)
+
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> SongWindows:
+        """The windows at `indices` that fall to process `rank` of `world`."""
+        rows = indices[rank::world].to(self.music.device)
+        return SongWindows(self.music[rows], self.label[rows])
+
+    @classmethod
+    def of(cls, songs: Sequence[Song], params: AttributeParams, device: torch.device | str = "cpu") -> SongWindows:
+        """All windows of some songs."""
+        parts = [song_windows(song.music, params) for song in songs]
+        labels = [song.label for song, part in zip(songs, parts, strict=True) for _ in part]
+        return cls(torch.from_numpy(np.concatenate(parts)).to(device), torch.tensor(labels, device=device))
+
+
+@dataclass(frozen=True)
+class SongSplit:
+    """Names of songs on each side; no song is on both."""
+
+    train: tuple[str, ...]
+    test: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        return asdict(self)
+
+
+def train_attributes(
+    songs: Sequence[Song],
+    classes: Sequence[str],
+    split: SongSplit,
+    folder: PathLike,
+    params: AttributeParams,
+    *,
+    resume: bool = False,
+    fabric: Fabric | None = None,
+    report: Report = lambda row, end: None,
+) -> AttributeClassifier:
+    """Train a classifier on the songs of a split's training side, and keep everything about it in `folder`.
+
+    Raises
+    ------
+    ValueError
+        If the split has no song to train on or one of them on both sides, or `folder` holds something else.
+    """
+    if len({song.name for song in songs}) < len(songs):
+        raise ValueError("two songs have one name")
+    if shared := sorted({*split.train} & {*split.test}):
+        raise ValueError(f"{shared[0]!r} is on both sides of the split")
+    selected = [song for song in songs if song.name in split.train]
+    if not selected:
+        raise ValueError("no song to train on")
+    fabric, folder = fabric or make_fabric(), Path(folder)
+    settings = plain({"attributes": params, "classes": list(classes)})
+    windows = SongWindows.of(selected, params, fabric.device)
+    batching = Batching(params.batch_size, 1, params.seed)
+    check_shards(len(windows), batching, fabric.world_size)
+    with locked_run(fabric, split, folder, settings, resume=resume) as first:
+        classifier = _initial(windows, params, classes).to(fabric.device)
+        phase = _phase(classifier, params)
+        fit(fabric, [phase], windows, batching, folder, settings=settings, resume=resume, report=report)
+        rows = torch.linspace(0, len(windows) - 1, min(SETTLED, len(windows))).long()
+        classifier.encoder.settle(classifier.audio_scale(windows.music[rows]))
+        if first:
+            save_weights(folder / DEFAULT_STEM, classifier.eval(), {"songs": len(selected), "windows": len(windows)})
+    return classifier
+
+
+def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[str]) -> AttributeClassifier:
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(params.seed)
+        classifier = AttributeClassifier(params, classes)
+    classifier.audio_scale.set(*channel_statistics(windows.music.cpu(), torch.ones(windows.music.shape[:2])))
+    return classifier
+
+
+def _phase(classifier: AttributeClassifier, params: AttributeParams) -> Phase:
+    def rate(number: int) -> float:
+        return params.learning_rate * 0.1 ** sum(number >= drop * params.epochs for drop in params.drops)
+
+    return Phase(
+        "attributes",
+        params.epochs,
+        rate=rate,
+        modules={"classifier": classifier},
+        players=[Player("classifier", [*classifier.parameters()], _terms, {"entropy": 1.0, "right": 0.0})],
+        forward=lambda shard, last: _logits(classifier, shard),
+    )
+
+
+def _logits(classifier: AttributeClassifier, shard: Shard) -> Tensor:
+    with drawn_by(shard.seed, shard.own.music.device):
+        logits: Tensor = classifier.train()(shard.own.music)
+    return logits
+
+
+def _terms(logits: Tensor, shard: Shard, row: object) -> Terms:
+    label = shard.own.label
+    return {
+        "entropy": cross_entropy(logits, label),
+        "right": (logits.argmax(dim=1) == label).float().mean().detach(),
+    }

@@ -1,0 +1,304 @@
+"""The foot constraint model (Sec. 4.5, Eq. 14): small changes of the lower body that take sliding out of a dance.
+
+It sees the lower body, the places of both feet and which of them stand, and adds increments to the lower body's
+channels. It learns on recorded motion with simulated sliding: noise, and everything smoothed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+import torch
+from lightning_fabric import Fabric
+from torch import Tensor, nn
+from torch.nn.functional import conv1d, pad
+
+from harmolab.io.files import PathLike, plain
+from harmolab.skeletons import foot_joints, joint_part
+from harmolab.systems.common.about import DEFAULT_STEM
+from harmolab.systems.common.feature_params import check_numbers
+from harmolab.systems.common.history import Report
+from harmolab.systems.common.layers import Normaliser
+from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
+from harmolab.systems.common.runs import locked_run
+from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
+from harmolab.systems.common.splits import Split
+from harmolab.systems.common.torch_code import PATH_CHANNELS, decode
+from harmolab.systems.common.weights import save_weights, stored_record
+from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, PositionCode, RotationCode, stored_code
+from harmolab.systems.music2dance.sequences import SequenceSet
+from harmolab.systems.music2dance.windows import Windows, WindowSource, training_statistics
+from harmolab.types import FloatArray
+
+Kind = Literal["convolution", "lstm"]
+KINDS: tuple[Kind, ...] = ("convolution", "lstm")
+KERNEL, CONTACTS = 3, 2
+LEG_PARTS = ("hip", "knee", "ankle", "heel", "toe")
+REACH = 4  # standard deviations of a Gaussian filter, on either side
+
+
+@dataclass(frozen=True)
+class FootParams:
+    """The model, the sliding that it learns on, and its loss.
+
+    Parameters
+    ----------
+    kind : "convolution", or "lstm" for the baseline of Table 2
+    channels : int, of the hidden layers
+    dilations : ints, one a convolution
+    noise : float, standard deviations of a channel
+    smoothing : (least, most) frames, standard deviation of the Gaussian after it; drawn once a window
+    flipped : float, share of the contacts that are standing wrongly, as predicted ones are
+    smooth_weight : float, of the mean square of the increments' second differences
+    velocity_weight : float, of the speed of standing feet; 0 is the paper's loss. For the code of positions only
+    epochs, batch_size, learning_rate : of Adam
+    seed : int
+    """
+
+    kind: Kind = "convolution"
+    channels: int = 64
+    dilations: tuple[int, ...] = (1, 3, 9)
+    noise: float = 0.1
+    smoothing: tuple[float, float] = (1.0, 4.0)
+    flipped: float = 0.1
+    smooth_weight: float = 0.1
+    velocity_weight: float = 0.0
+    epochs: int = 200
+    batch_size: int = 16
+    learning_rate: float = 1e-3
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        free = ("noise", "flipped", "smooth_weight", "velocity_weight", "epochs", "seed")
+        check_numbers(self, positive=("channels", "batch_size", "learning_rate"), not_negative=free)
+        if self.kind not in KINDS:
+            raise ValueError(f"kind must be {' or '.join(KINDS)}, got {self.kind!r}")
+        if not self.dilations or min(self.dilations) < 1 or not 0 < self.smoothing[0] <= self.smoothing[1]:
+            raise ValueError("dilations must be one or more frames, and smoothing two rising numbers of frames")
+
+
+def lower_channels(code: PositionCode | RotationCode) -> list[int]:
+    """Channels of the lower body and the root in a motion code."""
+    joints = code.skeleton.joints
+    if isinstance(code, RotationCode):
+        legs = [place for place, joint in enumerate(code.rotating) if joint_part(joints[joint]) in LEG_PARTS]
+        return [*range(ROOT), *(ROOT + 3 * place + axis for place in legs for axis in range(3))]
+    below = [joint for joint, name in enumerate(joints) if joint_part(name) in LEG_PARTS]
+    root = code.skeleton.parents.index(-1)
+    channels = [3 * joint + axis for joint in sorted({root, *below}) for axis in range(3)]
+    return [*channels, *range(code.n_motion - PATH_CHANNELS, code.n_motion)]
+
+
+def foot_channels(code: PositionCode | RotationCode) -> list[int]:
+    """Channels of the places of both feet (toes) in a motion code, six; ValueError where there are none."""
+    if isinstance(code, PositionCode):
+        toes = [foot[-1] for foot in foot_joints(code.skeleton)]
+        return [3 * joint + axis for joint in toes for axis in range(3)]
+    if not code.end_effectors:
+        raise ValueError("the foot model needs the places of the feet; use a code with end effectors")
+    first = code.n_motion - 3 * len(END_EFFECTORS)
+    places = [place for place, name in enumerate(END_EFFECTORS) if name.startswith("toe")]
+    return [first + 3 * place + axis for place in places for axis in range(3)]
+
+
+class FootModel(nn.Module):
+    """Increments of the lower body: three dilated convolutions over time, or a layer, an LSTM and a layer.
+
+    Parameters
+    ----------
+    params : FootParams
+    code : of the motion
+    """
+
+    system = "music2dance feet"
+
+    def __init__(self, params: FootParams, code: PositionCode | RotationCode) -> None:
+        super().__init__()
+        self.params, self.motion_code = params, code
+        self.motion_scale = Normaliser(code.n_motion)
+        self.lower, self.feet = lower_channels(code), foot_channels(code)
+        n_in, n_out = len(self.lower) + len(self.feet) + CONTACTS, len(self.lower)
+        if params.kind == "lstm":
+            self.first, self.last = nn.Linear(n_in, params.channels), nn.Linear(params.channels, n_out)
+            self.reader = nn.LSTM(params.channels, params.channels, batch_first=True)
+        else:
+            sizes = (n_in, *(params.channels for _ in params.dilations[1:]), n_out)
+            self.layers = nn.ModuleList(
+                nn.Conv1d(a, b, KERNEL, dilation=dilation, padding=dilation, padding_mode="replicate")
+                for a, b, dilation in zip(sizes, sizes[1:], params.dilations, strict=False)
+            )
+        last: Any = self.last if params.kind == "lstm" else self.layers[-1]
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+
+    def forward(self, motion: Tensor, contacts: Tensor) -> Tensor:
+        """Increments (N, T, L) of the lower body's channels, for standardised motion (N, T, C), contacts (N, T, 2)."""
+        values = torch.cat([motion[..., self.lower], motion[..., self.feet], contacts], dim=-1)
+        if self.params.kind == "lstm":
+            increments: Tensor = self.last(self.reader(torch.relu(self.first(values)))[0])
+            return increments
+        values = values.transpose(1, 2)
+        for layer in self.layers[:-1]:
+            values = torch.relu(layer(values))
+        return self.layers[-1](values).transpose(1, 2)
+
+    def corrected(self, motion: Tensor, contacts: Tensor) -> Tensor:
+        """Standardised motion (N, T, C) with the increments in it."""
+        changed = motion.clone()
+        changed[..., self.lower] += self(motion, contacts)
+        return changed
+
+    @torch.no_grad()
+    def correct(self, code: FloatArray, contacts: FloatArray) -> FloatArray:
+        """A motion code (T, C), not standardised, with the increments in it."""
+        motion, standing = (torch.from_numpy(values).float()[None] for values in (code, contacts))
+        changed = self.eval().corrected(self.motion_scale(motion), standing)[0].double()
+        scaled: FloatArray = (changed * self.motion_scale.std + self.motion_scale.mean).numpy()
+        return scaled
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {"params": asdict(self.params), "code": self.motion_code.to_dict()}
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A model as its description says; ValueError for sizes that cannot be."""
+        return cls(stored_record(FootParams, build["params"]), stored_code(build["code"]))
+
+
+class Slid(NamedTuple):
+    """Recorded motion, the same with simulated sliding, as corrected (N, T, C each, standardised), and increments."""
+
+    motion: Tensor
+    slid: Tensor
+    corrected: Tensor
+    increments: Tensor
+
+
+def slid_motion(motion: Tensor, model: FootModel, fps: float) -> Tensor:
+    """Motion (N, T, C) whose lower body slides: noise added, then each window smoothed by a Gaussian of its own."""
+    params = model.params
+    least, most = params.smoothing
+    widths = least + (most - least) * torch.rand(len(motion), 1)
+    noisy = motion[..., model.lower] + params.noise * torch.randn(*motion.shape[:2], len(model.lower)).to(motion)
+    slid = motion.clone()
+    slid[..., model.lower] = smoothed(noisy, widths.to(motion))
+    code = model.motion_code
+    return _with_feet(slid, model.motion_scale, code, fps) if isinstance(code, RotationCode) else slid
+
+
+def _with_feet(motion: Tensor, scale: Normaliser, code: RotationCode, fps: float) -> Tensor:
+    """Standardised rotations (N, T, C) whose feet are where they put them: else they would tell what was not slid."""
+    values = (motion * scale.std + scale.mean).cpu().double().numpy()
+    fresh = np.stack([code.refreshed(each, fps) for each in values])
+    standard: Tensor = scale(torch.from_numpy(fresh).to(motion))
+    return standard
+
+
+def smoothed(values: Tensor, widths: Tensor) -> Tensor:
+    """Values (N, T, c) under Gaussians of standard deviations `widths` (N, 1), frames; the ends hold."""
+    reach = int(np.ceil(REACH * float(widths.max())))
+    kernels = torch.exp(-0.5 * (torch.arange(-reach, reach + 1).to(widths) / widths).square())
+    kernels = kernels / kernels.sum(dim=1, keepdim=True)
+    n, t, c = values.shape
+    rows = pad(values.transpose(1, 2).reshape(1, n * c, t), (reach, reach), mode="replicate")
+    filtered = conv1d(rows, kernels.repeat_interleave(c, dim=0)[:, None], groups=n * c)
+    return filtered.reshape(n, c, t).transpose(1, 2)
+
+
+def train_feet(
+    split: Split,
+    sequences: SequenceSet,
+    folder: PathLike,
+    params: FootParams,
+    *,
+    resume: bool = False,
+    fabric: Fabric | None = None,
+    report: Report = lambda row, end: None,
+) -> FootModel:
+    """Train a foot model on the windows of a split's training side, and keep everything about it in `folder`.
+
+    Raises
+    ------
+    ValueError
+        If `folder` holds something else, or a velocity weight is asked for a code of rotations.
+    """
+    if params.velocity_weight and isinstance(sequences.code, RotationCode):
+        raise ValueError("velocity_weight is for the code of positions; use 0")
+    fabric, folder, groups = fabric or make_fabric(), Path(folder), split.groups["train"]
+    statistics = training_statistics(sequences, groups)
+    source = WindowSource.of(sequences, groups, dances=sequences.dances, statistics=statistics, device=fabric.device)
+    batching = Batching(params.batch_size, 1, params.seed)
+    check_shards(len(source), batching, fabric.world_size)
+    settings = plain({"feet": params, "data": sequences.source, "code": sequences.params})
+    with locked_run(fabric, split, folder, settings, resume=resume) as first:
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(params.seed)
+            model = FootModel(params, sequences.code)
+        model.motion_scale.set(*statistics[2:])
+        model.to(fabric.device)
+        phase = _phase(model, sequences.params.fps)
+        fit(fabric, [phase], source, batching, folder, settings=settings, resume=resume, report=report)
+        if first:
+            save_weights(folder / DEFAULT_STEM, model.eval(), {"source": sequences.source})
+    return model
+
+
+def _phase(model: FootModel, fps: float) -> Phase:
+    params = model.params
+    weights = {"mse": 1.0, "smooth": params.smooth_weight, "velocity": params.velocity_weight}
+    return Phase(
+        "feet",
+        params.epochs,
+        rate=lambda number: params.learning_rate,
+        modules={"feet": model},
+        players=[
+            Player(
+                "feet",
+                [*model.parameters()],
+                lambda output, shard, row: foot_terms(model, output, shard.own, fps),
+                weights,
+            )
+        ],
+        forward=lambda shard, last: _corrected(model, shard, fps),
+    )
+
+
+def _corrected(model: FootModel, shard: Shard, fps: float) -> Slid:
+    """A batch with simulated sliding, and corrected."""
+    windows: Windows = shard.own
+    with drawn_by(shard.seed, windows.motion.device):
+        slid = slid_motion(windows.motion, model, fps)
+        wrong = torch.rand(windows.contacts.shape).to(windows.contacts) < model.params.flipped
+        standing = torch.where(wrong, 1 - windows.contacts, windows.contacts)
+    increments = model(slid, standing)
+    corrected = slid.clone()
+    corrected[..., model.lower] = slid[..., model.lower] + increments
+    return Slid(windows.motion, slid, corrected, increments)
+
+
+def foot_terms(model: FootModel, output: Slid, windows: Windows, fps: float) -> Terms:
+    """Error, smoothness of the increments, and the speed of standing feet where it counts."""
+    away = (output.corrected - output.motion)[..., model.lower].square().mean(dim=-1)
+    terms = {
+        "mse": (away * windows.valid).sum() / windows.valid.sum().clamp(min=1.0),
+        "smooth": output.increments.diff(n=2, dim=1).square().mean(),
+    }
+    if model.params.velocity_weight:
+        terms["velocity"] = standing_speed(model, output.corrected, windows, fps)
+    return terms
+
+
+def standing_speed(model: FootModel, motion: Tensor, windows: Windows, fps: float) -> Tensor:
+    """Mean square of the speed (m/s) along the floor of feet that stand, of standardised motion in positions."""
+    skeleton = model.motion_code.skeleton
+    code = motion * model.motion_scale.std + model.motion_scale.mean
+    positions = decode(code, fps)
+    feet = [positions[:, :, list(foot)].mean(dim=2)[..., [0, 2]] for foot in foot_joints(skeleton)]
+    speeds = torch.stack([foot.diff(dim=1).square().sum(dim=-1) * fps**2 for foot in feet], dim=-1)
+    standing = windows.contacts[:, 1:] * windows.contacts[:, :-1] * windows.valid[:, 1:, None]
+    return (speeds * standing).sum() / standing.sum().clamp(min=1.0)

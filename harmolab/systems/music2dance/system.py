@@ -1,0 +1,158 @@
+"""Music2Dance as a system: a network that dances frame after frame, and movements that its dances go on from."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any, Self
+
+import numpy as np
+
+from harmolab.beats.audio import music_beats
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.kinematics import resample_motion
+from harmolab.params import DANCES
+from harmolab.systems.common.contacts import foot_contacts
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.grounding import grounded
+from harmolab.systems.common.length import n_frames
+from harmolab.systems.common.network_system import NetworkSystem, Notice, check_choice, training_material
+from harmolab.systems.music2dance.codes import PositionCode
+from harmolab.systems.music2dance.generate import danced
+from harmolab.systems.music2dance.networks import DanceNetwork
+from harmolab.systems.music2dance.params import Music2DanceParams
+from harmolab.systems.music2dance.points import body_points
+from harmolab.systems.music2dance.sequences import load_sequences, song_features
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+
+PARAMS = ("recommended", "paper")
+
+
+class Music2Dance(NetworkSystem):
+    """A trained network that dances; another seed draws another movement to go on from, and other chances.
+
+    Parameters
+    ----------
+    generator : DanceNetwork
+    poses : PoseBank, optional
+        Movements to go on from, contacts as their last two channels. Without: the mean pose.
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    network = DanceNetwork
+
+    def generate(
+        self,
+        audio: Audio,
+        beats: BeatTrack | None = None,
+        *,
+        start: float = 0.0,
+        seconds: float | None = None,
+        seed: int = 0,
+        initial: Motion | None = None,
+        dance: str | None = None,
+        plant_feet: bool = True,
+        temperature: float | None = None,
+        progress: Progress = silent,
+    ) -> Motion:
+        """A dance to music (`harmolab.systems.System`).
+
+        Parameters
+        ----------
+        dance : name of a dance; one that was not danced in training, or none, is danced as one that `seed` draws
+        plant_feet : keep feet that carry from sliding
+        temperature : share of the predicted spread that is drawn; that of the training's settings when left out
+        """
+        network: DanceNetwork = self.generator if temperature is None else with_temperature(self.generator, temperature)
+        if dance and dance not in {*DANCES, *network.dances}:
+            raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted({*DANCES, *network.dances} - {''}))}")
+        params = network.params
+        frames = n_frames(audio, start, seconds, params.fps)
+        name = dance if dance in network.dances else network.dances[seed % len(network.dances)]
+        prior = self._movement(name, seed) if initial is None else self._coded(initial)
+        track = music_beats(Clip("", audio, beats=beats, dance=dance or ""))
+        dance_code = danced(
+            network, song_features(audio, track, params.song, name), start=start, frames=frames,
+            dance=network.dances.index(name), seed=seed, prior=prior, progress=progress,
+        )  # fmt: skip
+        code = network.motion_code
+        positions = grounded(code.decode(dance_code.code, params.fps), params.fps, code.skeleton, plant_feet=plant_feet)
+        return Motion(positions, params.fps, code.skeleton)
+
+    def _movement(self, dance: str, seed: int) -> FloatArray:
+        """Motion and contacts (P, C + 2) that a dance goes on from, drawn by `seed`; without a bank the mean pose."""
+        if self.poses is None:
+            mean: FloatArray = self.generator.motion_scale.mean.cpu().double().numpy()
+            return np.append(mean, [1.0, 1.0])[None]
+        clips = self.poses.of(dance)
+        return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
+
+    def _coded(self, initial: Motion) -> FloatArray:
+        """Motion and contacts of a motion to go on from; ValueError for one of other joints."""
+        code, params = self.generator.motion_code, self.generator.params
+        if isinstance(code, PositionCode) and initial.skeleton.joints != code.skeleton.joints:
+            joints = len(initial.skeleton.joints), len(code.skeleton.joints)
+            raise ValueError(
+                f"initial has other joints ({joints[0]}) than the network ({joints[1]}); retarget it first"
+            )
+        motion = resample_motion(initial if isinstance(code, PositionCode) else body_points(initial), params.fps)
+        contacts = foot_contacts(motion.positions, motion.fps, motion.skeleton)
+        return np.column_stack([code.encode(motion), contacts])
+
+    @classmethod
+    def train(
+        cls,
+        data: Sequence[PathLike],
+        out: PathLike,
+        *,
+        params: str = "recommended",
+        split_seed: int = 0,
+        resume: bool = False,
+        accelerator: str = "auto",
+        report: Callable[[dict[str, Any], int], None] = lambda row, end: None,
+        notice: Notice = lambda line: None,
+        progress: Progress = silent,
+        **changes: Any,
+    ) -> Self:
+        """The system trained on corpora, in a folder of its own (`music2dance.train` says what is in it).
+
+        Parameters
+        ----------
+        data : folders of recordings
+        out : folder; new or empty unless `resume`
+        params : "recommended" or "paper"
+        split_seed : int, of the split by motion group
+        resume : go on where the run in `out` stopped; start it when there is none
+        accelerator : "auto", "cpu" or "cuda"
+        report, notice : called after each epoch with its row and its phase's end; with a line about the recordings
+        changes : other values for fields of `Music2DanceParams`, such as ``seed`` and ``representation``
+
+        Raises
+        ------
+        ValueError
+            For an unknown name or value, a folder that holds something else, or too few recordings.
+        """
+        from harmolab.systems.common.phases import make_fabric
+        from harmolab.systems.music2dance.train import train_music2dance
+
+        check_choice("params", params, PARAMS)
+        if other := sorted(changes.keys() - {field.name for field in fields(Music2DanceParams)}):
+            raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
+        settings: Music2DanceParams = replace(getattr(Music2DanceParams, params)(), **changes)
+        split = training_material(
+            data, out, FeatureParams.paper(), step=2, split_seed=split_seed, resume=resume, notice=notice,
+            progress=progress,
+        )  # fmt: skip
+        sequences = load_sequences(list(data), settings, progress=progress)
+        fabric = make_fabric(accelerator=accelerator)
+        train_music2dance(split, sequences, out, resume=resume, fabric=fabric, report=report)
+        fabric.barrier()
+        return cls.load(out)
+
+
+def with_temperature(network: DanceNetwork, temperature: float) -> DanceNetwork:
+    """The same network (and its weights) that draws another share of the predicted spread."""
+    other = copy.copy(network)
+    other.params = replace(network.params, temperature=temperature)
+    return other

@@ -1,0 +1,200 @@
+"""Training windows of Music2Dance: eight seconds of music and motion, drawn so that rare movement comes up as often."""
+
+from __future__ import annotations
+
+import warnings
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
+from torch import Tensor
+
+from harmolab.systems.common.layers import Statistics, channel_statistics
+from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
+from harmolab.systems.music2dance.sequences import DanceSequence, SequenceSet, side_frames, window_starts
+from harmolab.types import BoolArray, FloatArray
+
+N_POSES, N_COMPONENTS = 10, 30  # of a window, by which windows are clustered
+LEAST_STD = 1e-3  # of a channel: the root never moves to the side
+FITTED = 4000  # windows that the clusters are found from, at most
+
+
+class Windows(NamedTuple):
+    """A batch of windows as the networks take it.
+
+    Parameters
+    ----------
+    motion : (N, T, C), standardised
+    contacts : (N, T, 2), 1 where a foot stands
+    music : (N, M, F), standardised features, from the moment of frame 0 or up to one before it
+    moments : (N, T), place of every frame in `music`, between its moments too
+    dance : (N,), number of the dance
+    valid : (N, T), 1 where the motion was recorded, and is of the side of the split that is asked about
+    """
+
+    motion: Tensor
+    contacts: Tensor
+    music: Tensor
+    moments: Tensor
+    dance: Tensor
+    valid: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class WindowSource:
+    """The windows of one side of a split; a batch draws from all of them (`harmolab.systems.common.shards.Units`).
+
+    Parameters
+    ----------
+    sequences : SequenceSet
+    dances : names of the dances that the network knows
+    statistics : Statistics that everything is standardised by
+    places : (W, 2) array: number of a sequence, first frame
+    weights : (W,) array, how likely each window is drawn; adds up to 1
+    counted : of each sequence a (T,) mask: recorded frames of the side
+    device : where batches are needed
+    """
+
+    sequences: SequenceSet
+    dances: tuple[str, ...]
+    statistics: Statistics
+    places: NDArray[np.int64]
+    weights: FloatArray
+    counted: tuple[BoolArray, ...]
+    device: torch.device | str = "cpu"
+
+    @classmethod
+    def of(
+        cls,
+        sequences: SequenceSet,
+        groups: Sequence[str],
+        *,
+        dances: tuple[str, ...],
+        statistics: Statistics,
+        share: float = 1.0,
+        device: torch.device | str = "cpu",
+    ) -> Self:
+        """The windows of which a share lies in some motion groups; ValueError where there is none."""
+        params = sequences.params
+        places = np.array(
+            [
+                (number, start)
+                for number, sequence in enumerate(sequences.sequences)
+                for start in window_starts(sequence, groups, params, share=share)
+            ],
+            np.int64,
+        ).reshape(-1, 2)
+        if not len(places):
+            raise ValueError(f"a side of the split has no {params.window:g} s of recorded movement in a row")
+        weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
+        counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
+        return cls(sequences, dances, statistics, places, weights, counted, device)
+
+    def __len__(self) -> int:
+        """Windows of an epoch: as many as fit into the recordings without overlap."""
+        length = self.sequences.params.n_frames
+        covered = 0
+        for number in np.unique(self.places[:, 0]):
+            mask = np.zeros(self.sequences.sequences[number].n_frames + 1, np.int64)
+            starts = self.places[self.places[:, 0] == number, 1]
+            np.add.at(mask, starts, 1)
+            np.add.at(mask, np.minimum(starts + length, mask.size - 1), -1)
+            covered += int((np.cumsum(mask) > 0).sum())
+        return max(1, covered // length)
+
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Windows:
+        """A batch of as many windows as there are `indices` for process `rank`, drawn anew for these indices.
+
+        The order of an epoch's indices is the epoch's own, so every epoch draws other windows, and a run that resumes
+        draws the same ones again.
+        """
+        seed = zlib.crc32(indices.cpu().numpy().astype("<i8").tobytes())
+        drawn = np.random.default_rng(seed).choice(len(self.places), size=len(indices), p=self.weights)
+        return self.batch(drawn[rank::world])
+
+    def batch(self, rows: NDArray[np.int64]) -> Windows:
+        """The windows of some rows of `places`."""
+        parts = [self._window(*self.places[row]) for row in rows]
+        motion, contacts, music, moments, dance, valid = (
+            torch.from_numpy(np.stack(values)).to(self.device) for values in zip(*parts, strict=True)
+        )
+        scale = [values.to(self.device) for values in self.statistics]
+        motion, music = (motion - scale[2]) / scale[3], (music - scale[0]) / scale[1]
+        return Windows(motion, contacts, music, moments, dance, valid)
+
+    def raw(self, row: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Motion (T, C), not standardised, and contacts (T, 2) of the window of a row of `places`."""
+        number, start = self.places[row]
+        frames = slice(start, start + self.sequences.params.n_frames)
+        return self.sequences.sequences[number].motion[frames], self.sequences.sequences[number].contacts[frames]
+
+    def _window(self, number: int, start: int) -> tuple[NDArray[np.generic], ...]:
+        """The arrays of one window."""
+        sequence, params = self.sequences.sequences[number], self.sequences.params
+        frames = slice(start, start + params.n_frames)
+        first = (sequence.start + start / params.fps) * params.song.rate
+        cell, moments = int(np.floor(first)), first + np.arange(params.n_frames) * params.song.rate / params.fps
+        return (
+            sequence.motion[frames],
+            sequence.contacts[frames],
+            cells_from(sequence.music, cell, n_cells(params.song)),
+            (moments - cell).astype(np.float32),
+            np.array(self.dances.index(sequence.dance)),
+            self.counted[number][frames].astype(np.float32),
+        )
+
+
+def n_cells(params: SongParams) -> int:
+    """Moments of music that a window needs, wherever it begins."""
+    return int(np.ceil(params.window * params.rate)) + 2
+
+
+def cells_from(music: NDArray[np.float32], first: int, count: int) -> NDArray[np.float32]:
+    """`count` moments of music (M, F) from number `first` on; before the start and after the end its ends hold."""
+    return music[np.clip(np.arange(first, first + count), 0, len(music) - 1)]
+
+
+def training_statistics(sequences: SequenceSet, groups: Sequence[str]) -> Statistics:
+    """Mean and standard deviation of music and motion over the frames of some motion groups; least deviation 1e-3."""
+    params = sequences.params
+    motion, music = [], []
+    for sequence in sequences.sequences:
+        frames = np.flatnonzero(side_frames(sequence, groups, params.fps) & sequence.valid)
+        cells = np.round((sequence.start + frames / params.fps) * params.song.rate).astype(np.int64)
+        motion.append(sequence.motion[frames])
+        music.append(sequence.music[np.clip(cells, 0, len(sequence.music) - 1)])
+    tables = [torch.from_numpy(np.concatenate(parts))[None] for parts in (music, motion)]
+    pairs = [channel_statistics(table, torch.ones(table.shape[:2])) for table in tables]
+    return Statistics(*(part for mean, std in pairs for part in (mean, std.clamp(min=LEAST_STD))))
+
+
+def cluster_weights(
+    sequences: Sequence[DanceSequence], places: NDArray[np.int64], params: Music2DanceParams
+) -> FloatArray:
+    """Probability of each window, (W,): each cluster of windows with like poses as often as the others (R27)."""
+    count = min(params.clusters, len(places))
+    if count < 2:
+        return np.full(len(places), 1 / len(places))
+    at = np.linspace(0, params.n_frames - 1, N_POSES).round().astype(np.int64)
+    rng = np.random.default_rng(params.seed)
+
+    def poses(rows: NDArray[np.int64]) -> NDArray[np.float32]:
+        return np.stack([sequences[number].poses[start + at].ravel() for number, start in rows])
+
+    sample = poses(places[rng.permutation(len(places))[:FITTED]]).astype(np.float64)
+    mean = sample.mean(axis=0)
+    axes = np.linalg.svd(sample - mean, full_matrices=False)[2][:N_COMPONENTS].T
+    reduced = np.concatenate(
+        [(poses(part) - mean) @ axes for part in np.array_split(places, -(-len(places) // FITTED))]
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a cluster may be empty
+        _, labels = kmeans2(reduced, count, minit="++", seed=rng)
+    sizes = np.bincount(labels, minlength=count)
+    weights = 1 / sizes[labels]
+    return weights / weights.sum()
