@@ -97,6 +97,13 @@ def test_every_notebook_says_which_items_of_the_paper_it_builds():
 
 
 @every_notebook
+def test_notebook_says_how_to_read_it_and_what_may_be_wrong(path: Path):
+    text = "\n".join("".join(cell["source"]) for cell in json.loads(path.read_text("utf-8"))["cells"])
+    assert "## What may be wrong" in text
+    assert path == PATHS[-1] or re.search(r"^Next: \[\d\d .+\]\(\d\d_\w+\.ipynb\)$", text, flags=re.MULTILINE)
+
+
+@every_notebook
 def test_notebook_stays_short_and_leaves_functions_to_the_package(path: Path):
     cells = code_cells(path)
     assert len(cells) <= MOST_CELLS

@@ -55,7 +55,7 @@ class LabelledSongs:
 
 
 def blind_features(audio: Audio) -> np.ndarray:
-    """Features of a song whose dance is not classes: the tracker has no prior of tempo (R15)."""
+    """Features of a song whose dance is not known: the tracker has no prior of tempo (R15)."""
     return music_features(audio, audio_beats(audio))
 
 
@@ -211,7 +211,7 @@ MODELS: Mapping[str, Fit] = MappingProxyType(
 
 
 def table_1(profile: RunProfile, models: Iterable[str] = tuple(MODELS)) -> pd.DataFrame:
-    """Shares of windows and songs whose class is found, cross-validated by song, over the profile's seeds.
+    """Shares of windows and songs that are classified rightly, cross-validated by song, over the profile's seeds.
 
     Returns
     -------

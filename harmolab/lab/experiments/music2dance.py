@@ -1,5 +1,6 @@
-"""Music2Dance trained in the notebooks' settings: the paper's way, ours, its baseline, and every ablation as a
-difference of settings. Trainings are kept in the cache folder and go on where they were cut off.
+"""Music2Dance trained in the notebooks' settings: the paper's way, ours, and the baseline of either.
+
+Trainings are kept in the cache folder and go on where they were cut off.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from harmolab.lab.profile import RunProfile
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.history import HISTORY
 from harmolab.systems.common.phases import make_fabric
-from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
+from harmolab.systems.music2dance.params import Music2DanceParams
 from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences
 from harmolab.systems.music2dance.system import Music2Dance
 from harmolab.systems.music2dance.train import train_music2dance
@@ -33,18 +34,6 @@ SETTINGS: Mapping[str, Music2DanceParams] = MappingProxyType(
         "recommended, LSTM": replace(_OURS, generator="lstm"),
     }
 )
-ABLATIONS: Mapping[str, Music2DanceParams] = MappingProxyType(
-    {
-        "paper": _PAPER,
-        "mel spectrogram": replace(_PAPER, song=SongParams(features="mel")),
-        "no mapping": replace(_PAPER, mapping=False),
-        "no end effectors": replace(_PAPER, end_effectors=False),
-        "no clusters": replace(_PAPER, clusters=0),
-        "no second phase": replace(_PAPER, second_epochs=0),
-        "LSTM": replace(_PAPER, generator="lstm"),
-    }
-)
-ABLATION_SHARE = 0.2  # of the schedule: seven settings, several seeds
 QUICK: Mapping[str, Any] = {
     "first_epochs": 4,
     "second_epochs": 2,
@@ -84,15 +73,6 @@ def dancer(profile: RunProfile, corpus: str, params: Music2DanceParams, seed: in
 def profiled(profile: RunProfile, params: Music2DanceParams) -> Music2DanceParams:
     """Settings for a profile: a quick one trains a tiny network for a few epochs, from which nothing follows."""
     return params if profile.epochs is None else replace(params, **QUICK)
-
-
-def shortened(params: Music2DanceParams) -> Music2DanceParams:
-    """The same with a fifth of the schedule, for ablations."""
-    return replace(
-        params,
-        first_epochs=round(ABLATION_SHARE * params.first_epochs),
-        second_epochs=round(ABLATION_SHARE * params.second_epochs),
-    )
 
 
 def coded_sequences(profile: RunProfile, corpus: str, params: Music2DanceParams) -> SequenceSet:

@@ -83,10 +83,16 @@ class PresetSystem(NetworkSystem):
     """
 
     settings: ClassVar[type[Any]]
+    presets: ClassVar[Sequence[str]] = PRESETS  # the first is taken where none is named
+
+    @classmethod
+    def material(cls, data: Sequence[PathLike], params: Any, progress: Progress) -> dict[str, Any]:
+        """More keywords for `train_network`: the parts of the corpora that are not in their units."""
+        return {}
 
     @classmethod
     def train_network(cls, split: Split, folder: PathLike, **options: Any) -> None:
-        """Train the network in a folder; options are `params`, `resume`, `fabric` and `report`."""
+        """Train the network in a folder; options: `params`, `resume`, `fabric`, `report`, and those of `material`."""
         raise NotImplementedError
 
     @classmethod
@@ -95,7 +101,7 @@ class PresetSystem(NetworkSystem):
         data: Sequence[PathLike],
         out: PathLike,
         *,
-        preset: str = "small",
+        preset: str = "",
         step: int = 2,
         split_seed: int = 0,
         resume: bool = False,
@@ -111,7 +117,7 @@ class PresetSystem(NetworkSystem):
         ----------
         data : folders of recordings
         out : folder; new or empty unless `resume`
-        preset : "small" or "paper", of `settings`
+        preset : one of `presets`, of `settings`
         step : int, beats between the starts of training units
         split_seed : int, of the split by motion group
         resume : go on where the run in `out` stopped; start it when there is none
@@ -126,7 +132,8 @@ class PresetSystem(NetworkSystem):
         """
         from harmolab.systems.common.phases import make_fabric
 
-        check_choice("preset", preset, PRESETS)
+        preset = preset or cls.presets[0]
+        check_choice("preset", preset, cls.presets)
         if other := sorted(changes.keys() - {field.name for field in fields(cls.settings)}):
             raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
         params = replace(getattr(cls.settings, preset)(), **changes)
@@ -134,8 +141,9 @@ class PresetSystem(NetworkSystem):
             data, out, FeatureParams.paper(), step=step, split_seed=split_seed, resume=resume, notice=notice,
             progress=progress,
         )  # fmt: skip
+        more = cls.material(data, params, progress)
         fabric = make_fabric(accelerator=accelerator)
-        cls.train_network(split, out, params=params, resume=resume, fabric=fabric, report=report)
+        cls.train_network(split, out, params=params, resume=resume, fabric=fabric, report=report, **more)
         fabric.barrier()
         return cls.load(out)
 

@@ -177,12 +177,12 @@ R = TypeVar("R")
 def stored_record(record: type[R], stored: Mapping[str, Any]) -> R:
     """A dataclass of settings out of a description, where tuples have become lists; ValueError for what cannot be.
 
-    Numbers that are whole by default must be whole, from 0 to `MOST_UNITS`.
+    Numbers that are whole by default must be whole, from 0 to `MOST_UNITS`; a seed may be any number.
     """
     values = {field.name: stored[field.name] for field in fields(record)}  # type: ignore[arg-type]
     for name, value in values.items():
         default = getattr(record, name, None)
-        if isinstance(default, int) and not isinstance(default, bool) and value != 0:
+        if name != "seed" and isinstance(default, int) and not isinstance(default, bool) and value != 0:
             whole(name, value)
         if isinstance(value, list):
             if len(value) > MOST_LAYERS:

@@ -7,7 +7,7 @@ from the root, whose own x and y then say where the whole body is: so a unit can
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import Any, Self
 
 import torch
@@ -18,7 +18,7 @@ from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import Normalised, Normaliser, parameter_count
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, local_joints
-from harmolab.systems.common.weights import whole
+from harmolab.systems.common.weights import stored_record
 from harmolab.systems.lee2019.generate import danced_units
 from harmolab.systems.lee2019.params import LeeParams
 from harmolab.systems.lee2019.parts import (
@@ -33,9 +33,6 @@ from harmolab.systems.lee2019.parts import (
     layers,
 )
 from harmolab.types import FloatArray, Skeleton
-
-# Sizes that a description of weights may hold only as whole numbers within reason.
-SIZES = ("hidden", "latent", "pose_latent", "pose_hidden", "style", "noise", "sequence", "noise_units")
 
 
 class DancingToMusic(Normalised):
@@ -117,18 +114,13 @@ class DancingToMusic(Normalised):
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """The networks as their description says; ValueError for sizes that cannot be."""
-        settings = dict(build["params"])
-        for field in fields(LeeParams):
-            value = settings.get(field.name)
-            if field.name.endswith("_layers"):
-                settings[field.name] = tuple(whole(field.name, size) for size in (value or ()))
-            elif field.name in SIZES:
-                settings[field.name] = whole(field.name, value)
-        features = FeatureParams(**build["features"])
         return cls(
-            LeeParams(**settings), stored_skeleton(build), tensors["bone_lengths"], features=features,
+            stored_record(LeeParams, build["params"]),
+            stored_skeleton(build),
+            tensors["bone_lengths"],
+            features=FeatureParams(**build["features"]),
             dances=[str(dance) for dance in build["dances"]],
-        )  # fmt: skip
+        )
 
 
 def from_root(code: Tensor, root: int, *, backwards: bool = False) -> Tensor:

@@ -52,7 +52,7 @@ class FootParams:
     dilations : ints, one a convolution
     noise : float, standard deviations of a channel
     smoothing : (least, most) frames, standard deviation of the Gaussian after it; drawn once a window
-    flipped : float, share of the contacts that are standing wrongly, as predicted ones are
+    flipped : float, share of the contacts that are turned round, as predicted ones may be wrong
     smooth_weight : float, of the mean square of the increments' second differences
     velocity_weight : float, of the speed of standing feet; 0 is the paper's loss. For the code of positions only
     epochs, batch_size, learning_rate : of Adam

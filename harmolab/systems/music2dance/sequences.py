@@ -107,7 +107,6 @@ def load_sequences(
     roots: Sequence[PathLike],
     params: Music2DanceParams,
     *,
-    without: Sequence[str] = (),
     progress: Progress = silent,
 ) -> SequenceSet:
     """All recordings of corpora, coded.
@@ -117,7 +116,6 @@ def load_sequences(
     roots : folders of recordings
         Those that cannot be read are left out; `SequenceSet.notes` names them, with the reason.
     params : Music2DanceParams
-    without : names of folders that are left out
     progress : function(iterable, label) -> iterable
 
     Raises
@@ -127,7 +125,7 @@ def load_sequences(
     """
     folders, notes = recording_folders(roots)
     read: list[_Read] = []
-    for folder in progress([folder for folder in folders if folder.name not in without], "reading sequences"):
+    for folder in progress(folders, "reading sequences"):
         try:
             read.append(_read(load_recording(folder), params))
         except (ValueError, FileNotFoundError) as error:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
-from typing import Any, Self
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,10 +14,10 @@ from harmolab.io.files import PathLike, Progress, silent
 from harmolab.kinematics import resample_motion
 from harmolab.params import DANCES
 from harmolab.systems.common.contacts import foot_contacts
-from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.grounding import grounded
 from harmolab.systems.common.length import n_frames
-from harmolab.systems.common.network_system import NetworkSystem, Notice, check_choice, training_material
+from harmolab.systems.common.network_system import PresetSystem
+from harmolab.systems.common.splits import Split
 from harmolab.systems.music2dance.codes import PositionCode
 from harmolab.systems.music2dance.generate import danced
 from harmolab.systems.music2dance.networks import DanceNetwork
@@ -26,10 +26,8 @@ from harmolab.systems.music2dance.points import body_points
 from harmolab.systems.music2dance.sequences import load_sequences, song_features
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 
-PARAMS = ("recommended", "paper")
 
-
-class Music2Dance(NetworkSystem):
+class Music2Dance(PresetSystem):
     """A trained network that dances; another seed draws another movement to go on from, and other chances.
 
     Parameters
@@ -40,7 +38,8 @@ class Music2Dance(NetworkSystem):
     meta : JSON-able mapping about its training, kept with the weights
     """
 
-    network = DanceNetwork
+    network, settings = DanceNetwork, Music2DanceParams
+    presets = ("recommended", "paper")
 
     def generate(
         self,
@@ -101,54 +100,17 @@ class Music2Dance(NetworkSystem):
         return np.column_stack([code.encode(motion), contacts])
 
     @classmethod
-    def train(
-        cls,
-        data: Sequence[PathLike],
-        out: PathLike,
-        *,
-        params: str = "recommended",
-        split_seed: int = 0,
-        resume: bool = False,
-        accelerator: str = "auto",
-        report: Callable[[dict[str, Any], int], None] = lambda row, end: None,
-        notice: Notice = lambda line: None,
-        progress: Progress = silent,
-        **changes: Any,
-    ) -> Self:
-        """The system trained on corpora, in a folder of its own (`music2dance.train` says what is in it).
+    def material(cls, data: Sequence[PathLike], params: Music2DanceParams, progress: Progress) -> dict[str, Any]:
+        """The recordings as a whole: windows are longer than units."""
+        return {"sequences": load_sequences(list(data), params, progress=progress)}
 
-        Parameters
-        ----------
-        data : folders of recordings
-        out : folder; new or empty unless `resume`
-        params : "recommended" or "paper"
-        split_seed : int, of the split by motion group
-        resume : go on where the run in `out` stopped; start it when there is none
-        accelerator : "auto", "cpu" or "cuda"
-        report, notice : called after each epoch with its row and its phase's end; with a line about the recordings
-        changes : other values for fields of `Music2DanceParams`, such as ``seed`` and ``representation``
-
-        Raises
-        ------
-        ValueError
-            For an unknown name or value, a folder that holds something else, or too few recordings.
-        """
-        from harmolab.systems.common.phases import make_fabric
+    @classmethod
+    def train_network(cls, split: Split, folder: PathLike, **options: Any) -> None:
+        """`harmolab.systems.music2dance.train.train_music2dance`, which says what is in the folder."""
         from harmolab.systems.music2dance.train import train_music2dance
 
-        check_choice("params", params, PARAMS)
-        if other := sorted(changes.keys() - {field.name for field in fields(Music2DanceParams)}):
-            raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
-        settings: Music2DanceParams = replace(getattr(Music2DanceParams, params)(), **changes)
-        split = training_material(
-            data, out, FeatureParams.paper(), step=2, split_seed=split_seed, resume=resume, notice=notice,
-            progress=progress,
-        )  # fmt: skip
-        sequences = load_sequences(list(data), settings, progress=progress)
-        fabric = make_fabric(accelerator=accelerator)
-        train_music2dance(split, sequences, out, resume=resume, fabric=fabric, report=report)
-        fabric.barrier()
-        return cls.load(out)
+        del options["params"]  # `sequences` were read by them, and hold them
+        train_music2dance(split, folder=folder, **options)
 
 
 def with_temperature(network: DanceNetwork, temperature: float) -> DanceNetwork:

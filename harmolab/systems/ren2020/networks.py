@@ -18,7 +18,7 @@ from harmolab.systems.common.dancer_network import DancerNetwork
 from harmolab.systems.common.dancing import DanceInput
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.layers import MotionBranch, mean_over_time, perceptron
-from harmolab.systems.common.weights import MOST_LAYERS, whole
+from harmolab.systems.common.weights import MOST_LAYERS, stored_record
 from harmolab.systems.ren2020.generate import danced_song
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.types import FloatArray, Skeleton
@@ -113,10 +113,7 @@ class RenGenerator(DancerNetwork):
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A generator as its description says; ValueError for sizes that cannot be."""
-        stored = dict(build["params"])
-        params = RenParams(**stored | {"block_weights": tuple(stored["block_weights"])})
-        for name in ("hidden", "layers", "noise", "body", "blocks"):
-            whole(name, getattr(params, name))
+        params = stored_record(RenParams, build["params"])
         if max(params.layers, params.blocks) > MOST_LAYERS:
             raise ValueError(f"describes {params.layers} layers and {params.blocks} blocks, more than {MOST_LAYERS}")
         return cls(params, **cls.body_of(build, tensors))
