@@ -34,6 +34,7 @@ SETTINGS: Mapping[str, Music2DanceParams] = MappingProxyType(
         "recommended, LSTM": replace(_OURS, generator="lstm"),
     }
 )
+DANCING = ("temperature", "smoothing")  # settings that training does not use
 QUICK: Mapping[str, Any] = {
     "first_epochs": 4,
     "second_epochs": 2,
@@ -55,9 +56,11 @@ class TrainedDancer:
     minutes: float
 
 
-def dancer(profile: RunProfile, corpus: str, params: Music2DanceParams, seed: int) -> TrainedDancer:
+def dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams, seed: int) -> TrainedDancer:
     """The network of some settings and a seed, trained now unless it was before, on HarmoGAN's split."""
-    params = profiled(profile, replace(params, seed=seed))
+    settings = profiled(profile, replace(settings, seed=seed))
+    # How a trained network dances is no matter of its training: one training serves all.
+    params = replace(settings, **{name: getattr(_PAPER, name) for name in DANCING})
     split = training_split(profile, corpus, FeatureParams.paper())
 
     def train(folder: Path) -> None:
@@ -67,7 +70,9 @@ def dancer(profile: RunProfile, corpus: str, params: Music2DanceParams, seed: in
         )  # fmt: skip
 
     folder = kept_run("music2dance", {"params": params, "split": split.to_dict()}, train)
-    return TrainedDancer(folder, Music2Dance.load(folder), pd.read_csv(folder / HISTORY), training_minutes(folder))
+    system = Music2Dance.load(folder)
+    system.generator.params = settings
+    return TrainedDancer(folder, system, pd.read_csv(folder / HISTORY), training_minutes(folder))
 
 
 def profiled(profile: RunProfile, params: Music2DanceParams) -> Music2DanceParams:
