@@ -295,7 +295,7 @@ def test_rivals_are_trained_as_often_as_the_profile_says_and_never_more_often_th
         return Contestant(lambda excerpt, seed: excerpt.dancer, str(training))
 
     contest = replace(contests.contests(PROFILE, 0)[0], trainings=3)
-    rival = Row(numbers, "network", "no", rival=True)
+    rival = Row(numbers, "network", "no", rival=True, repeats="n_rivals")
     several = replace(contest, profile=replace(PROFILE, n_rivals=2))
     assert [one.identity for one in Row(numbers, "network", "no").contestants(contest)] == ["1", "2", "3"]
     assert [one.identity for one in rival.contestants(contest)] == ["1"]

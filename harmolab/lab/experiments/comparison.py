@@ -87,7 +87,7 @@ def comparison(
     ----------
     profile : RunProfile
     rows : names in `ROWS`
-    trainings : int, of each network, of a rival at most `RunProfile.n_rivals`; the profile's when left out. With 0
+    trainings : int, of each network, of Lee and Ren at most `RunProfile.n_rivals`; the profile's when left out. With 0
         there are no networks, nor a pose network
     progress : function(iterable, label) -> iterable
     """

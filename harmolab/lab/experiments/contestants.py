@@ -20,6 +20,7 @@ from harmolab.io.files import plain
 from harmolab.lab.experiments.baselines import BASELINES, DRAWN, Baseline
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.generation import VARIANTS, generator_corpora, trained
+from harmolab.lab.experiments.music2dance import SETTINGS, dancer
 from harmolab.lab.experiments.rivals import Asked, lee2019, ren2020
 from harmolab.lab.experiments.songs import Excerpt
 from harmolab.metrics.likeness import LikenessLimits
@@ -37,6 +38,8 @@ Beats = Callable[[Excerpt], BeatTrack]
 LEE, LEE_UNWARPED, REN = "Lee et al. 2019", "Lee et al. 2019, without warper", "Ren et al. 2020"
 RIGHT_SONG, CHOREOGRAPHER, BANK = "recorded, right song", "choreographer", "choreographer, shipped bank"
 METERS = "only where a meter begins"
+M2D_PAPER, M2D_PAPER_LSTM = "Music2Dance", "Music2Dance's LSTM baseline"
+M2D, M2D_LSTM = "Music2Dance, recommended", "LSTM baseline, recommended"
 HARMOGAN, WITHOUT, RECOMMENDED = "HarmoGAN", "HarmoGAN without L_harmo", "HarmoGAN, recommended loss"
 
 
@@ -94,7 +97,8 @@ class Row:
     told_beats : str, "yes", "no", or how
     printed : str, name of the row of the paper's tables; "" for none
     draws : bool, whether another seed is another dance
-    rival : bool, whether it is a system of other authors, trained less often
+    rival : bool, whether it is a system of other authors, which is trained on the first corpus alone
+    repeats : "n_seeds" or "n_rivals", the field of the profile that says how often it is trained
     """
 
     make: Callable[[Contest, int], Contestant]
@@ -103,6 +107,7 @@ class Row:
     printed: str = ""
     draws: bool = True
     rival: bool = False
+    repeats: str = "n_seeds"
 
     @property
     def is_trained(self) -> bool:
@@ -111,7 +116,7 @@ class Row:
 
     def contestants(self, contest: Contest) -> tuple[Contestant, ...]:
         """One for each training in a contest; one where nothing is trained."""
-        last = min(contest.trainings, contest.profile.n_rivals) if self.rival else contest.trainings
+        last = min(contest.trainings, getattr(contest.profile, self.repeats))
         return tuple(self.make(contest, training) for training in range(1, (last if self.is_trained else 1) + 1))
 
 
@@ -183,6 +188,12 @@ def _ren(contest: Contest, training: int) -> Contestant:
     return of_system(run.system, run.folder.name, parameters=parameters, minutes=run.minutes, entry=run.entry)
 
 
+def _music2dance(settings: str, contest: Contest, training: int) -> Contestant:
+    run = dancer(contest.profile, contest.corpus, SETTINGS[settings], training)
+    identity = _digest(run.folder.name, plain(run.system.generator.params))
+    return of_system(run.system, identity, parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes)
+
+
 def _number(name: str) -> int:
     """A number that belongs to a name, the same everywhere."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
@@ -198,12 +209,20 @@ def _cheap(name: str) -> Row:
     return Row(partial(_baseline, name, BASELINES[name]), kind, beats, draws=name in DRAWN)
 
 
+def _music2dance_row(settings: str) -> Row:
+    return Row(partial(_music2dance, settings), "network", "yes: its features have them", rival=True)
+
+
 ROWS: Mapping[str, Row] = MappingProxyType(
     {
         **{name: _cheap(name) for name in BASELINES},
-        LEE_UNWARPED: Row(partial(_lee, False), "network", "no", rival=True),
-        LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True),
-        REN: Row(_ren, "network", "no", "Ren", rival=True),
+        LEE_UNWARPED: Row(partial(_lee, False), "network", "no", rival=True, repeats="n_rivals"),
+        LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True, repeats="n_rivals"),
+        REN: Row(_ren, "network", "no", "Ren", rival=True, repeats="n_rivals"),
+        M2D_PAPER_LSTM: _music2dance_row("paper, LSTM"),
+        M2D_PAPER: _music2dance_row("paper"),
+        M2D_LSTM: _music2dance_row("recommended, LSTM"),
+        M2D: _music2dance_row("recommended"),
         WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
         HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
         RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),

@@ -120,7 +120,7 @@ def measured(
 ) -> Measured:
     """A row's dances to some excerpts, measured now unless they were before."""
     net = contest.pose_net_name
-    key = _key("dances", contest, name, contestant, excerpts, {"draws": draws, "pose_net": net, "piece": PIECE})
+    key = kept_name("dances", contest, name, contestant, excerpts, {"draws": draws, "pose_net": net, "piece": PIECE})
     arrays = cached_arrays(key)
     if arrays is None or set(arrays) != {"values", "kinetic", "poses"}:
         motions = [[contestant.dance(excerpt, seed) for seed in range(1, draws + 1)] for excerpt in excerpts]
@@ -148,7 +148,9 @@ def _measures_of(contest: Contest, motions: list[list[Motion]], excerpts: Sequen
     return none | {"kinetic": kinetic, "poses": np.array([[pieces[:count] for pieces in dances] for dances in poses])}
 
 
-def _key(kind: str, contest: Contest, name: str, contestant: Contestant, excerpts: Sequence[Excerpt], more: Any) -> str:
+def kept_name(
+    kind: str, contest: Contest, name: str, contestant: Contestant, excerpts: Sequence[Excerpt], more: Any
+) -> str:
     """Name of what is kept: a hash of all that it depends on."""
     songs = [[one.name, one.seconds, _sound_of(one)] for one in excerpts]
     about = [VERSION, kind, contest.about, name, contestant.identity, songs, more]
@@ -180,7 +182,7 @@ class Guarded:
 def guarded(contest: Contest, name: str, contestant: Contestant) -> Guarded:
     """The guard and the recommended score of dances of 30 s to one song in a few, measured now unless before."""
     excerpts = [excerpt.longer(GUARD_SECONDS) for excerpt in contest.guarded]
-    key = _key("guard", contest, name, contestant, excerpts, {})
+    key = kept_name("guard", contest, name, contestant, excerpts, {})
     arrays = cached_arrays(key)
     if arrays is None or set(arrays) != {"passed", "shape"}:
         rows = [_guard_of(contest, contestant, excerpt) for excerpt in excerpts]
@@ -202,7 +204,7 @@ def _guard_of(contest: Contest, contestant: Contestant, excerpt: Excerpt) -> tup
 def dance_seconds(contest: Contest, name: str, contestant: Contestant) -> float:
     """Seconds that a dance of six takes on one thread, median of `TIMED` after one; kept with the machine's name."""
     excerpt = contest.excerpts[0]
-    key = _key("seconds", contest, name, contestant, [excerpt], {"machine": processor(), "timed": TIMED})
+    key = kept_name("seconds", contest, name, contestant, [excerpt], {"machine": processor(), "timed": TIMED})
     arrays = cached_arrays(key)
     if arrays is None or "seconds" not in arrays:
         with one_thread():

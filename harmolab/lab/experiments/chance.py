@@ -1,0 +1,110 @@
+"""How much of the predicted spread a dance should draw, and how much it is smoothed afterwards (R34).
+
+Drawn in full, as Eq. 12 is printed, a dance shakes; without any chance it may come to rest. Temperature and smoothing
+are compared by the measures of a minute, to songs that are in no other table.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pandas as pd
+
+from harmolab.io.files import Progress, silent
+from harmolab.lab.experiments.contestants import RIGHT_SONG
+from harmolab.lab.experiments.contests import Contest
+from harmolab.lab.experiments.endurance import LIMITS
+from harmolab.lab.experiments.minutes import (
+    COLUMNS,
+    GUARD,
+    MINUTE,
+    dance_seconds,
+    endurance_table,
+    measures,
+    minutes,
+    recorded_dancers,
+    unheard_song,
+)
+from harmolab.lab.experiments.music2dance import SETTINGS, dancer
+from harmolab.lab.experiments.songs import Excerpt
+from harmolab.systems.music2dance.system import Music2Dance
+from harmolab.types import Motion
+
+TEMPERATURES, SMOOTHINGS = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0), (0.0, 0.04, 0.08)
+FIRST_SONG = 500  # number of the songs that settings are compared on
+SONGS = 2  # of each dance and training
+
+
+def drawn_with(system: Music2Dance, *, temperature: float, smoothing: float) -> Music2Dance:
+    """The same network that draws and smooths otherwise."""
+    generator = copy.copy(system.generator)
+    generator.params = replace(generator.params, temperature=temperature, smoothing=smoothing)
+    return Music2Dance(generator, system.poses, system.meta)
+
+
+def chance_table(
+    contest: Contest,
+    settings: str = "recommended",
+    *,
+    temperatures: Sequence[float] = TEMPERATURES,
+    smoothings: Sequence[float] = SMOOTHINGS,
+    progress: Progress = silent,
+) -> pd.DataFrame:
+    """Dances of a minute by temperature and smoothing: what of the limits they keep.
+
+    Returns
+    -------
+    DataFrame with the columns temperature, smoothing, shares of the dances within each of `endurance.LIMITS`, their
+    mean "kept", "measures within" of the guard, and means of pose variance and jerk in multiples of the recorded
+    dancers'; the recorded dancers are the last row
+    """
+    seconds = dance_seconds(contest.profile, MINUTE)
+    recorded = minutes(contest, rows=[RIGHT_SONG])
+    every = [
+        dancer(contest.profile, contest.corpus, SETTINGS[settings], training).system
+        for training in range(1, contest.trainings + 1)
+    ]
+    songs = [
+        unheard_song(dance, FIRST_SONG + number, seconds)
+        for dance in recorded_dancers(contest)
+        for number in range(SONGS)
+    ]
+    rows = []
+    for smoothing in smoothings:
+        for temperature in progress(temperatures, f"smoothing {smoothing:g} s"):
+            systems = [drawn_with(system, temperature=temperature, smoothing=smoothing) for system in every]
+            table = pd.DataFrame(
+                [
+                    {"dance": song.clip.dance, **measures(_danced(system, song, seed), song.clip.dance, contest.limits)}
+                    for seed, system in enumerate(systems, 1)
+                    for song in songs
+                ]
+            )
+            rows.append({"temperature": temperature, "smoothing": smoothing, **_summary(table, recorded)})
+    return pd.DataFrame([*rows, _summary(recorded.drop(columns="system"), recorded)])
+
+
+def _danced(system: Music2Dance, song: Excerpt, seed: int) -> Motion:
+    return system.generate(song.clip.audio, song.beats, seconds=song.seconds, seed=seed, dance=song.clip.dance)
+
+
+def _summary(table: pd.DataFrame, recorded: pd.DataFrame) -> dict[str, float]:
+    """What of the limits some dances keep, and how lively they are beside the recorded."""
+    both = pd.concat([recorded, table.assign(system="own", corpus=recorded["corpus"].iloc[0])], ignore_index=True)
+    limits = endurance_table(both)
+    own = limits[limits["system"] == "own"].groupby("measure")[["within", "of"]].sum()
+    shares = (own["within"] / own["of"])[list(LIMITS)]
+    means = recorded.groupby("dance")[list(COLUMNS)].mean()
+    relative = {
+        f"{name} / recorded": (table.groupby("dance")[name].mean() / means[name]).mean()
+        for name in ("pose variance", "pose speed", "jerk")
+    }
+    return {
+        **shares,
+        "kept": shares.mean(),
+        GUARD[1]: table[GUARD[1]].mean(),
+        GUARD[0]: table[GUARD[0]].mean(),
+        **relative,
+    }

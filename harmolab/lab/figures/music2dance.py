@@ -1,0 +1,196 @@
+"""Figures of Music2Dance: limits that long dances keep, hands and end effectors, losses, marks, and its parts.
+
+Numbered as in the paper (Zhuang et al. 2020); synthetic or untrained material is named in the title by the caller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
+
+from harmolab.lab.figures.framework import draw_diagram
+from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
+from harmolab.types import FloatArray
+
+SIDES = (COLOURS["audio"], COLOURS["miss"])  # left and right, as in contact sheets
+BOX, GAP = 2.05, 0.45  # inches: width of a box, room between two
+PALE = 0.55  # share of dances above which the words in a cell are dark
+
+
+def limits_figure(summary: pd.DataFrame, *, title: str) -> Figure:
+    """How many dances keep each limit: a row for each system, a column for each measure, green for all, red for none.
+
+    Parameters
+    ----------
+    summary : DataFrame of shares, systems by measures
+    title : str
+    """
+    with styled_axes((9.6, 0.5 * len(summary) + 1.7)) as (figure, (ax,)):
+        ax.imshow(summary.to_numpy(np.float64), cmap="RdYlGn", vmin=0, vmax=1, aspect="auto", alpha=0.75)
+        for row, values in enumerate(summary.to_numpy(np.float64)):
+            for column, value in enumerate(values):
+                ax.text(column, row, f"{100 * value:.0f}", ha="center", va="center", color=COLOURS["ink"], fontsize=10)
+        ax.set_xticks(range(summary.shape[1]), [name.replace(" ", "\n", 1) for name in summary.columns])
+        ax.set_yticks(range(len(summary)), summary.index)
+        ax.tick_params(length=0)
+        ax.spines[:].set_visible(False)
+        ax.set_title(title)
+        ax.set_xlabel("% of the dances within the limit that recorded dancers set")
+    return figure
+
+
+def chance_figure(table: pd.DataFrame, *, used: tuple[float, float], title: str) -> Figure:
+    """Movement, shaking and limits kept, by temperature and smoothing; the settings in use are ringed.
+
+    Parameters
+    ----------
+    table : DataFrame with the columns temperature, smoothing, kept, "pose variance / recorded", "jerk / recorded"; rows
+        without a temperature are left out
+    used : temperature and smoothing in use
+    title : str
+    """
+    panels = {"pose variance / recorded": (0.5, None), "jerk / recorded": (None, 2.0), "kept": (None, None)}
+    rows = table.dropna(subset="temperature")
+    with styled_axes((10.0, 3.6), 1, 3) as (figure, axes):
+        for ax, (measure, (least, most)) in zip(axes, panels.items(), strict=True):
+            for (smoothing, own), marker in zip(rows.groupby("smoothing"), "os^D", strict=False):
+                ax.plot(own["temperature"], own[measure], marker=marker, label=f"smoothed over {smoothing:g} s")
+            at = rows[(rows["temperature"] == used[0]) & (rows["smoothing"] == used[1])]
+            ax.plot(at["temperature"], at[measure], "o", ms=15, mfc="none", mec=COLOURS["ink"])
+            for limit in (least, most):
+                if limit is not None:
+                    ax.axhline(limit, color=COLOURS["chance"], linestyle="--")
+            ax.set(xlabel="temperature: share of the predicted spread", title=measure)
+        axes[1].set_yscale("log")
+        axes[2].set_title("share of all limits kept")
+        axes[2].yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes[0].legend()
+        figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def hands_figure(heights: Mapping[str, Any], *, title: str) -> Figure:
+    """Fig. 8: left (blue) and right hand (red) over the floor: one dance in strong lines, all others faint.
+
+    Parameters
+    ----------
+    heights : label -> record with times (T,), raw and smoothed (S, T, 2), metres
+    title : str
+    """
+    with styled_axes((9.6, 2.4 * len(heights) + 0.5), len(heights), 2, sharex=True, sharey=True) as (figure, axes):
+        for row, (label, own) in enumerate(heights.items()):
+            for ax, kind in zip(axes[2 * row : 2 * row + 2], ("raw", "smoothed"), strict=True):
+                draw_hands(ax, own.times, getattr(own, kind))
+                ax.set_title(f"{label}, {kind}")
+        for ax in axes[-2:]:
+            ax.set_xlabel("time (s)")
+        axes[0].set_ylabel("height (m)")
+        figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def draw_hands(ax: Axes, times: FloatArray, heights: FloatArray) -> Axes:
+    """Heights (S, T, 2) of both hands in S dances, and how much they move: range and SD, means over the dances."""
+    for hand, (colour, name) in enumerate(zip(SIDES, ("left", "right"), strict=True)):
+        ax.plot(times, heights[1:, :, hand].T, color=colour, alpha=0.12, linewidth=0.8)
+        ax.plot(times, heights[0, :, hand], color=colour, label=f"{name} hand")
+    span, deviation = np.ptp(heights, axis=1).mean(), heights.std(axis=1).mean()
+    ax.text(
+        0.99, 0.97, f"range {100 * span:.0f} cm, SD {100 * deviation:.1f} cm", transform=ax.transAxes, ha="right",
+        va="top", fontsize=9, color=COLOURS["ink"],
+    )  # fmt: skip
+    return ax
+
+
+def effectors_figure(recorded: FloatArray, generated: Mapping[str, FloatArray], shares: pd.DataFrame) -> Figure:
+    """Fig. 9: end effectors on the first two axes of the recorded ones: recorded grey, generated over them.
+
+    Parameters
+    ----------
+    recorded : (F, 2) array
+    generated : label -> (F', 2) array
+    shares : DataFrame with the columns ablation, share, low, high
+    """
+    with styled_axes((4.6 * len(generated), 4.2), 1, len(generated), sharex=True, sharey=True) as (figure, axes):
+        by_name = shares.set_index("ablation")
+        for ax, (label, points) in zip(axes, generated.items(), strict=True):
+            ax.plot(*recorded.T, ".", ms=2, color=COLOURS["faint"], rasterized=True)
+            ax.plot(*points[:: max(1, len(points) // 4000)].T, ".", ms=2, color=COLOURS["visual"], rasterized=True)
+            row = by_name.loc[label]
+            span = f" ({row['low']:.2f} to {row['high']:.2f})" if np.isfinite(row["low"]) else ""
+            ax.set_title(f"{label}: {row['share']:.2f}{span}\nof the recorded variance")
+            ax.set_xlabel("first axis (m)")
+        axes[0].set_ylabel("second axis (m)")
+    return figure
+
+
+def clusters_figure(histories: Mapping[str, Sequence[pd.DataFrame]], *, title: str) -> Figure:
+    """Fig. 11: loss over the epochs on the windows that are trained on, and on the same windows for all.
+
+    Parameters
+    ----------
+    histories : label -> histories, one a training, with the columns likelihood (nats a frame) and fixed_nats
+    title : str
+    """
+    columns = {"likelihood": "on the windows of its own training", "fixed_nats": "on the same windows for both"}
+    with styled_axes((9.6, 3.8), 1, 2, sharey=True) as (figure, axes):
+        for ax, (column, words) in zip(axes, columns.items(), strict=True):
+            for (label, tables), colour in zip(histories.items(), SIDES, strict=False):
+                for number, table in enumerate(tables):
+                    own = table[table["phase"] == "teacher"].dropna(subset=column)
+                    ax.plot(own["epoch"] + 1, own[column], color=colour, alpha=0.8, label=label if not number else None)
+            ax.set(title=words, xlabel="epoch")
+        axes[0].set_ylabel("nats a frame")
+        axes[0].legend()
+        figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def marks_figure(marks: pd.DataFrame, weights: Mapping[str, float], *, title: str) -> Figure:
+    """Marks of every system, 0 to 10: four measures by their weights, and the weighted sum with its interval."""
+    names = [*weights, "total"]
+    with styled_axes((10.0, 0.42 * len(marks) + 1.6), 1, len(names), sharey=True) as (figure, axes):
+        for ax, name in zip(axes, names, strict=True):
+            colour = COLOURS["ink"] if name == "total" else COLOURS["audio"]
+            ax.barh(marks["system"], marks[name], color=colour, height=0.6)
+            ax.set(xlim=(0, 10), title=name if name == "total" else f"{name}\n({100 * weights[name]:.0f} %)")
+        ends = marks.dropna(subset="low")
+        axes[-1].hlines(ends["system"], ends["low"], ends["high"], color=COLOURS["visual"], linewidth=2)
+        axes[0].invert_yaxis()
+        figure.suptitle(title, x=0.01, ha="left")
+    return figure
+
+
+def chain_figure(stages: Sequence[tuple[str, str]], *, columns: int = 4, tints: str = "motion") -> Figure:
+    """Boxes from left to right, row by row, with arrows between them: (heading, words) of each."""
+    places = [
+        ((number % columns + 0.5) * (BOX + GAP), -1.25 * (number // columns) - 0.7) for number in range(len(stages))
+    ]
+    boxes = [
+        [x, y, BOX, tints, heading, *words.split("\n")] for (x, y), (heading, words) in zip(places, stages, strict=True)
+    ]
+    arrows = [_way(before, after) for before, after in pairwise(places)]
+    width, height = columns * (BOX + GAP), 1.25 * -(-len(stages) // columns) + 0.2
+    with figure_style():
+        figure = Figure(figsize=(width, height))
+        figure.set_layout_engine("none")
+        ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(-height, 0.0))
+        ax.axis("off")
+        draw_diagram(ax, {"parts": boxes, "arrows": arrows})
+    return figure
+
+
+def _way(before: tuple[float, float], after: tuple[float, float]) -> list[tuple[float, float]]:
+    """From one box to the next: straight on, or down and back to the left."""
+    (x, y), (to, down) = before, after
+    if y == down:
+        return [(x + BOX / 2, y), (to - BOX / 2, down)]
+    middle = (y + down) / 2
+    return [(x, y - 0.4), (x, middle), (to, middle), (to, down + 0.4)]
