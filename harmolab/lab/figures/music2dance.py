@@ -6,7 +6,7 @@ Numbered as in the paper (Zhuang et al. 2020); synthetic or untrained material i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,38 @@ from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
 from harmolab.types import FloatArray
 
 SIDES = (COLOURS["audio"], COLOURS["miss"])  # left and right, as in contact sheets
-BOX, GAP = 2.05, 0.45  # inches: width of a box, room between two
-PALE = 0.55  # share of dances above which the words in a cell are dark
+BOX, GAP, ROW, HALF = 2.05, 0.45, 1.05, 0.36  # inches: width of a box, room between two, a row, half a box's height
+# Heading of a box -> its column and row, and what it is of.
+FRAMEWORK: Mapping[str, tuple[float, float, str]] = MappingProxyType(
+    {
+        "music": (0, 0, "audio"),
+        "mapping network": (1, 0, "audio"),
+        "music at each frame": (2, 0, "audio"),
+        "frames so far": (0, 1, "motion"),
+        "network": (2, 1, "both"),
+        "next frame": (3, 1, "motion"),
+        "dance": (0, 2, "both"),
+        "parameters": (3, 0, "both"),
+    }
+)
+FRAMEWORK_ARROWS = (
+    ("music", "mapping network"), ("mapping network", "music at each frame"), ("music at each frame", "network"),
+    ("frames so far", "network"), ("dance", "network"), ("network", "next frame"),
+)  # fmt: skip
+CHAIN: Mapping[str, tuple[float, float, str]] = MappingProxyType(
+    {
+        "recordings": (0, 1, "motion"),
+        "motion code": (1, 1, "motion"),
+        "figures": (2, 1, "both"),
+        "train": (3, 0, "both"),
+        "validation": (3, 1, "both"),
+        "test": (3, 2, "both"),
+    }
+)
+CHAIN_ARROWS = (
+    ("recordings", "motion code"), ("motion code", "figures"), ("figures", "train"), ("figures", "validation"),
+    ("figures", "test"),
+)  # fmt: skip
 
 
 def limits_figure(summary: pd.DataFrame, *, title: str) -> Figure:
@@ -168,29 +198,53 @@ def marks_figure(marks: pd.DataFrame, weights: Mapping[str, float], *, title: st
     return figure
 
 
-def chain_figure(stages: Sequence[tuple[str, str]], *, columns: int = 4, tints: str = "motion") -> Figure:
-    """Boxes from left to right, row by row, with arrows between them: (heading, words) of each."""
-    places = [
-        ((number % columns + 0.5) * (BOX + GAP), -1.25 * (number // columns) - 0.7) for number in range(len(stages))
-    ]
-    boxes = [
-        [x, y, BOX, tints, heading, *words.split("\n")] for (x, y), (heading, words) in zip(places, stages, strict=True)
-    ]
-    arrows = [_way(before, after) for before, after in pairwise(places)]
-    width, height = columns * (BOX + GAP), 1.25 * -(-len(stages) // columns) + 0.2
+def boxes_figure(
+    boxes: Mapping[str, str], places: Mapping[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str]]
+) -> Figure:
+    """Boxes with words, and arrows between them: to the right along a row, else up or down.
+
+    Parameters
+    ----------
+    boxes : heading -> the lines below it
+    places : heading -> column, row (from the top) and name in `framework.TINTS`; headings without a box are left out
+    arrows : pairs of headings
+    """
+    middles = {
+        name: ((column + 0.5) * (BOX + GAP), -ROW * (row + 0.5))
+        for name, (column, row, _) in places.items()
+        if name in boxes
+    }
+    parts = [[*middles[name], BOX, places[name][2], name, *boxes[name].split("\n")] for name in middles]
+    ways = [_way(middles[one], middles[other]) for one, other in arrows if one in middles and other in middles]
+    width = max(x for x, _ in middles.values()) + (BOX + GAP) / 2
+    height = ROW / 2 - min(y for _, y in middles.values())
     with figure_style():
         figure = Figure(figsize=(width, height))
         figure.set_layout_engine("none")
         ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(-height, 0.0))
         ax.axis("off")
-        draw_diagram(ax, {"parts": boxes, "arrows": arrows})
+        draw_diagram(ax, {"parts": parts, "arrows": ways})
     return figure
 
 
 def _way(before: tuple[float, float], after: tuple[float, float]) -> list[tuple[float, float]]:
-    """From one box to the next: straight on, or down and back to the left."""
+    """From one box to another: straight on in a row, and up or down with one corner between rows."""
     (x, y), (to, down) = before, after
     if y == down:
         return [(x + BOX / 2, y), (to - BOX / 2, down)]
-    middle = (y + down) / 2
-    return [(x, y - 0.4), (x, middle), (to, middle), (to, down + 0.4)]
+    edge = down + (HALF if y > down else -HALF)
+    if x == to:
+        return [(x, y - (HALF if y > down else -HALF)), (to, edge)]
+    if to - x > 1.5 * (BOX + GAP):
+        return [(x + BOX / 2, y), (to, y), (to, edge)]
+    return [(x + BOX / 2, y), (x + (BOX + GAP) / 2, y), (x + (BOX + GAP) / 2, down), (to - BOX / 2, down)]
+
+
+def framework_boxes_figure(boxes: Mapping[str, str]) -> Figure:
+    """Fig. 3: music and motion through the network; `boxes` as of `experiments.dancer_parts.network_boxes`."""
+    return boxes_figure(boxes, FRAMEWORK, FRAMEWORK_ARROWS)
+
+
+def chain_figure(boxes: Mapping[str, str]) -> Figure:
+    """Fig. 2, replaced: recordings to windows; `boxes` as of `experiments.dancer_parts.recording_chain`."""
+    return boxes_figure(boxes, CHAIN, CHAIN_ARROWS)

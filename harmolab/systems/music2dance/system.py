@@ -69,7 +69,7 @@ class Music2Dance(PresetSystem):
         params = network.params
         frames = n_frames(audio, start, seconds, params.fps)
         name = dance if dance in network.dances else network.dances[seed % len(network.dances)]
-        prior = self._movement(name, seed) if initial is None else self._coded(initial)
+        prior = self._movement(name, seed) if initial is None else self.coded(initial)
         track = music_beats(Clip("", audio, beats=beats, dance=dance or ""))
         dance_code = danced(
             network, song_features(audio, track, params.song, name), start=start, frames=frames,
@@ -87,7 +87,7 @@ class Music2Dance(PresetSystem):
         clips = self.poses.of(dance)
         return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
 
-    def _coded(self, initial: Motion) -> FloatArray:
+    def coded(self, initial: Motion) -> FloatArray:
         """Motion and contacts of a motion to go on from; ValueError for one of other joints."""
         code, params = self.generator.motion_code, self.generator.params
         if isinstance(code, PositionCode) and initial.skeleton.joints != code.skeleton.joints:
