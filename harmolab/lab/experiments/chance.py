@@ -32,7 +32,7 @@ from harmolab.lab.experiments.songs import Excerpt
 from harmolab.systems.music2dance.system import Music2Dance
 from harmolab.types import Motion
 
-TEMPERATURES, SMOOTHINGS = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0), (0.0, 0.04, 0.08)
+TEMPERATURES, SMOOTHINGS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0), (0.0, 0.04, 0.08)
 FIRST_SONG = 500  # number of the songs that settings are compared on
 SONGS = 2  # of each dance and training
 

@@ -38,8 +38,8 @@ Beats = Callable[[Excerpt], BeatTrack]
 LEE, LEE_UNWARPED, REN = "Lee et al. 2019", "Lee et al. 2019, without warper", "Ren et al. 2020"
 RIGHT_SONG, CHOREOGRAPHER, BANK = "recorded, right song", "choreographer", "choreographer, shipped bank"
 METERS = "only where a meter begins"
-M2D_PAPER, M2D_PAPER_LSTM = "Music2Dance", "Music2Dance's LSTM baseline"
-M2D, M2D_LSTM = "Music2Dance, recommended", "LSTM baseline, recommended"
+M2D_PAPER, M2D_CALM, M2D = "Music2Dance", "Music2Dance, calm", "Music2Dance, recommended"
+M2D_LSTM, M2D_LSTM_CALM = "Music2Dance's LSTM", "Music2Dance's LSTM, calm"
 HARMOGAN, WITHOUT, RECOMMENDED = "HarmoGAN", "HarmoGAN without L_harmo", "HarmoGAN, recommended loss"
 
 
@@ -209,8 +209,9 @@ def _cheap(name: str) -> Row:
     return Row(partial(_baseline, name, BASELINES[name]), kind, beats, draws=name in DRAWN)
 
 
-def _music2dance_row(settings: str) -> Row:
-    return Row(partial(_music2dance, settings), "network", "yes: its features have them", rival=True)
+def _music2dance_row(settings: str, *, repeats: str = "n_seeds") -> Row:
+    beats = "yes: its features have them"
+    return Row(partial(_music2dance, settings), "network", beats, rival=True, repeats=repeats)
 
 
 ROWS: Mapping[str, Row] = MappingProxyType(
@@ -219,9 +220,10 @@ ROWS: Mapping[str, Row] = MappingProxyType(
         LEE_UNWARPED: Row(partial(_lee, False), "network", "no", rival=True, repeats="n_rivals"),
         LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True, repeats="n_rivals"),
         REN: Row(_ren, "network", "no", "Ren", rival=True, repeats="n_rivals"),
-        M2D_PAPER_LSTM: _music2dance_row("paper, LSTM"),
+        M2D_LSTM: _music2dance_row("paper, LSTM", repeats="n_rivals"),
+        M2D_LSTM_CALM: _music2dance_row("paper, LSTM, calm", repeats="n_rivals"),
         M2D_PAPER: _music2dance_row("paper"),
-        M2D_LSTM: _music2dance_row("recommended, LSTM"),
+        M2D_CALM: _music2dance_row("paper, calm"),
         M2D: _music2dance_row("recommended"),
         WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
         HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),

@@ -18,9 +18,10 @@ from harmolab.io.files import Progress, cached_arrays, keep_arrays, silent
 from harmolab.lab.experiments.contestants import (
     CHOREOGRAPHER,
     M2D,
+    M2D_CALM,
     M2D_LSTM,
+    M2D_LSTM_CALM,
     M2D_PAPER,
-    M2D_PAPER_LSTM,
     RECOMMENDED,
     RIGHT_SONG,
     ROWS,
@@ -41,9 +42,11 @@ from harmolab.systems.music2dance.points import body_points
 from harmolab.types import Clip, FloatArray, Motion
 
 MINUTE, QUICK_SECONDS = 60.0, 10.0
-SEEDS, QUICK_SEEDS = 10, 2
+SEEDS, QUICK_SEEDS, QUICK_DANCES = 10, 2, ("cha-cha", "waltz")
 UNHEARD = 900_000  # first seed of their songs; those of corpora are drawn from another sequence
-DANCERS = (RIGHT_SONG, M2D_PAPER, M2D, M2D_PAPER_LSTM, M2D_LSTM, RECOMMENDED, CHOREOGRAPHER)
+DANCERS = (RIGHT_SONG, M2D_PAPER, M2D_CALM, M2D_LSTM, M2D_LSTM_CALM, M2D, RECOMMENDED, CHOREOGRAPHER)
+LOOKED_AT = (RIGHT_SONG, M2D_PAPER, M2D_CALM, M2D_LSTM_CALM, M2D)
+LOOK_SECONDS, LOOK_FROM = 10.0, 20.0
 GUARD = ("moves like people", "measures within")
 COLUMNS = (*LIMITS, "pose speed", "99.9th percentile", *GUARD)
 
@@ -80,16 +83,18 @@ def n_draws(profile: RunProfile, count: int) -> int:
 
 @cache
 def unheard(profile: RunProfile, corpus: str | None = None, *, trainings: int | None = None) -> Contest:
-    """A contest of songs that no training heard, with all dancers of a corpus; the first corpus when left out.
+    """A contest of songs that no training heard, with all dancers of a corpus (of two dances in a quick profile).
 
     Parameters
     ----------
     profile : RunProfile
-    corpus : str, one of `generation.generator_corpora`
+    corpus : str, one of `generation.generator_corpora`, the first when left out
     trainings : int, of each network; the profile's when left out
     """
     corpus = corpus or generator_corpora(profile)[0]
     dancers = synthetic_songs(profile) if corpus == SYNTHETIC else recorded_songs(profile)
+    if profile.epochs:
+        dancers = [excerpt for excerpt in dancers if excerpt.clip.dance in QUICK_DANCES]
     trainings = profile.n_seeds if trainings is None else trainings
     return Contest(profile, corpus, "songs that no training heard", (), tuple(dancers), trainings)
 
@@ -174,6 +179,21 @@ def _kept(contest: Contest, name: str, contestant: Contestant, dance: str, draw:
         arrays = {"values": np.array([numbers[column] for column in COLUMNS])}
         keep_arrays(key, arrays)
     return arrays["values"]
+
+
+def looked_at(contest: Contest, rows: Iterable[str] = LOOKED_AT) -> dict[str, dict[str, Motion]]:
+    """Dance -> row -> ten seconds: of a recorded dancer, and of each system's first training from second 20 on."""
+    seconds = dance_seconds(contest.profile, LOOK_FROM + LOOK_SECONDS)
+    sheets: dict[str, dict[str, Motion]] = {}
+    for dance, clips in recorded_dancers(contest).items():
+        song, shown = unheard_song(dance, 1, seconds), sheets.setdefault(dance, {})
+        for name in rows:
+            if name == RIGHT_SONG and clips[0].motion is not None:
+                shown["recorded"] = clips[0].motion.span(0.0, min(LOOK_SECONDS, clips[0].motion.duration))
+            elif name != RIGHT_SONG:
+                motion = ROWS[name].contestants(contest)[0].dance(song, 1)
+                shown[name] = motion.span(max(0.0, seconds - LOOK_SECONDS), min(LOOK_SECONDS, seconds))
+    return sheets
 
 
 def endurance_table(dances: pd.DataFrame) -> pd.DataFrame:
