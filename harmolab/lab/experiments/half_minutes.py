@@ -27,16 +27,17 @@ from harmolab.lab.experiments.minutes import (
     recorded_dancers,
     unheard_song,
 )
+from harmolab.lab.experiments.points_net import points_net
 from harmolab.lab.experiments.songs import Excerpt
 from harmolab.metrics.frechet import diversity, frechet_distance, standardise
-from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import foot_skating
 from harmolab.params import HarmonyParams
 from harmolab.significance import LEVEL, auc, mean_interval
+from harmolab.systems.common.pose_network import embed_windows
 from harmolab.types import BeatTrack, FloatArray, Motion
 
 SECONDS, COUNT = 25.0, 20
-PIECE = 5.0  # seconds of a dance that are compared with pieces of recorded ones
+PIECE = 2.0  # seconds of a dance that are compared with pieces of recorded ones
 PERMUTATIONS = 1000
 STATUE = "statue of the recorded"
 SCORES = ("without a pattern", "bar pattern")
@@ -53,13 +54,13 @@ class HalfMinutes:
     ----------
     scores : (S, N, N) array, by `SCORES`: harmony above chance of dance n with the music of dance m; NaN where the
         style has no bar pattern
-    kinetic : (N, P, K) array, kinetic features of pieces of each dance, on the common points
+    poses : (N, P, F) array, pose network's features of pieces of each dance, on the common points
     skating : (N,) array, m/s
     training : (N,) array, 0 for none
     """
 
     scores: FloatArray
-    kinetic: FloatArray
+    poses: FloatArray
     skating: FloatArray
     training: FloatArray
 
@@ -120,11 +121,12 @@ def _measured(
     by_bar = np.full_like(plain, np.nan)
     if pattern is not None and all(track.bar_places is not None for track in tracks):
         by_bar = harmony_matrix(motions, tracks, HarmonyParams.recommended(pattern))
-    pieces = [kinetic_pieces(motion) for motion in motions]
-    least = min((len(each) for each in pieces), default=0)
-    kinetic = np.array([each[:least] for each in pieces])
+    net = points_net(contest.profile, contest.corpus)
+    poses = [embed_windows([common_points(motion)], net, seconds=PIECE) for motion in motions]
+    least = min((len(each) for each in poses), default=0)
     skating = np.array([foot_skating(motion) for motion in motions])
-    return HalfMinutes(np.stack([plain, by_bar]), kinetic, skating, np.array(training, np.float64))
+    pieces = np.array([each[:least] for each in poses])
+    return HalfMinutes(np.stack([plain, by_bar]), pieces, skating, np.array(training, np.float64))
 
 
 def harmony_matrix(motions: Sequence[Motion], tracks: Sequence[BeatTrack], params: HarmonyParams) -> FloatArray:
@@ -137,13 +139,6 @@ def harmony_matrix(motions: Sequence[Motion], tracks: Sequence[BeatTrack], param
     ).reshape(len(motions), len(tracks))
 
 
-def kinetic_pieces(motion: Motion) -> FloatArray:
-    """(P, K) kinetic features of pieces of `PIECE` seconds on the common points."""
-    points = common_points(motion)
-    starts = np.arange(0.0, points.duration - PIECE + 1e-6, PIECE)
-    return np.array([kinetic_features(points.span(start, PIECE)) for start in starts])
-
-
 def right_music(scores: FloatArray, *, seed: int = 0) -> dict[str, float]:
     """Is a dance nearer to its own music than to others'? AUC of the diagonal of (N, N), and what chance makes of it.
 
@@ -151,7 +146,7 @@ def right_music(scores: FloatArray, *, seed: int = 0) -> dict[str, float]:
     -------
     dict : auc, and the middle 95 % of the AUCs where each dance is given the music of another, or its own, at random
     """
-    if len(scores) < 2 or not np.isfinite(scores).all():
+    if np.isfinite(scores.diagonal()).sum() < 2:
         return {"auc": np.nan, "chance low": np.nan, "chance high": np.nan}
     rng, rows = np.random.default_rng(seed), np.arange(len(scores))
     drawn = [_auc(scores, rng.permutation(rows)) for _ in range(PERMUTATIONS)]
@@ -163,7 +158,8 @@ def _auc(scores: FloatArray, own: np.ndarray) -> float:
     """AUC of scores (N, N) with the music `own` (N,) of each dance, against all other music."""
     mask = np.zeros(scores.shape, bool)
     mask[np.arange(len(scores)), own] = True
-    return auc(scores[mask], scores[~mask])
+    right, other = scores[mask], scores[~mask]
+    return auc(right[np.isfinite(right)], other[np.isfinite(other)])
 
 
 def right_music_table(outcomes: Mapping[tuple[str, str], HalfMinutes]) -> pd.DataFrame:
@@ -187,8 +183,7 @@ def right_music_table(outcomes: Mapping[tuple[str, str], HalfMinutes]) -> pd.Dat
 
 def _means(matrix: FloatArray) -> dict[str, float]:
     own = np.eye(len(matrix), dtype=bool)
-    others = matrix[~own]
-    return {"own music": float(matrix[own].mean()), "other music": float(others.mean()) if others.size else np.nan}
+    return {"own music": _mean(matrix[own]), "other music": _mean(matrix[~own])}
 
 
 def _verdict(value: float, low: float, high: float) -> str:
@@ -200,7 +195,7 @@ def _verdict(value: float, low: float, high: float) -> str:
 def machine_marks(outcomes: Mapping[tuple[str, str], HalfMinutes]) -> pd.DataFrame:
     """Four marks of every system, 0 to 10, and their weighted sum (R40), over all dances together.
 
-    Naturalness: Frechet distance of kinetic features from one half of the recorded dancers, 10 as far as the other half
+    Naturalness: Frechet distance of a pose network from one half of the recorded dancers, 10 as far as the other half
     is, 0 as far as statues are. Richness: mean distance between pieces, 10 as of the recorded, 0 as of statues. Music:
     harmony above chance, with the bar pattern where the dance has one, 10 as of the recorded, 0 as of these with other
     music, or where nothing rests. Sliding: 10 as of the recorded or less, 0 as of statues that glide on their paths.
@@ -216,9 +211,7 @@ def machine_marks(outcomes: Mapping[tuple[str, str], HalfMinutes]) -> pd.DataFra
         trainings = sorted({number for each in own for number in each.training.tolist()} - {0.0})
         totals = [_total(scale.marks(own, training)) for training in trainings]
         _, low, high = mean_interval(totals) if totals else (0.0, np.nan, np.nan)
-        marks = scale.marks(
-            [replace(each, kinetic=each.kinetic[1::2]) for each in own] if system == RIGHT_SONG else own
-        )
+        marks = scale.marks([replace(each, poses=each.poses[1::2]) for each in own] if system == RIGHT_SONG else own)
         rows.append({"system": system, **marks, "total": _total(marks), "low": low, "high": high})
     return pd.DataFrame(rows)
 
@@ -241,23 +234,23 @@ class _Scale:
         """From the rows of the recorded dancers and of their statues."""
         recorded = [each for (name, _), each in outcomes.items() if name == RIGHT_SONG]
         still = [each for (name, _), each in outcomes.items() if name == STATUE]
-        half = _pooled([each.kinetic[::2] for each in recorded])
+        half = _pooled([each.poses[::2] for each in recorded])
         bare = cls(half, {}, {})
-        other = bare.numbers([replace(each, kinetic=each.kinetic[1::2]) for each in recorded])
+        other = bare.numbers([replace(each, poses=each.poses[1::2]) for each in recorded])
         worst = bare.numbers(still) | {"music": _mean(_means(_harmony(each))["other music"] for each in recorded)}
         return cls(half, other, worst)
 
     def numbers(self, own: Sequence[HalfMinutes], training: float | None = None) -> dict[str, float]:
         """What is marked, of all dances of a system, or those of one training."""
         rows = [np.ones(len(each.skating), bool) if training is None else each.training == training for each in own]
-        kept = [mask[: len(each.kinetic)] for each, mask in zip(own, rows, strict=True)]
-        pieces = _pooled([each.kinetic[mask] for each, mask in zip(own, kept, strict=True)])
+        kept = [mask[: len(each.poses)] for each, mask in zip(own, rows, strict=True)]
+        pieces = _pooled([each.poses[mask] for each, mask in zip(own, kept, strict=True)])
         pieces, reference = standardise(pieces, self.reference), standardise(self.reference, self.reference)
         music = [_harmony(each).diagonal()[mask] for each, mask in zip(own, rows, strict=True)]
         return {
             "naturalness": frechet_distance(pieces, reference).value,
             "richness": diversity(pieces),
-            "music": _mean(values.mean() for values in music),
+            "music": _mean(_mean(values) for values in music),
             "sliding": float(np.concatenate([each.skating[mask] for each, mask in zip(own, rows, strict=True)]).mean()),
         }
 
@@ -268,9 +261,9 @@ class _Scale:
         return {name: 0.0 if np.isnan(marks[name]) else marks[name] for name in MARKS}
 
 
-def _pooled(kinetic: Sequence[FloatArray]) -> FloatArray:
+def _pooled(poses: Sequence[FloatArray]) -> FloatArray:
     """Pieces (N, P, K) of several styles as rows (R, K)."""
-    return np.concatenate([each.reshape(-1, each.shape[-1]) for each in kinetic if each.size])
+    return np.concatenate([each.reshape(-1, each.shape[-1]) for each in poses if each.size])
 
 
 def _mean(values: Iterable[float]) -> float:

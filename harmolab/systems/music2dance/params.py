@@ -162,9 +162,9 @@ class Music2DanceParams:
 
     @classmethod
     def recommended(cls) -> Music2DanceParams:
-        """Positions; most of the frame before is carried over; contacts that count; little chance, and smooth."""
+        """Positions; most of the frame before is carried over; contacts that count; half the chance, smoothed."""
         return replace(
-            cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.1,
+            cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.5,
             smoothing=0.04, start_seconds=5.0,
         )  # fmt: skip
 

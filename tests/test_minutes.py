@@ -1,0 +1,238 @@
+"""Dances of minutes and half minutes in tables: planted dancers whose answers are known by construction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harmolab.beats.audio import audio_beats
+from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
+from harmolab.lab.experiments import contestants, half_minutes, memory, minutes
+from harmolab.lab.experiments.ablated import HandHeights
+from harmolab.lab.experiments.contestants import RIGHT_SONG, Contestant, Row
+from harmolab.lab.experiments.contests import Contest
+from harmolab.lab.experiments.endurance import LIMITS
+from harmolab.lab.experiments.half_minutes import (
+    MARKS,
+    STATUE,
+    HalfMinutes,
+    machine_marks,
+    mark,
+    right_music,
+    right_music_table,
+)
+from harmolab.lab.experiments.memory import nearest_pieces
+from harmolab.lab.experiments.minutes import (
+    COLUMNS,
+    endurance_summary,
+    endurance_table,
+    likeness_table,
+    recorded_dancers,
+    unheard_song,
+)
+from harmolab.lab.experiments.songs import Excerpt
+from harmolab.lab.figures.music2dance import (
+    boxes_figure,
+    chance_figure,
+    clusters_figure,
+    effectors_figure,
+    hands_figure,
+    limits_figure,
+    marks_figure,
+)
+from harmolab.lab.profile import RunProfile
+from harmolab.params import DANCES
+from harmolab.types import Clip, Motion
+
+PROFILE = replace(RunProfile.quick(), n_seeds=2)
+PLANTED, FROZEN = "planted dancer", "frozen pose"
+
+
+def planted(excerpt: Excerpt, seed: int) -> Motion:
+    """A synthetic dancer who knows the very beats of the song: it comes with the same settings."""
+    number = int(excerpt.song.rpartition(" ")[2])
+    place = list(DANCES).index(excerpt.clip.dance)
+    settings = ClipSettings(
+        excerpt.clip.dance, seconds=excerpt.seconds, seed=minutes.UNHEARD + 1000 * place + number, fps=25.0
+    )
+    motion = planted_clip(settings).clip.motion
+    assert motion is not None
+    return motion
+
+
+def frozen(excerpt: Excerpt, seed: int) -> Motion:
+    dancer = planted(excerpt, seed)
+    return Motion(np.repeat(dancer.positions[:1], dancer.n_frames, axis=0), dancer.fps, dancer.skeleton)
+
+
+def contestant(name: str, dance: Callable[[Excerpt, int], Motion], contest: Contest, training: int) -> Contestant:
+    return Contestant(dance, f"{name} {training}")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def rows(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Two rows of dancers with known answers, each of two trainings, and a cache of their own."""
+    own = {
+        name: Row(partial(contestant, name, dance), "network", "")
+        for name, dance in ((PLANTED, planted), (FROZEN, frozen))
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARMOLAB_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setattr(minutes, "QUICK_SECONDS", 14.0)
+        for module in (contestants, minutes, half_minutes, memory):
+            patch.setattr(module, "ROWS", {**contestants.ROWS, **own})
+        yield
+
+
+@pytest.fixture(scope="module")
+def contest() -> Contest:
+    dancers = []
+    for dance in ("cha-cha", "waltz"):
+        for seed in (1, 2, 3, 4):
+            clip = synthetic_clip(dance, seconds=24.0, fps=25.0, seed=seed)
+            own = Clip(f"{dance} recorded {seed}", clip.audio, clip.motion, 0.0, "", audio_beats(clip.audio), dance)
+            dancers.append(Excerpt(own.name, own, 0.0))
+    return Contest(PROFILE, "synthetic", "unheard", (), tuple(dancers), 2)
+
+
+@pytest.fixture(scope="module")
+def dances(contest: Contest) -> pd.DataFrame:
+    return minutes.minutes(contest, rows=[RIGHT_SONG, PLANTED, FROZEN])
+
+
+def test_songs_are_of_no_corpus_and_know_their_one():
+    song = unheard_song("waltz", 3, 12.0)
+    assert song.seconds == 12.0 and song.beats.bar_places is not None
+    assert set(np.diff(song.beats.bar_places) % 3) == {1}
+    assert unheard_song("waltz", 4, 12.0).clip.audio.samples.tobytes() != song.clip.audio.samples.tobytes()
+
+
+def test_every_recording_counts_once(contest: Contest):
+    assert {dance: len(clips) for dance, clips in recorded_dancers(contest).items()} == {"cha-cha": 4, "waltz": 4}
+
+
+def test_a_planted_dancer_keeps_the_limits_and_a_frozen_pose_does_not(dances: pd.DataFrame):
+    assert set(COLUMNS) <= set(dances) and set(dances["seconds"]) == {14.0}
+    assert dances[dances["system"] == PLANTED]["training"].tolist() == [1, 2, 1, 2]
+    summary = endurance_summary(endurance_table(dances))
+    assert list(summary.columns) == list(LIMITS)
+    assert (summary.loc[RIGHT_SONG] == 1.0).all()
+    assert summary.loc[PLANTED].mean() > 0.9
+    assert summary.loc[FROZEN, ["slowest 10 s", "pose variance", "still", "freezing"]].tolist() == [0.0] * 4
+    assert summary.loc[FROZEN, "jerk"] == 1.0
+
+
+def test_what_was_measured_is_kept(contest: Contest, dances: pd.DataFrame, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(minutes, "measures", None)
+    again = minutes.minutes(contest, rows=[PLANTED])
+    np.testing.assert_array_equal(again[list(COLUMNS)], dances.loc[dances["system"] == PLANTED, list(COLUMNS)])
+
+
+def test_likeness_has_a_row_for_all_dances_and_its_interval_over_trainings(dances: pd.DataFrame):
+    table = likeness_table(dances).set_index(["system", "dance"])
+    assert table.loc[(FROZEN, "all"), "moves like people"] == 0.0
+    assert table.loc[(PLANTED, "all"), "interval over"] == "trainings"
+    assert table.loc[(RIGHT_SONG, "all"), "interval over"] == "dances"
+    assert table.loc[(PLANTED, "all"), "dances"] == 4
+
+
+@pytest.fixture(scope="module")
+def halves(contest: Contest) -> dict[tuple[str, str], HalfMinutes]:
+    return half_minutes.half_minutes(contest, rows=[RIGHT_SONG, PLANTED, FROZEN])
+
+
+def test_own_music_is_told_from_other_music_by_its_place_on_the_diagonal():
+    rng = np.random.default_rng(0)
+    noise = rng.normal(size=(20, 20))
+    outcome = right_music(noise + 5 * np.eye(20))
+    assert outcome["auc"] > 0.99 > outcome["chance high"]
+    nothing = right_music(noise)
+    assert nothing["chance low"] < nothing["auc"] < nothing["chance high"]
+    assert np.isnan(right_music(np.full((3, 3), np.nan))["auc"])
+
+
+def test_planted_dancers_are_nearer_to_their_own_music(halves: dict[tuple[str, str], HalfMinutes]):
+    table = right_music_table(halves)
+    own = table[(table["system"] == PLANTED) & (table["score"] == "without a pattern")]
+    assert (own["own music"] > own["other music"] + 0.2).all()
+    assert STATUE not in set(table["system"])
+
+
+def test_marks_go_from_statues_to_recorded_dancers(halves: dict[tuple[str, str], HalfMinutes]):
+    marks = machine_marks(halves).set_index("system")
+    assert sum(MARKS.values()) == pytest.approx(1.0)
+    assert marks.loc[RIGHT_SONG, list(MARKS)].tolist() == pytest.approx([10.0] * 4)
+    assert marks.loc[STATUE, ["naturalness", "richness", "music", "sliding"]].tolist() == [0.0] * 4
+    assert marks.loc[FROZEN, "music"] == 0.0 and marks.loc[FROZEN, "richness"] < marks.loc[PLANTED, "richness"]
+    assert marks.loc[PLANTED, "total"] > marks.loc[FROZEN, "total"] + 2
+    weighted = sum(weight * marks.loc[PLANTED, name] for name, weight in MARKS.items())
+    assert marks.loc[PLANTED, "total"] == pytest.approx(weighted)
+
+
+@pytest.mark.parametrize(("value", "expected"), [(5.0, 0.0), (7.0, 0.0), (1.0, 10.0), (0.0, 10.0), (2.0, 7.5)])
+def test_a_mark_lies_between_the_worst_and_the_best(value: float, expected: float):
+    assert mark(value, worst=5.0, best=1.0) == expected
+
+
+def test_a_repeated_movement_is_near_and_a_shifted_one_as_far_as_it_was_shifted():
+    motion = synthetic_clip("cha-cha", seconds=12.0, fps=25.0, seed=5).motion
+    assert motion is not None
+    learnt = memory._pieces(motion, hop=1)
+    np.testing.assert_allclose(nearest_pieces([motion], learnt), 0.0, atol=1e-9)
+    raised = motion.positions.copy()
+    hand = next(number for number, name in enumerate(motion.skeleton.joints) if "hand" in name.lower())
+    raised[:, hand, 1] += 0.2
+    moved = nearest_pieces([Motion(raised, motion.fps, motion.skeleton)], learnt)
+    assert (moved > 0.1).all() and (moved < 20.0).all()
+
+
+def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[tuple[str, str], HalfMinutes]):
+    summary = endurance_summary(endurance_table(dances))
+    figure = limits_figure(summary, title="limits")
+    assert [text.get_text() for text in figure.axes[0].texts][: len(LIMITS)] == ["100"] * len(LIMITS)
+    marks = marks_figure(machine_marks(halves), MARKS, title="marks")
+    assert len(marks.axes) == 5 and marks.axes[0].get_xlim() == (0, 10)
+    table = pd.DataFrame(
+        {
+            "temperature": [0.0, 1.0, np.nan], "smoothing": [0.0, 0.0, np.nan], "kept": [0.5, 0.2, 1.0],
+            "pose variance / recorded": [0.4, 1.0, 1.0], "jerk / recorded": [0.5, 9.0, 1.0],
+        }
+    )  # fmt: skip
+    assert len(chance_figure(table, used=(0.0, 0.0), title="chance").axes[2].lines[0].get_xdata()) == 2
+
+
+def test_hands_effectors_and_losses_are_drawn_as_they_are():
+    times = np.arange(10) / 25
+    heights = np.random.default_rng(0).normal(1, 0.1, (4, 10, 2))
+    own = HandHeights(times, heights, heights)
+    figure = hands_figure({"one": own, "other": own}, title="hands")
+    spread = np.ptp(heights, axis=1).mean() * 100
+    assert f"range {spread:.0f} cm" in figure.axes[0].texts[0].get_text()
+    shares = pd.DataFrame({"ablation": ["a"], "share": [0.5], "low": [np.nan], "high": [np.nan]})
+    points = np.random.default_rng(1).normal(size=(50, 2))
+    assert "0.50" in effectors_figure(points, {"a": points}, shares).axes[0].get_title("left")
+    history = pd.DataFrame({"phase": "teacher", "epoch": [0, 1], "likelihood": [2.0, 1.0], "fixed_nats": [np.nan, 3.0]})
+    axes = clusters_figure({"a": [history]}, title="losses").axes
+    assert axes[1].lines[0].get_ydata().tolist() == [3.0]
+
+
+def test_boxes_are_drawn_with_their_words_and_missing_ones_are_left_out():
+    places = {"a": (0, 0, "audio"), "b": (1, 0, "motion"), "c": (1, 1, "both"), "d": (2, 0, "both")}
+    figure = boxes_figure({"a": "one", "b": "two\nlines", "c": "three"}, places, [("a", "b"), ("a", "c"), ("a", "d")])
+    words = [text.get_text() for text in figure.axes[0].texts]
+    assert {"a", "one", "b", "two", "lines", "c", "three"} <= set(words) and "d" not in words
+    assert len([patch for patch in figure.axes[0].patches if patch.get_gid() == "arrow"]) == 2
+
+
+def test_the_cache_of_a_contest_is_its_own(contest: Contest):
+    other = replace(contest, music="other songs")
+    song = unheard_song("waltz", 1, 10.0)
+    one, two = (
+        minutes.kept_name("minutes", each, PLANTED, Contestant(planted, "x"), [song], {}) for each in (contest, other)
+    )
+    assert one != two
