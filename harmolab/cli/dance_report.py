@@ -37,8 +37,9 @@ class DanceReport:
     score : HarmonyScore of both
     likeness : Likeness of the motion
     choreography : Choreography, None where it was not made of recordings
-    remarks : sentences about the dancer
+    remarks : sentences about the dancer, and about the music where it was asked which dance that is
     knows_bars : bool, whether it is of use to be told the dance, or where its bars begin
+    dance_probabilities : dance -> how likely the music is one, None where that was not asked
     """
 
     seed: int
@@ -50,6 +51,7 @@ class DanceReport:
     choreography: Choreography | None = None
     remarks: tuple[str, ...] = ()
     knows_bars: bool = True
+    dance_probabilities: Mapping[str, float] | None = None
 
     @cached_property
     def has_harmony(self) -> bool:
@@ -124,6 +126,7 @@ class DanceReport:
             "likeness": {name: getattr(self.likeness, name) for name in LIKENESS},
             "harmony": self.score.to_dict() if self.has_harmony else None,
             "remarks": self.remarks,
+            "dance_probabilities": self.dance_probabilities,
             **{name: getattr(self.choreography, name) for name in joined},
         }
 

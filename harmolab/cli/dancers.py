@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import typer
 
+from harmolab.cli.checks import is_told
 from harmolab.cli.common import note, progress
 from harmolab.cli.training import accepted
 
@@ -26,7 +28,21 @@ TOO_FEW = (
     "by them may be another style"
 )
 NO_BAR = "the bar of a {dance} is not asked for: the number is that of `harmolab score` without --dance"
+OTHER_DANCE = "these weights did not learn it, so they dance another one, judged as no dance in particular"
+NAMED_OTHERS = 3  # dances that come next, in words; --json has all
 TRAIN_HINT = "install it with: pip install 'harmolab[train]'"
+
+
+@runtime_checkable
+class Listener(Protocol):
+    """A system that can be asked which dance a song calls for."""
+
+    @property
+    def dances(self) -> tuple[str, ...]:
+        """Dances that it learnt."""
+
+    def dance_probabilities(self, audio: Audio) -> Mapping[str, float]:
+        """Dance -> its probability, the most likely first; ValueError where it cannot tell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +57,8 @@ class Dancer:
     limits : LikenessLimits of its recordings, None for those of the package
     knows_bars : bool, whether its dances have places in the bar that can be judged
     remarks : sentences about it that are printed with every dance
+    listener : the system where it is to say which dance the music is, else None
+    dance_probabilities : its answer, once it was asked
     """
 
     system: System
@@ -49,6 +67,25 @@ class Dancer:
     limits: LikenessLimits | None = None
     knows_bars: bool = True
     remarks: tuple[str, ...] = ()
+    listener: Listener | None = None
+    dance_probabilities: Mapping[str, float] | None = None
+
+    def for_music(self, audio: Audio, dance: str) -> tuple[Dancer, str]:
+        """The dancer, and the dance to be danced and judged as: `dance`, or the one that its listener hears.
+
+        Raises
+        ------
+        ValueError
+            If the listener cannot tell.
+        """
+        if self.listener is None:
+            return self, dance
+        probabilities = self.listener.dance_probabilities(audio)
+        likely = next(iter(probabilities))
+        name = likely if likely in self.listener.dances else ""
+        remarks = (*self.remarks, dance_in_words(probabilities), *([] if name else [OTHER_DANCE]))
+        options = self.options | {"dance": name or None}
+        return replace(self, options=options, remarks=remarks, dance_probabilities=probabilities), name
 
     def dance(self, audio: Audio, beats: BeatTrack, **more: Any) -> tuple[Motion, Choreography | None]:
         """A motion, and what it is made of where it was made of recordings."""
@@ -85,7 +122,9 @@ def dancer_of(
     if isinstance(trained, Choreographer):
         return _of_recordings(context, trained)
     options = accepted(trained.generate, context, {"progress": progress})
-    return Dancer(trained, options, limits=getattr(trained, "limits", None))
+    is_asked = is_told(context, "dance") and not dance  # --dance ""
+    listener = trained if is_asked and isinstance(trained, Listener) else None
+    return Dancer(trained, options, limits=getattr(trained, "limits", None), listener=listener)
 
 
 def _check_choice(
@@ -167,3 +206,18 @@ def _trained(weights: Path | None, system: str | None) -> System:
         return load(shipped if weights is None else weights, system=system)
     except ModuleNotFoundError as error:
         raise ValueError(f"{weights or system}: dancing with it needs {error.name}; {TRAIN_HINT}") from None
+
+
+def dance_in_words(probabilities: Mapping[str, float]) -> str:
+    """The dance that a song sounds like, and how likely it and the next ones are.
+
+    >>> dance_in_words({"waltz": 0.62, "cha-cha": 0.2, "rumba": 0.18})
+    'the music sounds like a waltz (0.62; cha-cha 0.20, rumba 0.18)'
+    """
+    from harmolab.params import DANCES
+
+    (likely, share), *others = probabilities.items()
+    named = [f"{name} {value:.2f}" for name, value in others[:NAMED_OTHERS]]
+    more = ["..."] if len(others) > len(named) else []
+    noun = f"a {likely}" if likely in DANCES else repr(likely)
+    return f"the music sounds like {noun} ({'; '.join(filter(None, [f'{share:.2f}', ', '.join(named + more)]))})"

@@ -67,7 +67,11 @@ def dance(
         typer.Option(help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic)."),
     ] = None,
     dance: Annotated[
-        str, typer.Option(help="What the music is (waltz, ...): its usual tempo, and the dance to be judged as.")
+        str,
+        typer.Option(
+            help="What the music is (waltz, ...): its usual tempo, and the dance to be judged as. With --weights of "
+            'music2dance, --dance "" asks their classifier.'
+        ),
     ] = "",
     one: One = None,
     seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
@@ -86,6 +90,16 @@ def dance(
     ] = None,
     pattern: PatternFile = None,
     plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
+    feet: Annotated[
+        str | None,
+        typer.Option(
+            help="How, in music2dance: planted (default), model (a network that was trained for it), or none."
+        ),
+    ] = None,
+    temperature: Annotated[
+        float | None,
+        typer.Option(help="Chance in music2dance: share of the predicted spread that is drawn, 0 to 4."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Dance to a song: recorded movement, chosen beat by beat and laid on the music. No training, no torch.
@@ -112,11 +126,16 @@ def dance(
         )
         if pattern is not None and not dancer.knows_bars:
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
+        from harmolab.corpora.files import song_beats
         from harmolab.harmony import score_clip
         from harmolab.metrics.likeness import likeness
+        from harmolab.params import DANCES
         from harmolab.types import Clip
 
-        sound, audio, track = _music(song, dance, one)
+        sound, audio = _sound(song)
+        with finding_beats():
+            dancer, dance = dancer.for_music(audio, dance)
+            track = song_beats(audio, dance=dance if dance in DANCES else "", one=one)
         params = recommended(pattern, dance if dancer.knows_bars else "")
 
         def danced(number: int) -> DanceReport:
@@ -126,8 +145,9 @@ def dance(
             score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
             judged = likeness(motion, dance=dance, limits=dancer.limits)
             return DanceReport(
-                number, motion, start, music, score, judged, choreography, dancer.remarks, knows_bars=dancer.knows_bars
-            )
+                number, motion, start, music, score, judged, choreography, dancer.remarks,
+                knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
+            )  # fmt: skip
 
         is_open = samples == 1 and dancer.choreographer is not None and not is_told(context, "seed")
         reports: list[DanceReport] = []
@@ -176,16 +196,13 @@ def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: H
     return harmonise(motion, music, reach=reach * CENTIMETRE, params=params, progress=progress)
 
 
-def _music(song: Path, dance: str, one: float | None) -> tuple[Audio, Audio, BeatTrack]:
-    """The song at its own sample rate, as beats are tracked in it, and its beats; a dance of known tempo is a prior."""
-    from harmolab.corpora.files import song_beats, tracked_sound
+def _sound(song: Path) -> tuple[Audio, Audio]:
+    """The song at its own sample rate, and as beats are tracked in it."""
+    from harmolab.corpora.files import tracked_sound
     from harmolab.io.video_sound import load_sound
-    from harmolab.params import DANCES
 
     sound = load_sound(song, sample_rate=None)
-    audio = tracked_sound(song, sound)
-    with finding_beats():
-        return sound, audio, song_beats(audio, dance=dance if dance in DANCES else "", one=one)
+    return sound, tracked_sound(song, sound)
 
 
 def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:

@@ -27,11 +27,15 @@ from harmolab.systems.common.runs import locked_run
 from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
 from harmolab.systems.common.song_layers import FrameLayers, SongEncoder, TemporalConvolution
 from harmolab.systems.common.weights import save_weights, stored_record
+from harmolab.systems.music2dance.params import MOST_RATE, MOST_SECONDS
 from harmolab.types import FloatArray
 
 Front = Literal["convolution", "frames"]
 FRONTS: tuple[Front, ...] = ("convolution", "frames")
 N_AUDIO = 15
+MOST_CLASSES, LONGEST_NAME = 256, 64
+MOST_OVERLAP = 30  # windows that a moment of a song may be part of; more would only fill the memory
+AT_ONCE = 64  # windows of a song that are heard at once, so that a long song takes little memory
 SETTLED = 256  # windows that batch normalisation takes its last statistics from, at most
 
 
@@ -72,6 +76,13 @@ class AttributeParams:
             raise ValueError(f"front must be {' or '.join(FRONTS)}, got {self.front!r}")
         if not self.channels or min(self.channels) < 1 or self.dropout >= 1:
             raise ValueError("convolutions need channels, and dropout must leave something")
+        if (
+            self.n_cells < 1
+            or self.rate > MOST_RATE
+            or self.window > MOST_SECONDS
+            or self.window > MOST_OVERLAP * self.hop
+        ):
+            raise ValueError("rate, window and hop must be of a size that a song can be heard in")
 
     @property
     def n_cells(self) -> int:
@@ -94,6 +105,8 @@ class AttributeClassifier(nn.Module):
     ----------
     params : AttributeParams
     classes : names
+
+    Its attribute `meta`, about its training, is kept with stored weights.
     """
 
     system = "music2dance attributes"
@@ -101,6 +114,7 @@ class AttributeClassifier(nn.Module):
     def __init__(self, params: AttributeParams, classes: Sequence[str]) -> None:
         super().__init__()
         self.params, self.classes = params, tuple(classes)
+        self.meta: dict[str, Any] = {}
         self.audio_scale = Normaliser(N_AUDIO)
         front = (
             TemporalConvolution(N_AUDIO, params.channels, params.dropout)
@@ -121,8 +135,9 @@ class AttributeClassifier(nn.Module):
     @torch.no_grad()
     def window_probabilities(self, music: NDArray[np.float32]) -> FloatArray:
         """Of each class in each window, (N, K)."""
-        windows = torch.from_numpy(song_windows(music, self.params))
-        shares: FloatArray = self.eval()(windows).softmax(dim=1).double().numpy()
+        self.eval()
+        parts = torch.from_numpy(song_windows(music, self.params)).split(AT_ONCE)
+        shares: FloatArray = torch.cat([self(part).softmax(dim=1) for part in parts]).double().numpy()
         return shares
 
     def description(self) -> dict[str, Any]:
@@ -132,7 +147,13 @@ class AttributeClassifier(nn.Module):
     @classmethod
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A classifier as its description says; ValueError for sizes that cannot be."""
-        return cls(stored_record(AttributeParams, build["params"]), [str(name) for name in build["classes"]])
+        classes = [str(name) for name in build["classes"]]
+        if not 0 < len(classes) == len(set(classes)) <= MOST_CLASSES or max(map(len, classes)) > LONGEST_NAME:
+            raise ValueError(
+                f"describes {len(classes)} classes; one to {MOST_CLASSES} different names of {LONGEST_NAME} letters at "
+                "most are needed"
+            )
+        return cls(stored_record(AttributeParams, build["params"]), classes)
 
 
 def song_windows(music: NDArray[np.float32], params: AttributeParams) -> NDArray[np.float32]:

@@ -23,6 +23,7 @@ from harmolab.types import FloatArray, Motion, Skeleton
 
 ROOT = 7  # channels of the root in the code of rotations
 END_EFFECTORS = ("toe L", "toe R", "head", "hand L", "hand R")
+APART = 0.01  # radians, or metres, by which the bodies of two codes of rotations may differ
 EVERY = 5  # frames: a body's shape is fitted to one in so many
 
 
@@ -207,6 +208,20 @@ def stored_code(stored: Mapping[str, Any]) -> PositionCode | RotationCode:
         raise ValueError(f"describes motion as {str(stored['kind'])[:40]!r}, which is not known, or of another body")
     body = Body(skeleton, _numbers(stored["offsets"], (n_joints, 3)))
     return RotationCode(body, _numbers(stored["means"], (n_joints, 3)), bool(stored["end_effectors"]))
+
+
+def check_same_channels(code: PositionCode | RotationCode, needed: PositionCode | RotationCode) -> None:
+    """ValueError unless the channels of a code mean what those of another do; bones may have other lengths."""
+    kinds = [each.to_dict()["kind"] for each in (code, needed)]
+    if kinds[0] != kinds[1]:
+        raise ValueError(f"takes motion as {kinds[0]}; the generator dances {kinds[1]}")
+    if code.skeleton != needed.skeleton:
+        counts = len(code.skeleton.joints), len(needed.skeleton.joints)
+        raise ValueError(f"takes another skeleton ({counts[0]} joints) than the generator's ({counts[1]} joints)")
+    if isinstance(code, RotationCode) and isinstance(needed, RotationCode):
+        pairs = ((code.means, needed.means), (code.body.offsets, needed.body.offsets))
+        if code.end_effectors != needed.end_effectors or not all(np.allclose(*pair, 0, APART) for pair in pairs):
+            raise ValueError("takes rotations from another body at rest; train it on the recordings of the generator")
 
 
 def _numbers(values: Any, shape: tuple[int, ...]) -> FloatArray:

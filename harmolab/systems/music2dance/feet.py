@@ -30,8 +30,9 @@ from harmolab.systems.common.splits import Split
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode
 from harmolab.systems.common.weights import save_weights, stored_record
 from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, PositionCode, RotationCode, stored_code
+from harmolab.systems.music2dance.params import MOST_REACH
 from harmolab.systems.music2dance.sequences import SequenceSet
-from harmolab.systems.music2dance.windows import Windows, WindowSource, training_statistics
+from harmolab.systems.music2dance.windows import LEAST_STD, Windows, WindowSource, training_statistics
 from harmolab.types import FloatArray
 
 Kind = Literal["convolution", "lstm"]
@@ -79,6 +80,8 @@ class FootParams:
             raise ValueError(f"kind must be {' or '.join(KINDS)}, got {self.kind!r}")
         if not self.dilations or min(self.dilations) < 1 or not 0 < self.smoothing[0] <= self.smoothing[1]:
             raise ValueError("dilations must be one or more frames, and smoothing two rising numbers of frames")
+        if sum(self.dilations) > MOST_REACH:
+            raise ValueError(f"dilations must add up to {MOST_REACH} frames at most, got {sum(self.dilations)}")
 
 
 def lower_channels(code: PositionCode | RotationCode) -> list[int]:
@@ -112,6 +115,8 @@ class FootModel(nn.Module):
     ----------
     params : FootParams
     code : of the motion
+
+    Its attribute `meta`, about its training, is kept with stored weights.
     """
 
     system = "music2dance feet"
@@ -119,6 +124,7 @@ class FootModel(nn.Module):
     def __init__(self, params: FootParams, code: PositionCode | RotationCode) -> None:
         super().__init__()
         self.params, self.motion_code = params, code
+        self.meta: dict[str, Any] = {}
         self.motion_scale = Normaliser(code.n_motion)
         self.lower, self.feet = lower_channels(code), foot_channels(code)
         n_in, n_out = len(self.lower) + len(self.feet) + CONTACTS, len(self.lower)
@@ -156,9 +162,10 @@ class FootModel(nn.Module):
     def correct(self, code: FloatArray, contacts: FloatArray) -> FloatArray:
         """A motion code (T, C), not standardised, with the increments in it."""
         motion, standing = (torch.from_numpy(values).float()[None] for values in (code, contacts))
-        changed = self.eval().corrected(self.motion_scale(motion), standing)[0].double()
-        scaled: FloatArray = (changed * self.motion_scale.std + self.motion_scale.mean).numpy()
-        return scaled
+        scaled = self.motion_scale(motion)
+        increments = (self.eval().corrected(scaled, standing) - scaled)[0] * self.motion_scale.std.clamp(min=LEAST_STD)
+        corrected: FloatArray = code + increments.double().numpy()
+        return corrected
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -10,12 +11,17 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from harmolab.io.files import Progress
+from harmolab.systems.common.grounding import grounded
 from harmolab.systems.common.layers import Normaliser
+from harmolab.systems.music2dance.codes import RotationCode
+from harmolab.systems.music2dance.feet import FootModel
 from harmolab.systems.music2dance.networks import CONTACTS, DanceNetwork
 from harmolab.systems.music2dance.sampler import Sampler, sampler
 from harmolab.systems.music2dance.windows import LEAST_STD, cells_from, n_cells
 from harmolab.types import FloatArray
 
+Feet = Literal["planted", "model", "none"]
+FEET: tuple[Feet, ...] = ("planted", "model", "none")
 EDGE = 1e-3  # weight of a window at its ends
 
 
@@ -91,6 +97,33 @@ def danced(
     if params.smoothing:
         code = gaussian_filter1d(code, params.smoothing * params.fps, axis=0, mode="nearest")
     return Danced((code * std + mean)[before:], rows[before:, -CONTACTS:].astype(np.float64))
+
+
+def dance_positions(network: DanceNetwork, dance: Danced, feet: Feet, model: FootModel | None = None) -> FloatArray:
+    """Positions (T, J, 3) of a dance on the floor: its feet `planted_feet`, corrected by a foot model, or as they are.
+
+    Raises
+    ------
+    ValueError
+        If the network or the foot model gives numbers that are not finite.
+    """
+    code, fps = network.motion_code, network.params.fps
+    values = dance.code if feet != "model" or model is None else corrected(model, dance, fps)
+    if not np.isfinite(values).all():
+        raise ValueError(f"the {'foot model' if feet == 'model' else 'network'} gives no finite dance; train it anew")
+    return grounded(code.decode(values, fps), fps, code.skeleton, plant_feet=feet == "planted")
+
+
+def corrected(model: FootModel, dance: Danced, fps: float) -> FloatArray:
+    """The motion code (T, C) of a dance with a foot model's increments (Eq. 14).
+
+    In a code of rotations the model sees the feet where the rotations put them, as it does in training, and not where
+    the network predicts them.
+    """
+    code = model.motion_code
+    return model.correct(
+        code.refreshed(dance.code, fps) if isinstance(code, RotationCode) else dance.code, dance.contacts
+    )
 
 
 def _frames(

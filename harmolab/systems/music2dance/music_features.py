@@ -13,7 +13,7 @@ import numpy as np
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.beats.audio import HOP, LATENESS
+from harmolab.beats.audio import HOP, LATENESS, audio_beats
 from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, FloatArray
@@ -49,6 +49,11 @@ def music_features(audio: Audio, beats: BeatTrack, *, meter: int = 4, rate: floa
     ones = beats.select(beats.bar_places == 0 if beats.bar_places is not None else accented_place(beats, meter=meter))
     marks = [marked(track.times, cells, rate) for track in (beats, ones)]
     return np.column_stack([sound[:, 0], *marks, sound[:, 1:]]).astype(np.float32)
+
+
+def blind_features(audio: Audio, *, rate: float = 10.0) -> SingleArray:
+    """`music_features` of a song whose dance is not known: the tracker has no prior of tempo (R15)."""
+    return music_features(audio, audio_beats(audio), rate=rate)
 
 
 def mel_features(audio: Audio, *, rate: float = 10.0, bands: int = 80) -> SingleArray:

@@ -20,6 +20,7 @@ FEATURES: tuple[Features, ...] = ("attributes", "mel")
 GENERATORS: tuple[Generator, ...] = ("wavenet", "lstm")
 # Beyond these, settings in a file are not ours: they would only fill the memory.
 MOST_REACH, MOST_RATE, MOST_SECONDS = 4096, 240.0, 60.0
+MOST_TEMPERATURE = 4.0  # all of the predicted deviation, 1, already shakes
 
 
 @dataclass(frozen=True)
@@ -139,8 +140,17 @@ class Music2DanceParams:
 
     def __post_init__(self) -> None:
         free = [field.name for field in fields(self) if field.name.endswith(("_epochs", "_drop", "_seconds"))]
-        free += ["carry", "contact_weight", "noise", "motion_dropout", "clusters", "temperature", "smoothing", "seed"]
-        others = ["song", "generator", "representation", "end_effectors", "mapping", "dilations", "noisy_target"]
+        free += ["carry", "contact_weight", "noise", "motion_dropout", "clusters", "smoothing", "seed"]
+        others = [
+            "temperature",
+            "song",
+            "generator",
+            "representation",
+            "end_effectors",
+            "mapping",
+            "dilations",
+            "noisy_target",
+        ]
         positive = [field.name for field in fields(self) if field.name not in {*free, *others}]
         check_numbers(self, positive=positive, not_negative=free)
         for name, choices in (("generator", GENERATORS), ("representation", REPRESENTATIONS)):
@@ -152,6 +162,8 @@ class Music2DanceParams:
             raise ValueError(f"music and motion need windows of one length, got {self.song.window} and {self.window} s")
         if self.reach > MOST_REACH or self.fps > MOST_RATE or self.song.rate > MOST_RATE or self.window > MOST_SECONDS:
             raise ValueError("dilations, rates and windows must be of a size that a dance can have")
+        if not 0 <= self.temperature <= MOST_TEMPERATURE:
+            raise ValueError(f"temperature must be from 0 to {MOST_TEMPERATURE:g}, got {self.temperature:g}")
         if self.motion_dropout >= 1 or max(self.carry, self.first_drop, self.second_drop) > 1:
             raise ValueError("motion_dropout must leave something; carry and drops are shares, 0 to 1")
 

@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from harmolab.beats.audio import music_beats
-from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.files import PathLike, Progress, reading, silent
 from harmolab.kinematics import resample_motion
 from harmolab.params import DANCES
+from harmolab.systems.common.about import DEFAULT_STEM, json_file, read_about, weights_stem
 from harmolab.systems.common.contacts import foot_contacts
-from harmolab.systems.common.grounding import grounded
 from harmolab.systems.common.length import n_frames
-from harmolab.systems.common.network_system import PresetSystem
+from harmolab.systems.common.network_system import PresetSystem, check_choice
+from harmolab.systems.common.poses_bank import PoseBank
 from harmolab.systems.common.splits import Split
-from harmolab.systems.music2dance.codes import PositionCode
-from harmolab.systems.music2dance.generate import danced
+from harmolab.systems.common.weights import load_weights, save_weights
+from harmolab.systems.music2dance.attributes import AttributeClassifier
+from harmolab.systems.music2dance.codes import PositionCode, check_same_channels
+from harmolab.systems.music2dance.feet import FootModel
+from harmolab.systems.music2dance.generate import FEET, Feet, dance_positions, danced
+from harmolab.systems.music2dance.music_features import blind_features
 from harmolab.systems.music2dance.networks import DanceNetwork
 from harmolab.systems.music2dance.params import Music2DanceParams
 from harmolab.systems.music2dance.points import body_points
 from harmolab.systems.music2dance.sequences import load_sequences, song_features
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+
+ATTRIBUTES, FOOT_MODEL = "attributes", "feet"  # folders beside the weights, and systems that are trained
+TRAIN = "train one: harmolab train DATA --system {0} --out RUN/{0}, where RUN is the folder of these weights"
+Part = TypeVar("Part", AttributeClassifier, FootModel)
 
 
 class Music2Dance(PresetSystem):
@@ -36,10 +46,38 @@ class Music2Dance(PresetSystem):
     poses : PoseBank, optional
         Movements to go on from, contacts as their last two channels. Without: the mean pose.
     meta : JSON-able mapping about its training, kept with the weights
+    attributes : AttributeClassifier, optional
+        It says which dance a song calls for.
+    feet : FootModel, optional
+        It takes sliding out of dances (``feet="model"``).
+
+    Raises
+    ------
+    ValueError
+        If the foot model takes another motion code than the generator's.
     """
 
     network, settings = DanceNetwork, Music2DanceParams
     presets = ("recommended", "paper")
+
+    def __init__(
+        self,
+        generator: DanceNetwork,
+        poses: PoseBank | None = None,
+        meta: Mapping[str, Any] | None = None,
+        *,
+        attributes: AttributeClassifier | None = None,
+        feet: FootModel | None = None,
+    ) -> None:
+        super().__init__(generator, poses, meta)
+        if feet is not None:
+            check_same_channels(feet.motion_code, generator.motion_code)
+        self.attributes, self.feet = attributes, feet
+
+    @property
+    def dances(self) -> tuple[str, ...]:
+        """Names of the dances that were danced in training."""
+        return tuple(self.generator.dances)
 
     def generate(
         self,
@@ -52,6 +90,7 @@ class Music2Dance(PresetSystem):
         initial: Motion | None = None,
         dance: str | None = None,
         plant_feet: bool = True,
+        feet: Feet = "planted",
         temperature: float | None = None,
         progress: Progress = silent,
     ) -> Motion:
@@ -60,9 +99,13 @@ class Music2Dance(PresetSystem):
         Parameters
         ----------
         dance : name of a dance; one that was not danced in training, or none, is danced as one that `seed` draws
-        plant_feet : keep feet that carry from sliding
-        temperature : share of the predicted spread that is drawn; that of the training's settings when left out
+        plant_feet : False is ``feet="none"``
+        feet : "planted", "model" or "none"
+            Feet that carry are kept from sliding by `planted_feet`, or by the foot model (Sec. 4.5), or not at all. The
+            dancer is put on the floor in any case.
+        temperature : share of the predicted spread that is drawn, 0 to 4; that of the training's settings when left out
         """
+        feet = self._feet(feet, plant_feet=plant_feet)
         network: DanceNetwork = self.generator if temperature is None else with_temperature(self.generator, temperature)
         if dance and dance not in {*DANCES, *network.dances}:
             raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted({*DANCES, *network.dances} - {''}))}")
@@ -75,9 +118,36 @@ class Music2Dance(PresetSystem):
             network, song_features(audio, track, params.song, name), start=start, frames=frames,
             dance=network.dances.index(name), seed=seed, prior=prior, progress=progress,
         )  # fmt: skip
-        code = network.motion_code
-        positions = grounded(code.decode(dance_code.code, params.fps), params.fps, code.skeleton, plant_feet=plant_feet)
-        return Motion(positions, params.fps, code.skeleton)
+        positions = dance_positions(network, dance_code, feet, self.feet)
+        return Motion(positions, params.fps, network.motion_code.skeleton)
+
+    def dance_probabilities(self, audio: Audio) -> dict[str, float]:
+        """Dance -> its probability, the most likely first, of a song (Sec. 4.3); heard without a prior of tempo (R15).
+
+        Raises
+        ------
+        ValueError
+            If there is no attribute classifier, it gives no numbers, or the music is silent.
+        """
+        if self.attributes is None:
+            raise ValueError(f"these weights have no attribute classifier to ask; {TRAIN.format(ATTRIBUTES)}")
+        music = blind_features(audio, rate=self.attributes.params.rate)
+        if not music.any():
+            raise ValueError("this music is silent, so it sounds like no dance; name the dance")
+        shares = self.attributes.probabilities(music)
+        if not np.isfinite(shares).all():
+            raise ValueError("the attribute classifier gives no finite probabilities; train it anew")
+        pairs = zip(self.attributes.classes, shares.tolist(), strict=True)
+        return dict(sorted(pairs, key=lambda pair: -pair[1]))
+
+    def _feet(self, feet: Feet, *, plant_feet: bool) -> Feet:
+        """The handling of the feet that both options say; ValueError where they contradict, or no model is there."""
+        check_choice("feet", feet, FEET)
+        if feet == "model" and not plant_feet:
+            raise ValueError("feet='model' and plant_feet=False exclude each other; leave one of them out")
+        if feet == "model" and self.feet is None:
+            raise ValueError(f"these weights have no foot model; {TRAIN.format(FOOT_MODEL)}")
+        return feet if plant_feet else "none"
 
     def _movement(self, dance: str, seed: int) -> FloatArray:
         """Motion and contacts (P, C + 2) that a dance goes on from, drawn by `seed`; without a bank the mean pose."""
@@ -88,16 +158,41 @@ class Music2Dance(PresetSystem):
         return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
 
     def coded(self, initial: Motion) -> FloatArray:
-        """Motion and contacts of a motion to go on from; ValueError for one of other joints."""
+        """Motion and contacts of a motion to go on from; ValueError for one of other joints, or in two dimensions."""
         code, params = self.generator.motion_code, self.generator.params
-        if isinstance(code, PositionCode) and initial.skeleton.joints != code.skeleton.joints:
+        if (axes := initial.positions.shape[2]) != 3:
+            raise ValueError(f"initial must be a motion in three dimensions, got {axes}")
+        if not isinstance(code, PositionCode):
+            try:
+                initial = body_points(initial)
+            except ValueError as error:
+                raise ValueError(f"initial has {error}") from None
+        elif initial.skeleton.joints != code.skeleton.joints:
             joints = len(initial.skeleton.joints), len(code.skeleton.joints)
             raise ValueError(
                 f"initial has other joints ({joints[0]}) than the network ({joints[1]}); retarget it first"
             )
-        motion = resample_motion(initial if isinstance(code, PositionCode) else body_points(initial), params.fps)
+        motion = resample_motion(initial, params.fps)
         contacts = foot_contacts(motion.positions, motion.fps, motion.skeleton)
         return np.column_stack([code.encode(motion), contacts])
+
+    def save(self, folder: PathLike) -> None:
+        """As all systems do; classifier and foot model, where there are any, to folders in it."""
+        super().save(folder)
+        for name, part in ((ATTRIBUTES, self.attributes), (FOOT_MODEL, self.feet)):
+            if part is not None:
+                save_weights(Path(folder) / name / DEFAULT_STEM, part, part.meta)
+
+    @classmethod
+    def load(cls, folder: PathLike) -> Self:
+        """The system in the folder of a run, or of a weights file, with the classifier and foot model beside it."""
+        system, home = super().load(folder), weights_stem(folder).parent
+        attributes = stored_part(home / ATTRIBUTES, AttributeClassifier)
+        feet = stored_part(home / FOOT_MODEL, FootModel)
+        if feet is not None:
+            with reading(json_file(weights_stem(home / FOOT_MODEL)), "a foot model"):
+                check_same_channels(feet.motion_code, system.generator.motion_code)
+        return cls(system.generator, system.poses, system.meta, attributes=attributes, feet=feet)
 
     @classmethod
     def material(cls, data: Sequence[PathLike], params: Music2DanceParams, progress: Progress) -> dict[str, Any]:
@@ -111,6 +206,17 @@ class Music2Dance(PresetSystem):
 
         del options["params"]  # `sequences` were read by them, and hold them
         train_music2dance(split, folder=folder, **options)
+
+
+def stored_part(folder: Path, network: type[Part]) -> Part | None:
+    """The network in a folder, None where it holds no weights; ValueError or FileNotFoundError names the file."""
+    stem = weights_stem(folder)
+    if not folder.is_dir() or not any(stem.with_suffix(suffix).exists() for suffix in (".json", ".safetensors")):
+        return None
+    part = load_weights(folder, network)
+    with reading(json_file(stem), "weights of harmolab"):
+        part.meta = dict(read_about(folder).get("meta") or {})
+    return part
 
 
 def with_temperature(network: DanceNetwork, temperature: float) -> DanceNetwork:

@@ -1,0 +1,657 @@
+"""Dancing with Music2Dance: its foot model and classifier on disk, feet, temperature, the dance that music sounds like.
+
+All networks are untrained, with answers planted in their last layers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import safetensors.torch
+import torch
+from typer.testing import Result
+
+from harmolab.cli import app
+from harmolab.cli.dancers import OTHER_DANCE, dance_in_words
+from harmolab.corpora.tang2018 import TANG_23
+from harmolab.io.motion import load_motion
+from harmolab.kinematics import resample_motion
+from harmolab.skeletons import Skeleton
+from harmolab.systems import load
+from harmolab.systems.common.about import read_about
+from harmolab.systems.common.contacts import foot_contacts
+from harmolab.systems.common.poses_bank import PoseBank
+from harmolab.systems.common.weights import save_weights
+from harmolab.systems.music2dance import music_features
+from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams
+from harmolab.systems.music2dance.codes import PositionCode, RotationCode, check_same_channels
+from harmolab.systems.music2dance.feet import FootModel, FootParams
+from harmolab.systems.music2dance.generate import FEET, Danced, corrected
+from harmolab.systems.music2dance.networks import DanceNetwork
+from harmolab.systems.music2dance.params import MOST_TEMPERATURE, Music2DanceParams, SongParams
+from harmolab.systems.music2dance.system import Music2Dance
+from harmolab.types import Audio, BeatTrack, Motion
+from tests.builders import called, planted_dance, still, write_song
+
+DANCES = ("cha-cha", "waltz")
+CLASSES = {"rumba": 0.25, "waltz": 0.5, "cha-cha": 0.15, "tango": 0.1}  # planted: what every song sounds like
+WORDS = "The music sounds like a waltz (0.50; rumba 0.25, cha-cha 0.15, tango 0.10)."
+RATE = 22050.0
+TINY = replace(
+    Music2DanceParams.recommended(), window=2.0, residual=8, skip=8, groups=1, start_seconds=1.0,
+    song=SongParams(channels=(2, 3), hidden=4, window=2.0, hop=1.0),
+)  # fmt: skip
+CODES: dict[str, Any] = {"positions": PositionCode, "rotations": RotationCode}
+
+
+@cache
+def danced() -> Motion:
+    """Twelve seconds of a synthetic cha-cha at the network's rate."""
+    return resample_motion(planted_dance(seconds=12.0).motion, TINY.fps)
+
+
+@cache
+def coded(representation: str) -> tuple[PositionCode | RotationCode, np.ndarray, np.ndarray]:
+    """Code of the cha-cha's motion, its channels and its contacts."""
+    motion, code = danced(), CODES[representation].of([danced()])
+    return code, code.encode(motion), foot_contacts(motion.positions, motion.fps, motion.skeleton)
+
+
+def foot_model(representation: str, moved: Mapping[int, float] | None = None) -> FootModel:
+    """A model whose increments are constant: for each lower-body channel in `moved` so much, in its own unit."""
+    code, values, _ = coded(representation)
+    torch.manual_seed(1)
+    model = FootModel(FootParams(channels=4), code)
+    model.motion_scale.set(torch.tensor(values.mean(axis=0)).float(), torch.tensor(values.std(axis=0)).float())
+    with torch.no_grad():
+        for channel, change in (moved or {}).items():
+            model.layers[-1].bias[model.lower.index(channel)] = change / float(model.motion_scale.std[channel])
+    return model.eval()
+
+
+def classifier(shares: Mapping[str, float] = CLASSES, **sizes: Any) -> AttributeClassifier:
+    """A classifier that gives these probabilities to whatever it hears."""
+    torch.manual_seed(2)
+    model = AttributeClassifier(AttributeParams(channels=(2, 3), hidden=4, **sizes), list(shares))
+    with torch.no_grad():
+        model.verdict.weight.zero_()
+        model.verdict.bias.copy_(torch.tensor(list(shares.values())).log())
+    return model.eval()
+
+
+def system(representation: str = "positions", **parts: Any) -> Music2Dance:
+    """A tiny network that hardly leaves the movement it starts from."""
+    code, values, contacts = coded(representation)
+    torch.manual_seed(0)
+    network = DanceNetwork(replace(TINY, representation=representation), code, DANCES).eval()
+    with torch.no_grad():
+        network.body.head.layer.weight.mul_(0.1)
+    network.motion_scale.set(torch.tensor(values.mean(axis=0)).float(), torch.tensor(values.std(axis=0)).float())
+    bank = PoseBank(np.stack([np.column_stack([values, contacts])[:25]] * 2), DANCES)
+    return Music2Dance(network, bank, {"trained": "never"}, **parts)
+
+
+def sound(seconds: float = 3.0) -> Audio:
+    """A click every half second."""
+    samples = 0.01 * np.random.default_rng(0).standard_normal(round(seconds * RATE))
+    for moment in np.arange(0.1, seconds, 0.5):
+        samples[round(moment * RATE) :][:400] = 0.5
+    return Audio(samples, RATE)
+
+
+# Parts on disk
+
+
+def test_both_parts_come_back_from_their_folders(tmp_path: Path):
+    code, values, contacts = coded("positions")
+    feet = foot_model("positions", {lower_height(code): 0.1})
+    feet.meta = {"source": "planted"}
+    system(attributes=classifier(), feet=feet).save(tmp_path / "run")
+    assert (tmp_path / "run" / "attributes" / "model.safetensors").is_file()
+    assert read_about(tmp_path / "run" / "feet")["meta"] == {"source": "planted"}
+    for place in ("run", "run/model.safetensors"):
+        again = load(tmp_path / place)
+        assert isinstance(again, Music2Dance) and again.attributes is not None and again.feet is not None
+        assert again.attributes.classes == tuple(CLASSES)
+        assert again.feet.meta == {"source": "planted"} and again.meta == {"trained": "never"}
+        np.testing.assert_array_equal(again.feet.correct(values, contacts), feet.correct(values, contacts))
+
+
+def lower_height(code: PositionCode | RotationCode) -> int:
+    """The channel of the root's height, which the foot model may move."""
+    return 3 if isinstance(code, RotationCode) else 3 * code.skeleton.parents.index(-1) + 1
+
+
+def test_weights_alone_have_neither_part(tmp_path: Path):
+    system().save(tmp_path)
+    (tmp_path / "feet").mkdir()  # a training that has just begun
+    (tmp_path / "feet" / "history.csv").write_text("epoch\n")
+    again = load(tmp_path)
+    assert isinstance(again, Music2Dance) and again.attributes is None and again.feet is None
+
+
+def edited(**changes: Any) -> Callable[[Path], None]:
+    """A change of settings in the description."""
+
+    def edit(folder: Path) -> None:
+        about = json.loads((folder / "model.json").read_text())
+        about["build"].update({name: value for name, value in changes.items() if name in about["build"]})
+        about["build"]["params"].update({name: value for name, value in changes.items() if name not in about["build"]})
+        (folder / "model.json").write_text(json.dumps(about))
+
+    return edit
+
+
+def cut(folder: Path) -> None:
+    file = folder / "model.safetensors"
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def exchanged(folder: Path) -> None:
+    """The other part's files."""
+    other = folder.with_name({"feet": "attributes", "attributes": "feet"}[folder.name])
+    shutil.copytree(other, folder, dirs_exist_ok=True)
+
+
+ANY_PART: dict[str, Callable[[Path], object]] = {
+    "cut": cut,
+    "empty": lambda folder: (folder / "model.safetensors").write_bytes(b""),
+    "no description": lambda folder: (folder / "model.json").unlink(),
+    "no numbers": lambda folder: (folder / "model.safetensors").unlink(),
+    "no JSON": lambda folder: (folder / "model.json").write_text("{"),
+    "a list": lambda folder: (folder / "model.json").write_text("[1]"),
+    "no meta": lambda folder: (folder / "model.json").write_text(
+        (folder / "model.json").read_text().replace('"meta": {}', '"meta": [1]')
+    ),
+    "of the other part": exchanged,
+    "a text as channels": edited(channels="many"),
+}
+OF_ATTRIBUTES = {
+    "hidden": edited(hidden=10**9),
+    "more hidden than numbers": edited(hidden=60_000),
+    "no class": edited(classes=[]),
+    "one class twice": edited(classes=["waltz"] * 4),
+    "a name without end": edited(classes=["a", "b", "c", "d" * 10**6]),
+    "windows all over each other": edited(hop=1e-6),
+    "a rate without end": edited(rate=1e9),
+    "a rate of nothing": edited(rate=1e-9),
+    "windows of years": edited(window=1e9, hop=1e9),
+}
+OF_FEET = {
+    "layers": edited(channels=10**9),
+    "dilations": edited(dilations=[1, 65_536, 9]),
+    "too many layers": edited(dilations=[1] * 1000),
+    "no code": edited(code={"kind": "dreams"}),
+}
+FAULTS = [
+    *((part, name, damage) for part in ("attributes", "feet") for name, damage in ANY_PART.items()),
+    *(("attributes", name, damage) for name, damage in OF_ATTRIBUTES.items()),
+    *(("feet", name, damage) for name, damage in OF_FEET.items()),
+]
+
+
+@pytest.fixture(scope="module")
+def whole_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with both parts."""
+    folder = tmp_path_factory.mktemp("m2d") / "run"
+    system(attributes=classifier(), feet=foot_model("positions")).save(folder)
+    return folder
+
+
+@pytest.mark.parametrize(("part", "name", "damage"), FAULTS, ids=[f"{part}: {name}" for part, name, _ in FAULTS])
+def test_what_is_wrong_with_a_part_is_said_with_its_file(
+    part: str, name: str, damage: Callable[[Path], None], whole_run: Path, tmp_path: Path
+):
+    run = shutil.copytree(whole_run, tmp_path / "run")
+    damage(run / part)
+    with pytest.raises((ValueError, FileNotFoundError)) as caught:
+        load(run)
+    text = str(caught.value)
+    assert text.startswith(f"{run / part / 'model'}") and len(text) < len(str(run)) + 600
+
+
+def test_numbers_that_are_not_finite_are_refused_by_file(whole_run: Path, tmp_path: Path):
+    run = shutil.copytree(whole_run, tmp_path / "run")
+    file, text = run / "feet" / "model.safetensors", run / "feet" / "model.json"
+    tensors = safetensors.torch.load_file(file)
+    tensors["layers.0.bias"][0] = torch.nan
+    safetensors.torch.save_file(tensors, file)
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    text.write_text(json.dumps(json.loads(text.read_text()) | {"sha256": digest}))
+    with pytest.raises(ValueError, match=r"feet/model\.safetensors: layers\.0\.bias holds NaN"):
+        load(run)
+
+
+@pytest.mark.parametrize(
+    ("mine", "fault"),
+    [
+        ("rotations", "takes motion as rotations; the generator dances positions"),
+        ("positions of 23", r"takes another skeleton \(23 joints\) than the generator's \(21 joints\)"),
+        ("other names", r"takes another skeleton \(21 joints\)"),
+    ],
+)
+def test_a_foot_model_of_another_code_is_refused(mine: str, fault: str, whole_run: Path, tmp_path: Path):
+    skeleton = coded("positions")[0].skeleton
+    codes = {
+        "rotations": coded("rotations")[0],
+        "positions of 23": PositionCode(TANG_23, np.full(23, 0.2)),
+        "other names": PositionCode(
+            Skeleton((*skeleton.joints[:-1], f"{skeleton.joints[-1]} of another"), skeleton.parents), np.full(21, 0.2)
+        ),
+    }
+    model = FootModel(FootParams(channels=4), codes[mine])
+    with pytest.raises(ValueError, match=fault):
+        system(feet=model)
+    run = shutil.copytree(whole_run, tmp_path / "run")
+    save_weights(run / "feet" / "model", model)
+    with pytest.raises(ValueError, match=rf"feet/model\.json: {fault}"):
+        load(run)
+
+
+def test_rotations_from_another_mean_pose_or_without_end_effectors_are_another_code():
+    code = coded("rotations")[0]
+    assert isinstance(code, RotationCode)
+    check_same_channels(replace(code, means=code.means + 0.001), code)
+    for other in (replace(code, means=code.means + 0.1), replace(code, end_effectors=False)):
+        with pytest.raises(ValueError, match="train it on the recordings of the generator"):
+            check_same_channels(other, code)
+
+
+def test_bones_of_other_lengths_are_the_same_code_of_positions():
+    code = coded("positions")[0]
+    assert isinstance(code, PositionCode)
+    check_same_channels(PositionCode(code.skeleton, code.lengths * 1.1), code)
+
+
+# Feet
+
+
+@pytest.mark.parametrize("representation", CODES)
+def test_the_foot_model_changes_only_the_lower_body(representation: str):
+    code, values, contacts = coded(representation)
+    model = foot_model(representation)
+    with torch.no_grad():
+        model.layers[-1].weight.normal_()  # every increment is something else
+    changed = corrected(model, Danced(values, contacts), TINY.fps)
+    places = [channel for channel in range(code.n_motion) if channel not in model.lower]
+    if isinstance(code, RotationCode):
+        places = [channel for channel in places if channel < 43]  # end effectors are set by the rotations
+    np.testing.assert_array_equal(changed[:, places], values[:, places])
+    moves = np.abs(changed - values)[:, model.lower].max(axis=0)
+    assert (moves[np.array(values.std(axis=0))[model.lower] > 1e-3] > 1e-3).all()
+
+
+def test_increments_are_in_the_units_of_the_channels():
+    code, values, contacts = coded("positions")
+    channel = lower_height(code)
+    changed = corrected(foot_model("positions", {channel: 0.07}), Danced(values, contacts), TINY.fps)
+    np.testing.assert_allclose((changed - values)[:, channel], 0.07, atol=1e-6)
+    np.testing.assert_array_equal(np.delete(changed - values, channel, axis=1), 0.0)
+
+
+def test_the_model_sees_feet_where_the_rotations_put_them():
+    code, values, contacts = coded("rotations")
+    assert isinstance(code, RotationCode)
+    model = foot_model("rotations")
+    with torch.no_grad():
+        model.layers[-1].weight.normal_()
+    wrong = values.copy()
+    wrong[:, 43:] += 1.0  # the network predicts all end effectors a metre off
+    one, other = (corrected(model, Danced(each, contacts), TINY.fps) for each in (values, wrong))
+    np.testing.assert_array_equal(one, other)
+    np.testing.assert_allclose(one[:, 43:], code.refreshed(values, TINY.fps)[:, 43:], atol=1e-9)
+
+
+@pytest.mark.parametrize("representation", CODES)
+def test_a_model_without_increments_leaves_the_dance_as_it_is(representation: str):
+    dancer = system(representation, feet=foot_model(representation))
+    raw, by_model = (dancer.generate(sound(), feet=feet).positions for feet in ("none", "model"))
+    np.testing.assert_array_equal(by_model, raw)
+
+
+def test_a_moved_toe_moves_nothing_else_and_stays_on_the_floor():
+    code, *_ = coded("positions")
+    toe = next(joint for joint, name in enumerate(code.skeleton.joints) if name == "toe L")
+    dancer = system(feet=foot_model("positions", {3 * toe + 1: -0.05}))
+    raw, by_model = (dancer.generate(sound(), feet=feet).positions for feet in ("none", "model"))
+    others = [joint for joint in range(len(code.skeleton.joints)) if joint != toe]
+    np.testing.assert_allclose(by_model[:, others][..., [0, 2]], raw[:, others][..., [0, 2]], atol=1e-6)
+    lift = (by_model - raw)[:, others, 1]
+    np.testing.assert_allclose(lift, lift[:, :1].repeat(len(others), axis=1), atol=1e-6)  # `on_floor` alone
+    assert ((by_model - raw)[:, toe, 1] < lift[:, 0] - 0.01).all()
+    assert by_model[..., 1].min() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_planted_is_the_default_and_plant_feet_false_is_none():
+    dancer = system(feet=foot_model("positions"))
+    usual, planted, raw, free = (
+        dancer.generate(sound(), **options).positions
+        for options in ({}, {"feet": "planted"}, {"feet": "none"}, {"plant_feet": False})
+    )
+    np.testing.assert_array_equal(usual, planted)
+    np.testing.assert_array_equal(raw, free)
+    assert np.abs(planted - raw).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ({"feet": "glued"}, "feet must be planted or model or none, got 'glued'"),
+        ({"feet": "model"}, "no foot model; train one: harmolab train DATA --system feet --out RUN/feet"),
+        ({"feet": "model", "plant_feet": False}, "exclude each other"),
+        ({"temperature": -0.1}, "temperature must be from 0 to 4, got -0.1"),
+        ({"temperature": 4.1}, "temperature must be from 0 to 4, got 4.1"),
+        ({"temperature": float("nan")}, "temperature must be from 0 to 4, got nan"),
+        ({"temperature": float("inf")}, "temperature must be from 0 to 4, got inf"),
+    ],
+)
+def test_options_out_of_range_are_refused(options: dict[str, Any], fault: str):
+    with pytest.raises(ValueError, match=fault):
+        system().generate(sound(), **options)
+
+
+def test_a_foot_model_whose_numbers_overflow_is_no_dance():
+    model = foot_model("positions")
+    with torch.no_grad():
+        model.layers[0].weight.fill_(3e38)
+        model.layers[1].weight.fill_(3e38)
+        model.layers[-1].weight.fill_(3e38)
+    with pytest.raises(ValueError, match="the foot model gives no finite dance"):
+        system(feet=model).generate(sound(), feet="model")
+
+
+def test_without_chance_all_seeds_dance_alike_and_with_it_they_differ():
+    dancer, before = system(), danced()
+    still_ones, livelier = (
+        [dancer.generate(sound(), seed=seed, initial=before, dance="waltz", temperature=share) for seed in (1, 2)]
+        for share in (0.0, MOST_TEMPERATURE)
+    )
+    np.testing.assert_array_equal(still_ones[0].positions, still_ones[1].positions)
+    assert np.abs(livelier[0].positions - livelier[1].positions).max() > 0.01
+
+
+# Odd songs and movements
+
+
+SONGS = {
+    "one second": sound(1.0),
+    "three frames": sound(0.13),
+    "silence": Audio(np.zeros(round(4 * RATE)), RATE),
+    "a hum": Audio(0.1 * np.sin(np.arange(round(4 * RATE)) / 20), RATE),
+    "shorter than a window": sound(1.9),
+}
+
+
+@pytest.mark.parametrize("representation", CODES)
+@pytest.mark.parametrize("name", SONGS)
+def test_odd_songs_get_a_dance_as_long_as_they_are(name: str, representation: str):
+    audio = SONGS[name]
+    dancer = system(representation, feet=foot_model(representation))
+    for feet in FEET:
+        motion = dancer.generate(audio, feet=feet)
+        assert motion.n_frames == int(audio.duration * TINY.fps + 1e-6)
+        assert np.isfinite(motion.positions).all() and np.abs(motion.positions).max() < 3
+        assert motion.positions[..., 1].min() > -1e-3
+
+
+def test_music_without_a_beat_is_danced_to():
+    none = BeatTrack(np.zeros(0), np.zeros(0), 100.0, 3.0)
+    motion = system().generate(sound(), none)
+    assert motion.n_frames == 75 and np.abs(motion.positions).max() < 3
+
+
+def test_music_of_less_than_two_frames_is_refused():
+    with pytest.raises(ValueError, match="less than two frames at 25 per second"):
+        system().generate(sound(0.05))
+
+
+@pytest.mark.parametrize(
+    ("representation", "initial", "fault"),
+    [
+        ("positions", still(30, fps=25.0), r"initial has other joints \(2\) than the network \(21\); retarget it"),
+        ("rotations", still(30, fps=25.0), "initial has no joint for pelvis, torso, neck, head"),
+        ("positions", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
+        ("rotations", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
+    ],
+)
+def test_a_movement_of_another_body_is_refused(representation: str, initial: Motion, fault: str):
+    with pytest.raises(ValueError, match=fault):
+        system(representation).generate(sound(), initial=initial)
+
+
+@pytest.mark.parametrize("representation", CODES)
+def test_two_frames_are_enough_to_go_on_from(representation: str):
+    before = Motion(danced().positions[:2], TINY.fps, danced().skeleton)
+    motion = system(representation).generate(sound(1.0), initial=before)
+    assert motion.n_frames == 25 and np.abs(motion.positions).max() < 3
+
+
+# The dance that music sounds like
+
+
+def test_probabilities_are_those_of_the_classifier_the_most_likely_first():
+    shares = system(attributes=classifier()).dance_probabilities(sound())
+    assert list(shares) == ["waltz", "rumba", "cha-cha", "tango"]
+    assert shares == pytest.approx(CLASSES, abs=1e-6)
+
+
+@pytest.mark.parametrize("rate", [10.0, 5.0])
+def test_the_classifier_hears_the_song_without_a_prior_at_its_own_rate(rate: float, monkeypatch: pytest.MonkeyPatch):
+    model = classifier(rate=rate)
+    music: list[np.ndarray] = []
+    monkeypatch.setattr(model, "probabilities", lambda heard: music.append(heard) or np.array([0.1, 0.2, 0.3, 0.4]))
+    asked: list[tuple[Any, ...]] = []
+    beats = BeatTrack([0.5, 1.5], [1.0, 1.0], 100.0, 3.0)
+    monkeypatch.setattr(music_features, "audio_beats", lambda *args, **more: asked.append((*args, more)) or beats)
+    audio = sound()
+    shares = system(attributes=model).dance_probabilities(audio)
+    assert list(shares) == ["tango", "cha-cha", "waltz", "rumba"]
+    assert asked == [(audio, {})]  # no tempo, no dance
+    assert music[0].shape == (3 * rate, 15)
+    assert music[0][:, 1].sum() == pytest.approx(2.0)  # the two beats
+
+
+def test_a_long_song_is_heard_part_by_part_to_the_same_result():
+    torch.manual_seed(3)
+    model = AttributeClassifier(AttributeParams(channels=(2, 3), hidden=4, window=4.0, hop=0.2), DANCES).eval()
+    music = np.random.default_rng(0).random((400, 15)).astype(np.float32)
+    parts = model.window_probabilities(music)
+    assert len(parts) == 181
+    for row in (0, 63, 64, 180):
+        start = min(2 * row, 360)
+        np.testing.assert_allclose(parts[row], model.window_probabilities(music[start : start + 40])[0], atol=1e-6)
+
+
+def test_silence_and_weights_without_a_classifier_sound_like_no_dance():
+    with pytest.raises(ValueError, match="this music is silent"):
+        system(attributes=classifier()).dance_probabilities(SONGS["silence"])
+    with pytest.raises(ValueError, match="harmolab train DATA --system attributes --out RUN/attributes"):
+        system().dance_probabilities(sound())
+
+
+def test_a_classifier_whose_numbers_overflow_is_not_believed():
+    model = classifier()
+    with torch.no_grad():
+        model.verdict.bias.fill_(torch.inf)
+    with pytest.raises(ValueError, match="no finite probabilities"):
+        system(attributes=model).dance_probabilities(sound())
+
+
+@pytest.mark.parametrize(
+    ("shares", "words"),
+    [
+        ({"waltz": 0.62, "cha-cha": 0.2, "rumba": 0.18}, "a waltz (0.62; cha-cha 0.20, rumba 0.18)"),
+        ({"waltz": 1.0}, "a waltz (1.00)"),
+        ({"smooth": 0.7, "fast": 0.3}, "'smooth' (0.70; fast 0.30)"),
+        (dict(zip("abcde", (0.4, 0.3, 0.1, 0.1, 0.1), strict=True)), "'a' (0.40; b 0.30, c 0.10, d 0.10, ...)"),
+    ],
+)
+def test_the_answer_in_words(shares: dict[str, float], words: str):
+    assert dance_in_words(shares) == f"the music sounds like {words}"
+
+
+# Command line
+
+
+@pytest.fixture(scope="module")
+def song(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six seconds of a synthetic cha-cha."""
+    return write_song(tmp_path_factory.mktemp("music") / "song.wav", planted_dance())
+
+
+@pytest.fixture(scope="module")
+def bare_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Weights alone."""
+    folder = tmp_path_factory.mktemp("m2d") / "bare"
+    system().save(folder)
+    return folder
+
+
+def dance(song: Path, run: Path, out: Path, *options: object) -> Result:
+    """The command, for two seconds of the song."""
+    return called(app, "dance", song, "--weights", run, "--seconds", 2, "--out", out, *options)
+
+
+def one_line(result: Result, folder: Path) -> str:
+    """The only line of an error; nothing was written."""
+    assert result.exit_code == 2, result.output
+    assert len(result.stderr.splitlines()) == 1 and result.stderr.startswith("harmolab: ")
+    assert list(folder.iterdir()) == []
+    return result.stderr.strip()
+
+
+def test_an_empty_dance_asks_the_classifier_and_dances_what_it_says(song: Path, whole_run: Path, tmp_path: Path):
+    result = dance(song, whole_run, tmp_path / "asked.npz", "--dance", "")
+    assert result.exit_code == 0, result.output
+    assert WORDS in result.stdout
+    told = dance(song, whole_run, tmp_path / "told.npz", "--dance", "waltz")
+    assert "sounds like" not in told.output
+    asked, named = (load_motion(tmp_path / f"{name}.npz").positions for name in ("asked", "told"))
+    np.testing.assert_array_equal(asked, named)
+    other = dance(song, whole_run, tmp_path / "other.npz", "--dance", "cha-cha")
+    assert other.exit_code == 0
+    assert np.abs(load_motion(tmp_path / "other.npz").positions - asked).max() > 1e-6
+
+
+def test_json_has_the_answer_and_nothing_else_is_on_standard_output(song: Path, whole_run: Path, tmp_path: Path):
+    result = dance(song, whole_run, tmp_path / "dance.npz", "--dance", "", "--json")
+    (report,) = json.loads(result.stdout)
+    assert report["dance_probabilities"] == pytest.approx(CLASSES, abs=1e-6)
+    assert next(iter(report["dance_probabilities"])) == "waltz"
+    assert f"{report['remarks'][0]}." == WORDS.replace("The", "the")
+
+
+def test_the_page_has_the_answer(song: Path, whole_run: Path, tmp_path: Path):
+    assert dance(song, whole_run, tmp_path / "dance.html", "--dance", "").exit_code == 0
+    assert WORDS in (tmp_path / "dance.html").read_text("utf-8")
+
+
+def test_no_dance_at_all_is_drawn_by_the_seed_as_before(song: Path, whole_run: Path, tmp_path: Path):
+    result = dance(song, whole_run, tmp_path / "dance.npz", "--json", "--seed", 1)
+    (report,) = json.loads(result.stdout)
+    assert report["dance_probabilities"] is None and report["remarks"] == []
+    dancer = load(whole_run)
+    from harmolab.corpora.files import tracked_sound
+    from harmolab.io.audio import load_audio
+
+    audio = tracked_sound(song, load_audio(song, sample_rate=None))
+    expected = dancer.generate(audio, seconds=2.0, seed=1)
+    np.testing.assert_allclose(load_motion(tmp_path / "dance.npz").positions, expected.positions, atol=1e-6)
+
+
+def test_a_dance_that_was_not_learnt_is_said_to_be_another(song: Path, tmp_path: Path):
+    system(attributes=classifier({"rumba": 0.75, "waltz": 0.25})).save(tmp_path / "run")
+    result = dance(song, tmp_path / "run", tmp_path / "dance.npz", "--dance", "")
+    assert result.exit_code == 0, result.output
+    assert "The music sounds like a rumba (0.75; waltz 0.25)." in result.stdout
+    assert f"{OTHER_DANCE[0].upper()}{OTHER_DANCE[1:]}." in result.stdout
+    untold = dance(song, tmp_path / "run", tmp_path / "untold.npz")
+    assert untold.exit_code == 0
+    one, other = (load_motion(tmp_path / name).positions for name in ("dance.npz", "untold.npz"))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_without_a_classifier_the_command_says_how_to_get_one(song: Path, bare_run: Path, tmp_path: Path):
+    line = one_line(dance(song, bare_run, tmp_path / "dance.npz", "--dance", ""), tmp_path)
+    assert "no attribute classifier" in line
+    assert "harmolab train DATA --system attributes --out RUN/attributes" in line
+
+
+def test_feet_and_temperature_reach_the_network(song: Path, whole_run: Path, tmp_path: Path):
+    dances = {
+        name: dance(song, whole_run, tmp_path / f"{name}.npz", *options)
+        for name, options in {
+            "usual": (), "planted": ("--feet", "planted"), "model": ("--feet", "model"), "none": ("--feet", "none"),
+            "free": ("--no-plant-feet",), "lively": ("--temperature", 2),
+        }.items()
+    }  # fmt: skip
+    assert [result.exit_code for result in dances.values()] == [0] * 6
+    motions = {name: load_motion(tmp_path / f"{name}.npz").positions for name in dances}
+    np.testing.assert_array_equal(motions["usual"], motions["planted"])
+    np.testing.assert_array_equal(motions["none"], motions["free"])
+    np.testing.assert_array_equal(motions["none"], motions["model"])  # its increments are 0
+    assert np.abs(motions["usual"] - motions["none"]).max() > 1e-4
+    assert np.abs(motions["usual"] - motions["lively"]).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        (("--feet", "glued"), "feet must be planted or model or none, got 'glued'"),
+        (("--feet", "model"), "train one: harmolab train DATA --system feet --out RUN/feet"),
+        (("--feet", "model", "--no-plant-feet"), "exclude each other"),
+        (("--temperature", "5"), "temperature must be from 0 to 4, got 5"),
+        (("--temperature=-1",), "temperature must be from 0 to 4, got -1"),
+        (("--temperature", "nan"), "--temperature must be a finite number, got nan"),
+    ],
+)
+def test_options_that_cannot_be_are_one_line(
+    options: tuple[str, ...], fault: str, song: Path, bare_run: Path, tmp_path: Path
+):
+    assert fault in one_line(dance(song, bare_run, tmp_path / "dance.npz", *options), tmp_path)
+
+
+@pytest.mark.parametrize("options", [("--feet", "model"), ("--temperature", "0.5")])
+@pytest.mark.parametrize("dancer", ["harmogan", "choreographer"])
+def test_other_systems_refuse_both_options_in_one_sentence(
+    options: tuple[str, ...], dancer: str, song: Path, tmp_path: Path
+):
+    result = called(app, "dance", song, "--system", dancer, "--out", tmp_path / "dance.npz", *options)
+    assert one_line(result, tmp_path) == f"harmolab: {options[0]} is no option of this system"
+
+
+def test_an_empty_dance_is_nothing_new_for_other_systems(song: Path, tmp_path: Path):
+    for name, options in {"empty": ("--dance", ""), "none": ()}.items():
+        arguments = ("--system", "harmogan", "--seconds", 2, "--seed", 0, "--out", tmp_path / f"{name}.npz")
+        result = called(app, "dance", song, *arguments, *options)
+        assert result.exit_code == 0 and "sounds like" not in result.output
+    one, other = (load_motion(tmp_path / f"{name}.npz").positions for name in ("empty", "none"))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_a_damaged_part_is_one_line_that_names_its_file(song: Path, whole_run: Path, tmp_path: Path):
+    run = shutil.copytree(whole_run, tmp_path / "run")
+    cut(run / "feet")
+    (tmp_path / "out").mkdir()
+    line = one_line(dance(song, run, tmp_path / "out" / "dance.npz"), tmp_path / "out")
+    assert line.startswith(f"harmolab: {run / 'feet' / 'model.safetensors'}: ")
+
+
+def test_a_song_of_one_second_is_danced_to(bare_run: Path, tmp_path: Path):
+    import soundfile
+
+    soundfile.write(tmp_path / "short.wav", sound(1.0).samples, int(RATE))
+    arguments = ("--weights", bare_run, "--out", tmp_path / "dance.npz")
+    result = called(app, "dance", tmp_path / "short.wav", *arguments)
+    assert result.exit_code == 0, result.output
+    assert load_motion(tmp_path / "dance.npz").n_frames == 25
+    assert "Too short to be judged" in result.stdout
