@@ -47,7 +47,7 @@ CLASSES = {"rumba": 0.25, "waltz": 0.5, "cha-cha": 0.15, "tango": 0.1}  # plante
 WORDS = "The music sounds like a waltz (0.50; rumba 0.25, cha-cha 0.15, tango 0.10)."
 RATE = 22050.0
 TINY = replace(
-    Music2DanceParams.recommended(), window=2.0, residual=8, skip=8, groups=1, start_seconds=1.0,
+    Music2DanceParams.recommended(), window=2.0, residual=8, skip=8, groups=1, start_seconds=1.0, temperature=0.1,
     song=SongParams(channels=(2, 3), hidden=4, window=2.0, hop=1.0),
 )  # fmt: skip
 CODES: dict[str, Any] = {"positions": PositionCode, "rotations": RotationCode}

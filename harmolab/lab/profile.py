@@ -19,6 +19,7 @@ class RunProfile:
     n_nulls : int, clips in each row of a table of false alarms
     n_seeds : int, trainings of each generator, over which means and intervals are taken
     n_rivals : int, trainings of each rival system of the comparison, which take an hour each
+    n_dancers : int, trainings of Music2Dance, which take twenty minutes each
     epochs : (pretraining, adversarial) or None
         Epochs of each training; None: the whole schedule.
     pose_epochs : int or None
@@ -36,6 +37,7 @@ class RunProfile:
     n_nulls: int = 400
     n_seeds: int = 3
     n_rivals: int = 1
+    n_dancers: int = 2
     epochs: tuple[int, int] | None = None
     pose_epochs: int | None = None
     hidden: int | None = None

@@ -38,9 +38,8 @@ MEASURED = ("pose variance", "pose speed", "jerk", "still")
 
 def ablated_dancers(contest: Contest, name: str) -> list[TrainedDancer]:
     """The trainings of an ablation, a name of `music2dance.ABLATIONS`."""
-    return [
-        dancer(contest.profile, contest.corpus, ablated(name), training) for training in range(1, contest.trainings + 1)
-    ]
+    count = min(contest.trainings, contest.profile.n_dancers)
+    return [dancer(contest.profile, contest.corpus, ablated(name), training) for training in range(1, count + 1)]
 
 
 def danced(run: TrainedDancer, dance: str, number: int, seconds: float) -> Motion:

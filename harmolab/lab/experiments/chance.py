@@ -64,7 +64,7 @@ def chance_table(
     recorded = minutes(contest, rows=[RIGHT_SONG])
     every = [
         dancer(contest.profile, contest.corpus, SETTINGS[settings], training).system
-        for training in range(1, contest.trainings + 1)
+        for training in range(1, min(contest.trainings, contest.profile.n_dancers) + 1)
     ]
     songs = [
         unheard_song(dance, FIRST_SONG + number, seconds)

@@ -98,7 +98,7 @@ class Row:
     printed : str, name of the row of the paper's tables; "" for none
     draws : bool, whether another seed is another dance
     rival : bool, whether it is a system of other authors, which is trained on the first corpus alone
-    repeats : "n_seeds" or "n_rivals", the field of the profile that says how often it is trained
+    repeats : the field of the profile that says how often it is trained
     """
 
     make: Callable[[Contest, int], Contestant]
@@ -209,7 +209,7 @@ def _cheap(name: str) -> Row:
     return Row(partial(_baseline, name, BASELINES[name]), kind, beats, draws=name in DRAWN)
 
 
-def _music2dance_row(settings: str, *, repeats: str = "n_seeds") -> Row:
+def _music2dance_row(settings: str, *, repeats: str = "n_dancers") -> Row:
     beats = "yes: its features have them"
     return Row(partial(_music2dance, settings), "network", beats, rival=True, repeats=repeats)
 
