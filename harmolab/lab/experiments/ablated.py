@@ -24,7 +24,7 @@ from harmolab.lab.experiments.minutes import (
     recorded_dancers,
     unheard_song,
 )
-from harmolab.lab.experiments.music2dance import ABLATIONS, TrainedDancer, ablated, dancer
+from harmolab.lab.experiments.music2dance import ABLATIONS, TrainedDancer, ablated, trained_dancer
 from harmolab.significance import mean_interval
 from harmolab.systems.music2dance.codes import RotationCode
 from harmolab.types import FloatArray, Motion
@@ -39,7 +39,9 @@ MEASURED = ("pose variance", "pose speed", "jerk", "still")
 def ablated_dancers(contest: Contest, name: str) -> list[TrainedDancer]:
     """The trainings of an ablation, a name of `music2dance.ABLATIONS`."""
     count = min(contest.trainings, contest.profile.n_dancers)
-    return [dancer(contest.profile, contest.corpus, ablated(name), training) for training in range(1, count + 1)]
+    return [
+        trained_dancer(contest.profile, contest.corpus, ablated(name), training) for training in range(1, count + 1)
+    ]
 
 
 def danced(run: TrainedDancer, dance: str, number: int, seconds: float) -> Motion:

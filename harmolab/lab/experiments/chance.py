@@ -27,7 +27,7 @@ from harmolab.lab.experiments.minutes import (
     recorded_dancers,
     unheard_song,
 )
-from harmolab.lab.experiments.music2dance import SETTINGS, dancer
+from harmolab.lab.experiments.music2dance import DANCER_SETTINGS, trained_dancer
 from harmolab.lab.experiments.songs import Excerpt
 from harmolab.systems.music2dance.system import Music2Dance
 from harmolab.types import Motion
@@ -63,7 +63,7 @@ def chance_table(
     seconds = dance_seconds(contest.profile, MINUTE)
     recorded = minutes(contest, rows=[RIGHT_SONG])
     every = [
-        dancer(contest.profile, contest.corpus, SETTINGS[settings], training).system
+        trained_dancer(contest.profile, contest.corpus, DANCER_SETTINGS[settings], training).system
         for training in range(1, min(contest.trainings, contest.profile.n_dancers) + 1)
     ]
     songs = [

@@ -20,7 +20,7 @@ from harmolab.io.files import plain
 from harmolab.lab.experiments.baselines import BASELINES, DRAWN, Baseline
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.generation import VARIANTS, generator_corpora, trained
-from harmolab.lab.experiments.music2dance import SETTINGS, dancer
+from harmolab.lab.experiments.music2dance import DANCER_SETTINGS, trained_dancer
 from harmolab.lab.experiments.rivals import Asked, lee2019, ren2020
 from harmolab.lab.experiments.songs import Excerpt
 from harmolab.metrics.likeness import LikenessLimits
@@ -189,7 +189,7 @@ def _ren(contest: Contest, training: int) -> Contestant:
 
 
 def _music2dance(settings: str, contest: Contest, training: int) -> Contestant:
-    run = dancer(contest.profile, contest.corpus, SETTINGS[settings], training)
+    run = trained_dancer(contest.profile, contest.corpus, DANCER_SETTINGS[settings], training)
     identity = _digest(run.folder.name, plain(run.system.generator.params))
     return of_system(run.system, identity, parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes)
 

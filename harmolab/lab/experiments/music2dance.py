@@ -27,7 +27,7 @@ from harmolab.systems.music2dance.train import train_music2dance
 
 _PAPER, _OURS = Music2DanceParams.paper(), Music2DanceParams.recommended()
 CALM = 0.1  # temperature of the second version's code; Eq. 12 has 1
-SETTINGS: Mapping[str, Music2DanceParams] = MappingProxyType(
+DANCER_SETTINGS: Mapping[str, Music2DanceParams] = MappingProxyType(
     {
         "paper": _PAPER,
         "paper, calm": replace(_PAPER, temperature=CALM),
@@ -82,7 +82,7 @@ class TrainedDancer:
     minutes: float
 
 
-def dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams, seed: int) -> TrainedDancer:
+def trained_dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams, seed: int) -> TrainedDancer:
     """The network of some settings and a seed, trained now unless it was before, on HarmoGAN's split."""
     settings = profiled(profile, replace(settings, seed=seed))
     # How a trained network dances is no matter of its training: one training serves all.
