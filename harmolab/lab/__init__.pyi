@@ -1,4 +1,9 @@
 from .evaluate.body_rests import rests_on_beat as rests_on_beat
+from .experiments.ablated import ablated_dancers as ablated_dancers
+from .experiments.ablated import ablation_table as ablation_table
+from .experiments.ablated import effector_disagreement as effector_disagreement
+from .experiments.ablated import end_effectors as end_effectors
+from .experiments.ablated import hand_heights as hand_heights
 from .experiments.ablation import (
     TARGETS as TARGETS,
 )
@@ -21,6 +26,7 @@ from .experiments.ablation import (
     trade_off as trade_off,
 )
 from .experiments.banks import bank_table as bank_table
+from .experiments.chance import chance_table as chance_table
 from .experiments.cheating import (
     cheating as cheating,
 )
@@ -45,6 +51,8 @@ from .experiments.comparison import (
 from .experiments.comparison import (
     side_by_side as side_by_side,
 )
+from .experiments.dancer_parts import network_boxes as network_boxes
+from .experiments.dancer_parts import recording_chain as recording_chain
 from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import (
     auc_table as auc_table,
@@ -80,6 +88,10 @@ from .experiments.guard import DOCTORED as DOCTORED
 from .experiments.guard import guard_table as guard_table
 from .experiments.guard import guard_verdicts as guard_verdicts
 from .experiments.guard import song_dancer as song_dancer
+from .experiments.half_minutes import MARKS as MARKS
+from .experiments.half_minutes import half_minutes as half_minutes
+from .experiments.half_minutes import machine_marks as machine_marks
+from .experiments.half_minutes import right_music_table as right_music_table
 from .experiments.judging import danced_unit as danced_unit
 from .experiments.levels import (
     level_recordings as level_recordings,
@@ -102,6 +114,15 @@ from .experiments.long_dances import (
 from .experiments.long_dances import (
     long_dances as long_dances,
 )
+from .experiments.memory import memory_table as memory_table
+from .experiments.minutes import endurance_summary as endurance_summary
+from .experiments.minutes import endurance_table as endurance_table
+from .experiments.minutes import likeness_table as likeness_table
+from .experiments.minutes import looked_at as looked_at
+from .experiments.minutes import minutes as minutes
+from .experiments.minutes import unheard as unheard
+from .experiments.music2dance import DANCER_SETTINGS as DANCER_SETTINGS
+from .experiments.music2dance import trained_dancer as trained_dancer
 from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
 from .experiments.own_songs import song_means as song_means
@@ -185,6 +206,14 @@ from .figures.meter import draw_meter as draw_meter
 from .figures.meter import draw_places as draw_places
 from .figures.motion import draw_frames as draw_frames
 from .figures.motion import draw_poses as draw_poses
+from .figures.music2dance import chain_figure as chain_figure
+from .figures.music2dance import chance_figure as chance_figure
+from .figures.music2dance import clusters_figure as clusters_figure
+from .figures.music2dance import effectors_figure as effectors_figure
+from .figures.music2dance import framework_boxes_figure as framework_boxes_figure
+from .figures.music2dance import hands_figure as hands_figure
+from .figures.music2dance import limits_figure as limits_figure
+from .figures.music2dance import marks_figure as marks_figure
 from .figures.quality import distances_figure as distances_figure
 from .figures.quality import sequences_figure as sequences_figure
 from .figures.results import (
@@ -248,8 +277,10 @@ from .listening.corpus_study import lagged_pieces as lagged_pieces
 from .listening.folders import answer_files as answer_files
 from .listening.folders import answer_log as answer_log
 from .listening.folders import write_study as write_study
+from .listening.marks import mark_rows as mark_rows
 from .listening.presenting import StudyServer as StudyServer
 from .listening.raters import SimulatedRater as SimulatedRater
+from .listening.trials import Item as Item
 from .listening.trials import make_key as make_key
 from .listening.trials import make_trials as make_trials
 from .profile import RunProfile as RunProfile

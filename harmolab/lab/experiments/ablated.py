@@ -173,3 +173,21 @@ def _measured(contest: Contest, run: TrainedDancer, recorded: dict[str, pd.Serie
     about = {"parameters": float(run.system.generator.parameter_count()), "epochs": float(len(run.history))}
     means = {name: float(np.mean([part[name] for part in parts])) for name in MEASURED}
     return {**means, **numbers, **about}
+
+
+def effector_disagreement(contest: Contest, name: str = "whole") -> float:
+    """How far predicted places of feet, head and hands lie from where the predicted rotations put them (R36).
+
+    Returns
+    -------
+    Mean distance, centimetres, over dances of a minute, one of each style and training
+    """
+    away = []
+    for run in ablated_dancers(contest, name):
+        network = run.system.generator
+        for dance in recorded_dancers(contest):
+            song = unheard_song(dance, FIRST_SONG, dance_seconds(contest.profile, MINUTE))
+            code = run.system.dance_code(song.clip.audio, song.beats, seed=1, dance=dance).code
+            apart = (code - network.motion_code.refreshed(code, network.params.fps))[:, -15:]
+            away.append(np.linalg.norm(apart.reshape(len(code), -1, 3), axis=2).mean())
+    return 100 * float(np.mean(away))

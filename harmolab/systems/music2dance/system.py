@@ -24,7 +24,7 @@ from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.music2dance.attributes import AttributeClassifier
 from harmolab.systems.music2dance.codes import PositionCode, check_same_channels
 from harmolab.systems.music2dance.feet import FootModel
-from harmolab.systems.music2dance.generate import FEET, Feet, dance_positions, danced
+from harmolab.systems.music2dance.generate import FEET, Danced, Feet, dance_positions, danced
 from harmolab.systems.music2dance.music_features import blind_features
 from harmolab.systems.music2dance.networks import DanceNetwork
 from harmolab.systems.music2dance.params import Music2DanceParams
@@ -106,6 +106,28 @@ class Music2Dance(PresetSystem):
         temperature : share of the predicted spread that is drawn, 0 to 4; that of the training's settings when left out
         """
         feet = self._feet(feet, plant_feet=plant_feet)
+        code = self.dance_code(
+            audio, beats, start=start, seconds=seconds, seed=seed, initial=initial, dance=dance,
+            temperature=temperature, progress=progress,
+        )  # fmt: skip
+        network: DanceNetwork = self.generator
+        positions = dance_positions(network, code, feet, self.feet)
+        return Motion(positions, network.params.fps, network.motion_code.skeleton)
+
+    def dance_code(
+        self,
+        audio: Audio,
+        beats: BeatTrack | None = None,
+        *,
+        start: float = 0.0,
+        seconds: float | None = None,
+        seed: int = 0,
+        initial: Motion | None = None,
+        dance: str | None = None,
+        temperature: float | None = None,
+        progress: Progress = silent,
+    ) -> Danced:
+        """A dance as the network makes it, before the feet and the floor; parameters as of `generate`."""
         network: DanceNetwork = self.generator if temperature is None else with_temperature(self.generator, temperature)
         if dance and dance not in {*DANCES, *network.dances}:
             raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted({*DANCES, *network.dances} - {''}))}")
@@ -114,12 +136,10 @@ class Music2Dance(PresetSystem):
         name = dance if dance in network.dances else network.dances[seed % len(network.dances)]
         prior = self._movement(name, seed) if initial is None else self.coded(initial)
         track = music_beats(Clip("", audio, beats=beats, dance=dance or ""))
-        dance_code = danced(
+        return danced(
             network, song_features(audio, track, params.song, name), start=start, frames=frames,
             dance=network.dances.index(name), seed=seed, prior=prior, progress=progress,
         )  # fmt: skip
-        positions = dance_positions(network, dance_code, feet, self.feet)
-        return Motion(positions, params.fps, network.motion_code.skeleton)
 
     def dance_probabilities(self, audio: Audio) -> dict[str, float]:
         """Dance -> its probability, the most likely first, of a song (Sec. 4.3); heard without a prior of tempo (R15).
