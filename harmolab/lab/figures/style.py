@@ -137,6 +137,7 @@ class About(TypedDict):
     source : origin of the data: "synthetic", or the name of the recordings
     seed : the profile's when left out
     title : one line for the report's index
+    trained : whether it shows what a network does; of a quick profile the figure then says that it is not trained
     """
 
     notebook: str
@@ -144,6 +145,7 @@ class About(TypedDict):
     profile: RunProfile
     seed: NotRequired[int | None]
     title: NotRequired[str]
+    trained: NotRequired[bool]
 
 
 def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
@@ -151,7 +153,7 @@ def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
 
     Parameters
     ----------
-    figure : matplotlib Figure; marked "synthetic data" if the source says so
+    figure : matplotlib Figure; marked "synthetic data" if the source says so, and where a network is not trained
     name : str, file name without suffix, such as "fig01_harmony_distortion"
     about : as in `About`
 
@@ -161,8 +163,11 @@ def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
         If the name is not a plain file name.
     """
     with _recorded(name, ".png", **about) as path:
-        if "synthetic" in about["source"].lower():
-            _mark_synthetic(figure)
+        marks = {
+            "synthetic data": "synthetic" in about["source"].lower(),
+            "quick profile, not trained": about.get("trained", False) and about["profile"].epochs is not None,
+        }
+        _mark(figure, "; ".join(words for words, applies in marks.items() if applies))
         write_figure(figure, path)
     shown_by_pyplot = figure.canvas.manager is not None
     return Saved(path, None if shown_by_pyplot else path.read_bytes())
@@ -198,13 +203,11 @@ def write_figure(figure: Figure, path: Path) -> Path:
     return path
 
 
-def _mark_synthetic(figure: Figure) -> None:
-    if any(text.get_gid() == "source" for text in figure.texts):
+def _mark(figure: Figure, words: str) -> None:
+    if not words or any(text.get_gid() == "source" for text in figure.texts):
         return
     # Below the canvas: a tight bounding box grows to hold it, and it covers nothing.
-    figure.text(
-        1.0, -0.01, "synthetic data", gid="source", ha="right", va="top", size=9, style="italic", color=COLOURS["miss"]
-    )
+    figure.text(1.0, -0.01, words, gid="source", ha="right", va="top", size=9, style="italic", color=COLOURS["miss"])
 
 
 @contextmanager
@@ -217,6 +220,7 @@ def _recorded(
     profile: RunProfile,
     seed: int | None = None,
     title: str = "",
+    trained: bool = False,
 ) -> Iterator[Path]:
     """Path of a figure to write; then adds or replaces its entry in the manifest.
 
