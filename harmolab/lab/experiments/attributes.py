@@ -15,7 +15,6 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from harmolab.beats.audio import audio_beats
 from harmolab.corpora.folders import find_recordings, load_recording
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.lab.experiments.clock import TrainingClock
@@ -31,11 +30,12 @@ from harmolab.systems.music2dance.attributes import (
     AttributeParams,
     Song,
     SongSplit,
+    blind_features,
     song_windows,
     train_attributes,
 )
-from harmolab.systems.music2dance.music_features import CHANNELS, music_features
-from harmolab.types import Audio, FloatArray
+from harmolab.systems.music2dance.music_features import CHANNELS
+from harmolab.types import FloatArray
 
 SONG_SECONDS = 45.0  # of a synthetic song
 SONGS_A_DANCE = 8  # synthetic ones
@@ -52,11 +52,6 @@ class LabelledSongs:
 
     songs: tuple[Song, ...]
     classes: tuple[str, ...]
-
-
-def blind_features(audio: Audio) -> np.ndarray:
-    """Features of a song whose dance is not known: the tracker has no prior of tempo (R15)."""
-    return music_features(audio, audio_beats(audio))
 
 
 @cache

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
+from harmolab.beats.audio import audio_beats
 from harmolab.io.files import PathLike, plain
 from harmolab.systems.common.about import DEFAULT_STEM
 from harmolab.systems.common.feature_params import check_numbers
@@ -27,7 +28,8 @@ from harmolab.systems.common.runs import locked_run
 from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
 from harmolab.systems.common.song_layers import FrameLayers, SongEncoder, TemporalConvolution
 from harmolab.systems.common.weights import save_weights, stored_record
-from harmolab.types import FloatArray
+from harmolab.systems.music2dance.music_features import music_features
+from harmolab.types import Audio, FloatArray
 
 Front = Literal["convolution", "frames"]
 FRONTS: tuple[Front, ...] = ("convolution", "frames")
@@ -73,6 +75,16 @@ class AttributeParams:
         if not self.channels or min(self.channels) < 1 or self.dropout >= 1:
             raise ValueError("convolutions need channels, and dropout must leave something")
 
+    @classmethod
+    def paper(cls) -> AttributeParams:
+        """As printed."""
+        return cls()
+
+    @classmethod
+    def recommended(cls) -> AttributeParams:
+        """Batches of 8: corpora have tens of songs, and batches of 128 would leave a few updates an epoch."""
+        return cls(batch_size=8)
+
     @property
     def n_cells(self) -> int:
         """Moments of a window."""
@@ -96,7 +108,7 @@ class AttributeClassifier(nn.Module):
     classes : names
     """
 
-    system = "music2dance attributes"
+    system = "attributes"
 
     def __init__(self, params: AttributeParams, classes: Sequence[str]) -> None:
         super().__init__()
@@ -121,8 +133,8 @@ class AttributeClassifier(nn.Module):
     @torch.no_grad()
     def window_probabilities(self, music: NDArray[np.float32]) -> FloatArray:
         """Of each class in each window, (N, K)."""
-        windows = torch.from_numpy(song_windows(music, self.params))
-        shares: FloatArray = self.eval()(windows).softmax(dim=1).double().numpy()
+        windows = torch.from_numpy(song_windows(music, self.params)).to(self.audio_scale.mean.device)
+        shares: FloatArray = self.eval()(windows).softmax(dim=1).double().cpu().numpy()
         return shares
 
     def description(self) -> dict[str, Any]:
@@ -133,6 +145,11 @@ class AttributeClassifier(nn.Module):
     def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
         """A classifier as its description says; ValueError for sizes that cannot be."""
         return cls(stored_record(AttributeParams, build["params"]), [str(name) for name in build["classes"]])
+
+
+def blind_features(audio: Audio) -> NDArray[np.float32]:
+    """Features (M, 15) of a song whose dance is not known: the tracker has no prior of tempo (R15)."""
+    return music_features(audio, audio_beats(audio))
 
 
 def song_windows(music: NDArray[np.float32], params: AttributeParams) -> NDArray[np.float32]:
@@ -168,10 +185,14 @@ class SongWindows:
 
 @dataclass(frozen=True)
 class SongSplit:
-    """Names of songs on each side; no song is on both."""
+    """Names of songs on each side; ValueError for a song on both."""
 
     train: tuple[str, ...]
     test: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if shared := sorted({*self.train} & {*self.test}):
+            raise ValueError(f"{shared[0]!r} is on both sides of the split")
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -191,18 +212,15 @@ def train_attributes(
 ) -> AttributeClassifier:
     """Train a classifier on the songs of a split's training side, and keep everything about it in `folder`.
 
+    "meta" of its weights has the outcome on the songs of the test side (`Outcome`).
+
     Raises
     ------
     ValueError
-        If the split has no song to train on or one of them on both sides, or `folder` holds something else.
+        If the split has no song to train on, a song of the test side is trained on under another name, two songs have
+        one name, or `folder` holds something else.
     """
-    if len({song.name for song in songs}) < len(songs):
-        raise ValueError("two songs have one name")
-    if shared := sorted({*split.train} & {*split.test}):
-        raise ValueError(f"{shared[0]!r} is on both sides of the split")
-    selected = [song for song in songs if song.name in split.train]
-    if not selected:
-        raise ValueError("no song to train on")
+    selected, held_out = side_songs(songs, split)
     fabric, folder = fabric or make_fabric(), Path(folder)
     settings = plain({"attributes": params, "classes": list(classes)})
     windows = SongWindows.of(selected, params, fabric.device)
@@ -215,8 +233,38 @@ def train_attributes(
         rows = torch.linspace(0, len(windows) - 1, min(SETTLED, len(windows))).long()
         classifier.encoder.settle(classifier.audio_scale(windows.music[rows]))
         if first:
-            save_weights(folder / DEFAULT_STEM, classifier.eval(), {"songs": len(selected), "windows": len(windows)})
+            test = outcome(classifier, selected, held_out)._asdict()
+            about = {"songs": len(selected), "windows": len(windows), "test": test}
+            save_weights(folder / DEFAULT_STEM, classifier.eval(), about)
     return classifier
+
+
+def side_songs(songs: Sequence[Song], split: SongSplit) -> tuple[list[Song], list[Song]]:
+    """The songs of the training and of the test side; ValueError where a song is on both, or none is trained on."""
+    if len({song.name for song in songs}) < len(songs):
+        raise ValueError("two songs have one name")
+    train, test = ([song for song in songs if song.name in side] for side in (split.train, split.test))
+    if not train:
+        raise ValueError("no song to train on")
+    names = {song.music.tobytes(): song.name for song in train}
+    if leaking := next((song for song in test if song.music.tobytes() in names), None):
+        raise ValueError(f"{leaking.name!r} is tested on, but trained on as {names[leaking.music.tobytes()]!r}")
+    return train, test
+
+
+class Outcome(NamedTuple):
+    """Numbers of test songs: all, those whose class is predicted, those of the most frequent class in training."""
+
+    songs: int
+    right: int
+    majority: int
+
+
+def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequence[Song]) -> Outcome:
+    """A classifier's outcome on test songs; the class of a song is that of the mean over its windows (R13)."""
+    right = [int(classifier.probabilities(song.music).argmax()) == song.label for song in test]
+    most_frequent = int(np.bincount([song.label for song in train]).argmax())
+    return Outcome(len(test), sum(right), sum(song.label == most_frequent for song in test))
 
 
 def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[str]) -> AttributeClassifier:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ class Music2Dance(PresetSystem):
 
     network, settings = DanceNetwork, Music2DanceParams
     presets = ("recommended", "paper")
+    short_names = MappingProxyType({"phase1": "first_epochs", "phase2": "second_epochs"})
 
     def generate(
         self,
