@@ -115,6 +115,14 @@ def test_it_goes_on_where_it_was_stopped(tmp_path: Path):
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
+def test_windows_of_a_batch_do_not_hear_each_other():
+    torch.manual_seed(0)
+    classifier, music = AttributeClassifier(TINY, DANCES).eval(), torch.rand(5, 40, 15)
+    order = torch.tensor([3, 0, 4, 2, 1])
+    with torch.no_grad():
+        torch.testing.assert_close(classifier(music)[order], classifier(music[order]), atol=1e-6, rtol=1e-5)
+
+
 def test_a_song_on_both_sides_is_refused(tmp_path: Path):
     songs = labelled()
     name = songs.songs[0].name

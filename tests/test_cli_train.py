@@ -63,6 +63,10 @@ def test_help_teaches(run: Run):
         "tensorboard --logdir RUN", "--resume goes on where the run was, after a kill too", "0 is the ablation",
         "harmolab train DATA --out without --harmony-weight 0 --pretrained with", "harmolab dance SONG --weights RUN",
         "small (1 M parameters, a laptop) or paper (8 M)", "harmolab data check", "torchrun --nproc-per-node 2",
+        "predicts a dance frame by frame", "harmolab train DATA --system music2dance --out RUN",
+        "harmolab train DATA --system feet --out RUN/feet",
+        "harmolab train DATA --system attributes --out RUN/attributes",
+        "a fifth of the songs of each dance", "Neither dances by itself",
     ):  # fmt: skip
         assert told in shown, told
 

@@ -48,13 +48,13 @@ def network(params: Music2DanceParams = TINY, *, seed: int = 0) -> DanceNetwork:
     return DanceNetwork(params, PositionCode(TANG_23, np.full(23, 0.2)), DANCES).eval()
 
 
-def windows(params: Music2DanceParams, *, count: int = 3, seed: int = 0) -> Windows:
+def windows(params: Music2DanceParams, *, count: int = 3, seed: int = 0, channels: int = 72) -> Windows:
     """Random windows."""
     torch.manual_seed(seed)
     frames = params.n_frames
     moments = (torch.arange(frames) * params.song.rate / params.fps).expand(count, -1)
     return Windows(
-        torch.randn(count, frames, 72), (torch.rand(count, frames, 2) > 0.5).float(),
+        torch.randn(count, frames, channels), (torch.rand(count, frames, 2) > 0.5).float(),
         torch.rand(count, int(params.window * params.song.rate) + 2, params.song.n_audio), moments,
         torch.arange(count) % len(DANCES), torch.ones(count, frames),
     )  # fmt: skip
@@ -72,8 +72,9 @@ def test_the_paper_preset_has_the_published_sizes():
     assert net.params.reach == 125
 
 
-def test_a_frame_is_predicted_from_those_before_it_alone():
-    net, batch = network(), windows(TINY)
+@pytest.mark.parametrize("params", [TINY, replace(TINY, generator="lstm"), replace(TINY, mapping=False)])
+def test_a_frame_is_predicted_from_those_before_it_alone(params: Music2DanceParams):
+    net, batch = network(params), windows(params)
     changed = batch.motion.clone()
     changed[:, 20] += 1.0
     with torch.no_grad():
@@ -83,8 +84,9 @@ def test_a_frame_is_predicted_from_those_before_it_alone():
         assert not torch.equal(before[:, 21], after[:, 21])
 
 
-def test_the_song_changes_the_dance():
-    net, batch = network(), windows(TINY)
+@pytest.mark.parametrize("params", [TINY, replace(TINY, generator="lstm"), replace(TINY, mapping=False)])
+def test_the_song_changes_the_dance(params: Music2DanceParams):
+    net, batch = network(params), windows(params)
     with torch.no_grad():
         one, other = net(batch), net(batch._replace(music=batch.music.flip(1)))
     assert (one.mean - other.mean).abs().max() > 1e-3
@@ -102,9 +104,12 @@ def test_items_of_a_batch_do_not_hear_each_other(params: Music2DanceParams):
 
 @pytest.mark.parametrize("params", [Music2DanceParams.recommended(), Music2DanceParams.paper()])
 @pytest.mark.parametrize("generator", ["wavenet", "lstm"])
-def test_remembering_is_the_same_as_seeing_everything_again(params: Music2DanceParams, generator: str):
+def test_remembering_is_the_same_as_seeing_everything_again(params: Music2DanceParams, generator: str, danced: Motion):
     params = replace(params, generator=generator, window=16.0, song=SongParams(window=16.0))
-    net, batch = network(params), windows(params, count=2)
+    code = RotationCode.of([danced]) if params.representation == "rotations" else PositionCode.of([danced])
+    torch.manual_seed(0)
+    net = DanceNetwork(params, code, DANCES).eval()
+    batch = windows(params, count=2, channels=code.n_motion)
     frames = torch.cat([shifted(batch.motion), shifted(batch.contacts)], dim=-1)[0].numpy()
     with torch.no_grad():
         plain = Prediction(*(part[0] for part in net(batch)))

@@ -190,8 +190,9 @@ def _dancer(
 def _trained(weights: Path | None, system: str | None) -> System:
     """The system in a folder; the weights shipped for it where none are named."""
     import harmolab
-    from harmolab.systems.contract import names
+    from harmolab.systems.contract import check_dances, names
 
+    check_dances(system)
     if weights is None and system not in names():
         raise ValueError(f"no weights are shipped for {system!r}: pass --weights RUN, or one of {', '.join(names())}")
     shipped = Path(harmolab.__file__).parent / "systems" / (system or "") / "weights"

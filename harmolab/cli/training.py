@@ -1,4 +1,4 @@
-"""`harmolab train`: from folders of recordings to a generator that dances."""
+"""`harmolab train`: from folders of recordings to a system that dances, or to a part of one."""
 
 from __future__ import annotations
 
@@ -23,21 +23,59 @@ def train(
     context: typer.Context,
     data: Annotated[list[Path], typer.Argument(help="Corpora: folders of sequences (see `harmolab data check`).")],
     out: Annotated[Path, typer.Option(help="Folder of the run: weights, history, split, settings.")],
-    system: Annotated[str, typer.Option(help="A system of harmolab, or a class: package.module:Class.")] = "harmogan",
-    preset: Annotated[str, typer.Option(help="Size: small (1 M parameters, a laptop) or paper (8 M).")] = "small",
-    params: Annotated[str, typer.Option(help="Losses and features: paper (Sec. 5.2) or recommended.")] = "recommended",
+    system: Annotated[
+        str,
+        typer.Option(
+            help="harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; package.module:Class."
+        ),
+    ] = "harmogan",
+    preset: Annotated[
+        str,
+        typer.Option(
+            help="Size: small (1 M parameters, a laptop) or paper (8 M); music2dance, attributes: recommended, paper.",
+            show_default="small; recommended",
+        ),
+    ] = "small",
+    params: Annotated[
+        str, typer.Option(help="HarmoGAN's losses and features: paper (Sec. 5.2) or recommended.")
+    ] = "recommended",
     harmony_weight: Annotated[
         float | None,
-        typer.Option(help="Weight of the harmony loss; 0 is the ablation.", show_default="0.5; 1 in paper"),
+        typer.Option(help="HarmoGAN's weight of the harmony loss; 0 is the ablation.", show_default="0.5; 1 in paper"),
     ] = None,
     pretrain_epochs: Annotated[
-        int | None, typer.Option(help="Epochs of pretraining.", min=0, show_default="16; 225 in paper")
+        int | None, typer.Option(help="HarmoGAN's epochs of pretraining.", min=0, show_default="16; 225 in paper")
     ] = None,
     adversarial_epochs: Annotated[
         int | None, typer.Option(help="Epochs after it.", min=0, show_default="16; 45 in paper")
     ] = None,
     pretrained: Annotated[
-        Path | None, typer.Option(help="Run on the same data whose pretraining is taken over.")
+        Path | None, typer.Option(help="Run of HarmoGAN on the same data whose pretraining is taken over.")
+    ] = None,
+    representation: Annotated[
+        str | None,
+        typer.Option(
+            help="Motion of music2dance and feet: positions or rotations.",
+            show_default="positions; rotations in paper",
+        ),
+    ] = None,
+    phase1: Annotated[
+        int | None,
+        typer.Option(help="music2dance's epochs of learning from recorded frames.", min=0, show_default="1300"),
+    ] = None,
+    phase2: Annotated[
+        int | None,
+        typer.Option(help="Its epochs of learning from its own frames.", min=0, show_default="200"),
+    ] = None,
+    epochs: Annotated[
+        int | None,
+        typer.Option(help="Epochs of feet, attributes and ren2020.", min=0, show_default="200; 30; its preset's"),
+    ] = None,
+    velocity_weight: Annotated[
+        float | None,
+        typer.Option(
+            help="feet's weight of the speed of standing feet, positions only.", show_default="0, the paper's loss"
+        ),
     ] = None,
     step: Annotated[int, typer.Option(help="Beats between the starts of training units.", min=1)] = 2,
     seed: Annotated[int, typer.Option(help="Of first weights, order of the units and the pose network.", min=0)] = 1,
@@ -48,12 +86,12 @@ def train(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
     accelerator: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
 ) -> None:
-    """Train a system: HarmoGAN in 16 epochs of pretraining and 16 adversarial ones (the paper's: 225 and 45).
+    """Train a system, or a part of one. Without --system: HarmoGAN, 16 epochs of pretraining and 16 adversarial ones.
 
     **What it does.** Cuts the recordings into meters with the beats before them, splits these by motion group into
     training, validation and test (split.json says how), trains a small pose network for the feature loss, then the
-    generator. history.csv has every loss term and the scores on the validation units, epoch by epoch; so has
-    `tensorboard --logdir RUN`.
+    generator (the paper's epochs: 225 and 45). history.csv has every loss term and the scores on the validation units,
+    epoch by epoch; so has `tensorboard --logdir RUN`.
 
     **Stopped?** The same command with --resume goes on where the run was, after a kill too, to the same result.
 
@@ -67,6 +105,20 @@ def train(
     process with `--shards 2` has the same result to the last bit; without it they differ: by rounding, which
     grows, and in the terms that compare whole batches.
 
+    **Music2Dance** predicts a dance frame by frame. Phase 1 learns from recorded frames, phase 2 from its own: 1300 and
+    200 epochs, forty minutes of one core for 18 minutes of recordings. Windows are 8 s long, so recordings must be
+    longer. Two parts of it are trained by themselves, into folders inside its run, after it:
+
+        harmolab train DATA --system music2dance --out RUN
+
+        harmolab train DATA --system feet --out RUN/feet
+
+        harmolab train DATA --system attributes --out RUN/attributes
+
+    *feet* takes sliding out of the lower body; the paper's loss lowers the error and makes feet slide more, which
+    --velocity-weight 3 works against. *attributes* tells the dance from the song: a fifth of the songs of each dance
+    is kept from training, and how many of those are right is printed. Neither dances by itself.
+
     **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
 
     **A system of your own** is a class that fulfils `harmolab.systems.System`; it takes the options that its `train`
@@ -75,19 +127,23 @@ def train(
     first = int(os.environ.get("RANK", 0)) == 0  # of several processes, the one that tells
     with plain_errors(), epoch_bar() as report:
         try:
-            from harmolab.systems import find
+            from harmolab.systems.contract import PARTS, trainable
 
             extras = {"report": report, "notice": _notice if first else lambda line: None, "progress": progress}
-            find(system).train(data, out, **accepted(find(system).train, context, extras))
+            learner = trainable(system)
+            learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:
             raise ValueError(f"training needs {error.name}; install it with: pip install 'harmolab[train]'") from None
-    if first:
+    if first and system in PARTS:
+        typer.echo(f"trained: {out}, a part of {PARTS[system]}, which uses it where it is RUN/{system}")
+    elif first:
         named = f" --system {system}" if ":" in system else ""
         typer.echo(f"trained: {out}; dance with it: harmolab dance SONG --weights {out}{named} --out dance.mp4")
 
 
 def _notice(line: str) -> None:
-    typer.echo(line if line.startswith("units: ") else f"harmolab: {line}", err=True)
+    is_result = line.startswith(("units: ", "songs: ", "test songs: "))
+    typer.echo(line if is_result else f"harmolab: {line}", err=True)
 
 
 def accepted(function: Callable[..., Any], context: typer.Context, extras: Mapping[str, Any]) -> dict[str, Any]:

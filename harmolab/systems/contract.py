@@ -4,19 +4,34 @@ A system is a class that fulfils `System`. Its name is that of its module here (
 `harmolab.systems.harmogan`, class `HarmoGAN`); a class outside harmolab is called ``package.module:Class``. Weights
 name the system that made them: ``"system"`` in ``model.json``. Because of what a file says, nothing outside this
 package is imported.
+
+A system may have parts that are trained by themselves (`PARTS`). They do not dance: the system uses them where they lie
+in its run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from types import MappingProxyType
 from typing import Any, Protocol, Self
 
 from harmolab.io.files import PathLike
 from harmolab.systems.common.about import read_about
 from harmolab.types import Audio, BeatTrack, Motion
+
+# Name of a part -> the system that it belongs to; its class stands in the module `parts` there.
+PARTS: Mapping[str, str] = MappingProxyType({"attributes": "music2dance", "feet": "music2dance"})
+
+
+class Trainable(Protocol):
+    """The method that systems and their parts have; it takes more keywords, and all of them have defaults."""
+
+    @classmethod
+    def train(cls, data: Sequence[PathLike], out: PathLike, *, seed: int = 1, resume: bool = False, **more: Any) -> Any:
+        """The network or system trained on corpora (folders), and saved in `out`, as `System.train` says."""
 
 
 class System(Protocol):
@@ -79,13 +94,34 @@ def find(name: str) -> type[System]:
     Raises
     ------
     ValueError
-        If there is no such system.
+        If there is no such system, or it is a part of one.
     """
-    module, outside, class_name = name.partition(":")
+    check_dances(name)
+    module, outside, _ = name.partition(":")
     if not outside and name not in names():
         raise ValueError(f"unknown system {name!r}; there are {', '.join(names())}, and others as package.module:Class")
+    return _class(name, module if outside else f"{__package__}.{name}")
+
+
+def trainable(name: str) -> type[Trainable]:
+    """The class of a system, as `find`, or of a part of one."""
+    return _class(name, f"{__package__}.{PARTS[name]}.parts") if name in PARTS else find(name)
+
+
+def check_dances(name: str | None, place: str = "") -> None:
+    """ValueError that begins with `place` where a name is that of a part, which does not dance by itself."""
+    if whole := PARTS.get(name or ""):
+        raise ValueError(
+            f"{place}{name} is a part of {whole}, not a dancer: train it into a run of {whole} "
+            f"(--out RUN/{name}) and dance with --weights RUN"
+        )
+
+
+def _class(name: str, module: str) -> Any:
+    """The class that a name means in a module; ValueError where there is none."""
+    _, outside, class_name = name.partition(":")
     try:
-        content = vars(import_module(module if outside else f"{__package__}.{name}"))
+        content = vars(import_module(module))
     except ModuleNotFoundError as error:
         if not outside or error.name != module.partition(".")[0]:
             raise
@@ -112,6 +148,7 @@ def load(folder: PathLike, *, system: str | None = None) -> System:
     """
     about = read_about(folder)
     maker = str(about.get("system") or ("harmogan" if about.get("class") == "Generator" else ""))  # before 0.2: unnamed
+    check_dances(maker, f"{folder}: ")
     if system is not None and system != maker:
         raise ValueError(f"{folder}: was made by the system {maker!r}, not by {system!r}")
     if system is None and ":" in maker:

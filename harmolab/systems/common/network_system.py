@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from types import MappingProxyType
+from typing import Any, ClassVar, Self, TypeVar
 
 from torch import nn
 
@@ -23,6 +24,7 @@ from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.types import Audio, BeatTrack, Motion
 
 Notice = Callable[[str], None]
+R = TypeVar("R")
 PRESETS = ("small", "paper")
 
 
@@ -84,6 +86,7 @@ class PresetSystem(NetworkSystem):
 
     settings: ClassVar[type[Any]]
     presets: ClassVar[Sequence[str]] = PRESETS  # the first is taken where none is named
+    short_names: ClassVar[Mapping[str, str]] = MappingProxyType({})  # other names of some fields -> their own
 
     @classmethod
     def material(cls, data: Sequence[PathLike], params: Any, progress: Progress) -> dict[str, Any]:
@@ -123,7 +126,7 @@ class PresetSystem(NetworkSystem):
         resume : go on where the run in `out` stopped; start it when there is none
         accelerator : "auto", "cpu" or "cuda"
         report, notice : called after each epoch with its row and its phase's end; with a line about the units
-        changes : other values for fields of `settings`, such as ``seed``
+        changes : other values for fields of `settings`, such as ``seed``; `short_names` are taken, too
 
         Raises
         ------
@@ -134,9 +137,8 @@ class PresetSystem(NetworkSystem):
 
         preset = preset or cls.presets[0]
         check_choice("preset", preset, cls.presets)
-        if other := sorted(changes.keys() - {field.name for field in fields(cls.settings)}):
-            raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
-        params = replace(getattr(cls.settings, preset)(), **changes)
+        changes = {cls.short_names.get(name, name): value for name, value in changes.items()}
+        params = changed(getattr(cls.settings, preset)(), changes)
         split = training_material(
             data, out, FeatureParams.paper(), step=step, split_seed=split_seed, resume=resume, notice=notice,
             progress=progress,
@@ -175,6 +177,13 @@ def training_material(
     counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
     notice(f"units: {counts}; data: {split.train.source}")
     return split
+
+
+def changed(settings: R, changes: Mapping[str, Any]) -> R:
+    """Settings (a dataclass) with other values for some fields; ValueError for a field that they do not have."""
+    if other := sorted(changes.keys() - {field.name for field in fields(settings)}):  # type: ignore[arg-type]
+        raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
+    return replace(settings, **changes)  # type: ignore[type-var]
 
 
 def check_choice(name: str, value: str, choices: Sequence[str]) -> None:

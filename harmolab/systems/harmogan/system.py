@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, Self
 
 from harmolab.io.files import PathLike, Progress, silent
 from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.network_system import NetworkSystem, Notice, check_choice, training_material
+from harmolab.systems.common.network_system import NetworkSystem, Notice, changed, check_choice, training_material
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 
@@ -72,7 +71,7 @@ class HarmoGAN(NetworkSystem):
 
         check_choice("preset", preset, PRESETS)
         check_choice("params", params, LOSSES)
-        settings: TrainParams = replace(getattr(TrainParams, params)(), **changes)
+        settings: TrainParams = changed(getattr(TrainParams, params)(), changes)
         features: FeatureParams = getattr(FeatureParams, params)()
         split = training_material(
             data, out, features, step=step, split_seed=split_seed, resume=resume, notice=notice, progress=progress

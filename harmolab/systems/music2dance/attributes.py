@@ -84,6 +84,16 @@ class AttributeParams:
         ):
             raise ValueError("rate, window and hop must be of a size that a song can be heard in")
 
+    @classmethod
+    def paper(cls) -> AttributeParams:
+        """As printed."""
+        return cls()
+
+    @classmethod
+    def recommended(cls) -> AttributeParams:
+        """Batches of 8: corpora have tens of songs, and batches of 128 would leave a few updates an epoch."""
+        return cls(batch_size=8)
+
     @property
     def n_cells(self) -> int:
         """Moments of a window."""
@@ -109,7 +119,7 @@ class AttributeClassifier(nn.Module):
     Its attribute `meta`, about its training, is kept with stored weights.
     """
 
-    system = "music2dance attributes"
+    system = "attributes"
 
     def __init__(self, params: AttributeParams, classes: Sequence[str]) -> None:
         super().__init__()
@@ -136,8 +146,9 @@ class AttributeClassifier(nn.Module):
     def window_probabilities(self, music: NDArray[np.float32]) -> FloatArray:
         """Of each class in each window, (N, K)."""
         self.eval()
+        device = self.audio_scale.mean.device
         parts = torch.from_numpy(song_windows(music, self.params)).split(AT_ONCE)
-        shares: FloatArray = torch.cat([self(part).softmax(dim=1) for part in parts]).double().numpy()
+        shares: FloatArray = torch.cat([self(part.to(device)).softmax(dim=1) for part in parts]).double().cpu().numpy()
         return shares
 
     def description(self) -> dict[str, Any]:
@@ -189,10 +200,14 @@ class SongWindows:
 
 @dataclass(frozen=True)
 class SongSplit:
-    """Names of songs on each side; no song is on both."""
+    """Names of songs on each side; ValueError for a song on both."""
 
     train: tuple[str, ...]
     test: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if shared := sorted({*self.train} & {*self.test}):
+            raise ValueError(f"{shared[0]!r} is on both sides of the split")
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -212,18 +227,15 @@ def train_attributes(
 ) -> AttributeClassifier:
     """Train a classifier on the songs of a split's training side, and keep everything about it in `folder`.
 
+    "meta" of its weights has the outcome on the songs of the test side (`Outcome`).
+
     Raises
     ------
     ValueError
-        If the split has no song to train on or one of them on both sides, or `folder` holds something else.
+        If the split has no song to train on, a song of the test side is trained on under another name, two songs have
+        one name, or `folder` holds something else.
     """
-    if len({song.name for song in songs}) < len(songs):
-        raise ValueError("two songs have one name")
-    if shared := sorted({*split.train} & {*split.test}):
-        raise ValueError(f"{shared[0]!r} is on both sides of the split")
-    selected = [song for song in songs if song.name in split.train]
-    if not selected:
-        raise ValueError("no song to train on")
+    selected, held_out = side_songs(songs, split)
     fabric, folder = fabric or make_fabric(), Path(folder)
     settings = plain({"attributes": params, "classes": list(classes)})
     windows = SongWindows.of(selected, params, fabric.device)
@@ -236,8 +248,38 @@ def train_attributes(
         rows = torch.linspace(0, len(windows) - 1, min(SETTLED, len(windows))).long()
         classifier.encoder.settle(classifier.audio_scale(windows.music[rows]))
         if first:
-            save_weights(folder / DEFAULT_STEM, classifier.eval(), {"songs": len(selected), "windows": len(windows)})
+            test = outcome(classifier, selected, held_out)._asdict()
+            about = {"songs": len(selected), "windows": len(windows), "test": test}
+            save_weights(folder / DEFAULT_STEM, classifier.eval(), about)
     return classifier
+
+
+def side_songs(songs: Sequence[Song], split: SongSplit) -> tuple[list[Song], list[Song]]:
+    """The songs of the training and of the test side; ValueError where a song is on both, or none is trained on."""
+    if len({song.name for song in songs}) < len(songs):
+        raise ValueError("two songs have one name")
+    train, test = ([song for song in songs if song.name in side] for side in (split.train, split.test))
+    if not train:
+        raise ValueError("no song to train on")
+    names = {song.music.tobytes(): song.name for song in train}
+    if leaking := next((song for song in test if song.music.tobytes() in names), None):
+        raise ValueError(f"{leaking.name!r} is tested on, but trained on as {names[leaking.music.tobytes()]!r}")
+    return train, test
+
+
+class Outcome(NamedTuple):
+    """Numbers of test songs: all, those whose class is predicted, those of the most frequent class in training."""
+
+    songs: int
+    right: int
+    majority: int
+
+
+def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequence[Song]) -> Outcome:
+    """A classifier's outcome on test songs; the class of a song is that of the mean over its windows (R13)."""
+    right = [int(classifier.probabilities(song.music).argmax()) == song.label for song in test]
+    most_frequent = int(np.bincount([song.label for song in train]).argmax())
+    return Outcome(len(test), sum(right), sum(song.label == most_frequent for song in test))
 
 
 def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[str]) -> AttributeClassifier:

@@ -30,9 +30,9 @@ from harmolab.systems.common.splits import Split
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode
 from harmolab.systems.common.weights import save_weights, stored_record
 from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, PositionCode, RotationCode, stored_code
-from harmolab.systems.music2dance.params import MOST_REACH
+from harmolab.systems.music2dance.params import MOST_REACH, Representation
 from harmolab.systems.music2dance.sequences import SequenceSet
-from harmolab.systems.music2dance.windows import LEAST_STD, Windows, WindowSource, training_statistics
+from harmolab.systems.music2dance.windows import LEAST_STD, Windows, training_windows
 from harmolab.types import FloatArray
 
 Kind = Literal["convolution", "lstm"]
@@ -119,7 +119,7 @@ class FootModel(nn.Module):
     Its attribute `meta`, about its training, is kept with stored weights.
     """
 
-    system = "music2dance feet"
+    system = "feet"
 
     def __init__(self, params: FootParams, code: PositionCode | RotationCode) -> None:
         super().__init__()
@@ -232,13 +232,12 @@ def train_feet(
     Raises
     ------
     ValueError
-        If `folder` holds something else, or a velocity weight is asked for a code of rotations.
+        If `folder` holds something else, a side of the split has no window, a training window a figure of another
+        side, or a velocity weight is asked for a code of rotations.
     """
-    if params.velocity_weight and isinstance(sequences.code, RotationCode):
-        raise ValueError("velocity_weight is for the code of positions; use 0")
-    fabric, folder, groups = fabric or make_fabric(), Path(folder), split.groups["train"]
-    statistics = training_statistics(sequences, groups)
-    source = WindowSource.of(sequences, groups, dances=sequences.dances, statistics=statistics, device=fabric.device)
+    check_velocity(params, sequences.params.representation)
+    fabric, folder = fabric or make_fabric(), Path(folder)
+    source = training_windows(split, sequences, fabric.device)
     batching = Batching(params.batch_size, 1, params.seed)
     check_shards(len(source), batching, fabric.world_size)
     settings = plain({"feet": params, "data": sequences.source, "code": sequences.params})
@@ -246,13 +245,19 @@ def train_feet(
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(params.seed)
             model = FootModel(params, sequences.code)
-        model.motion_scale.set(*statistics[2:])
+        model.motion_scale.set(*source.statistics[2:])
         model.to(fabric.device)
         phase = _phase(model, sequences.params.fps)
         fit(fabric, [phase], source, batching, folder, settings=settings, resume=resume, report=report)
         if first:
             save_weights(folder / DEFAULT_STEM, model.eval(), {"source": sequences.source})
     return model
+
+
+def check_velocity(params: FootParams, representation: Representation) -> None:
+    """ValueError for a velocity weight where motion is coded as rotations."""
+    if params.velocity_weight and representation == "rotations":
+        raise ValueError("velocity_weight is for the code of positions; use 0")
 
 
 def _phase(model: FootModel, fps: float) -> Phase:

@@ -101,6 +101,7 @@ class _Read(NamedTuple):
     start: float
     music: SingleArray
     motion: Motion  # at the rate of the parameters
+    contacts: BoolArray
 
 
 def load_sequences(
@@ -155,18 +156,21 @@ def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> Positio
 def _read(recording: Recording, params: Music2DanceParams) -> _Read:
     clip = recording.clip
     motion = resample_motion(motion_in_space(recording), params.fps)
+    try:
+        contacts = foot_contacts(motion.positions, motion.fps, motion.skeleton)
+    except ValueError as error:
+        raise ValueError(f"{recording.folder}: it must be known which foot stands, but {error}") from None
     kind = "annotated" if recording.annotation is not None and recording.annotation.times.size else "tracked"
     music = song_features(clip.audio, recording_beats(recording, kind), params.song, clip.dance)
-    return _Read(outline(recording), clip.offset, music, motion)
+    return _Read(outline(recording), clip.offset, music, motion, contacts)
 
 
 def _coded(item: _Read, code: PositionCode | RotationCode, segments: tuple[Segment, ...]) -> DanceSequence:
     motion = item.motion
     poses = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-PATH_CHANNELS]
-    contacts = foot_contacts(motion.positions, motion.fps, motion.skeleton)
     return DanceSequence(
         item.about.name, item.about.dance, item.start, segments, item.music, code.encode(motion).astype(np.float32),
-        contacts.astype(np.float32), poses, motion.valid,
+        item.contacts.astype(np.float32), poses, motion.valid,
     )  # fmt: skip
 
 
@@ -187,11 +191,11 @@ def window_starts(
     length = params.n_frames
     if sequence.n_frames < length:
         return np.zeros(0, np.int64)
-    inside = _sums(side_frames(sequence, groups, params.fps), length) >= share * length
-    return np.flatnonzero(inside & (_sums(sequence.valid, length) >= VALID_SHARE * length))
+    inside = frames_from(side_frames(sequence, groups, params.fps), length) >= share * length
+    return np.flatnonzero(inside & (frames_from(sequence.valid, length) >= VALID_SHARE * length))
 
 
-def _sums(mask: BoolArray, length: int) -> NDArray[np.int64]:
-    """Number of ones among `length` entries from each on."""
+def frames_from(mask: BoolArray, length: int) -> NDArray[np.int64]:
+    """Number of ones among `length` entries of a mask (T,) from each on, (T - length + 1,)."""
     total = np.concatenate([[0], np.cumsum(mask)])
     return total[length:] - total[:-length]

@@ -6,6 +6,7 @@ import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -59,6 +60,7 @@ class Music2Dance(PresetSystem):
 
     network, settings = DanceNetwork, Music2DanceParams
     presets = ("recommended", "paper")
+    short_names = MappingProxyType({"phase1": "first_epochs", "phase2": "second_epochs"})
 
     def __init__(
         self,

@@ -35,7 +35,7 @@ from harmolab.systems.music2dance.terms import (
     squared_error,
     unchanged_contacts,
 )
-from harmolab.systems.music2dance.windows import Windows, WindowSource, training_statistics
+from harmolab.systems.music2dance.windows import Windows, WindowSource, training_windows
 
 VALIDATE_EVERY = 10  # epochs
 VALIDATED = 64  # windows at most
@@ -77,28 +77,21 @@ def train_music2dance(
     ------
     ValueError
         If `folder` holds something and `resume` is off, holds a run with other settings or a damaged one, or another
-        process trains in it; if a side of the split has no window; if a batch cannot be shared by so many processes.
+        process trains in it; if a side of the split has no window, or a training window a figure of another side; if
+        a batch cannot be shared by so many processes.
     """
     fabric, folder, params = fabric or make_fabric(), Path(folder), sequences.params
-    statistics = training_statistics(sequences, split.groups["train"])
-    source, held_out = (
-        WindowSource.of(
-            sequences,
-            split.groups[side],
-            dances=sequences.dances,
-            statistics=statistics,
-            share=share,
-            device=fabric.device,
-        )
-        for side, share in (("train", 1.0), ("validation", HELD_OUT))
-    )
-    check_recordings(split, sequences)
+    source = training_windows(split, sequences, fabric.device)
+    held_out = WindowSource.of(
+        sequences, split.groups["validation"], dances=sequences.dances, statistics=source.statistics, share=HELD_OUT,
+        device=fabric.device,
+    )  # fmt: skip
     batching = Batching(params.batch_size, params.shards, params.seed)
     check_shards(len(source), batching, fabric.world_size)
     settings = plain({"music2dance": params, "data": sequences.source})
     with locked_run(fabric, split, folder, settings, resume=resume) as first:
         network = initial_network(sequences, params)
-        network.set_statistics(statistics)
+        network.set_statistics(source.statistics)
         fabric.to_device(network)
         phases = [_phase(network, source, held_out, params, second=second) for second in (False, True)]
         fit(fabric, phases, source, batching, folder, settings=settings, resume=resume, report=report)
@@ -107,17 +100,6 @@ def train_music2dance(
             save_weights(folder / DEFAULT_STEM, network, {"settings": settings, "source": sequences.source})
             save_poses(folder / DEFAULT_STEM, movements(source, seed=params.seed))
     return network
-
-
-def check_recordings(split: Split, sequences: SequenceSet) -> None:
-    """ValueError unless split and sequences are of the same recordings: groups are numbered over all of them."""
-    left_out = len(split.train.notes), len(sequences.notes)
-    if left_out[0] != left_out[1] or split.train.source != sequences.source:
-        more = (sequences.notes if left_out[1] > left_out[0] else split.train.notes) or ("none",)
-        raise ValueError(
-            f"the split is of {split.train.source} without {left_out[0]} recordings, the motion of {sequences.source} "
-            f"without {left_out[1]}; both must be of the same ones (left out: {more[-1]})"
-        )
 
 
 def initial_network(sequences: SequenceSet, params: Music2DanceParams) -> DanceNetwork:
@@ -205,10 +187,14 @@ def settle(network: DanceNetwork, source: WindowSource) -> None:
 
 @torch.no_grad()
 def validate(network: DanceNetwork, source: WindowSource, held_out: WindowSource) -> dict[str, float]:
-    """Of unseen windows, frame by frame from recorded ones: error, likelihood, contacts beside "as before"."""
+    """Of unseen windows, frame by frame from recorded ones: error, likelihood, contacts beside "as before".
+
+    "fixed_nats" is the likelihood of one set of training windows, drawn without clusters: losses of trainings that draw
+    their windows differently are of different windows, and this one can be compared (R27).
+    """
     settle(network, source)
-    windows = held_out.batch(even_rows(held_out))
-    prediction = network(windows)
+    windows, fixed = (each.batch(even_rows(each)) for each in (held_out, source))
+    prediction, of_fixed = network(windows), network(fixed)
     network.train()
     return {
         "val_mse": float(squared_error(prediction, windows.motion, windows.valid)),
@@ -216,6 +202,7 @@ def validate(network: DanceNetwork, source: WindowSource, held_out: WindowSource
         "val_contacts": float(contact_accuracy(prediction, windows.contacts, windows.valid)),
         "val_contacts_as_before": float(unchanged_contacts(windows.contacts, windows.valid)),
         "val_contacts_majority": float(majority_contacts(windows.contacts, windows.valid)),
+        "fixed_nats": float(likelihood_loss(of_fixed, fixed.motion, fixed.valid)),
     }
 
 

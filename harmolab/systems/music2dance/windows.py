@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -15,8 +16,15 @@ from scipy.cluster.vq import kmeans2
 from torch import Tensor
 
 from harmolab.systems.common.layers import Statistics, channel_statistics
+from harmolab.systems.common.splits import Split
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
-from harmolab.systems.music2dance.sequences import DanceSequence, SequenceSet, side_frames, window_starts
+from harmolab.systems.music2dance.sequences import (
+    DanceSequence,
+    SequenceSet,
+    frames_from,
+    side_frames,
+    window_starts,
+)
 from harmolab.types import BoolArray, FloatArray
 
 N_POSES, N_COMPONENTS = 10, 30  # of a window, by which windows are clustered
@@ -90,7 +98,12 @@ class WindowSource:
             np.int64,
         ).reshape(-1, 2)
         if not len(places):
-            raise ValueError(f"a side of the split has no {params.window:g} s of recorded movement in a row")
+            longest = max(sequence.n_frames for sequence in sequences.sequences) / params.fps
+            raise ValueError(
+                f"{sequences.source}: a side of the split has no {params.window:g} s of recorded movement in a row; "
+                f"the longest of {len(sequences.sequences)} recordings lasts {longest:.1f} s. Add longer ones, or try "
+                "another --split-seed"
+            )
         weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
         counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
         return cls(sequences, dances, statistics, places, weights, counted, device)
@@ -157,6 +170,55 @@ def n_cells(params: SongParams) -> int:
 def cells_from(music: NDArray[np.float32], first: int, count: int) -> NDArray[np.float32]:
     """`count` moments of music (M, F) from number `first` on; before the start and after the end its ends hold."""
     return music[np.clip(np.arange(first, first + count), 0, len(music) - 1)]
+
+
+def training_windows(split: Split, sequences: SequenceSet, device: torch.device | str = "cpu") -> WindowSource:
+    """The windows of the training side, and the statistics of that side.
+
+    Raises
+    ------
+    ValueError
+        If split and sequences are of other recordings, the side has no window, or one holds a frame of a figure of
+        another side.
+    """
+    check_recordings(split, sequences)
+    groups = split.groups["train"]
+    statistics = training_statistics(sequences, groups)
+    source = WindowSource.of(sequences, groups, dances=sequences.dances, statistics=statistics, device=device)
+    check_leaks(source, split.groups)
+    return source
+
+
+def check_recordings(split: Split, sequences: SequenceSet) -> None:
+    """ValueError unless split and sequences are of the same recordings: groups are numbered over all of them."""
+    left_out = len(split.train.notes), len(sequences.notes)
+    if left_out[0] != left_out[1] or split.train.source != sequences.source:
+        more = (sequences.notes if left_out[1] > left_out[0] else split.train.notes) or ("none",)
+        raise ValueError(
+            f"the split is of {split.train.source} without {left_out[0]} recordings, the motion of {sequences.source} "
+            f"without {left_out[1]}; both must be of the same ones (left out: {more[-1]})"
+        )
+
+
+def check_leaks(source: WindowSource, groups: Mapping[str, Sequence[str]]) -> None:
+    """ValueError where a training window holds a frame of a figure that is validated or tested on.
+
+    Parameters
+    ----------
+    source : WindowSource of the training side
+    groups : motion groups of each side, as of `Split`
+    """
+    params = source.sequences.params
+    for side, number in product(("validation", "test"), np.unique(source.places[:, 0])):
+        sequence = source.sequences.sequences[number]
+        starts = source.places[source.places[:, 0] == number, 1]
+        held_out = side_frames(sequence, groups[side], params.fps)
+        if (leaking := starts[frames_from(held_out, params.n_frames)[starts] > 0]).size:
+            frame = leaking[0] + int(held_out[leaking[0] :].argmax())
+            raise ValueError(
+                f"{sequence.name}: the training window at frame {leaking[0]} holds frame {frame}, which is in a "
+                f"figure of the {side} side"
+            )
 
 
 def training_statistics(sequences: SequenceSet, groups: Sequence[str]) -> Statistics:
