@@ -51,7 +51,6 @@ from .experiments.comparison import (
 from .experiments.comparison import (
     side_by_side as side_by_side,
 )
-from .experiments.dancer_parts import network_boxes as network_boxes
 from .experiments.dancer_parts import recording_chain as recording_chain
 from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import (

@@ -19,6 +19,7 @@ from .harmogan.params import TrainParams as TrainParams
 from .harmogan.system import HarmoGAN as HarmoGAN
 from .lee2019.params import LeeParams as LeeParams
 from .lee2019.system import Lee2019 as Lee2019
+from .music2dance.boxes import network_boxes as network_boxes
 from .music2dance.params import Music2DanceParams as Music2DanceParams
 from .music2dance.system import Music2Dance as Music2Dance
 from .ren2020.params import RenParams as RenParams

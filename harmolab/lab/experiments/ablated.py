@@ -176,11 +176,11 @@ def _measured(contest: Contest, run: TrainedDancer, recorded: dict[str, pd.Serie
 
 
 def effector_disagreement(contest: Contest, name: str = "whole") -> float:
-    """How far predicted places of feet, head and hands lie from where the predicted rotations put them (R36).
+    """Distance of predicted feet, head and hands from where the predicted rotations put them (R36).
 
     Returns
     -------
-    Mean distance, centimetres, over dances of a minute, one of each style and training
+    Its mean, centimetres, over dances of a minute, one of each style and training
     """
     away = []
     for run in ablated_dancers(contest, name):

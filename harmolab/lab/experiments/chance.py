@@ -1,4 +1,4 @@
-"""How much of the predicted spread a dance should draw, and how much it is smoothed afterwards (R34).
+"""Temperature, the share of the predicted spread that a dance draws, and smoothing (R34).
 
 Drawn in full, as Eq. 12 is printed, a dance shakes; without any chance it may come to rest. Temperature and smoothing
 are compared by the measures of a minute, to songs that are in no other table.
@@ -91,7 +91,7 @@ def _danced(system: Music2Dance, song: Excerpt, seed: int) -> Motion:
 
 
 def _summary(table: pd.DataFrame, recorded: pd.DataFrame) -> dict[str, float]:
-    """What of the limits some dances keep, and how lively they are beside the recorded."""
+    """Shares of the limits that some dances keep, and how lively they are beside the recorded."""
     both = pd.concat([recorded, table.assign(system="own", corpus=recorded["corpus"].iloc[0])], ignore_index=True)
     limits = endurance_table(both)
     own = limits[limits["system"] == "own"].groupby("measure")[["within", "of"]].sum()

@@ -1,6 +1,6 @@
 """Twenty dances of 25 s in each style, as the paper showed to people: harmony with the right music, and marks.
 
-Nobody was asked. What people would say is replaced by four measures, each from 0, what a statue or other music reaches,
+No one was asked. What people would say is replaced by four measures, each from 0, what a statue or other music reaches,
 to 10, what the recorded dancers reach (Fig. 6, Table 3 by machine).
 """
 
@@ -241,7 +241,7 @@ class _Scale:
         return cls(half, other, worst)
 
     def numbers(self, own: Sequence[HalfMinutes], training: float | None = None) -> dict[str, float]:
-        """What is marked, of all dances of a system, or those of one training."""
+        """The numbers that are marked, of all dances of a system, or those of one training."""
         rows = [np.ones(len(each.skating), bool) if training is None else each.training == training for each in own]
         kept = [mask[: len(each.poses)] for each, mask in zip(own, rows, strict=True)]
         pieces = _pooled([each.poses[mask] for each, mask in zip(own, kept, strict=True)])

@@ -1,4 +1,4 @@
-"""How near do dances come to the movement that their makers were trained on? Two seconds at a time.
+"""Distance of dances from the movement that their makers were trained on, two seconds at a time.
 
 A network of 300,000 numbers that saw eighteen minutes a thousand times may repeat them. Recorded figures that it never
 saw say how near two different figures of one dance are anyway.

@@ -187,13 +187,13 @@ def looked_at(contest: Contest, rows: Iterable[str] = LOOKED_AT) -> dict[str, di
     seconds = dance_seconds(contest.profile, LOOK_FROM + LOOK_SECONDS)
     sheets: dict[str, dict[str, Motion]] = {}
     for dance, clips in recorded_dancers(contest).items():
-        song, shown = unheard_song(dance, 1, seconds), sheets.setdefault(dance, {})
+        song, rows_of = unheard_song(dance, 1, seconds), sheets.setdefault(dance, {})
         for name in rows:
             if name == RIGHT_SONG and clips[0].motion is not None:
-                shown["recorded"] = clips[0].motion.span(0.0, min(LOOK_SECONDS, clips[0].motion.duration))
+                rows_of["recorded"] = clips[0].motion.span(0.0, min(LOOK_SECONDS, clips[0].motion.duration))
             elif name != RIGHT_SONG:
                 motion = ROWS[name].contestants(contest)[0].dance(song, 1)
-                shown[name] = motion.span(max(0.0, seconds - LOOK_SECONDS), min(LOOK_SECONDS, seconds))
+                rows_of[name] = motion.span(max(0.0, seconds - LOOK_SECONDS), min(LOOK_SECONDS, seconds))
     return sheets
 
 

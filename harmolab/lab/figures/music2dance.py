@@ -55,7 +55,7 @@ CHAIN_ARROWS = (
 
 
 def limits_figure(summary: pd.DataFrame, *, title: str) -> Figure:
-    """How many dances keep each limit: a row for each system, a column for each measure, green for all, red for none.
+    """Shares of dances that keep each limit: a row for each system, a column for each measure, green for all, red for none.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def _way(before: tuple[float, float], after: tuple[float, float]) -> list[tuple[
 
 
 def framework_boxes_figure(boxes: Mapping[str, str]) -> Figure:
-    """Fig. 3: music and motion through the network; `boxes` as of `experiments.dancer_parts.network_boxes`."""
+    """Fig. 3: music and motion through the network; `boxes` as of `harmolab.systems.network_boxes`."""
     return boxes_figure(boxes, FRAMEWORK, FRAMEWORK_ARROWS)
 
 
