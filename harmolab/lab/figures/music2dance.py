@@ -55,7 +55,7 @@ CHAIN_ARROWS = (
 
 
 def limits_figure(summary: pd.DataFrame, *, title: str) -> Figure:
-    """Shares of dances that keep each limit: a row for each system, a column for each measure, green for all, red for none.
+    """Shares of dances that keep each limit: a row a system, a column a measure, green for all, red for none.
 
     Parameters
     ----------
