@@ -84,8 +84,8 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARMOLAB_CACHE", str(tmp_path_factory.mktemp("cache")))
         patch.setattr(minutes, "QUICK_SECONDS", 14.0)
-        for module in (contestants, minutes, half_minutes, memory):
-            patch.setattr(module, "ROWS", {**contestants.ROWS, **own})
+        for module in (minutes, half_minutes, memory):
+            patch.setattr(module, "EVERY_ROW", {**contestants.EVERY_ROW, **own})
         yield
 
 

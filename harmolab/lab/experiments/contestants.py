@@ -221,15 +221,22 @@ ROWS: Mapping[str, Row] = MappingProxyType(
         LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True, repeats="n_rivals"),
         REN: Row(_ren, "network", "no", "Ren", rival=True, repeats="n_rivals"),
         M2D_LSTM: _music2dance_row("paper, LSTM", repeats="n_rivals"),
-        M2D_LSTM_CALM: _music2dance_row("paper, LSTM, calm", repeats="n_rivals"),
         M2D_PAPER: _music2dance_row("paper"),
-        M2D_CALM: _music2dance_row("paper, calm"),
         M2D: _music2dance_row("recommended"),
         WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
         HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
         RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),
         CHOREOGRAPHER: Row(_choreographer, "choreographer", "yes"),
         BANK: Row(_bank, "choreographer", "yes"),
+    }
+)
+
+# With those that draw a tenth of the predicted spread, which are no systems of their own.
+EVERY_ROW: Mapping[str, Row] = MappingProxyType(
+    {
+        **ROWS,
+        M2D_CALM: _music2dance_row("paper, calm"),
+        M2D_LSTM_CALM: _music2dance_row("paper, LSTM, calm", repeats="n_rivals"),
     }
 )
 

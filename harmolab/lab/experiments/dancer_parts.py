@@ -14,7 +14,7 @@ Boxes = dict[str, str]  # heading -> what stands below it
 
 
 def recording_chain(profile: RunProfile, corpus: str, params: Music2DanceParams) -> Boxes:
-    """Heading -> what stands below it, in place of Fig. 2, the capture: recordings, code, windows, the split by figure."""
+    """Heading -> what stands below it, in place of Fig. 2: recordings, code, windows, the split by figure."""
     sequences = coded_sequences(profile, corpus, profiled(profile, params))
     frames = sum(sequence.n_frames for sequence in sequences.sequences)
     groups = training_split(profile, corpus, FeatureParams.paper()).groups

@@ -15,7 +15,7 @@ import pandas as pd
 
 from harmolab.harmony import score_motion
 from harmolab.io.files import Progress, cached_arrays, keep_arrays, silent
-from harmolab.lab.experiments.contestants import RIGHT_SONG, ROWS, Contestant
+from harmolab.lab.experiments.contestants import EVERY_ROW, RIGHT_SONG, Contestant
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.guard import statue
 from harmolab.lab.experiments.measuring import kept_name
@@ -75,7 +75,7 @@ def half_minutes(
     seconds, count = dance_seconds(contest.profile, SECONDS), n_draws(contest.profile, count)
     outcomes = {}
     for name in rows:
-        contestants = () if name == RIGHT_SONG else ROWS[name].contestants(contest)
+        contestants = () if name == RIGHT_SONG else EVERY_ROW[name].contestants(contest)
         for dance in progress(list(recorded_dancers(contest)), f"{name}, {seconds:g} s"):
             if name == RIGHT_SONG:
                 songs = own_songs(contest, dance, seconds)
@@ -106,7 +106,7 @@ def _kept(
     arrays = cached_arrays(key)
     if arrays is None or set(arrays) != set(HalfMinutes.__annotations__):
         motions = [contestants[training[draw]].dance(song, draw) for draw, song in enumerate(songs)]
-        numbers = [place + 1 if ROWS[name].is_trained else 0 for place in training]
+        numbers = [place + 1 if EVERY_ROW[name].is_trained else 0 for place in training]
         arrays = vars(_measured(contest, dance, songs, motions, numbers))
         keep_arrays(key, arrays)
     return HalfMinutes(**arrays)

@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 
 from harmolab.io.files import Progress, silent
 from harmolab.kinematics import in_body, resample_motion
-from harmolab.lab.experiments.contestants import RIGHT_SONG, ROWS
+from harmolab.lab.experiments.contestants import EVERY_ROW, RIGHT_SONG
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.half_minutes import SECONDS
 from harmolab.lab.experiments.minutes import (
@@ -49,7 +49,7 @@ def memory_table(
     learnt = np.concatenate([_pieces(recording.clip.motion, hop=2) for recording in contest.teachers])
     outcomes = []
     for name in rows:
-        contestants = () if name == RIGHT_SONG else ROWS[name].contestants(contest)
+        contestants = () if name == RIGHT_SONG else EVERY_ROW[name].contestants(contest)
         for dance in progress(list(recorded_dancers(contest)), name):
             if name == RIGHT_SONG:
                 motions = _held_out(contest, dance)

@@ -17,6 +17,7 @@ from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.io.files import Progress, cached_arrays, keep_arrays, silent
 from harmolab.lab.experiments.contestants import (
     CHOREOGRAPHER,
+    EVERY_ROW,
     M2D,
     M2D_CALM,
     M2D_LSTM,
@@ -24,7 +25,6 @@ from harmolab.lab.experiments.contestants import (
     M2D_PAPER,
     RECOMMENDED,
     RIGHT_SONG,
-    ROWS,
     Contestant,
 )
 from harmolab.lab.experiments.contests import Contest
@@ -134,7 +134,7 @@ def minutes(
     contest : Contest, whose corpus the systems are trained on; how often, it says
     seconds : float
     count : int, dances of each system in each style; dance n is of training (n - 1) modulo the trainings
-    rows : names in `contestants.ROWS`
+    rows : names in `contestants.EVERY_ROW`
     progress : function(iterable, label) -> iterable
 
     Returns
@@ -147,14 +147,14 @@ def minutes(
         if name == RIGHT_SONG:
             tables.append(_recorded(contest, seconds))
             continue
-        contestants = ROWS[name].contestants(contest)
+        contestants = EVERY_ROW[name].contestants(contest)
         for dance in progress(list(recorded_dancers(contest)), f"{name}, {seconds:g} s"):
             values = [
                 _kept(contest, name, contestants[draw % len(contestants)], dance, draw + 1, seconds)
                 for draw in range(count)
             ]
             table = pd.DataFrame(values, columns=COLUMNS).assign(dance=dance, draw=range(1, count + 1))
-            is_trained = ROWS[name].is_trained
+            is_trained = EVERY_ROW[name].is_trained
             training = [draw % len(contestants) + 1 if is_trained else 0 for draw in range(count)]
             tables.append(table.assign(system=name, training=training))
     return pd.concat(tables, ignore_index=True).assign(corpus=contest.corpus, seconds=seconds)
@@ -192,7 +192,7 @@ def looked_at(contest: Contest, rows: Iterable[str] = LOOKED_AT) -> dict[str, di
             if name == RIGHT_SONG and clips[0].motion is not None:
                 rows_of["recorded"] = clips[0].motion.span(0.0, min(LOOK_SECONDS, clips[0].motion.duration))
             elif name != RIGHT_SONG:
-                motion = ROWS[name].contestants(contest)[0].dance(song, 1)
+                motion = EVERY_ROW[name].contestants(contest)[0].dance(song, 1)
                 rows_of[name] = motion.span(max(0.0, seconds - LOOK_SECONDS), min(LOOK_SECONDS, seconds))
     return sheets
 
