@@ -16,14 +16,14 @@ from harmolab.params import DANCES
 from harmolab.systems.common.about import DEFAULT_STEM
 from harmolab.systems.common.poses_bank import PoseBank, save_poses
 from harmolab.systems.common.weights import save_weights
-from harmolab.systems.music2dance.system import Music2Dance
+from harmolab.systems.music2dance.system import ATTRIBUTES, FOOT_MODEL, Music2Dance
 
 SECONDS = 40.0  # of each dance that a movement is cut from: its end
 PER_DANCE = 6
 
 
 def ship(run: PathLike, out: PathLike, *, per_dance: int = PER_DANCE, seed: int = 0) -> None:
-    """Write the network of a run to `out`, ready to be published, with movements of its own.
+    """Write the network of a run, and its classifier and foot model, to `out`, with movements of its own.
 
     Parameters
     ----------
@@ -42,6 +42,10 @@ def ship(run: PathLike, out: PathLike, *, per_dance: int = PER_DANCE, seed: int 
     out.mkdir(parents=True, exist_ok=True)
     save_weights(out / DEFAULT_STEM, system.generator, system.meta, half=True)
     save_poses(out / DEFAULT_STEM, bank)
+    for name, part in ((ATTRIBUTES, system.attributes), (FOOT_MODEL, system.feet)):
+        if part is not None:
+            (out / name).mkdir(exist_ok=True)
+            save_weights(out / name / DEFAULT_STEM, part, part.meta, half=True)
 
 
 def danced_bank(system: Music2Dance, *, per_dance: int = PER_DANCE, seed: int = 0) -> PoseBank:
