@@ -16,9 +16,8 @@ from harmolab.io.files import Progress, silent
 from harmolab.kinematics import in_body, resample_motion
 from harmolab.lab.experiments.contestants import EVERY_ROW, RIGHT_SONG
 from harmolab.lab.experiments.contests import Contest
-from harmolab.lab.experiments.half_minutes import SECONDS
+from harmolab.lab.experiments.half_minutes import HALF_ROWS, SECONDS
 from harmolab.lab.experiments.minutes import (
-    DANCERS,
     common_points,
     dance_seconds,
     n_draws,
@@ -31,12 +30,12 @@ from harmolab.types import FloatArray, Motion
 RATE = 12.5  # frames a second that are compared
 PIECE = 2.0  # seconds
 FIRST_SONG = 100  # the same dances as of `half_minutes`
-COUNT = 5  # dances of each system in each style
+COUNT = 2  # dances of each system in each style
 HELD_OUT = "recorded, other figures"
 
 
 def memory_table(
-    contest: Contest, *, rows: Iterable[str] = DANCERS, count: int = COUNT, progress: Progress = silent
+    contest: Contest, *, rows: Iterable[str] = HALF_ROWS, count: int = COUNT, progress: Progress = silent
 ) -> pd.DataFrame:
     """Distance of each 2 s of a dance to the nearest 2 s of the training recordings, in the body.
 
