@@ -51,6 +51,11 @@ from .experiments.comparison import (
 from .experiments.comparison import (
     side_by_side as side_by_side,
 )
+from .experiments.danced_feet import contact_table as contact_table
+from .experiments.danced_feet import feet_of_dances as feet_of_dances
+from .experiments.danced_feet import foot_curves as foot_curves
+from .experiments.danced_feet import toe_curves as toe_curves
+from .experiments.danced_feet import toe_variety as toe_variety
 from .experiments.dancer_parts import recording_chain as recording_chain
 from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import (
@@ -71,6 +76,8 @@ from .experiments.discrimination import (
 from .experiments.discrimination import (
     pick_table as pick_table,
 )
+from .experiments.feet import foot_table as foot_table
+from .experiments.feet import foot_trials as foot_trials
 from .experiments.generation import (
     VARIANTS as VARIANTS,
 )
@@ -198,6 +205,9 @@ from .figures.cheating import cheating_figure as cheating_figure
 from .figures.cheating import locked_figure as locked_figure
 from .figures.comparison import comparison_figure as comparison_figure
 from .figures.dance import dance_figure as dance_figure
+from .figures.feet import foot_model_figure as foot_model_figure
+from .figures.feet import toes_figure as toes_figure
+from .figures.feet import ways_figure as ways_figure
 from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure
 from .figures.listening import rates_figure as rates_figure

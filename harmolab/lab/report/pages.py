@@ -42,6 +42,8 @@ PAPER = {
     "Fig. 14": "frames of a dance at the beats of its music",
     "Table 1": "harmony for seven dances",
     "Table 2": "hit rate for seven dances",
+    "Music2Dance Fig. 10": "heights of the toes with and without end effectors, before and after the foot model",
+    "Music2Dance Table 2": "error of two foot models",
 }
 
 

@@ -25,7 +25,7 @@ from harmolab.systems.common.history import Report
 from harmolab.systems.common.layers import Normaliser
 from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
 from harmolab.systems.common.runs import locked_run
-from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
+from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by, epoch_order
 from harmolab.systems.common.splits import Split
 from harmolab.systems.common.torch_code import PATH_CHANNELS, decode
 from harmolab.systems.common.weights import save_weights, stored_record
@@ -250,7 +250,8 @@ def train_feet(
         phase = _phase(model, sequences.params.fps)
         fit(fabric, [phase], source, batching, folder, settings=settings, resume=resume, report=report)
         if first:
-            save_weights(folder / DEFAULT_STEM, model.eval(), {"source": sequences.source})
+            updates = params.epochs * len(epoch_order(len(source), 0, batching))
+            save_weights(folder / DEFAULT_STEM, model.eval(), {"source": sequences.source, "updates": updates})
     return model
 
 
@@ -283,14 +284,19 @@ def _phase(model: FootModel, fps: float) -> Phase:
 def _corrected(model: FootModel, shard: Shard, fps: float) -> Slid:
     """A batch with simulated sliding, and corrected."""
     windows: Windows = shard.own
-    with drawn_by(shard.seed, windows.motion.device):
-        slid = slid_motion(windows.motion, model, fps)
-        wrong = torch.rand(windows.contacts.shape).to(windows.contacts) < model.params.flipped
-        standing = torch.where(wrong, 1 - windows.contacts, windows.contacts)
+    slid, standing = simulated_sliding(model, windows, fps, shard.seed)
     increments = model(slid, standing)
     corrected = slid.clone()
     corrected[..., model.lower] = slid[..., model.lower] + increments
     return Slid(windows.motion, slid, corrected, increments)
+
+
+def simulated_sliding(model: FootModel, windows: Windows, fps: float, seed: int) -> tuple[Tensor, Tensor]:
+    """Standardised motion (N, T, C) of windows that slides, and their contacts (N, T, 2), some of them wrong (R38)."""
+    with drawn_by(seed, windows.motion.device):
+        slid = slid_motion(windows.motion, model, fps)
+        wrong = torch.rand(windows.contacts.shape).to(windows.contacts) < model.params.flipped
+        return slid, torch.where(wrong, 1 - windows.contacts, windows.contacts)
 
 
 def foot_terms(model: FootModel, output: Slid, windows: Windows, fps: float) -> Terms:
@@ -306,11 +312,13 @@ def foot_terms(model: FootModel, output: Slid, windows: Windows, fps: float) -> 
 
 
 def standing_speed(model: FootModel, motion: Tensor, windows: Windows, fps: float) -> Tensor:
-    """Mean square of the speed (m/s) along the floor of feet that stand, of standardised motion in positions."""
+    """Mean square of the speed (m/s) along the floor of feet that stand, of standardised motion in positions.
+
+    The speed of a foot is that of its slowest point: a foot that stands may roll over its toes or turn on its ball.
+    """
     skeleton = model.motion_code.skeleton
     code = motion * model.motion_scale.std + model.motion_scale.mean
-    positions = decode(code, fps)
-    feet = [positions[:, :, list(foot)].mean(dim=2)[..., [0, 2]] for foot in foot_joints(skeleton)]
-    speeds = torch.stack([foot.diff(dim=1).square().sum(dim=-1) * fps**2 for foot in feet], dim=-1)
+    steps = decode(code, fps)[..., [0, 2]].diff(dim=1).square().sum(dim=-1)  # (N, T - 1, J)
+    speeds = torch.stack([steps[..., list(foot)].amin(dim=-1) * fps**2 for foot in foot_joints(skeleton)], dim=-1)
     standing = windows.contacts[:, 1:] * windows.contacts[:, :-1] * windows.valid[:, 1:, None]
     return (speeds * standing).sum() / standing.sum().clamp(min=1.0)

@@ -1,0 +1,161 @@
+"""Feet of generated dances: Table 2 as a picture, heights of the toes (Fig. 10), a foot model at work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from harmolab.lab.figures.style import COLOURS, styled_axes
+from harmolab.lab.figures.variants import Look, Record, draw_mean, rows_by_name
+from harmolab.types import FloatArray
+
+RECORDED, UNTOUCHED = "recorded", "no correction"
+MEASURES = ("MSE", "lower body (cm)", "sliding (cm/s)")
+FEET = ("left toe", "right toe")
+CENTIMETRES = 100.0
+# Of a curve: colour and line. Black is recorded, as everywhere.
+_CURVES: Mapping[str, dict[str, Any]] = MappingProxyType(
+    {
+        "recorded": {"color": COLOURS["ink"], "linestyle": ":"},
+        "with end effectors": {"color": "#6A3D9A", "linestyle": "-"},
+        "without end effectors": {"color": "#8C6D31", "linestyle": "--"},
+        "none": {"color": COLOURS["ink"], "linestyle": ":"},
+        "model": {"color": "#6A3D9A", "linestyle": "-"},
+        "planted": {"color": "#8C6D31", "linestyle": "--"},
+    }
+)
+_WORDS: Mapping[str, str] = MappingProxyType(
+    {"none": "no correction", "model": "foot model", "planted": "planted feet, not learnt"}
+)
+
+
+class Curves(Protocol):
+    """Heights (T, 2) of both toes, metres, and speeds (T, 2) of both feet, metres per second."""
+
+    @property
+    def heights(self) -> FloatArray: ...
+
+    @property
+    def speeds(self) -> FloatArray: ...
+
+
+def draw_ways(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
+    """A mark with its interval for each way to treat feet; dashed lines: no correction, and recorded.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records of one corpus and code, with "feet", "trainings", and of the measure the mean, low and high
+    measure : name of a column
+    """
+    table = [row for row in rows if row["feet"] not in (RECORDED, UNTOUCHED)]
+    lines = {row["feet"]: row[measure] for row in rows if row["feet"] in (RECORDED, UNTOUCHED)}
+    places = rows_by_name(ax, [row["feet"] for row in table])
+    for row in table:
+        look = Look(row["feet"], COLOURS["ink"], "o", filled=row["trainings"] > 0)
+        if np.isfinite(row[measure]):
+            mean = {"mean": row[measure], "low": row[f"{measure}, low"], "high": row[f"{measure}, high"]}
+            draw_mean(ax, mean, places[row["feet"]], look)
+    ax.axvline(lines[UNTOUCHED], color=COLOURS["miss"], linestyle="--", linewidth=1.2, gid=UNTOUCHED)
+    if lines[RECORDED]:
+        ax.axvline(lines[RECORDED], color=COLOURS["chance"], linestyle=":", linewidth=1.5, gid=RECORDED)
+    ax.margins(x=0.12)
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    return ax
+
+
+def ways_figure(rows: Iterable[Record]) -> Figure:
+    """`draw_ways` for error and sliding: a row of panels for each corpus and motion code.
+
+    Parameters
+    ----------
+    rows : records of `harmolab.lab.experiments.feet.foot_table`
+    """
+    groups: dict[tuple[str, str], list[Record]] = {}
+    for row in rows:
+        groups.setdefault((row["corpus"], row["code"]), []).append(row)
+    size = (12.0, 2.5 * len(groups) + 0.5)
+    with styled_axes(size, len(groups), len(MEASURES)) as (figure, axes):
+        for line, ((corpus, code), table) in enumerate(groups.items()):
+            for place, measure in enumerate(MEASURES):
+                ax = draw_ways(axes[len(MEASURES) * line + place], table, measure=measure)
+                unit = f" ({table[0]['unit of MSE']})" if measure == "MSE" else ""
+                ax.set_xlabel(f"{measure}{unit}")
+                ax.tick_params(axis="y", labelleft=place == 0)
+            axes[len(MEASURES) * line].set_title(f"{corpus}: {code}")
+        handles = [
+            Line2D([], [], **Look("", COLOURS["ink"], "o", filled=True).mark, label="trained, 95 % over trainings"),
+            Line2D([], [], **Look("", COLOURS["ink"], "o", filled=False).mark, label="not trained"),
+            Line2D([], [], color=COLOURS["miss"], linestyle="--", label=UNTOUCHED),
+            Line2D([], [], color=COLOURS["chance"], linestyle=":", label=RECORDED),
+        ]
+        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+def draw_curves(ax: Axes, curves: Mapping[str, FloatArray], *, fps: float) -> Axes:
+    """Curves (T,) over time, each in the look of its name."""
+    for name, values in curves.items():
+        ax.plot(np.arange(len(values)) / fps, values, label=_WORDS.get(name, name), **_CURVES[name])
+    ax.set_xlim(0.0, max(map(len, curves.values())) / fps)
+    return ax
+
+
+def toes_figure(heights: Mapping[str, FloatArray], *, fps: float, title: str = "") -> Figure:
+    """Heights of the left and the right toe over time, of several dances to the same music (Fig. 10).
+
+    Parameters
+    ----------
+    heights : name ("recorded", "with end effectors", "without end effectors") -> (T, 2) array, metres
+    fps : float, hertz
+    title : str
+    """
+    with styled_axes((11.0, 4.6), 2, sharex=True, sharey=True) as (figure, axes):
+        for side, (ax, toe) in enumerate(zip(axes, FEET, strict=True)):
+            draw_curves(ax, {name: CENTIMETRES * values[:, side] for name, values in heights.items()}, fps=fps)
+            ax.set(ylabel="height (cm)", title=f"({'ab'[side]}) {toe}")
+        axes[-1].set_xlabel("time (s)")
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(heights), borderpad=0.0)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def foot_model_figure(curves: Mapping[str, Curves], contacts: FloatArray, *, fps: float) -> Figure:
+    """Heights of the toes and speeds of the feet of one dance, before and after; shaded where a foot is said to stand.
+
+    Parameters
+    ----------
+    curves : way ("none", "model", "planted") -> heights and speeds
+    contacts : (T, 2) array, 1 where the left, the right foot is predicted to stand
+    fps : float, hertz
+    """
+    with styled_axes((11.0, 5.4), 2, 2, sharex=True, sharey="row") as (figure, axes):
+        for place, ax in enumerate(axes):
+            line, side = divmod(place, 2)
+            picked = {name: (each.speeds if line else each.heights)[:, side] for name, each in curves.items()}
+            draw_curves(ax, {name: CENTIMETRES * values for name, values in picked.items()}, fps=fps)
+            _shade_contacts(ax, contacts[:, side], fps)
+            if line:
+                ax.set_xlabel("time (s)")
+            else:
+                ax.set_title(FEET[side])
+        axes[0].set_ylabel("height of the toe (cm)")
+        axes[2].set_ylabel("speed of the foot's\nslowest point (cm/s)")
+        handles = [*axes[0].get_lines(), Patch(facecolor=COLOURS["faint"], label="predicted to stand")]
+        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    return figure
+
+
+def _shade_contacts(ax: Axes, stands: FloatArray, fps: float) -> None:
+    """Grey wherever a foot stands (T,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], stands > 0.5, [0.0]])))
+    for start, end in edges.reshape(-1, 2) / fps:
+        ax.axvspan(start, end, color=COLOURS["faint"], alpha=0.6, linewidth=0, zorder=-1, gid="stands")

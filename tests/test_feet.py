@@ -1,0 +1,376 @@
+"""The foot model and its trials: planted slides are measured, one draw serves all, dances are corrected or planted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from harmolab.corpora.synthetic import synthetic_clip, write_corpus
+from harmolab.lab.experiments import danced_feet
+from harmolab.lab.experiments.danced_feet import CodedDance, foot_speeds, toe_heights
+from harmolab.lab.experiments.feet import (
+    BOTH,
+    CONVOLUTION,
+    ERROR,
+    LEARNT,
+    LOWER,
+    LSTM,
+    RECORDED,
+    SLIDING,
+    UNTOUCHED,
+    foot_table,
+    lower_body_distance,
+    measured,
+    measured_planted,
+    standing_slide,
+)
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.common.motion_code import encode_motion
+from harmolab.systems.common.splits import Split, split_units
+from harmolab.systems.common.unit_corpus import load_units
+from harmolab.systems.common.weights import load_weights
+from harmolab.systems.music2dance.codes import PositionCode, RotationCode
+from harmolab.systems.music2dance.feet import (
+    FootModel,
+    FootParams,
+    simulated_sliding,
+    smoothed,
+    standing_speed,
+    train_feet,
+)
+from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
+from harmolab.systems.music2dance.points import POINTS
+from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences
+from harmolab.systems.music2dance.sliding import SlidWindows, slid_windows
+from harmolab.systems.music2dance.windows import Windows
+from harmolab.types import FloatArray, Motion
+
+FPS = 25.0
+TINY = replace(Music2DanceParams.recommended(), window=2.0, clusters=3, song=SongParams(window=2.0, hop=1.0))
+QUICK = FootParams(channels=16, epochs=12, batch_size=8)
+
+
+@pytest.fixture(scope="module")
+def danced() -> Motion:
+    motion = synthetic_clip("rumba", seconds=6.0, fps=FPS, seed=4).motion
+    assert motion is not None
+    return motion
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("feet") / "dances"
+    write_corpus(root, clips=14, seconds=12.0, seed=1)
+    return root
+
+
+@pytest.fixture(scope="module")
+def split(corpus: Path) -> Split:
+    return split_units(load_units([corpus], FeatureParams.paper(), step=2))
+
+
+@pytest.fixture(scope="module", params=["positions", "rotations"])
+def sequences(corpus: Path, request: pytest.FixtureRequest) -> SequenceSet:
+    return load_sequences([corpus], replace(TINY, representation=request.param))
+
+
+def untrained(code: PositionCode | RotationCode, values: FloatArray, params: FootParams = QUICK) -> FootModel:
+    """A model that knows the scale of its channels from values (T, C)."""
+    model = FootModel(params, code).eval()
+    spread = torch.from_numpy(values.std(axis=0)).float().clamp(min=1e-3)
+    model.motion_scale.set(torch.from_numpy(values.mean(axis=0)).float(), spread)
+    return model
+
+
+def of_motion(model: FootModel, values: FloatArray, contacts: FloatArray | None = None) -> Windows:
+    """A window of motion (T, C), without music."""
+    motion = model.motion_scale(torch.from_numpy(values).float())[None]
+    stands = torch.ones(1, len(values), 2) if contacts is None else torch.from_numpy(contacts).float()[None]
+    nothing = torch.zeros(1)
+    return Windows(motion, stands, nothing, nothing, nothing, torch.ones(1, len(values)))
+
+
+def points(frames: int) -> FloatArray:
+    """The twenty points on a line, standing still: (T, 20, 3)."""
+    place = np.arange(len(POINTS.joints))[:, None] * np.array([0.1, 0.05, 0.0])
+    return np.repeat(place[None], frames, axis=0)
+
+
+def joint(name: str) -> int:
+    return POINTS.joints.index(name)
+
+
+# Measures
+
+
+def slide(positions: FloatArray, contacts: FloatArray, counted: FloatArray | None = None) -> float:
+    rest = np.ones(len(positions), bool) if counted is None else counted
+    return standing_slide(positions[None], contacts[None] > 0.5, rest[None], FPS, POINTS)
+
+
+def test_a_foot_slides_as_fast_as_its_slowest_point_while_it_stands():
+    positions, stands = points(11), np.tile([1.0, 0.0], (11, 1))
+    positions[:, [joint("toe L"), joint("ankle L")], 0] += 0.02 * np.arange(11)[:, None]
+    assert slide(positions, stands) == 0.0  # it turns on its heel
+    positions[:, joint("heel L"), 2] += 0.01 * np.arange(11)
+    assert slide(positions, stands) == pytest.approx(0.25)
+    positions[:, [joint(f"{part} R") for part in ("toe", "heel", "ankle")], 0] += np.arange(11)[:, None]
+    assert slide(positions, stands) == pytest.approx(0.25)  # the other foot is in the air
+
+
+def test_steps_count_where_a_foot_stands_at_both_ends_and_the_frames_do():
+    positions, stands = points(7), np.tile([1.0, 0.0], (7, 1))
+    positions[3:, :, 0] += 0.04  # one step of 1 m/s
+    assert slide(positions, stands) == pytest.approx(1 / 6)
+    stands[3] = 0.0
+    assert slide(positions, stands) == 0.0
+    stands[3, 0] = 1.0
+    assert slide(positions, stands, np.arange(7) != 2) == 0.0
+    assert np.isnan(slide(positions, 0 * stands))
+
+
+def test_distance_of_the_lower_body_is_seen_from_the_root_and_leaves_the_arms_out(danced: Motion):
+    moved = danced.positions + np.array([1.0, 0.0, -2.0])
+    names = danced.skeleton.joints
+    moved[:, names.index("knee L")] += [0.0, 0.05, 0.0]
+    moved[:, names.index("hand L")] += [0.0, 0.3, 0.0]
+    away = lower_body_distance(danced.positions, moved, FPS, danced.skeleton)
+    np.testing.assert_allclose(away, 0.05 / 10, atol=1e-6)  # one of ten joints
+
+
+def slid(code: PositionCode | RotationCode, values: FloatArray, model: FootModel) -> SlidWindows:
+    """One window, of which the first half counts, and nothing slides."""
+    rotations = isinstance(code, RotationCode)
+    channels = model.lower[4:] if rotations else model.lower
+    units = np.ones(len(channels)) if rotations else model.motion_scale.std[channels].double().numpy()
+    stands = np.ones((1, len(values), 2))
+    counted = np.arange(len(values))[None] < len(values) // 2
+    return SlidWindows(code, FPS, values[None], values[None], stands > 0, stands, counted, channels, units)
+
+
+@pytest.mark.parametrize("make", [PositionCode.of, RotationCode.of])
+def test_the_error_is_of_the_lower_body_and_of_frames_that_count(danced: Motion, make: Callable[..., Any]):
+    code = make([danced])
+    values = code.encode(danced)
+    windows = slid(code, values, untrained(code, values))
+    changed = windows.recorded.copy()
+    changed[:, 80:] += 5.0
+    upper = sorted({*range(code.n_motion)} - {*windows.channels})
+    changed[..., upper] += 5.0
+    assert windows.squared_error(changed) == 0.0
+    changed[0, :, windows.channels[7]] += 0.1 * windows.units[7]
+    assert windows.squared_error(changed) == pytest.approx(0.01 / len(windows.channels))
+
+
+# Simulated sliding
+
+
+def test_smoothing_keeps_what_is_constant_and_spreads_a_stroke_as_wide_as_it_says():
+    values = torch.zeros(2, 81, 1)
+    values[:, 40] = 1.0
+    values[..., 0] += 3.0
+    out = smoothed(values, torch.tensor([[1.0], [4.0]]))[..., 0] - 3.0
+    frames = torch.arange(81.0) - 40
+    torch.testing.assert_close((out * frames.square()).sum(dim=1).sqrt(), torch.tensor([1.0, 4.0]), atol=0.02, rtol=0)
+    torch.testing.assert_close(out.sum(dim=1), torch.ones(2), atol=1e-4, rtol=0)
+
+
+def test_one_seed_draws_one_sliding_and_a_tenth_of_the_contacts_are_wrong(danced: Motion):
+    code = PositionCode.of([danced])
+    values = np.tile(code.encode(danced), (8, 1))
+    model = untrained(code, values)
+    windows = of_motion(model, values)
+    one, same, other = (simulated_sliding(model, windows, FPS, seed) for seed in (3, 3, 4))
+    assert torch.equal(one[0], same[0]) and torch.equal(one[1], same[1]) and not torch.equal(one[0], other[0])
+    assert float(one[1].mean()) == pytest.approx(0.9, abs=0.03)
+    rest = sorted({*range(code.n_motion)} - {*model.lower})
+    assert torch.equal(one[0][..., rest], windows.motion[..., rest])
+    assert not torch.equal(one[0][..., model.lower], windows.motion[..., model.lower])
+
+
+def test_feet_of_slid_rotations_are_where_the_rotations_put_them(danced: Motion):
+    code = RotationCode.of([danced])
+    values = code.encode(danced)
+    model = untrained(code, values)
+    motion, _ = simulated_sliding(model, of_motion(model, values), FPS, 1)
+    out = (motion[0] * model.motion_scale.std + model.motion_scale.mean).double().numpy()
+    np.testing.assert_allclose(out, code.refreshed(out, FPS), atol=1e-4)
+    assert np.abs(out - code.refreshed(values, FPS))[:, model.feet].max() > 0.005
+
+
+# The model
+
+
+@pytest.mark.parametrize("kind", ["convolution", "lstm"])
+@pytest.mark.parametrize("make", [PositionCode.of, RotationCode.of])
+def test_a_model_begins_with_no_correction(danced: Motion, make: Callable[..., Any], kind: str):
+    code = make([danced])
+    values = code.encode(danced)
+    model = untrained(code, values, replace(QUICK, kind=kind))
+    np.testing.assert_allclose(model.correct(values, np.ones((len(values), 2))), values, atol=1e-4)
+
+
+def test_it_changes_the_lower_body_alone(danced: Motion):
+    code = PositionCode.of([danced])
+    values = code.encode(danced)
+    model = untrained(code, values)
+    torch.nn.init.ones_(model.layers[-1].bias)
+    away = model.correct(values, np.ones((len(values), 2))) - values
+    expected = np.zeros(code.n_motion)
+    expected[model.lower] = model.motion_scale.std[model.lower].numpy()
+    np.testing.assert_allclose(away, np.tile(expected, (len(values), 1)), atol=1e-4)
+
+
+def test_a_foot_that_rolls_over_its_toe_costs_nothing_and_one_that_slides_its_speed(danced: Motion):
+    code = PositionCode.of([danced])
+    names = danced.skeleton.joints
+    still = np.repeat(danced.positions[:1], 50, axis=0)
+    rolling = still.copy()
+    rolling[:, [names.index("heel L"), names.index("ankle L")], 2] += 0.002 * np.arange(50)[:, None]
+    gliding = still + 0.008 * np.arange(50)[:, None, None] * np.array([0.0, 0.0, 1.0])
+    model = untrained(code, code.encode(danced))
+
+    def cost(positions: FloatArray) -> float:
+        windows = of_motion(model, encode_motion(positions, FPS, danced.skeleton).astype(np.float64))
+        return float(standing_speed(model, windows.motion, windows, FPS))
+
+    assert cost(still) == pytest.approx(0.0, abs=1e-6)
+    assert cost(rolling) == pytest.approx(0.0, abs=1e-6)
+    assert cost(gliding) == pytest.approx(0.2**2, rel=1e-3)
+
+
+def test_a_velocity_weight_is_refused_for_rotations(split: Split, sequences: SequenceSet, tmp_path: Path):
+    if isinstance(sequences.code, PositionCode):
+        pytest.skip("positions have velocities")
+    with pytest.raises(ValueError, match="velocity_weight is for the code of positions"):
+        train_feet(split, sequences, tmp_path / "run", replace(QUICK, velocity_weight=1.0))
+
+
+def test_it_learns_what_slides_and_a_run_that_was_cut_off_goes_on_the_same(
+    split: Split, sequences: SequenceSet, tmp_path: Path
+):
+    def stop(row: dict[str, Any], end: int) -> None:
+        if row["epoch"] == 4:
+            raise KeyboardInterrupt
+
+    train_feet(split, sequences, tmp_path / "whole", QUICK)
+    with pytest.raises(KeyboardInterrupt):
+        train_feet(split, sequences, tmp_path / "cut", QUICK, report=stop)
+    train_feet(split, sequences, tmp_path / "cut", QUICK, resume=True)
+    assert (tmp_path / "cut" / "history.csv").read_text() == (tmp_path / "whole" / "history.csv").read_text()
+    model = load_weights(tmp_path / "whole", FootModel)
+    learnt = slid_windows(split, sequences, side="train", most=16)
+    assert learnt.squared_error(learnt.corrected(model)) < 0.97 * learnt.squared_error(learnt.slid)
+
+
+def test_held_out_windows_are_of_one_draw_and_count_frames_of_their_side_alone(split: Split, sequences: SequenceSet):
+    sides = {side: slid_windows(split, sequences, side=side, most=8) for side in ("train", "validation", "test")}
+    again = slid_windows(split, sequences, most=8)
+    np.testing.assert_array_equal(again.slid, sides["test"].slid)
+    np.testing.assert_array_equal(again.signals, sides["test"].signals)
+    assert sides["test"].counted.any() and not sides["test"].counted.all()
+    for windows in sides.values():
+        row = measured(windows, windows.recorded)
+        assert row[ERROR] == 0.0 and row[LOWER] == 0.0
+        assert measured(windows, windows.slid)[SLIDING] > row[SLIDING]
+    planted = measured_planted(sides["test"], sides["test"].slid)
+    assert planted[SLIDING] < measured(sides["test"], sides["test"].slid)[SLIDING] and np.isnan(planted[ERROR])
+
+
+# Table 2
+
+
+def trial(feet: str, seed: int, error: float, sliding: float, code: str = "rotations") -> dict[str, Any]:
+    about = {"corpus": "made up", "code": code, "feet": feet, "seed": seed, "parameters": 5 * bool(seed)}
+    measures = {ERROR: error, LEARNT: error / 2, LOWER: 1.0, SLIDING: sliding}
+    return {**about, "updates": 800 * bool(seed), **measures}
+
+
+def test_the_table_has_means_over_trainings_beside_no_correction_and_the_recorded():
+    rows = [trial(RECORDED, 0, 0.0, 5.0), trial(UNTOUCHED, 0, 0.02, 14.0)]
+    rows += [trial(CONVOLUTION, seed, error, 18.0) for seed, error in ((1, 0.010), (2, 0.014), (3, 0.012))]
+    rows += [trial(LSTM, 1, 0.03, 17.0), trial(BOTH, 1, np.nan, 9.0)]
+    rows += [trial(each["feet"], each["seed"], 1.0, 1.0, "positions") for each in rows]
+    table = foot_table(pd.DataFrame(rows)).set_index(["code", "feet"])
+    row = table.loc["rotations", CONVOLUTION]
+    assert row[ERROR] == pytest.approx(0.012) and row["trainings"] == 3 and row["updates"] == 800
+    # Student's t of two degrees of freedom, standard deviation .002
+    assert row[f"{ERROR}, high"] - row[ERROR] == pytest.approx(4.3027 * 0.002 / np.sqrt(3), rel=1e-4)
+    assert row["sliding before"] == 14.0 and row["sliding recorded"] == 5.0
+    assert (row["unit of MSE"], table.loc["positions", CONVOLUTION]["unit of MSE"]) == ("rad^2", "SD^2")
+    assert table.loc["rotations", UNTOUCHED]["trainings"] == 0 and table.loc["rotations", UNTOUCHED]["loss"] == ""
+    assert table.loc["rotations", BOTH]["loss"] == row["loss"] == "MSE + 0.1 smooth"
+
+
+def test_the_papers_numbers_stand_in_a_column_of_their_own_and_beside_rotations_alone():
+    rows = [
+        trial(feet, 1, 0.5, 1.0, code)
+        for code in ("rotations", "positions")
+        for feet in (RECORDED, UNTOUCHED, CONVOLUTION, LSTM)
+    ]
+    table = foot_table(pd.DataFrame(rows))
+    printed = table.dropna(subset="MSE, paper (other data)").set_index(["code", "feet"])["MSE, paper (other data)"]
+    assert printed.to_dict() == {("rotations", CONVOLUTION): 0.0010, ("rotations", LSTM): 0.0028}
+    assert (table[ERROR] == 0.5).all()
+
+
+# Dances
+
+
+def test_a_dance_is_treated_in_three_ways_and_the_model_sees_feet_where_rotations_put_them(danced: Motion):
+    code = RotationCode.of([danced])
+    values = code.encode(danced)
+    predicted = values.copy()
+    predicted[:, -15:] += 1.0  # places that the rotations contradict
+    given: list[FloatArray] = []
+
+    def correct(motion: FloatArray, contacts: FloatArray) -> FloatArray:
+        given.append(motion)
+        return motion + 0.0
+
+    model: Any = SimpleNamespace(correct=correct)
+    ways = CodedDance(code, FPS, predicted, np.ones((len(values), 2))).ways(model)
+    np.testing.assert_allclose(given[0], code.refreshed(values, FPS), atol=1e-9)
+    np.testing.assert_allclose(ways["model"].positions, ways["none"].positions, atol=1e-9)
+    lowest = {way: motion.positions[..., 1].min() for way, motion in ways.items()}
+    assert lowest == {way: pytest.approx(0.0, abs=1e-3) for way in ("none", "model", "planted")}
+    assert foot_speeds(ways["planted"]).mean() < foot_speeds(ways["none"]).mean()
+
+
+def test_heights_are_those_of_the_toes_and_speeds_of_the_slowest_point():
+    positions = points(9)
+    positions[:, joint("toe L"), 1] = 0.01 * np.arange(9)
+    positions[:, joint("toe R"), 1] = 0.3
+    positions[:, [joint(f"{part} R") for part in ("toe", "heel", "ankle")], 0] += 0.02 * np.arange(9)[:, None]
+    positions[:, joint("heel R"), 0] += 0.02 * np.arange(9)
+    motion = Motion(positions, FPS, POINTS)
+    np.testing.assert_allclose(toe_heights(motion), np.column_stack([0.01 * np.arange(9), np.full(9, 0.3)]))
+    np.testing.assert_allclose(foot_speeds(motion), np.tile([0.0, 0.5], (9, 1)), atol=1e-9)
+
+
+def test_contacts_stand_beside_the_frame_before_and_the_majority(monkeypatch: pytest.MonkeyPatch):
+    history = pd.DataFrame(
+        {
+            "val_contacts": [0.5, 0.8, np.nan],
+            "val_contacts_as_before": [0.9, 0.93, np.nan],
+            "val_contacts_majority": [0.6, 0.63, np.nan],
+        }
+    )
+    monkeypatch.setattr(danced_feet, "generator_corpora", lambda profile: ("made up",))
+    monkeypatch.setattr(danced_feet, "dancer", lambda *about: SimpleNamespace(history=history))
+    table = danced_feet.contact_table(RunProfile.quick()).set_index("dancer")
+    assert table["predicted"].to_dict() == {"paper": 0.8, "recommended": 0.8}
+    assert (table["as in the frame before"] == 0.93).all() and (table["majority"] == 0.63).all()
+    assert (table["frames per second"] == 25.0).all() and table["weight"].to_dict() == {
+        "paper": 0.1,
+        "recommended": 2.0,
+    }

@@ -1,0 +1,92 @@
+"""Figures of feet: marks at their means, heights in centimetres, grey where a foot stands; quick ones say so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from harmolab.lab.experiments.danced_feet import FootCurves
+from harmolab.lab.figures.feet import MEASURES, draw_ways, foot_model_figure, toes_figure, ways_figure
+from harmolab.lab.figures.style import save_figure
+from harmolab.lab.profile import RunProfile
+
+NAN = float("nan")
+
+
+def record(feet: str, trainings: int, mean: float, low: float = NAN, high: float = NAN, code: str = "rotations"):
+    spread = {
+        f"{name}{end}": value for name in MEASURES for end, value in (("", mean), (", low", low), (", high", high))
+    }
+    about = {"corpus": "made up", "code": code, "unit of MSE": "rad^2"}
+    return {**about, "feet": feet, "trainings": trainings, **spread}
+
+
+ROWS = [
+    record("recorded", 0, 2.0), record("no correction", 0, 6.0), record("planted feet, not learnt", 0, 3.0),
+    record("temporal convolution", 3, 7.0, 6.5, 7.5),
+]  # fmt: skip
+
+
+def test_each_way_has_its_mark_filled_where_it_was_trained():
+    ax = draw_ways(Figure().subplots(), ROWS, measure="sliding (cm/s)")
+    marks = {line.get_xdata()[0]: line for line in ax.lines if len(line.get_xdata()) == 1}
+    assert set(marks) == {3.0, 7.0}
+    assert marks[3.0].get_markerfacecolor() == "white" != marks[7.0].get_markerfacecolor()
+    (interval,) = [line for line in ax.lines if line.get_gid() == "interval"]
+    assert list(interval.get_xdata()) == [6.5, 7.5]
+    lines = {
+        line.get_gid(): line.get_xdata()[0] for line in ax.lines if line.get_gid() in ("recorded", "no correction")
+    }
+    assert lines == {"recorded": 2.0, "no correction": 6.0}
+
+
+def test_every_corpus_and_code_has_a_row_of_panels():
+    figure = ways_figure([*ROWS, *(record(row["feet"], 0, 1.0, code="positions") for row in ROWS)])
+    assert len(figure.axes) == 2 * len(MEASURES)
+    assert [ax.get_title(loc="left") for ax in figure.axes[:: len(MEASURES)]] == [
+        "made up: rotations", "made up: positions",
+    ]  # fmt: skip
+    assert figure.axes[0].get_xlabel() == "MSE (rad^2)"
+
+
+def test_toes_are_drawn_side_by_side_in_centimetres():
+    heights = {"recorded": np.tile([0.01, 0.02], (50, 1)), "with end effectors": np.tile([0.03, 0.04], (50, 1))}
+    figure = toes_figure(heights, fps=25.0)
+    drawn = [[(line.get_label(), line.get_ydata()[0]) for line in ax.lines] for ax in figure.axes]
+    assert drawn == [
+        [("recorded", 1.0), ("with end effectors", 3.0)], [("recorded", 2.0), ("with end effectors", 4.0)],
+    ]  # fmt: skip
+    assert figure.axes[0].get_xlim() == (0.0, 2.0)
+
+
+def test_grey_lies_where_a_foot_is_said_to_stand():
+    curves = {way: FootCurves(np.zeros((50, 2)), np.ones((50, 2))) for way in ("none", "model", "planted")}
+    stands = np.zeros((50, 2))
+    stands[10:25, 0] = 1.0
+    figure = foot_model_figure(curves, stands, fps=25.0)
+    spans = [
+        [patch.get_bbox().intervalx.tolist() for patch in ax.patches if patch.get_gid() == "stands"]
+        for ax in figure.axes
+    ]
+    assert spans == [[[0.4, 1.0]], [], [[0.4, 1.0]], []]
+    assert figure.axes[2].lines[0].get_ydata()[0] == 100.0
+
+
+@pytest.mark.parametrize(
+    ("profile", "trained", "words"),
+    [
+        (RunProfile.quick(), True, ["synthetic data", "quick profile, not trained"]),
+        (RunProfile.quick(), False, ["synthetic data"]),
+        (RunProfile.full(), True, ["synthetic data"]),
+    ],
+)
+def test_a_quick_picture_of_trained_networks_says_so(
+    profile: RunProfile, trained: bool, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    figure = Figure()
+    save_figure(figure, "one", notebook="17_feet", source="synthetic", profile=profile, trained=trained)
+    assert [text.get_text() for text in figure.texts] == words
