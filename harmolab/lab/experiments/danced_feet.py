@@ -15,7 +15,7 @@ from harmolab.io.files import silent
 from harmolab.kinematics import resample_motion
 from harmolab.lab.experiments.feet import CENTIMETRES, CONVOLUTION, MODELS, foot_model, lower_body_distance, wide_means
 from harmolab.lab.experiments.generation import corpus_root, generator_corpora
-from harmolab.lab.experiments.music2dance import SETTINGS, dancer
+from harmolab.lab.experiments.music2dance import DANCER_SETTINGS, ablated, trained_dancer
 from harmolab.lab.experiments.songs import Excerpt, windows
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.quality import foot_skating, jerk
@@ -46,15 +46,15 @@ def tempered(settings: Music2DanceParams) -> Music2DanceParams:
 
 DANCERS: Mapping[str, Music2DanceParams] = MappingProxyType(
     {
-        "recommended": SETTINGS["recommended"],
-        "paper, a tenth of the spread": tempered(SETTINGS["paper"]),
-        "paper": SETTINGS["paper"],
+        "recommended": DANCER_SETTINGS["recommended"],
+        "paper, a tenth of the spread": tempered(DANCER_SETTINGS["paper"]),
+        "paper": DANCER_SETTINGS["paper"],
     }
 )
 ALL, TENTH = "all of the spread", "a tenth of the spread"
 WITH, WITHOUT = "with end effectors", "without end effectors"
 EFFECTORS: Mapping[str, Music2DanceParams] = MappingProxyType(
-    {WITH: SETTINGS["paper"], WITHOUT: replace(SETTINGS["paper"], end_effectors=False)}
+    {WITH: ablated("whole"), WITHOUT: ablated("no end effectors")}
 )
 
 
@@ -145,7 +145,7 @@ def feet_of_dances(profile: RunProfile) -> pd.DataFrame:
     corpus = generator_corpora(profile)[0]
     rows: list[dict[str, Any]] = []
     for name, settings in DANCERS.items():
-        system = dancer(profile, corpus, settings, SEED).system
+        system = trained_dancer(profile, corpus, settings, SEED).system
         model = foot_model(profile, corpus, settings.representation, MODELS[CONVOLUTION]).model
         for excerpt in dance_songs(profile, corpus):
             about = {"dancer": name, "song": excerpt.song}
@@ -183,13 +183,13 @@ def contact_table(profile: RunProfile) -> pd.DataFrame:
     corpus = generator_corpora(profile)[0]
     rows = []
     for name in ("paper", "recommended"):
-        run = dancer(profile, corpus, SETTINGS[name], SEED)
+        run = trained_dancer(profile, corpus, DANCER_SETTINGS[name], SEED)
         last = run.history.dropna(subset="val_contacts").iloc[-1]
         rows.append(
             {
                 "dancer": name,
-                "weight": SETTINGS[name].contact_weight,
-                "frames per second": SETTINGS[name].fps,
+                "weight": DANCER_SETTINGS[name].contact_weight,
+                "frames per second": DANCER_SETTINGS[name].fps,
                 "predicted": last["val_contacts"],
                 "as in the frame before": last["val_contacts_as_before"],
                 "majority": last["val_contacts_majority"],
@@ -218,7 +218,7 @@ def toe_curves(profile: RunProfile) -> dict[str, FloatArray]:
     excerpt = dance_songs(profile, corpus)[0].longer(SHOWN_SECONDS)
     dances: dict[str, CodedDance] = {}
     for name, settings in EFFECTORS.items():
-        system = dancer(profile, corpus, tempered(settings), SEED).system
+        system = trained_dancer(profile, corpus, tempered(settings), SEED).system
         dances.setdefault(RECORDED, recorded_dance(system, excerpt))
         dances[name] = coded_dance(system, excerpt, SEED)
     return {name: toe_heights(dance.decoded()) for name, dance in dances.items()}
@@ -237,7 +237,7 @@ def toe_variety(profile: RunProfile) -> pd.DataFrame:
     songs, rows = dance_songs(profile, corpus), []
     for name, settings in EFFECTORS.items():
         for drawing, params in {ALL: settings, TENTH: tempered(settings)}.items():
-            system = dancer(profile, corpus, params, SEED).system
+            system = trained_dancer(profile, corpus, params, SEED).system
             rows += [
                 {
                     "dancer": name,
@@ -249,7 +249,7 @@ def toe_variety(profile: RunProfile) -> pd.DataFrame:
                 for draw in range(profile.draws)
             ]
     about = {"dancer": RECORDED, "drawing": ""}
-    system = dancer(profile, corpus, EFFECTORS[WITH], SEED).system
+    system = trained_dancer(profile, corpus, EFFECTORS[WITH], SEED).system
     rows += [{**about, "song": each.song, **_variety(recorded_dance(system, each))} for each in songs]
     return _over_songs(pd.DataFrame(rows), ["dancer", "drawing"], VARIETY)
 
@@ -276,7 +276,7 @@ def foot_curves(profile: RunProfile) -> tuple[dict[str, FootCurves], FloatArray]
     (way -> FootCurves, contacts (T, 2) that the network predicts and the foot model is told)
     """
     corpus, settings = generator_corpora(profile)[0], DANCERS["paper, a tenth of the spread"]
-    system = dancer(profile, corpus, settings, SEED).system
+    system = trained_dancer(profile, corpus, settings, SEED).system
     model = foot_model(profile, corpus, settings.representation, MODELS[CONVOLUTION]).model
     dance = coded_dance(system, dance_songs(profile, corpus)[0].longer(SHOWN_SECONDS), SEED)
     ways = dance.ways(model).items()

@@ -17,7 +17,7 @@ import pandas as pd
 from harmolab.lab.experiments.ablation import group_means
 from harmolab.lab.experiments.clock import TrainingClock
 from harmolab.lab.experiments.generation import generator_corpora, kept_run, training_split
-from harmolab.lab.experiments.music2dance import SETTINGS, coded_sequences, profiled
+from harmolab.lab.experiments.music2dance import DANCER_SETTINGS, coded_sequences, profiled
 from harmolab.lab.profile import RunProfile
 from harmolab.skeletons import foot_joints, joint_part
 from harmolab.systems.common.about import read_about
@@ -79,7 +79,7 @@ def foot_model(profile: RunProfile, corpus: str, code: str, params: FootParams) 
 
 def foot_sequences(profile: RunProfile, corpus: str, code: str) -> SequenceSet:
     """The recordings of a corpus in a motion code."""
-    return coded_sequences(profile, corpus, profiled(profile, SETTINGS[CODES[code][0]]))
+    return coded_sequences(profile, corpus, profiled(profile, DANCER_SETTINGS[CODES[code][0]]))
 
 
 def foot_trials(profile: RunProfile) -> pd.DataFrame:
