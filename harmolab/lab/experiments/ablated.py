@@ -38,7 +38,7 @@ MEASURED = ("pose variance", "pose speed", "jerk", "still")
 
 def ablated_dancers(contest: Contest, name: str) -> list[TrainedDancer]:
     """The trainings of an ablation, a name of `music2dance.ABLATIONS`."""
-    count = min(contest.trainings, contest.profile.n_dancers)
+    count = min(contest.trainings, contest.profile.n_rivals)
     return [
         trained_dancer(contest.profile, contest.corpus, ablated(name), training) for training in range(1, count + 1)
     ]
