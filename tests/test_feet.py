@@ -15,7 +15,8 @@ import torch
 
 from harmolab.corpora.synthetic import synthetic_clip, write_corpus
 from harmolab.lab.experiments import danced_feet
-from harmolab.lab.experiments.danced_feet import CodedDance, foot_speeds, toe_heights
+from harmolab.lab.experiments.contests import Contest
+from harmolab.lab.experiments.danced_feet import foot_speeds, toe_heights
 from harmolab.lab.experiments.feet import (
     BOTH,
     CONVOLUTION,
@@ -33,6 +34,7 @@ from harmolab.lab.experiments.feet import (
     standing_slide,
 )
 from harmolab.lab.profile import RunProfile
+from harmolab.systems.common.about import read_about
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.motion_code import encode_motion
 from harmolab.systems.common.splits import Split, split_units
@@ -47,12 +49,14 @@ from harmolab.systems.music2dance.feet import (
     standing_speed,
     train_feet,
 )
+from harmolab.systems.music2dance.generate import Danced
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
 from harmolab.systems.music2dance.points import POINTS
 from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences
 from harmolab.systems.music2dance.sliding import SlidWindows, slid_windows
 from harmolab.systems.music2dance.windows import Windows
-from harmolab.types import FloatArray, Motion
+from harmolab.types import Clip, FloatArray, Motion
+from tests.test_music2dance_dancing import foot_model, sound, system
 
 FPS = 25.0
 TINY = replace(Music2DanceParams.recommended(), window=2.0, clusters=3, song=SongParams(window=2.0, hop=1.0))
@@ -219,17 +223,6 @@ def test_a_model_begins_with_no_correction(danced: Motion, make: Callable[..., A
     np.testing.assert_allclose(model.correct(values, np.ones((len(values), 2))), values, atol=1e-4)
 
 
-def test_it_changes_the_lower_body_alone(danced: Motion):
-    code = PositionCode.of([danced])
-    values = code.encode(danced)
-    model = untrained(code, values)
-    torch.nn.init.ones_(model.layers[-1].bias)
-    away = model.correct(values, np.ones((len(values), 2))) - values
-    expected = np.zeros(code.n_motion)
-    expected[model.lower] = model.motion_scale.std[model.lower].numpy()
-    np.testing.assert_allclose(away, np.tile(expected, (len(values), 1)), atol=1e-4)
-
-
 def test_a_foot_that_rolls_over_its_toe_costs_nothing_and_one_that_slides_its_speed(danced: Motion):
     code = PositionCode.of([danced])
     names = danced.skeleton.joints
@@ -248,28 +241,14 @@ def test_a_foot_that_rolls_over_its_toe_costs_nothing_and_one_that_slides_its_sp
     assert cost(gliding) == pytest.approx(0.2**2, rel=1e-3)
 
 
-def test_a_velocity_weight_is_refused_for_rotations(split: Split, sequences: SequenceSet, tmp_path: Path):
-    if isinstance(sequences.code, PositionCode):
-        pytest.skip("positions have velocities")
-    with pytest.raises(ValueError, match="velocity_weight is for the code of positions"):
-        train_feet(split, sequences, tmp_path / "run", replace(QUICK, velocity_weight=1.0))
-
-
-def test_it_learns_what_slides_and_a_run_that_was_cut_off_goes_on_the_same(
-    split: Split, sequences: SequenceSet, tmp_path: Path
-):
-    def stop(row: dict[str, Any], end: int) -> None:
-        if row["epoch"] == 4:
-            raise KeyboardInterrupt
-
-    train_feet(split, sequences, tmp_path / "whole", QUICK)
-    with pytest.raises(KeyboardInterrupt):
-        train_feet(split, sequences, tmp_path / "cut", QUICK, report=stop)
-    train_feet(split, sequences, tmp_path / "cut", QUICK, resume=True)
-    assert (tmp_path / "cut" / "history.csv").read_text() == (tmp_path / "whole" / "history.csv").read_text()
-    model = load_weights(tmp_path / "whole", FootModel)
+def test_it_learns_what_slides(split: Split, sequences: SequenceSet, tmp_path: Path):
+    train_feet(split, sequences, tmp_path / "run", QUICK)
+    model = load_weights(tmp_path / "run", FootModel)
     learnt = slid_windows(split, sequences, side="train", most=16)
     assert learnt.squared_error(learnt.corrected(model)) < 0.97 * learnt.squared_error(learnt.slid)
+    epochs = len((tmp_path / "run" / "history.csv").read_text().splitlines()) - 1
+    updates = read_about(tmp_path / "run")["meta"]["updates"]
+    assert epochs == QUICK.epochs and updates % epochs == 0 and updates >= epochs
 
 
 def test_held_out_windows_are_of_one_draw_and_count_frames_of_their_side_alone(split: Split, sequences: SequenceSet):
@@ -326,38 +305,10 @@ def test_the_papers_numbers_stand_in_a_column_of_their_own_and_beside_rotations_
 # Dances
 
 
-def test_a_dance_is_treated_in_three_ways_and_the_model_sees_feet_where_rotations_put_them(danced: Motion):
-    code = RotationCode.of([danced])
-    values = code.encode(danced)
-    predicted = values.copy()
-    predicted[:, -15:] += 1.0  # places that the rotations contradict
-    given: list[FloatArray] = []
-
-    def correct(motion: FloatArray, contacts: FloatArray) -> FloatArray:
-        given.append(motion)
-        return motion + 0.0
-
-    model: Any = SimpleNamespace(correct=correct)
-    ways = CodedDance(code, FPS, predicted, np.ones((len(values), 2))).ways(model)
-    np.testing.assert_allclose(given[0], code.refreshed(values, FPS), atol=1e-9)
-    np.testing.assert_allclose(ways["model"].positions, ways["none"].positions, atol=1e-9)
-    lowest = {way: motion.positions[..., 1].min() for way, motion in ways.items()}
-    assert lowest == {way: pytest.approx(0.0, abs=1e-3) for way in ("none", "model", "planted")}
-    assert foot_speeds(ways["planted"]).mean() < foot_speeds(ways["none"]).mean()
-
-
-def test_heights_are_those_of_the_toes_and_speeds_of_the_slowest_point():
-    positions = points(9)
-    positions[:, joint("toe L"), 1] = 0.01 * np.arange(9)
-    positions[:, joint("toe R"), 1] = 0.3
-    positions[:, [joint(f"{part} R") for part in ("toe", "heel", "ankle")], 0] += 0.02 * np.arange(9)[:, None]
-    positions[:, joint("heel R"), 0] += 0.02 * np.arange(9)
-    motion = Motion(positions, FPS, POINTS)
-    np.testing.assert_allclose(toe_heights(motion), np.column_stack([0.01 * np.arange(9), np.full(9, 0.3)]))
-    np.testing.assert_allclose(foot_speeds(motion), np.tile([0.0, 0.5], (9, 1)), atol=1e-9)
-
-
-def test_contacts_stand_beside_the_frame_before_and_the_majority(monkeypatch: pytest.MonkeyPatch):
+@pytest.fixture
+def planted(danced: Motion, monkeypatch: pytest.MonkeyPatch) -> Contest:
+    """Dancers that were never trained, a foot model without increments, and one dancer who was recorded."""
+    clip = Clip("recorded", sound(), danced, dance="cha-cha")
     history = pd.DataFrame(
         {
             "val_contacts": [0.5, 0.8, np.nan],
@@ -365,12 +316,80 @@ def test_contacts_stand_beside_the_frame_before_and_the_majority(monkeypatch: py
             "val_contacts_majority": [0.6, 0.63, np.nan],
         }
     )
-    monkeypatch.setattr(danced_feet, "generator_corpora", lambda profile: ("made up",))
-    monkeypatch.setattr(danced_feet, "dancer", lambda *about: SimpleNamespace(history=history))
-    table = danced_feet.contact_table(RunProfile.quick()).set_index("dancer")
+
+    def run(*about: Any) -> Any:
+        settings = next((each for each in about if isinstance(each, Music2DanceParams)), Music2DanceParams.paper())
+        return SimpleNamespace(system=system(settings.representation), history=history)
+
+    monkeypatch.setattr(danced_feet, "trained_dancer", run)
+    monkeypatch.setattr(danced_feet, "ablated_dancers", lambda contest, name: [run(), run()])
+    monkeypatch.setattr(danced_feet, "recorded_dancers", lambda contest: {"cha-cha": [clip]})
+    monkeypatch.setattr(danced_feet, "foot_model", lambda *about: SimpleNamespace(model=foot_model(about[2])))
+    monkeypatch.setattr(danced_feet, "SHOWN_FROM", 1.0)
+    return Contest(RunProfile.quick(), "made up", "planted", (), (), 1)
+
+
+def test_dances_are_treated_in_three_ways_beside_the_recorded(planted: Contest):
+    table = danced_feet.feet_of_dances(planted).set_index(["dancer", "feet"])
+    assert [*table.index.get_level_values("dancer").unique()] == ["recommended", "paper, calm", "paper"]
+    for _, rows in table.groupby("dancer"):
+        ways = rows.droplevel("dancer")
+        assert [*ways.index] == ["recorded", "none", "model", "planted"] and [*ways["n"]] == [1, 2, 2, 2]
+        # The foot model adds nothing, so nothing changes.
+        same = [name for name in ways.columns if "moved" not in name]
+        np.testing.assert_allclose(ways.loc["model", same], ways.loc["none", same], rtol=1e-4)
+        assert ways.loc["none", "lower body moved (cm)"] == 0.0 == ways.loc["recorded", "lower body moved (cm)"]
+        assert ways.loc["model", "lower body moved (cm)"] < 1e-3 < ways.loc["planted", "lower body moved (cm)"]
+
+
+def test_contacts_stand_beside_the_frame_before_and_the_majority(planted: Contest):
+    table = danced_feet.contact_table(planted).set_index("dancer")
     assert table["predicted"].to_dict() == {"paper": 0.8, "recommended": 0.8}
     assert (table["as in the frame before"] == 0.93).all() and (table["majority"] == 0.63).all()
     assert (table["frames per second"] == 25.0).all() and table["weight"].to_dict() == {
         "paper": 0.1,
         "recommended": 2.0,
     }
+
+
+def test_heights_are_those_of_the_toes_as_the_network_gives_them(danced: Motion):
+    dancer = system("positions")
+    values = dancer.coded(danced)[:, :-2]
+    names = danced.skeleton.joints
+    rising = values.copy()
+    rising[:, 3 * names.index("toe L") + 1] = values[0, 3 * names.index("heel L") + 1]
+    heights = [toe_heights(dancer, Danced(each, np.ones((len(values), 2)))) for each in (values, rising)]
+    np.testing.assert_allclose(heights[0][:, 1], danced.positions[:, names.index("toe R"), 1], atol=0.02)
+    np.testing.assert_array_equal(heights[0][:, 1], heights[1][:, 1])
+    assert np.abs(heights[0][:, 0] - heights[1][:, 0]).max() > 0.01
+
+
+def test_curves_are_as_long_as_they_are_shown_and_of_the_same_moments(planted: Contest):
+    curves = danced_feet.toe_curves(planted, "cha-cha")
+    assert {name: each.shape[1] for name, each in curves.items()} == dict.fromkeys(
+        ("recorded", "with end effectors", "without end effectors"), 2
+    )
+    assert {len(curves[name]) for name in ("with end effectors", "without end effectors")} == {200}
+    ways, stands = danced_feet.foot_curves(planted, "cha-cha")
+    assert [*ways] == ["none", "model", "planted"] and stands.shape == (200, 2)
+    np.testing.assert_allclose(ways["model"].heights, ways["none"].heights, atol=1e-5)
+
+
+def test_variety_is_that_of_the_heights_and_chance_adds_to_it(planted: Contest):
+    table = danced_feet.toe_variety(planted).set_index(["dancer", "drawing"])
+    assert [*table["n"]] == [4, 4, 4, 4, 1]
+    for name in ("with end effectors", "without end effectors"):
+        assert table.loc[(name, "all of the spread"), "SD (cm)"] > table.loc[(name, "a tenth of the spread"), "SD (cm)"]
+    wave = 0.05 * np.sin(np.linspace(0, 20 * np.pi, 1001))[:, None] * [1.0, 0.0]
+    numbers = danced_feet._variety(wave)
+    assert numbers["SD (cm)"] == pytest.approx(
+        5 / np.sqrt(2) / 2, rel=1e-2
+    )  # mean of a toe that waves and one that rests
+    assert numbers["range (cm)"] == pytest.approx(5 * np.sin(0.45 * np.pi), rel=1e-2)
+
+
+def test_the_speed_of_a_foot_is_that_of_its_slowest_point():
+    positions = points(9)
+    positions[:, [joint(f"{part} R") for part in ("toe", "heel", "ankle")], 0] += 0.02 * np.arange(9)[:, None]
+    positions[:, joint("heel R"), 0] += 0.02 * np.arange(9)
+    np.testing.assert_allclose(foot_speeds(Motion(positions, FPS, POINTS)), np.tile([0.0, 0.5], (9, 1)), atol=1e-9)

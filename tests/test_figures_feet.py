@@ -78,7 +78,7 @@ def test_grey_lies_where_a_foot_is_said_to_stand():
 @pytest.mark.parametrize(
     ("profile", "trained", "words"),
     [
-        (RunProfile.quick(), True, ["synthetic data", "quick profile, not trained"]),
+        (RunProfile.quick(), True, ["synthetic data; quick profile, not trained"]),
         (RunProfile.quick(), False, ["synthetic data"]),
         (RunProfile.full(), True, ["synthetic data"]),
     ],

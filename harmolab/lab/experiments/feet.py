@@ -16,8 +16,8 @@ import pandas as pd
 
 from harmolab.lab.experiments.ablation import group_means
 from harmolab.lab.experiments.clock import TrainingClock
-from harmolab.lab.experiments.generation import generator_corpora, kept_run, training_split
-from harmolab.lab.experiments.music2dance import DANCER_SETTINGS, coded_sequences, profiled
+from harmolab.lab.experiments.generation import kept_run, training_split
+from harmolab.lab.experiments.music2dance import coded_sequences, profiled
 from harmolab.lab.profile import RunProfile
 from harmolab.skeletons import foot_joints, joint_part
 from harmolab.systems.common.about import read_about
@@ -29,6 +29,7 @@ from harmolab.systems.common.phases import make_fabric
 from harmolab.systems.common.torch_code import PATH_CHANNELS
 from harmolab.systems.common.weights import load_weights
 from harmolab.systems.music2dance.feet import LEG_PARTS, FootModel, FootParams, train_feet
+from harmolab.systems.music2dance.params import Music2DanceParams, Representation
 from harmolab.systems.music2dance.sequences import SequenceSet
 from harmolab.systems.music2dance.sliding import SlidWindows, slid_windows
 from harmolab.types import BoolArray, FloatArray, Skeleton
@@ -45,10 +46,7 @@ MODELS: Mapping[str, FootParams] = MappingProxyType(
         VELOCITY: FootParams(smooth_weight=30.0, velocity_weight=3.0),
     }
 )
-# Motion code -> the settings of the generator that dances in it, and the unit of its squared error.
-CODES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"rotations": ("paper", "rad^2"), "positions": ("recommended", "SD^2")}
-)
+CODES: Mapping[Representation, str] = MappingProxyType({"rotations": "rad^2", "positions": "SD^2"})  # unit of the error
 PAPER: Mapping[str, float] = MappingProxyType({LSTM: 0.0028, CONVOLUTION: 0.0010})  # Table 2, of other data
 ERROR, LEARNT, LOWER, SLIDING = "MSE", "MSE, figures learnt", "lower body (cm)", "sliding (cm/s)"
 CENTIMETRES = 100.0
@@ -63,7 +61,7 @@ class TrainedFeet:
     updates: int
 
 
-def foot_model(profile: RunProfile, corpus: str, code: str, params: FootParams) -> TrainedFeet:
+def foot_model(profile: RunProfile, corpus: str, code: Representation, params: FootParams) -> TrainedFeet:
     """The foot model of a motion code ("rotations", "positions"), trained now unless it was before."""
     params = params if profile.epochs is None else replace(params, epochs=QUICK_EPOCHS)
     split, sequences = training_split(profile, corpus, FeatureParams.paper()), foot_sequences(profile, corpus, code)
@@ -77,12 +75,12 @@ def foot_model(profile: RunProfile, corpus: str, code: str, params: FootParams) 
     return TrainedFeet(load_weights(folder, FootModel), int(read_about(folder)["meta"]["updates"]))
 
 
-def foot_sequences(profile: RunProfile, corpus: str, code: str) -> SequenceSet:
+def foot_sequences(profile: RunProfile, corpus: str, code: Representation) -> SequenceSet:
     """The recordings of a corpus in a motion code."""
-    return coded_sequences(profile, corpus, profiled(profile, DANCER_SETTINGS[CODES[code][0]]))
+    return coded_sequences(profile, corpus, profiled(profile, replace(Music2DanceParams.paper(), representation=code)))
 
 
-def foot_trials(profile: RunProfile) -> pd.DataFrame:
+def foot_trials(profile: RunProfile, corpus: str) -> pd.DataFrame:
     """Every way to treat simulated sliding (R38) of held-out figures, over the seeds of the trainings.
 
     Returns
@@ -95,16 +93,11 @@ def foot_trials(profile: RunProfile) -> pd.DataFrame:
     * lower body (cm): mean distance of its joints from where they were recorded, seen from the root
     * sliding (cm/s): of the slowest point of a foot that stands, as recorded
     """
-    rows = [
-        {"corpus": corpus, "code": code, **row}
-        for corpus in generator_corpora(profile)
-        for code in CODES
-        for row in _code_trials(profile, corpus, code)
-    ]
+    rows = [{"corpus": corpus, "code": code, **row} for code in CODES for row in _code_trials(profile, corpus, code)]
     return pd.DataFrame(rows)
 
 
-def _code_trials(profile: RunProfile, corpus: str, code: str) -> Iterator[dict[str, Any]]:
+def _code_trials(profile: RunProfile, corpus: str, code: Representation) -> Iterator[dict[str, Any]]:
     """The rows of one corpus in one code."""
     split = training_split(profile, corpus, FeatureParams.paper())
     windows, learnt = (
@@ -198,7 +191,7 @@ def foot_table(trials: pd.DataFrame) -> pd.DataFrame:
     table["loss"] = table["feet"].map(_loss)
     table["parameters"], table["updates"] = firsts["parameters"].to_numpy(), firsts["updates"].to_numpy()
     table["trainings"] = means["n"].where(table["updates"] > 0, 0)
-    table["unit of MSE"] = [CODES[code][1] for _, code, _ in names]
+    table["unit of MSE"] = [CODES[code] for _, code, _ in names]
     columns = [name for name in means.columns if name not in (*keys, "n")]
     table[columns] = means[columns]
     table["sliding before"] = [sliding[corpus, code, UNTOUCHED] for corpus, code, _ in names]
