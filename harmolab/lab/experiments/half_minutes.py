@@ -1,6 +1,6 @@
 """Twenty dances of 25 s in each style, as the paper showed to people: harmony with the right music, and marks.
 
-No one was asked. What people would say is replaced by four measures, each from 0, what a statue or other music reaches,
+No one was asked. What people would say is replaced by four measures, each from 0, what a statue or chance reaches,
 to 10, what the recorded dancers reach (Fig. 6, Table 3 by machine).
 """
 
@@ -198,8 +198,8 @@ def machine_marks(outcomes: Mapping[tuple[str, str], HalfMinutes]) -> pd.DataFra
 
     Naturalness: Frechet distance of a pose network from one half of the recorded dancers, 10 as far as the other half
     is, 0 as far as statues are. Richness: mean distance between pieces, 10 as of the recorded, 0 as of statues. Music:
-    harmony above chance, with the bar pattern where the dance has one, 10 as of the recorded, 0 as of these with other
-    music, or where nothing rests. Sliding: 10 as of the recorded or less, 0 as of statues that glide on their paths.
+    harmony above chance, with the bar pattern where the dance has one, 10 as of the recorded, 0 at chance or where
+    nothing rests. Sliding: 10 as of the recorded or less, 0 as of statues that glide on their paths.
 
     Returns
     -------
@@ -238,7 +238,7 @@ class _Scale:
         half = _pooled([each.poses[::2] for each in recorded])
         bare = cls(half, {}, {})
         other = bare.numbers([replace(each, poses=each.poses[1::2]) for each in recorded])
-        worst = bare.numbers(still) | {"music": _mean(_means(_harmony(each))["other music"] for each in recorded)}
+        worst = bare.numbers(still) | {"music": 0.0}
         return cls(half, other, worst)
 
     def numbers(self, own: Sequence[HalfMinutes], training: float | None = None) -> dict[str, float]:

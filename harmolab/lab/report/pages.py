@@ -42,8 +42,17 @@ PAPER = {
     "Fig. 14": "frames of a dance at the beats of its music",
     "Table 1": "harmony for seven dances",
     "Table 2": "hit rate for seven dances",
+    "Music2Dance Fig. 1": "two dances of the network",
+    "Music2Dance Fig. 2": "the capture; here the way from recordings to windows",
+    "Music2Dance Fig. 3": "the network, with the shapes of its tensors",
+    "Music2Dance Fig. 6": "marks of people; here of measures",
+    "Music2Dance Fig. 7": "dances beside a recorded dancer",
+    "Music2Dance Fig. 8": "heights of the hands by music features and by a mel spectrogram",
+    "Music2Dance Fig. 9": "places of the end effectors with and without the mapping of the music",
     "Music2Dance Fig. 10": "heights of the toes with and without end effectors, before and after the foot model",
+    "Music2Dance Fig. 11": "loss with and without clusters of windows",
     "Music2Dance Table 2": "error of two foot models",
+    "Music2Dance Table 3": "what people marked; here measures, and simulated raters",
 }
 
 
