@@ -199,7 +199,7 @@ def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[
     assert len(marks.axes) == 5 and marks.axes[0].get_xlim() == (0, 10)
     table = pd.DataFrame(
         {
-            "temperature": [0.0, 1.0, np.nan], "smoothing": [0.0, 0.0, np.nan], "kept": [0.5, 0.2, 1.0],
+            "temperature": [0.0, 1.0, np.nan], "smoothing": [0.0, 0.0, np.nan], "moves like people": [0.5, 0.2, 1.0],
             "pose variance / recorded": [0.4, 1.0, 1.0], "jerk / recorded": [0.5, 9.0, 1.0],
         }
     )  # fmt: skip

@@ -77,16 +77,20 @@ def limits_figure(summary: pd.DataFrame, *, title: str) -> Figure:
 
 
 def chance_figure(table: pd.DataFrame, *, used: tuple[float, float], title: str) -> Figure:
-    """Movement, shaking and limits kept, by temperature and smoothing; the settings in use are ringed.
+    """Movement, shaking and likeness by temperature and smoothing; the settings in use are ringed.
 
     Parameters
     ----------
-    table : DataFrame with the columns temperature, smoothing, kept, "pose variance / recorded", "jerk / recorded"; rows
+    table : DataFrame with the columns temperature, smoothing, "moves like people", "pose variance / recorded", "jerk / recorded"; rows
         without a temperature are left out
     used : temperature and smoothing in use
     title : str
     """
-    panels = {"pose variance / recorded": (0.5, None), "jerk / recorded": (None, 2.0), "kept": (None, None)}
+    panels = {
+        "pose variance / recorded": (0.5, None),
+        "jerk / recorded": (None, 2.0),
+        "moves like people": (None, None),
+    }
     rows = table.dropna(subset="temperature")
     with styled_axes((10.0, 3.6), 1, 3) as (figure, axes):
         for ax, (measure, (least, most)) in zip(axes, panels.items(), strict=True):
@@ -97,11 +101,10 @@ def chance_figure(table: pd.DataFrame, *, used: tuple[float, float], title: str)
             for limit in (least, most):
                 if limit is not None:
                     ax.axhline(limit, color=COLOURS["chance"], linestyle="--")
-            ax.set(xlabel="temperature: share of the predicted spread", title=measure)
-        axes[1].set_yscale("log")
-        axes[2].set_title("share of all limits kept")
+            ax.set(xlabel="temperature", title=measure, ylim=(0, None))
+        axes[2].set(title="dances that move like people", ylim=(0, 1))
         axes[2].yaxis.set_major_formatter(PercentFormatter(1.0))
-        axes[0].legend()
+        axes[0].legend(loc="lower left")
         figure.suptitle(title, x=0.01, ha="left")
     return figure
 
