@@ -287,7 +287,8 @@ def test_rivals_are_trained_on_the_first_corpus_alone(monkeypatch: pytest.Monkey
     assert all(contestants.applies(name, contest) for name in ROWS)
     monkeypatch.setattr(contestants, "generator_corpora", lambda profile: ("recorded", SYNTHETIC))
     left_out = [name for name in ROWS if not contestants.applies(name, contest)]
-    assert left_out == [contestants.LEE_UNWARPED, contestants.LEE, contestants.REN]
+    rivals = [contestants.LEE_UNWARPED, contestants.LEE, contestants.REN]
+    assert left_out == [*rivals, contestants.M2D_LSTM, contestants.M2D_PAPER, contestants.M2D]
 
 
 def test_rivals_are_trained_as_often_as_the_profile_says_and_never_more_often_than_the_others():

@@ -98,7 +98,7 @@ class Row:
     printed : str, name of the row of the paper's tables; "" for none
     draws : bool, whether another seed is another dance
     rival : bool, whether it is a system of other authors, which is trained on the first corpus alone
-    repeats : the field of the profile that says how often it is trained
+    repeats : the field of the profile that says how often it is trained at most; "" for as often as the contest says
     """
 
     make: Callable[[Contest, int], Contestant]
@@ -107,7 +107,7 @@ class Row:
     printed: str = ""
     draws: bool = True
     rival: bool = False
-    repeats: str = "n_seeds"
+    repeats: str = ""
 
     @property
     def is_trained(self) -> bool:
@@ -116,7 +116,7 @@ class Row:
 
     def contestants(self, contest: Contest) -> tuple[Contestant, ...]:
         """One for each training in a contest; one where nothing is trained."""
-        last = min(contest.trainings, getattr(contest.profile, self.repeats))
+        last = min(contest.trainings, getattr(contest.profile, self.repeats)) if self.repeats else contest.trainings
         return tuple(self.make(contest, training) for training in range(1, (last if self.is_trained else 1) + 1))
 
 
