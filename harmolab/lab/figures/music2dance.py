@@ -81,8 +81,8 @@ def chance_figure(table: pd.DataFrame, *, used: tuple[float, float], title: str)
 
     Parameters
     ----------
-    table : DataFrame with the columns temperature, smoothing, "moves like people", "pose variance / recorded", "jerk / recorded"; rows
-        without a temperature are left out
+    table : DataFrame with the columns temperature, smoothing, "moves like people", "pose variance / recorded" and
+        "jerk / recorded"; rows without a temperature are left out
     used : temperature and smoothing in use
     title : str
     """
