@@ -19,6 +19,7 @@ from harmolab.lab.experiments.contestants import (
     CHOREOGRAPHER,
     HARMOGAN,
     LEE,
+    M2D,
     RECOMMENDED,
     REN,
     RIGHT_SONG,
@@ -32,7 +33,7 @@ from harmolab.lab.profile import RunProfile
 from harmolab.types import Motion
 
 KEYS = ("music", "corpus", "system", "training", "song", "clip", "dance", "draw")  # of a table of all dances
-SHOWN = (RIGHT_SONG, CHOREOGRAPHER, BANK, HARMOGAN, RECOMMENDED, LEE, REN)  # side by side, for people to look at
+SHOWN = (RIGHT_SONG, CHOREOGRAPHER, BANK, M2D, HARMOGAN, RECOMMENDED, LEE, REN)  # side by side, for people to look at
 SHOWN_SECONDS, SHOWN_SONGS = 10.0, 6
 
 
