@@ -285,7 +285,7 @@ def test_the_table_has_means_over_trainings_beside_no_correction_and_the_recorde
     # Student's t of two degrees of freedom, standard deviation .002
     assert row[f"{ERROR}, high"] - row[ERROR] == pytest.approx(4.3027 * 0.002 / np.sqrt(3), rel=1e-4)
     assert row["sliding before"] == 14.0 and row["sliding recorded"] == 5.0
-    assert (row["unit of MSE"], table.loc["positions", CONVOLUTION]["unit of MSE"]) == ("rad^2", "SD^2")
+    assert (row["unit of MSE"], table.loc["positions", CONVOLUTION]["unit of MSE"]) == ("rad²", "SD²")
     assert table.loc["rotations", UNTOUCHED]["trainings"] == 0 and table.loc["rotations", UNTOUCHED]["loss"] == ""
     assert table.loc["rotations", BOTH]["loss"] == row["loss"] == "MSE + 0.1 smooth"
 

@@ -43,6 +43,12 @@ def test_each_way_has_its_mark_filled_where_it_was_trained():
     assert lines == {"recorded": 2.0, "no correction": 6.0}
 
 
+def test_the_error_on_figures_learnt_is_a_cross_beside_the_mark():
+    ax = draw_ways(Figure().subplots(), [{**row, "MSE, figures learnt": 1.5} for row in ROWS], measure="MSE")
+    crosses = [tuple(line.get_xydata()[0]) for line in ax.lines if line.get_marker() == "x"]
+    assert crosses == [(1.5, 0.0)]  # of what was trained alone
+
+
 def test_every_corpus_and_code_has_a_row_of_panels():
     figure = ways_figure([*ROWS, *(record(row["feet"], 0, 1.0, code="positions") for row in ROWS)])
     assert len(figure.axes) == 2 * len(MEASURES)

@@ -35,8 +35,8 @@ from harmolab.systems.music2dance.sliding import SlidWindows, slid_windows
 from harmolab.types import BoolArray, FloatArray, Skeleton
 
 RECORDED, UNTOUCHED, PLANTED = "recorded", "no correction", "planted feet, not learnt"
-LSTM, CONVOLUTION, VELOCITY = "FC + LSTM + FC", "temporal convolution", "temporal convolution, foot velocity"
-SMOOTHER, BOTH = "temporal convolution, smoother", "temporal convolution, then planted feet"
+LSTM, CONVOLUTION, VELOCITY = "FC + LSTM + FC", "temporal convolution", "temporal convolution, foot velocity (ours)"
+SMOOTHER, BOTH = "temporal convolution, smoother (ours)", "temporal convolution, then planted feet"
 # The last two are ours; their weights were set on validation figures of the recordings.
 MODELS: Mapping[str, FootParams] = MappingProxyType(
     {
@@ -46,7 +46,7 @@ MODELS: Mapping[str, FootParams] = MappingProxyType(
         VELOCITY: FootParams(smooth_weight=30.0, velocity_weight=3.0),
     }
 )
-CODES: Mapping[Representation, str] = MappingProxyType({"rotations": "rad^2", "positions": "SD^2"})  # unit of the error
+CODES: Mapping[Representation, str] = MappingProxyType({"rotations": "rad²", "positions": "SD²"})  # unit of the error
 PAPER: Mapping[str, float] = MappingProxyType({LSTM: 0.0028, CONVOLUTION: 0.0010})  # Table 2, of other data
 ERROR, LEARNT, LOWER, SLIDING = "MSE", "MSE, figures learnt", "lower body (cm)", "sliding (cm/s)"
 CENTIMETRES = 100.0

@@ -19,8 +19,10 @@ from harmolab.types import FloatArray
 
 RECORDED, UNTOUCHED = "recorded", "no correction"
 MEASURES = ("MSE", "lower body (cm)", "sliding (cm/s)")
+LEARNT = ", figures learnt"  # added to the name of a measure
 FEET = ("left toe", "right toe")
 CENTIMETRES = 100.0
+FASTEST = 150.0  # centimetres per second that are shown: feet that swing leave the picture
 # Of a curve: colour and line. Black is recorded, as everywhere.
 _CURVES: Mapping[str, dict[str, Any]] = MappingProxyType(
     {
@@ -31,6 +33,9 @@ _CURVES: Mapping[str, dict[str, Any]] = MappingProxyType(
         "model": {"color": "#6A3D9A", "linestyle": "-"},
         "planted": {"color": "#8C6D31", "linestyle": "--"},
     }
+)
+_LEARNT_MARK: Mapping[str, Any] = MappingProxyType(
+    {"linestyle": "none", "marker": "x", "markersize": 7, "color": COLOURS["chance"], "markeredgewidth": 1.8}
 )
 _WORDS: Mapping[str, str] = MappingProxyType(
     {"none": "no correction", "model": "foot model", "planted": "planted feet, not learnt"}
@@ -48,7 +53,7 @@ class Curves(Protocol):
 
 
 def draw_ways(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
-    """A mark with its interval for each way to treat feet; dashed lines: no correction, and recorded.
+    """A mark with its interval for each way to treat feet; lines: no correction, and recorded; crosses: figures learnt.
 
     Parameters
     ----------
@@ -64,6 +69,8 @@ def draw_ways(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
         if np.isfinite(row[measure]):
             mean = {"mean": row[measure], "low": row[f"{measure}, low"], "high": row[f"{measure}, high"]}
             draw_mean(ax, mean, places[row["feet"]], look)
+        if row["trainings"] and f"{measure}{LEARNT}" in row:
+            ax.plot(row[f"{measure}{LEARNT}"], places[row["feet"]], **_LEARNT_MARK)
     ax.axvline(lines[UNTOUCHED], color=COLOURS["miss"], linestyle="--", linewidth=1.2, gid=UNTOUCHED)
     if lines[RECORDED]:
         ax.axvline(lines[RECORDED], color=COLOURS["chance"], linestyle=":", linewidth=1.5, gid=RECORDED)
@@ -94,6 +101,7 @@ def ways_figure(rows: Iterable[Record]) -> Figure:
         handles = [
             Line2D([], [], **Look("", COLOURS["ink"], "o", filled=True).mark, label="trained, 95 % over trainings"),
             Line2D([], [], **Look("", COLOURS["ink"], "o", filled=False).mark, label="not trained"),
+            Line2D([], [], **_LEARNT_MARK, label="on the figures learnt"),
             Line2D([], [], color=COLOURS["miss"], linestyle="--", label=UNTOUCHED),
             Line2D([], [], color=COLOURS["chance"], linestyle=":", label=RECORDED),
         ]
@@ -149,6 +157,7 @@ def foot_model_figure(curves: Mapping[str, Curves], contacts: FloatArray, *, fps
                 ax.set_title(FEET[side])
         axes[0].set_ylabel("height of the toe (cm)")
         axes[2].set_ylabel("speed of the foot's\nslowest point (cm/s)")
+        axes[2].set_ylim(0.0, FASTEST)
         handles = [*axes[0].get_lines(), Patch(facecolor=COLOURS["faint"], label="predicted to stand")]
         figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
