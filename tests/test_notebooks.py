@@ -31,6 +31,7 @@ NAMES = [
     "12_cheating_the_score",
     "13_your_own_dance",
     "14_listening_study",
+    "15_music_and_attributes",
 ]
 MOST_CELLS = 15
 MOST_LINES = 12

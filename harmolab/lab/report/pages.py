@@ -25,6 +25,7 @@ from harmolab.lab.report.templates import TEMPLATES, rendered
 MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 
+# Items of the harmony paper, and after them those of Music2Dance, which has figures and tables of the same numbers.
 PAPER = {
     "Fig. 1": "which beats are felt to fall together, and which apart",
     "Fig. 2": "visual beats from optical flow and from the skeleton",
@@ -42,6 +43,9 @@ PAPER = {
     "Fig. 14": "frames of a dance at the beats of its music",
     "Table 1": "harmony for seven dances",
     "Table 2": "hit rate for seven dances",
+    "Music2Dance Fig. 4": "features of a song, on one time axis",
+    "Music2Dance Fig. 5": "the classifier of songs, layer by layer",
+    "Music2Dance Table 1": "how often two classifiers give a song its class",
 }
 
 
