@@ -25,6 +25,14 @@ from .experiments.ablation import (
 from .experiments.ablation import (
     trade_off as trade_off,
 )
+from .experiments.attribute_tables import attribute_confusion as attribute_confusion
+from .experiments.attribute_tables import attribute_differences as attribute_differences
+from .experiments.attribute_tables import attribute_outcomes as attribute_outcomes
+from .experiments.attribute_tables import attribute_table as attribute_table
+from .experiments.attribute_tables import song_probabilities as song_probabilities
+from .experiments.attributes import bar_starts as bar_starts
+from .experiments.attributes import example_song as example_song
+from .experiments.attributes import training_remark as training_remark
 from .experiments.banks import bank_table as bank_table
 from .experiments.chance import chance_table as chance_table
 from .experiments.cheating import (
@@ -187,6 +195,11 @@ from .figures.ablation import (
 from .figures.ablation import (
     trade_off_figure as trade_off_figure,
 )
+from .figures.attributes import accuracy_figure as accuracy_figure
+from .figures.attributes import classifier_figure as classifier_figure
+from .figures.attributes import confusion_figure as confusion_figure
+from .figures.attributes import probabilities_figure as probabilities_figure
+from .figures.attributes import song_figure as song_figure
 from .figures.beats import (
     draw_curve as draw_curve,
 )

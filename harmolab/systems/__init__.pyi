@@ -19,7 +19,12 @@ from .harmogan.params import TrainParams as TrainParams
 from .harmogan.system import HarmoGAN as HarmoGAN
 from .lee2019.params import LeeParams as LeeParams
 from .lee2019.system import Lee2019 as Lee2019
+from .music2dance.anatomy import classifier_stages as classifier_stages
+from .music2dance.attributes import AttributeClassifier as AttributeClassifier
+from .music2dance.attributes import AttributeParams as AttributeParams
 from .music2dance.boxes import network_boxes as network_boxes
+from .music2dance.music_features import blind_features as blind_features
+from .music2dance.music_features import mel_features as mel_features
 from .music2dance.params import Music2DanceParams as Music2DanceParams
 from .music2dance.system import Music2Dance as Music2Dance
 from .ren2020.params import RenParams as RenParams

@@ -7,22 +7,22 @@ the fast ones together; no one sorted songs by mood.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
-from harmolab.corpora.folders import find_recordings, load_recording
-from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.corpora.folders import Recording, find_recordings, load_recording, recording_beats
+from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.lab.experiments.clock import TrainingClock
 from harmolab.lab.experiments.generation import kept_run
 from harmolab.lab.experiments.study import corpus_folders, data_root
 from harmolab.lab.profile import RunProfile
 from harmolab.params import DANCES
-from harmolab.significance import bootstrap_interval
 from harmolab.systems.common.phases import make_fabric
 from harmolab.systems.common.weights import load_weights
 from harmolab.systems.music2dance.attributes import (
@@ -34,15 +34,22 @@ from harmolab.systems.music2dance.attributes import (
     train_attributes,
 )
 from harmolab.systems.music2dance.music_features import CHANNELS, blind_features
-from harmolab.types import FloatArray
+from harmolab.types import Clip, FloatArray
 
 SONG_SECONDS = 45.0  # of a synthetic song
 SONGS_A_DANCE = 8  # synthetic ones
 FOLDS = {"recorded, 4 dances": 3, "recorded, 2 classes": 3, "synthetic, 7 dances": 2}
 SMOOTH = ("rumba", "waltz")  # against cha-cha and tango; the labels come from the dance, not from listening
 LAGS = (1, 39)  # tenths of a second, of the autocorrelation of the onset channel
-PAPER = MappingProxyType({"FC + Bi-LSTM": 88.0, "temporal convolution + Bi-LSTM": 92.1})  # other songs, two moods
+RHYTHM, FRAMES, CONVOLUTION = "logistic on onset rhythm", "FC + Bi-LSTM", "temporal convolution + Bi-LSTM"
 Predict = Callable[[Song], FloatArray]  # a song to the probabilities of the classes in each of its windows
+
+
+class Fitted(NamedTuple):
+    """A fitted model, and the number of updates of its weights; 0 where it is not fitted by steps."""
+
+    predict: Predict
+    updates: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +60,33 @@ class LabelledSongs:
     classes: tuple[str, ...]
 
 
-@cache
 def recorded_songs() -> LabelledSongs | None:
-    """Every recorded song once, of the dances that were recorded; None without ``HARMOLAB_DATA``."""
-    if data_root() is None:
-        return None
-    songs: dict[str, tuple[np.ndarray, str]] = {}
+    """Every recorded song once, of the dances that were recorded; None without ``HARMOLAB_DATA`` or such songs."""
+    root = data_root()
+    return None if root is None else _songs_below(root)
+
+
+def _recordings() -> Iterator[Recording]:
+    """Readable recordings of a known dance."""
     for root in corpus_folders(RunProfile.full()).values():
         for folder in find_recordings(root).folders:
             try:
-                clip = load_recording(folder).clip
+                recording = load_recording(folder)
             except (ValueError, FileNotFoundError):
                 continue
-            # Corpora of one source have the same songs, encoded anew, under the same names.
-            if clip.dance in DANCES and folder.name not in songs:
-                songs[folder.name] = (blind_features(clip.audio), clip.dance)
+            if recording.clip.dance in DANCES:
+                yield recording
+
+
+@cache
+def _songs_below(root: Path) -> LabelledSongs | None:
+    songs: dict[str, tuple[np.ndarray, str]] = {}
+    for clip in (recording.clip for recording in _recordings()):
+        # Corpora of one source have the same songs, encoded anew, under the same names.
+        if clip.name not in songs:
+            songs[clip.name] = (blind_features(clip.audio), clip.dance)
+    if not songs:
+        return None
     classes = tuple(sorted({dance for _, dance in songs.values()}))
     return LabelledSongs(
         tuple(Song(name, music, classes.index(dance)) for name, (music, dance) in songs.items()), classes
@@ -80,16 +99,41 @@ def two_classes(songs: LabelledSongs) -> LabelledSongs:
     return LabelledSongs(tuple(song._replace(label=groups[song.label]) for song in songs.songs), ("smooth", "fast"))
 
 
+@cache
 def synthetic_songs(profile: RunProfile) -> LabelledSongs:
     """Synthetic songs of the seven dances."""
     count = max(2, min(SONGS_A_DANCE, profile.n_clips // 10))
-    classes = tuple(DANCES)
     songs = []
-    for label, dance in enumerate(classes):
+    for label, dance in enumerate(DANCES):
         for number in range(count):
-            clip = synthetic_clip(dance, seconds=SONG_SECONDS, seed=800_000 + 1000 * label + number)
-            songs.append(Song(f"{dance} {number + 1}", blind_features(clip.audio), label))
-    return LabelledSongs(tuple(songs), classes)
+            clip = _synthetic_song(dance, number)
+            songs.append(Song(clip.name, blind_features(clip.audio), label))
+    return LabelledSongs(tuple(songs), tuple(DANCES))
+
+
+def _synthetic_song(dance: str, number: int) -> Clip:
+    """A song with its planted beats and bars."""
+    seed = 800_000 + 1000 * list(DANCES).index(dance) + number
+    planted = planted_clip(ClipSettings(dance, SONG_SECONDS, seed=seed))
+    beats = planted.annotation.track(planted.clip.audio.duration)
+    return replace(planted.clip, name=f"{dance} {number + 1}", beats=beats)
+
+
+def example_song(profile: RunProfile, dance: str = "cha-cha") -> Clip:
+    """The first song of a dance in the first of `song_sets`, with its sound, and its beats as annotated or planted."""
+    if profile.epochs is None and data_root() is not None:
+        for recording in _recordings():
+            if recording.clip.dance == dance:
+                annotated = recording.annotation is not None and recording.annotation.times.size > 0
+                return replace(recording.clip, beats=recording_beats(recording, "annotated") if annotated else None)
+    return _synthetic_song(dance, 0)
+
+
+def bar_starts(clip: Clip) -> FloatArray | None:
+    """Times at which the bars of a clip's beats begin, in seconds; None where that is unknown."""
+    if clip.beats is None or clip.beats.bar_places is None:
+        return None
+    return clip.beats.times[clip.beats.bar_places == 0]
 
 
 def song_sets(profile: RunProfile) -> dict[str, LabelledSongs]:
@@ -128,10 +172,10 @@ def onset_rhythm(music: np.ndarray) -> FloatArray:
     return whole[LAGS[0] : LAGS[1] + 1] / max(whole[0], 1e-9)
 
 
-def _majority(songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int) -> Predict:
+def _majority(songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int) -> Fitted:
     labels = [song.label for song in songs.songs if song.name in split.train]
     shares = np.bincount(labels, minlength=len(songs.classes)) / len(labels)
-    return lambda song: np.tile(shares, (len(song_windows(song.music, AttributeParams())), 1))
+    return Fitted(lambda song: np.tile(shares, (len(song_windows(song.music, AttributeParams())), 1)))
 
 
 def _logistic(
@@ -140,7 +184,7 @@ def _logistic(
     split: SongSplit,
     profile: RunProfile,
     seed: int,
-) -> Predict:
+) -> Fitted:
     """Logistic regression on a few numbers of a window (scikit-learn)."""
     from sklearn.linear_model import LogisticRegression
     from sklearn.pipeline import make_pipeline
@@ -162,7 +206,7 @@ def _logistic(
         shares[:, classes] = model.predict_proba(table)
         return shares
 
-    return predict
+    return Fitted(predict)
 
 
 def attribute_params(profile: RunProfile, front: str, seed: int) -> AttributeParams:
@@ -171,13 +215,19 @@ def attribute_params(profile: RunProfile, front: str, seed: int) -> AttributePar
     return params if profile.epochs is None else replace(params, epochs=4)
 
 
+def training_remark(profile: RunProfile) -> str:
+    """Words that a picture of a quick profile's training needs; "" for a whole training."""
+    return "" if profile.epochs is None else "quick profile: networks hardly trained"
+
+
 def trained_classifier(
     songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int, *, front: str = "convolution"
 ) -> AttributeClassifier:
     """A classifier trained on the training side of a split, now unless it was before."""
     params = attribute_params(profile, front, seed)
     sound = hashlib.sha256(b"".join(np.ascontiguousarray(song.music).tobytes() for song in songs.songs)).hexdigest()
-    about = {"params": params, "split": split.to_dict(), "classes": songs.classes, "songs": sound}
+    labels = {song.name: song.label for song in songs.songs}
+    about = {"params": params, "split": split.to_dict(), "classes": songs.classes, "labels": labels, "songs": sound}
     folder = kept_run(
         "attributes", about, lambda folder: train_attributes(
             songs.songs, songs.classes, split, folder, params, resume=True, fabric=make_fabric(accelerator="cpu"),
@@ -187,85 +237,21 @@ def trained_classifier(
     return load_weights(folder, AttributeClassifier)
 
 
-def _network(front: str, songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int) -> Predict:
+def _network(front: str, songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int) -> Fitted:
     classifier = trained_classifier(songs, split, profile, seed, front=front)
-    return lambda song: classifier.window_probabilities(song.music)
+    params = classifier.params
+    windows = sum(len(song_windows(song.music, params)) for song in songs.songs if song.name in split.train)
+    updates = params.epochs * -(-windows // params.batch_size)
+    return Fitted(lambda song: classifier.window_probabilities(song.music), updates)
 
 
-Fit = Callable[[LabelledSongs, SongSplit, RunProfile, int], Predict]
+Fit = Callable[[LabelledSongs, SongSplit, RunProfile, int], Fitted]
 MODELS: Mapping[str, Fit] = MappingProxyType(
     {
         "majority": _majority,
         "logistic on means": partial(_logistic, window_means),
-        "logistic on onset rhythm": partial(_logistic, onset_rhythm),
-        "FC + Bi-LSTM": partial(_network, "frames"),
-        "temporal convolution + Bi-LSTM": partial(_network, "convolution"),
+        RHYTHM: partial(_logistic, onset_rhythm),
+        FRAMES: partial(_network, "frames"),
+        CONVOLUTION: partial(_network, "convolution"),
     }
 )
-
-
-def table_1(profile: RunProfile, models: Iterable[str] = tuple(MODELS)) -> pd.DataFrame:
-    """Shares of windows and songs that are classified rightly, cross-validated by song, over the profile's seeds.
-
-    Returns
-    -------
-    DataFrame with the columns songs ("recorded, 4 dances", ...), model, n, windows, "windows, balanced", "by song",
-    "by song, balanced", low and high (95 %, of "by song", bootstrap over songs), guessing (1 / classes), seeds, and
-    "paper (other songs, two moods)" in per cent
-    """
-    rows = []
-    for name, songs in song_sets(profile).items():
-        for model in models:
-            tables = [_outcomes(songs, MODELS[model], profile, FOLDS[name], seed) for seed in _seeds(profile)]
-            rows.append({"songs": name, "model": model, **_summary(songs, pd.concat(tables))})
-            rows[-1]["paper (other songs, two moods)"] = PAPER.get(model, np.nan)
-    return pd.DataFrame(rows)
-
-
-def _seeds(profile: RunProfile) -> range:
-    return range(1, profile.n_seeds + 1)
-
-
-def _outcomes(songs: LabelledSongs, fit: Fit, profile: RunProfile, count: int, seed: int) -> pd.DataFrame:
-    """A row for each song when it was tested: its name and class, the prediction, the share of right windows."""
-    rows = []
-    for split in folds(songs, count, seed):
-        predict = fit(songs, split, profile, seed)
-        for song in songs.songs:
-            if song.name in split.test:
-                shares = predict(song)
-                right = (shares.argmax(axis=1) == song.label).mean()
-                predicted = int(shares.mean(axis=0).argmax())
-                rows.append({"song": song.name, "label": song.label, "predicted": predicted, "right windows": right,
-                             "windows": len(shares), "seed": seed})  # fmt: skip
-    return pd.DataFrame(rows)
-
-
-def _summary(songs: LabelledSongs, table: pd.DataFrame) -> dict[str, float]:
-    right = (table["predicted"] == table["label"]).astype(float)
-    by_song = right.groupby(table["song"]).mean()
-    low, high = bootstrap_interval(by_song.to_numpy(), np.ones(len(by_song)))
-    windows = table["right windows"] * table["windows"]
-    weights = windows.groupby(table["label"]).sum() / table.groupby("label")["windows"].sum()
-    return {
-        "n": len(by_song),
-        "windows": windows.sum() / table["windows"].sum(),
-        "windows, balanced": weights.mean(),
-        "by song": right.mean(),
-        "by song, balanced": right.groupby(table["label"]).mean().mean(),
-        "low": low,
-        "high": high,
-        "guessing": 1 / len(songs.classes),
-        "seeds": table["seed"].nunique(),
-    }
-
-
-def confusion(profile: RunProfile, name: str, model: str) -> pd.DataFrame:
-    """Counts of songs of each dance (rows) that were taken for each (columns), over the profile's seeds."""
-    songs = song_sets(profile)[name]
-    tables = [_outcomes(songs, MODELS[model], profile, FOLDS[name], seed) for seed in _seeds(profile)]
-    table = pd.concat(tables)
-    counts = pd.crosstab(table["label"], table["predicted"]).reindex(
-        index=range(len(songs.classes)), columns=range(len(songs.classes)), fill_value=0
-    )
-    return counts.set_axis(songs.classes, axis=0).set_axis(songs.classes, axis=1)

@@ -25,6 +25,7 @@ from harmolab.lab.report.templates import TEMPLATES, rendered
 MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 
+# Items of the harmony paper, and after them those of Music2Dance, which has figures and tables of the same numbers.
 PAPER = {
     "Fig. 1": "which beats are felt to fall together, and which apart",
     "Fig. 2": "visual beats from optical flow and from the skeleton",
@@ -45,12 +46,15 @@ PAPER = {
     "Music2Dance Fig. 1": "two dances of the network",
     "Music2Dance Fig. 2": "the capture; here the way from recordings to windows",
     "Music2Dance Fig. 3": "the network, with the shapes of its tensors",
+    "Music2Dance Fig. 4": "features of a song, on one time axis",
+    "Music2Dance Fig. 5": "the classifier of songs, layer by layer",
     "Music2Dance Fig. 6": "marks of people; here of measures",
     "Music2Dance Fig. 7": "dances beside a recorded dancer",
     "Music2Dance Fig. 8": "heights of the hands by music features and by a mel spectrogram",
     "Music2Dance Fig. 9": "places of the end effectors with and without the mapping of the music",
     "Music2Dance Fig. 10": "heights of the toes with and without end effectors, before and after the foot model",
     "Music2Dance Fig. 11": "loss with and without clusters of windows",
+    "Music2Dance Table 1": "how often two classifiers give a song its class",
     "Music2Dance Table 2": "error of two foot models",
     "Music2Dance Table 3": "what people marked; here measures, and simulated raters",
 }

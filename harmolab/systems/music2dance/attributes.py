@@ -169,10 +169,15 @@ class AttributeClassifier(nn.Module):
 
 def song_windows(music: NDArray[np.float32], params: AttributeParams) -> NDArray[np.float32]:
     """Windows (N, M', 15) of a song's features, `hop` apart, the last at its end; a short song is filled with zeros."""
-    length, hop = params.n_cells, max(1, round(params.hop * params.rate))
-    music = np.pad(music, ((0, max(0, length - len(music))), (0, 0)))
-    starts = np.unique(np.append(np.arange(0, len(music) - length + 1, hop), len(music) - length))
-    return np.stack([music[start : start + length] for start in starts])
+    music = np.pad(music, ((0, max(0, params.n_cells - len(music))), (0, 0)))
+    return np.stack([music[start : start + params.n_cells] for start in window_starts(len(music), params)])
+
+
+def window_starts(cells: int, params: AttributeParams) -> NDArray[np.int64]:
+    """First moment of each window of a song of so many moments: (N,)."""
+    last = max(0, cells - params.n_cells)
+    hop = max(1, round(params.hop * params.rate))
+    return np.unique(np.append(np.arange(0, last + 1, hop), last))
 
 
 @dataclass(frozen=True, eq=False)

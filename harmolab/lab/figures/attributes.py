@@ -1,0 +1,306 @@
+"""Music2Dance's classifier in pictures: features of a song (Fig. 4), layers (Fig. 5), Table 1, confusions, one song."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from harmolab.lab.figures.framework import count_text, draw_diagram
+from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
+from harmolab.lab.figures.variants import Record, rows_by_name
+from harmolab.types import Audio, FloatArray
+
+RIVAL = "#56809E"  # of systems that are not ours, as in Fig. 12 of the harmony paper
+TONES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+POINTS = 1500  # of the wave's outline
+MOST_NUMBERS = 24  # windows of a song that have room for numbers
+BOX, STEP, ROW = 1.34, 1.52, 1.4  # inches, of a box, from one to the next, and from row to row
+
+
+def song_figure(
+    audio: Audio,
+    music: NDArray[np.float32],
+    mel: NDArray[np.float32],
+    *,
+    rates: tuple[float, float],
+    bars: FloatArray | None = None,
+    start: float = 0.0,
+    seconds: float = 20.0,
+    title: str = "",
+) -> Figure:
+    """Fig. 4: wave, log-mel spectrogram, chroma, beat and downbeat, and onset of a song on one time axis.
+
+    Parameters
+    ----------
+    audio : Audio, the whole song
+    music : (M, 15) channels of the whole song
+    mel : (K, bands) mel spectrogram of the whole song, decibels
+    rates : hertz, of `music` and of `mel`; both begin at 0 s
+    bars : (B,) seconds at which bars truly begin; None where that is unknown
+    start, seconds : float, the part that is drawn; earlier where the song ends before
+    """
+    start = max(0.0, min(start, audio.duration - seconds))
+    end = min(start + seconds, audio.duration)
+    with styled_axes((10.0, 8.2), 5, 1, sharex=True, height_ratios=(1, 1.6, 1.7, 0.9, 0.9)) as (figure, axes):
+        _draw_wave(axes[0], audio, start, end)
+        _draw_grid(axes[1], mel.T, rates[1])
+        axes[1].set(title="log-mel spectrogram (no input of the classifier; light: loud)", ylabel="mel band")
+        _draw_grid(axes[2], music[:, 3:].T, rates[0])
+        axes[2].set(title="inputs 4 to 15, chroma: strength of the twelve tones (light: strong)", ylabel="tone")
+        axes[2].set_yticks(range(0, 12, 2), TONES[::2])
+        draw_beat_channels(axes[3], music, rates[0], bars)
+        _draw_steps(axes[4], music[:, 0], rates[0], color=COLOURS["audio"])
+        axes[4].set(title="input 1, onset: a sound sets in", xlabel="time in the song (s)", ylim=(0, 1.05))
+        axes[4].set_xlim(start, end)
+        figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+    return figure
+
+
+def _draw_wave(ax: Axes, audio: Audio, start: float, end: float) -> None:
+    """Least and greatest amplitude of each short stretch."""
+    samples = audio.span(start, end - start).samples
+    count = min(POINTS, samples.size)
+    blocks = samples[: samples.size // count * count].reshape(count, -1)
+    times = np.linspace(start, end, count)
+    ax.fill_between(times, blocks.min(axis=1), blocks.max(axis=1), color=COLOURS["audio"], linewidth=0)
+    ax.set(title="wave", ylabel="amplitude")
+
+
+def _draw_grid(ax: Axes, values: FloatArray | NDArray[np.float32], rate: float) -> None:
+    """Rows of values over time, each value centred on its moment; light is large."""
+    rows, moments = values.shape
+    extent = (-0.5 / rate, (moments - 0.5) / rate, -0.5, rows - 0.5)
+    ax.imshow(values, origin="lower", aspect="auto", extent=extent, cmap="viridis", interpolation="nearest")
+
+
+def _draw_steps(ax: Axes, values: NDArray[np.float32], rate: float, **look: Any) -> None:
+    """A bar for each moment, as wide as the time between two."""
+    ax.bar(np.arange(len(values)) / rate, values, width=1 / rate, linewidth=0, **look)
+
+
+def draw_beat_channels(ax: Axes, music: NDArray[np.float32], rate: float, bars: FloatArray | None = None) -> Axes:
+    """Channels beat (pale) and downbeat (dark) of (M, 15) as bars; triangles where a bar truly begins, if known."""
+    _draw_steps(ax, music[:, 1], rate, color="#9CC6E0", label="beat (tracked)")
+    _draw_steps(ax, music[:, 2], rate, color=COLOURS["ink"], label="downbeat (a guess)")
+    if bars is not None:
+        ax.plot(bars, np.full(bars.size, 1.15), "v", color=COLOURS["visual"], label="a bar truly begins")
+    ax.set(title="inputs 2 and 3, beat and downbeat", ylim=(0, 1.3), yticks=[0, 1])
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8.5, borderaxespad=0.2)
+    return ax
+
+
+def classifier_figure(networks: Mapping[str, Sequence[Any]]) -> Figure:
+    """Fig. 5: a row of boxes for each network, from a window of features to the classes.
+
+    Parameters
+    ----------
+    networks : name -> stages (`harmolab.systems.music2dance.anatomy.classifier_stages`)
+    """
+    longest = max(len(stages) for stages in networks.values())
+    width, height = STEP * longest + 0.2, ROW * len(networks) + 0.35
+    drawing: dict[str, list[Any]] = {"signals": [], "parts": [], "arrows": [], "titles": []}
+    for row, (name, stages) in enumerate(networks.items()):
+        y = height - 0.85 - ROW * row
+        # The last boxes stand below each other, so that what differs is seen to differ.
+        columns = [*range(len(stages) - 3), *range(longest - 3, longest)]
+        places = [0.1 + BOX / 2 + STEP * column for column in columns]
+        for number, (x, stage) in enumerate(zip(places, stages, strict=True)):
+            kind, tint = "parts" if stage.parameters else "signals", "both" if number else "audio"
+            drawing[kind].append([x, y, BOX, tint, *_box_lines(stage)])
+        drawing["arrows"] += [[[a + BOX / 2, y], [b - BOX / 2, y]] for a, b in pairwise(places)]
+        total = count_text(sum(stage.parameters for stage in stages))
+        drawing["titles"].append([0.1, y + 0.62, f"{name}: {total} parameters"])
+    words = "shapes of one window: (moments, values), between the convolutions (channels, moments, features)"
+    with figure_style():
+        figure = Figure(figsize=(width, height))
+        figure.set_layout_engine("none")
+        ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
+        ax.axis("off")
+        draw_diagram(ax, {**drawing, "labels": [[0.1, 0.15, words]]})
+    return figure
+
+
+def _box_lines(stage: Any) -> list[str]:
+    """Name, sizes and parameters of a layer where it has some, and the shape."""
+    shape = "(" + ", ".join(str(size) for size in stage.shape) + ")"
+    layer = [stage.detail, f"{count_text(stage.parameters)} parameters" if stage.parameters else ""]
+    return [stage.name, *filter(None, layer), shape]
+
+
+def accuracy_figure(table: Iterable[Record], differences: Iterable[Record], *, remark: str = "") -> Figure:
+    """Table 1 as dots with intervals, a row for each set of songs; at the right what the convolution gains on others.
+
+    Parameters
+    ----------
+    table : records of `harmolab.lab.experiments.attribute_tables.attribute_table`
+    differences : records of `harmolab.lab.experiments.attribute_tables.attribute_differences`
+    remark : drawn in red above everything
+    """
+    sets: dict[str, list[Record]] = {}
+    for row in table:
+        sets.setdefault(row["set"], []).append(row)
+    gaps = [row for row in differences if row["measure"] == "balanced"]
+    size = (11.0, 2.5 * len(sets) + 0.6)
+    with styled_axes(size, len(sets), 2, width_ratios=(1.5, 1), sharex="col") as (figure, axes):
+        for line, (name, rows) in enumerate(sets.items()):
+            left, right = axes[2 * line], axes[2 * line + 1]
+            draw_accuracies(left, rows).set_title(f"{name}: {rows[0]['n']} songs")
+            draw_differences(right, [row for row in gaps if row["set"] == name])
+            for ax in (left, right):
+                ax.tick_params(labelbottom=True)
+                if "synthetic" in name:
+                    ax.text(
+                        1.0, 1.01, "synthetic", transform=ax.transAxes, ha="right", va="bottom", fontsize=9,
+                        style="italic", color=COLOURS["miss"], gid="source",
+                    )  # fmt: skip
+        axes[1].set_title("temporal convolution minus ...")
+        axes[-2].set_xlabel(
+            "songs given their class, all classes counting alike (%)\ndotted: guessing; lines: 95 % over songs"
+        )
+        axes[-1].set_xlabel("\N{LEFTWARDS ARROW} others better      convolution better \N{RIGHTWARDS ARROW}\n"
+                            "points of per cent; grey: cannot tell")  # fmt: skip
+        figure.legend(handles=_handles(), loc="outside upper left", ncols=3)
+        if remark:
+            figure.suptitle(remark, color=COLOURS["miss"], fontsize=11, x=0.99, ha="right")
+    return figure
+
+
+def _handles() -> list[Line2D]:
+    """Entries of the legend."""
+    network = Line2D([], [], color=RIVAL, marker="o", markersize=8, linewidth=2, label="networks")
+    other = Line2D([], [], color=COLOURS["ink"], marker="D", markersize=8, linewidth=2, label="without a network")
+    look: dict[str, Any] = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 1.5}
+    return [network, other, Line2D([], [], color=COLOURS["ink"], label="least and best seed", **look)]
+
+
+def draw_accuracies(ax: Axes, rows: Sequence[Record]) -> Axes:
+    """One dot a model at its balanced accuracy by song; round for networks, diamonds for linear models.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records of `attribute_table` of one set of songs
+    """
+    places = rows_by_name(ax, [row["model"] for row in rows])
+    ax.axvline(rows[0]["chance"], color=COLOURS["chance"], linestyle=":", linewidth=1.5)
+    for row in rows:
+        place, network = places[row["model"]], "LSTM" in row["model"]
+        colour = RIVAL if network else COLOURS["chance" if row["model"] == "majority" else "ink"]
+        ax.plot([row["balanced low"], row["balanced high"]], [place, place], color=colour, linewidth=2, gid="interval")
+        ax.plot(row["balanced"], place, "o" if network else "D", color=colour, markersize=8)
+        ends = [row["least seed"], row["best seed"]]
+        ax.plot(ends, [place, place], "|", color=colour, markersize=12, markeredgewidth=1.5, gid="seeds")
+        ax.annotate(
+            f"{row['balanced']:.0f}", (row["balanced"], place), xytext=(0, 7), textcoords="offset points",
+            ha="center", fontsize=9, color=colour,
+        )  # fmt: skip
+    ax.set_xlim(0, 103)
+    return ax
+
+
+def draw_differences(ax: Axes, rows: Sequence[Record]) -> Axes:
+    """Gain of a model on others: green and a circle where the interval is above 0, red and a cross below, else grey.
+
+    Parameters
+    ----------
+    ax : Axes
+    rows : records of `attribute_differences` of one set and measure
+    """
+    places = rows_by_name(ax, [row["against"] for row in rows])
+    ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
+    for row in rows:
+        place = places[row["against"]]
+        kind = "hit" if row["low"] > 0 else "miss" if row["high"] < 0 else "chance"
+        mark = {"hit": "o", "miss": "x", "chance": "s"}[kind]
+        ax.plot([row["low"], row["high"]], [place, place], color=COLOURS[kind], linewidth=2, gid="interval")
+        ax.plot(row["difference"], place, mark, color=COLOURS[kind], markersize=8, markeredgewidth=2)
+        ax.annotate(
+            f"{row['difference']:+.0f}", (row["difference"], place), xytext=(0, 8), textcoords="offset points",
+            ha="center", fontsize=9, color=COLOURS[kind],
+        )  # fmt: skip
+    ax.margins(x=0.15)
+    return ax
+
+
+def confusion_figure(tables: Mapping[str, pd.DataFrame], *, remark: str = "") -> Figure:
+    """Songs of each class by the class that a model gives them, a grid for each model.
+
+    Parameters
+    ----------
+    tables : title -> DataFrame of `harmolab.lab.experiments.attribute_tables.attribute_confusion`
+    remark : drawn in red above everything
+    """
+    classes = max(len(table) for table in tables.values())
+    side = max(3.4, 0.55 * classes + 1.4)
+    with styled_axes((0.8 + (side + 0.3) * len(tables), side + 0.5), 1, len(tables)) as (figure, axes):
+        for ax, (title, table) in zip(axes, tables.items(), strict=True):
+            draw_confusion(ax, table).set_title(title)
+        axes[0].set_ylabel("the song is a ... (number of songs)")
+        if remark:
+            figure.suptitle(remark, color=COLOURS["miss"], fontsize=11)
+    return figure
+
+
+def draw_confusion(ax: Axes, table: pd.DataFrame) -> Axes:
+    """Numbers of songs, shaded by their share of the row; the right ones are framed."""
+    counts = table.to_numpy(np.float64)
+    totals = counts.sum(axis=1, keepdims=True)
+    ax.imshow(counts / np.maximum(totals, 1e-9), cmap="Blues", vmin=0, vmax=1.3)
+    for row, column in np.ndindex(*counts.shape):
+        value = counts[row, column]
+        text = f"{value:.1f}".removesuffix(".0") if value else "\N{MIDDLE DOT}"
+        ax.text(column, row, text, ha="center", va="center", weight="bold" if row == column else "normal")
+    names = [str(name) for name in table.columns]
+    ax.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    ax.set_yticks(range(len(names)), [f"{name} ({total:.0f})" for name, total in zip(names, totals[:, 0], strict=True)])
+    ax.set_xlabel("it is taken for a ...")
+    ax.tick_params(length=0)
+    return ax
+
+
+def probabilities_figure(rows: Sequence[Record], *, title: str = "", remark: str = "") -> Figure:
+    """Probability of each class along a song, a panel for each model; each column is a window around its place.
+
+    Parameters
+    ----------
+    rows : records of `harmolab.lab.experiments.attribute_tables.song_probabilities`
+    remark : drawn in red at the end
+    """
+    models = list(dict.fromkeys(row["model"] for row in rows))
+    with styled_axes((9.0, 1.9 * len(models) + 0.9), len(models), sharex=True) as (figure, axes):
+        for ax, model in zip(axes, models, strict=True):
+            draw_probabilities(ax, [row for row in rows if row["model"] == model]).set_title(model)
+        axes[-1].set_xlabel("middle of the window (s)")
+        figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+        if remark:
+            axes[-1].text(1.0, -0.3, remark, transform=axes[-1].transAxes, ha="right", color=COLOURS["miss"])
+    return figure
+
+
+def draw_probabilities(ax: Axes, rows: Sequence[Record]) -> Axes:
+    """Probabilities in per cent of one model: a column a window, a row a class; the likeliest is bold."""
+    classes = list(dict.fromkeys(row["label"] for row in rows))
+    middles = sorted({(row["start"] + row["end"]) / 2 for row in rows})
+    values = np.zeros((len(classes), len(middles)))
+    for row in rows:
+        values[classes.index(row["label"]), middles.index((row["start"] + row["end"]) / 2)] = row["probability"]
+    ax.imshow(values, aspect="auto", cmap="Blues", vmin=0, vmax=1.3)
+    for place, column in np.ndindex(*values.shape) if len(middles) <= MOST_NUMBERS else ():
+        bold = place == values[:, column].argmax()
+        ax.text(
+            column, place, f"{100 * values[place, column]:.0f}", ha="center", va="center", fontsize=8,
+            weight="bold" if bold else "normal",
+        )  # fmt: skip
+    ax.set_yticks(range(len(classes)), classes)
+    ticks = range(0, len(middles), 1 + len(middles) // MOST_NUMBERS)
+    ax.set_xticks(ticks, [f"{middles[tick]:.0f}" for tick in ticks])
+    ax.tick_params(length=0)
+    return ax

@@ -1,0 +1,329 @@
+"""Table 1 of Music2Dance from planted predictions, and its pictures: accuracies, pairs of songs, confusions, shapes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from harmolab.lab.experiments import attribute_tables, attributes
+from harmolab.lab.experiments.attribute_tables import (
+    PAPER,
+    attribute_confusion,
+    attribute_differences,
+    attribute_outcomes,
+    attribute_table,
+    song_probabilities,
+)
+from harmolab.lab.experiments.attributes import (
+    CONVOLUTION,
+    FRAMES,
+    RHYTHM,
+    Fitted,
+    LabelledSongs,
+    bar_starts,
+    example_song,
+    recorded_songs,
+    trained_classifier,
+    training_remark,
+)
+from harmolab.lab.figures.attributes import (
+    accuracy_figure,
+    classifier_figure,
+    draw_accuracies,
+    draw_beat_channels,
+    draw_confusion,
+    draw_differences,
+    draw_probabilities,
+    song_figure,
+)
+from harmolab.lab.figures.style import COLOURS
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.music2dance.anatomy import classifier_stages
+from harmolab.systems.music2dance.attributes import (
+    AttributeClassifier,
+    AttributeParams,
+    Song,
+    SongSplit,
+    window_starts,
+)
+from harmolab.types import Audio
+
+QUICK = RunProfile.quick()
+
+
+def outcome(model: str, song: str, label: str, predicted: str, *, seed: int = 1, **more: Any) -> dict[str, Any]:
+    """A song of four windows, all right or all wrong."""
+    right = 4 if label == predicted else 0
+    row = {"set": "planted", "model": model, "seed": seed, "classes": 2, "song": song, "label": label}
+    row |= {"predicted": predicted, "windows": 4, "right windows": right, "updates": 30, "training": 1.0}
+    return row | more
+
+
+def waltzes_and_tango(model: str, right: str) -> list[dict[str, Any]]:
+    """Three waltzes and a tango; the letters of `right` say of each if it is recognised (y or n)."""
+    songs = [("w1", "waltz"), ("w2", "waltz"), ("w3", "waltz"), ("t1", "tango")]
+    other = {"waltz": "tango", "tango": "waltz"}
+    pairs = zip(songs, right, strict=True)
+    return [outcome(model, name, label, label if letter == "y" else other[label]) for (name, label), letter in pairs]
+
+
+def test_accuracies_are_per_cent_of_windows_of_songs_and_of_classes():
+    rows = waltzes_and_tango(CONVOLUTION, "yynn")
+    rows[0] |= {"windows": 12, "right windows": 9}
+    (row,) = attribute_table(pd.DataFrame(rows)).to_dict("records")
+    assert row["windows"] == pytest.approx(100 * 13 / 24)
+    assert row["songs"] == pytest.approx(50.0)
+    assert row["balanced"] == pytest.approx((200 / 3 + 0) / 2)
+    assert (row["n"], row["chance"], row["updates"], row["seeds"], row["training"]) == (4, 50.0, 30, 1, 100.0)
+    assert row[PAPER] == 92.1
+    assert 0 <= row["songs low"] < row["songs"] < row["songs high"] <= 100
+
+
+def test_seeds_of_one_song_count_as_one_song():
+    rows = [
+        outcome("m", f"s{number}", "waltz", "waltz" if seed == 1 else "tango", seed=seed)
+        for number in range(6)
+        for seed in (1, 2)
+    ]
+    (row,) = attribute_table(pd.DataFrame(rows)).to_dict("records")
+    assert (row["n"], row["seeds"]) == (6, 2)
+    # Each song is right in half of the trainings: there is nothing that another draw of songs could change.
+    assert row["songs"] == row["songs low"] == row["songs high"] == 50.0
+    assert (row["least seed"], row["best seed"]) == (0.0, 100.0)
+    assert np.isnan(row[PAPER])
+
+
+def test_differences_are_taken_song_by_song_whatever_their_order():
+    better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")[::-1]
+    rhythm = waltzes_and_tango(RHYTHM, "yyyn")[::-1]
+    table = attribute_differences(pd.DataFrame([*better, *worse, *rhythm])).set_index(["against", "measure"])
+    assert table.loc[(FRAMES, "songs"), "difference"] == pytest.approx(75.0)
+    assert table.loc[(FRAMES, "balanced"), "difference"] == pytest.approx(50.0)
+    # The same songs right and wrong: no draw of songs shows a difference. Unpaired, the interval would be wide.
+    assert [*table.loc[(RHYTHM, "songs"), ["difference", "low", "high"]]] == [0.0, 0.0, 0.0]
+    assert not table.loc[(RHYTHM, "songs"), "clear"]
+
+
+def test_a_difference_is_clear_where_its_interval_leaves_out_zero():
+    names = [f"s{number}" for number in range(12)]
+    better = [outcome(CONVOLUTION, name, "waltz", "waltz") for name in names]
+    worse = [outcome(FRAMES, name, "waltz", "tango" if number % 2 else "waltz") for number, name in enumerate(names)]
+    table = attribute_differences(pd.DataFrame([*better, *worse]), others=[FRAMES]).set_index("measure")
+    assert table.loc["songs", "difference"] == pytest.approx(50.0)
+    assert table.loc["songs", "low"] > 0
+    assert table["clear"].all()
+
+
+def test_seeds_ahead_are_counted_one_by_one_and_a_tie_is_not_ahead():
+    rows = [
+        outcome(model, name, "waltz", "waltz" if right else "tango", seed=seed)
+        for name in ("w1", "w2")
+        for seed, better, worse in ((1, True, False), (2, True, True), (3, False, True))
+        for model, right in ((CONVOLUTION, better), (FRAMES, worse))
+    ]
+    table = attribute_differences(pd.DataFrame(rows), others=[FRAMES])
+    assert table[["difference", "seeds ahead", "seeds"]].to_numpy().tolist() == [[0.0, 1, 3]] * 3
+
+
+def test_confusions_are_means_over_seeds_with_every_class_in_both_directions():
+    rows = [outcome("m", "t1", "tango", "waltz"), outcome("m", "t1", "tango", "tango", seed=2)]
+    rows += [outcome("m", "w1", "waltz", "waltz", seed=seed) for seed in (1, 2)]
+    table = attribute_confusion(pd.DataFrame(rows), "planted", "m")
+    assert [*table.index] == [*table.columns] == ["tango", "waltz"]
+    np.testing.assert_array_equal(table.to_numpy(), [[0.5, 0.5], [0.0, 1.0]])
+
+
+def rhythms() -> LabelledSongs:
+    """Twelve songs of 30 s in two classes, which differ in the time from onset to onset."""
+    songs = []
+    for number in range(12):
+        music = np.random.default_rng(number).random((300, 15)).astype(np.float32)
+        music[:, 0] = np.arange(300) % (4 + number % 2) == 0
+        songs.append(Song(f"song {number}", music, number % 2))
+    return LabelledSongs(tuple(songs), ("four", "five"))
+
+
+@pytest.fixture
+def planted(monkeypatch: pytest.MonkeyPatch) -> LabelledSongs:
+    """The twelve songs in place of the corpora."""
+    songs = rhythms()
+    monkeypatch.setattr(attribute_tables, "song_sets", lambda profile: {"planted": songs})
+    monkeypatch.setattr(attribute_tables, "FOLDS", {"planted": 3})
+    return songs
+
+
+def test_every_song_is_judged_once_a_seed_and_rhythm_tells_planted_rhythms(planted: LabelledSongs):
+    outcomes = attribute_outcomes(QUICK, ["majority", RHYTHM])
+    assert sorted(outcomes["song"]) == sorted(2 * [song.name for song in planted.songs])
+    table = attribute_table(outcomes).set_index("model")
+    assert table.loc[RHYTHM, ["windows", "songs", "balanced", "training"]].tolist() == [100.0] * 4
+    assert table.loc["majority", "balanced"] == pytest.approx(50.0)
+    assert table.loc["majority", "chance"] == 50.0
+
+
+def test_a_song_of_the_set_is_shown_by_a_training_without_it(planted: LabelledSongs, monkeypatch: pytest.MonkeyPatch):
+    splits: list[SongSplit] = []
+
+    def spy(songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int) -> Fitted:
+        splits.append(split)
+        return Fitted(lambda song: np.tile([0.25, 0.75], (len(window_starts(len(song.music), AttributeParams())), 1)))
+
+    monkeypatch.setattr(attribute_tables, "MODELS", {CONVOLUTION: spy, RHYTHM: spy})
+    sound = Audio(np.random.default_rng(0).normal(0, 0.1, 22050 * 41), 22050.0)
+    for song in planted.songs:
+        table = song_probabilities(QUICK, sound, song.name)
+        assert all(song.name not in split.train for split in splits)
+        splits.clear()
+    assert sorted(set(table["start"])) == [0.0, 5.0, 10.0, 11.0]
+    assert {*zip(table["label"], table["probability"], strict=True)} == {("four", 0.25), ("five", 0.75)}
+
+
+def test_songs_under_other_labels_are_trained_anew(monkeypatch: pytest.MonkeyPatch):
+    keys: list[Any] = []
+    monkeypatch.setattr(attributes, "kept_run", lambda kind, about, train: keys.append(about))
+    monkeypatch.setattr(attributes, "load_weights", lambda folder, kind: None)
+    songs, split = rhythms(), SongSplit(("song 0",), ("song 1",))
+    other = LabelledSongs(tuple(song._replace(label=1 - song.label) for song in songs.songs), songs.classes)
+    for each in (songs, songs, other):
+        trained_classifier(each, split, QUICK, 1)
+    assert keys[0] == keys[1] != keys[2]
+
+
+def test_a_folder_without_songs_of_a_dance_gives_no_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path))
+    assert recorded_songs() is None
+
+
+def test_example_is_a_synthetic_song_with_its_bars_where_none_is_recorded(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv("HARMOLAB_DATA", raising=False)
+    clip = example_song(RunProfile.full(), "waltz")
+    bars = bar_starts(clip)
+    assert (clip.name, clip.dance) == ("waltz 1", "waltz")
+    assert bars is not None and clip.beats is not None
+    np.testing.assert_array_equal(bars, clip.beats.times[clip.beats.bar_places == 0])
+    assert np.diff(bars) == pytest.approx(3 * np.median(np.diff(clip.beats.times)), rel=0.05)
+
+
+def test_only_a_quick_profile_has_a_remark():
+    assert training_remark(RunProfile.full()) == ""
+    assert "hardly trained" in training_remark(QUICK)
+
+
+@pytest.mark.parametrize(("cells", "starts"), [(20, [0]), (40, [0]), (95, [0, 20, 40, 55]), (80, [0, 20, 40])])
+def test_windows_start_a_hop_apart_and_the_last_ends_with_the_song(cells: int, starts: list[int]):
+    assert window_starts(cells, AttributeParams(window=4.0, hop=2.0)).tolist() == starts
+
+
+def test_shapes_are_those_of_the_paper():
+    stages = classifier_stages(AttributeClassifier(AttributeParams(), ["a", "b"]))
+    assert [stage.shape for stage in stages] == [
+        (300, 15), (1, 300, 15), (16, 300, 15), (24, 300, 15), (32, 150, 15), (150, 480), (150, 30), (30,), (2,),
+    ]  # fmt: skip
+    assert [stage.detail for stage in stages if "kernel" in stage.detail] == [
+        "kernel 2, stride 1", "kernel 2, stride 1", "kernel 2, stride 2",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("front", ["convolution", "frames"])
+def test_shapes_are_measured_and_the_parameters_of_all_layers_add_up(front: str):
+    params = AttributeParams(front=front, channels=(2, 3), hidden=4, window=4.1)  # type: ignore[arg-type]
+    classifier = AttributeClassifier(params, ["a", "b", "c"])
+    stages = classifier_stages(classifier)
+    assert sum(stage.parameters for stage in stages) == sum(values.numel() for values in classifier.parameters())
+    assert stages[0].shape == (41, 15)
+    assert [stage.shape for stage in stages[-3:]] == [(21 if front == "convolution" else 41, 8), (8,), (3,)]
+    assert classifier.training
+    assert not any(module._forward_hooks or module._forward_pre_hooks for module in classifier.modules())
+
+
+@pytest.fixture
+def ax() -> Axes:
+    return Figure().add_subplot()
+
+
+ROW = {"set": "planted", "model": CONVOLUTION, "n": 4, "balanced": 60.0, "balanced low": 40.0, "balanced high": 80.0}
+ROW |= {"chance": 25.0, "least seed": 55.0, "best seed": 70.0}
+GAP = {"set": "planted", "against": FRAMES, "measure": "balanced", "difference": 10.0, "low": -5.0, "high": 20.0}
+
+
+def test_each_model_has_a_dot_on_its_interval_and_guessing_is_dotted(ax: Axes):
+    draw_accuracies(ax, [{**ROW, "model": RHYTHM, "balanced": 90.0}, ROW])
+    assert [text.get_text() for text in ax.get_yticklabels()] == [CONVOLUTION, RHYTHM]
+    dots = {float(line.get_xdata()[0]): line.get_marker() for line in ax.lines if line.get_marker() in ("o", "D")}
+    assert dots == {90.0: "D", 60.0: "o"}
+    assert [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == "interval"] == [(40.0, 80.0)] * 2
+    assert [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == "seeds"] == [(55.0, 70.0)] * 2
+    assert [tuple(line.get_xdata()) for line in ax.lines if line.get_linestyle() == ":"] == [(25.0, 25.0)]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "colour", "mark"),
+    [(1.0, 20.0, "hit", "o"), (-20.0, -1.0, "miss", "x"), (-5.0, 20.0, "chance", "s")],
+)
+def test_a_difference_is_coloured_only_where_its_interval_leaves_out_zero(
+    ax: Axes, low: float, high: float, colour: str, mark: str
+):
+    draw_differences(ax, [{**GAP, "low": low, "high": high}])
+    assert [(to_hex(line.get_color()), line.get_marker()) for line in ax.lines[2:]] == [(COLOURS[colour].lower(), mark)]
+
+
+def test_table_has_a_row_of_panels_for_each_set_and_its_remark():
+    rows, gaps = [ROW, {**ROW, "set": "other"}], [GAP, {**GAP, "set": "other"}]
+    figure = accuracy_figure(rows, gaps, remark="not trained")
+    assert [ax.get_title("left") for ax in figure.axes[::2]] == ["planted: 4 songs", "other: 4 songs"]
+    assert figure.get_suptitle() == "not trained"
+
+
+def test_confusion_shows_its_numbers_and_how_many_songs_a_class_has(ax: Axes):
+    draw_confusion(ax, pd.DataFrame([[2.0, 1.0], [0.0, 4.5]], index=["tango", "waltz"], columns=["tango", "waltz"]))
+    assert [text.get_text() for text in ax.texts] == ["2", "1", "\N{MIDDLE DOT}", "4.5"]
+    assert [text.get_text() for text in ax.get_yticklabels()] == ["tango (3)", "waltz (4)"]
+
+
+def test_likeliest_class_of_each_window_is_bold(ax: Axes):
+    rows = [
+        {"start": start, "end": start + 30.0, "label": label, "probability": p}
+        for start, first in ((0.0, 0.8), (5.0, 0.3))
+        for label, p in (("tango", first), ("waltz", 1 - first))
+    ]
+    draw_probabilities(ax, rows)
+    assert {text.get_text() for text in ax.texts if text.get_weight() == "bold"} == {"80", "70"}
+    assert [text.get_text() for text in ax.get_xticklabels()] == ["15", "20"]
+
+
+def test_song_is_drawn_on_one_time_axis_with_what_the_classifier_hears():
+    music = np.zeros((250, 15), np.float32)
+    music[40, 1:3], music[60, 1], music[40, 0] = 1.0, 0.5, 0.7
+    audio = Audio(np.sin(np.arange(25 * 8000) / 9.0), 8000.0)
+    figure = song_figure(audio, music, np.zeros((1000, 80), np.float32), rates=(10.0, 40.0), start=2.0, seconds=20.0)
+    assert [ax.get_xlim() for ax in figure.axes] == [(2.0, 22.0)] * 5
+    assert figure.axes[1].images[0].get_extent() == pytest.approx([-0.0125, 24.9875, -0.5, 79.5])
+    assert figure.axes[2].images[0].get_array().shape == (12, 250)
+    onsets = {round(bar.get_x() + bar.get_width() / 2, 6): bar.get_height() for bar in figure.axes[4].patches}
+    assert {time: height for time, height in onsets.items() if height} == {4.0: pytest.approx(0.7)}
+
+
+def test_bars_are_marked_only_where_they_are_known(ax: Axes):
+    draw_beat_channels(ax, np.zeros((20, 15), np.float32), 10.0)
+    assert not ax.lines
+    draw_beat_channels(ax, np.zeros((20, 15), np.float32), 10.0, np.array([0.5, 1.5]))
+    assert ax.lines[0].get_xdata().tolist() == [0.5, 1.5]
+
+
+def test_each_stage_is_a_box_with_its_shape():
+    networks = {
+        front: classifier_stages(AttributeClassifier(AttributeParams(front=front), ["a", "b"]))  # type: ignore[arg-type]
+        for front in ("convolution", "frames")
+    }
+    (ax,) = classifier_figure(networks).axes
+    words = [text.get_text() for text in ax.texts]
+    assert len([patch for patch in ax.patches if patch.get_gid() == "box"]) == 9 + 7
+    assert {"(300, 15)", "(1, 300, 15)", "(32, 150, 15)", "(150, 480)", "(300, 480)", "(30)", "(2)"} <= {*words}
+    assert "frames: 206 k parameters" in words
