@@ -116,6 +116,27 @@ def test_two_folders_of_dances_are_compared_and_none_is_right(corpus: Path, tmp_
     assert [(row["version"], row["rate"]) for row in tables["versions"]] == [("dances over late", 0.0)]
 
 
+def test_two_systems_are_marked_one_dance_at_a_time(corpus: Path, tmp_path: Path):
+    against = tmp_path / "other"
+    against.mkdir()
+    for folder in sorted(corpus.glob("clip_*")):
+        motion = load_recording(folder).clip.motion
+        assert motion is not None
+        save_motion(against / f"{folder.name}.npz", motion)
+    options = ("--kind", "rate", "--against", against, "--n", 4, "--seconds", 4)
+    result = run("study", "make", corpus, tmp_path / "marks", *options)
+    assert result.exit_code == 0, result.output
+    key = read_key(tmp_path / "marks" / "key.json")
+    assert sorted(one.versions[0] for one in key.trials.values()) == ["dances", "dances", "other", "other"]
+    assert all(read_page(tmp_path / "marks", trial).count("<canvas") == 1 for trial in key.trials)
+
+
+def test_marks_without_a_second_system_are_refused(corpus: Path, tmp_path: Path):
+    result = run("study", "make", corpus, tmp_path / "marks", "--kind", "rate")
+    assert result.exit_code == 2 and "--against" in result.stderr
+    assert not (tmp_path / "marks").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "fault"),
     [

@@ -75,6 +75,10 @@ def make(
             raise ValueError("the pages of a study need jinja2; install it with: pip install jinja2")
         if against is not None and kind == "pick":
             raise ValueError("--against compares two dances; it goes with --kind choice or rate")
+        if against is None and kind == "rate":
+            raise ValueError(
+                "--kind rate has the dances of two systems marked; name the folder of the other: --against"
+            )
         if (out / TRIALS_FILE).exists():
             raise ValueError(f"{out}: holds a study already; name another folder")
         pieces = study_pieces(
