@@ -322,7 +322,7 @@ def planted(danced: Motion, monkeypatch: pytest.MonkeyPatch) -> Contest:
         return SimpleNamespace(system=system(settings.representation), history=history)
 
     monkeypatch.setattr(danced_feet, "trained_dancer", run)
-    monkeypatch.setattr(danced_feet, "ablated_dancers", lambda contest, name, count=1: [run(), run()])
+    monkeypatch.setattr(danced_feet, "ablated_dancers", lambda contest, name: [run(), run()])
     monkeypatch.setattr(danced_feet, "recorded_dancers", lambda contest: {"cha-cha": [clip]})
     monkeypatch.setattr(danced_feet, "foot_model", lambda *about: SimpleNamespace(model=foot_model(about[2])))
     monkeypatch.setattr(danced_feet, "SHOWN_FROM", 1.0)

@@ -18,8 +18,8 @@ class RunProfile:
     n_rotations : int, rotations of a null distribution
     n_nulls : int, clips in each row of a table of false alarms
     n_seeds : int, trainings of each generator, over which means and intervals are taken
-    n_rivals : int, trainings of each rival system of the comparison, which take an hour each, and of ablations
-    n_dancers : int, trainings of Music2Dance, which take twenty minutes each
+    n_rivals : int, trainings of each rival system of the comparison, which take an hour each
+    n_dancers : int, trainings of Music2Dance, which take twenty minutes each, and of its ablations
     epochs : (pretraining, adversarial) or None
         Epochs of each training; None: the whole schedule.
     pose_epochs : int or None

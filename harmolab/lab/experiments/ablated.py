@@ -36,11 +36,11 @@ FIRST_SONG = 700
 MEASURED = ("pose variance", "pose speed", "jerk", "still")
 
 
-def ablated_dancers(contest: Contest, name: str, *, count: int | None = None) -> list[TrainedDancer]:
-    """The trainings of an ablation, a name of `music2dance.ABLATIONS`; `RunProfile.n_rivals` of them if not `count`."""
-    trainings = min(contest.trainings, count or contest.profile.n_rivals)
+def ablated_dancers(contest: Contest, name: str) -> list[TrainedDancer]:
+    """The trainings of an ablation, a name of `music2dance.ABLATIONS`, as many as `RunProfile.n_dancers`."""
+    count = min(contest.trainings, contest.profile.n_dancers)
     return [
-        trained_dancer(contest.profile, contest.corpus, ablated(name), training) for training in range(1, trainings + 1)
+        trained_dancer(contest.profile, contest.corpus, ablated(name), training) for training in range(1, count + 1)
     ]
 
 

@@ -175,7 +175,7 @@ def toe_variety(contest: Contest) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     for name, ablation in EFFECTORS.items():
-        runs = ablated_dancers(contest, ablation, count=contest.profile.n_dancers)
+        runs = ablated_dancers(contest, ablation)
         for drawing, temperature in DRAWINGS.items():
             for run in runs:
                 dances = dance_codes(contest, run.system, VARIETY_DRAWS // len(runs), temperature=temperature)
