@@ -56,8 +56,9 @@ def memory_table(
                 songs = [unheard_song(dance, FIRST_SONG + draw, seconds) for draw in range(count)]
                 motions = [contestants[draw % len(contestants)].dance(song, draw) for draw, song in enumerate(songs)]
             away = nearest_pieces(motions, learnt)
-            row = {"system": HELD_OUT if name == RIGHT_SONG else name, "dance": dance, "nearest": away.mean()}
-            outcomes.append(row | {"closest": np.percentile(away, 5) if away.size else np.nan, "pieces": away.size})
+            row = {"system": HELD_OUT if name == RIGHT_SONG else name, "dance": dance}
+            numbers = (away.mean(), np.percentile(away, 5)) if away.size else (np.nan, np.nan)
+            outcomes.append(row | dict(zip(("nearest", "closest"), numbers, strict=True)) | {"pieces": away.size})
     return pd.DataFrame(outcomes)
 
 
