@@ -106,7 +106,7 @@ def train(
     grows, and in the terms that compare whole batches.
 
     **Music2Dance** predicts a dance frame by frame. Phase 1 learns from recorded frames, phase 2 from its own: 1300 and
-    200 epochs, forty minutes of one core for 18 minutes of recordings. Windows are 8 s long, so recordings must be
+    200 epochs, about half an hour of one core for 18 minutes of recordings. Windows are 8 s long, so recordings must be
     longer. Two parts of it are trained by themselves, into folders inside its run, after it:
 
         harmolab train DATA --system music2dance --out RUN
@@ -115,9 +115,10 @@ def train(
 
         harmolab train DATA --system attributes --out RUN/attributes
 
-    *feet* takes sliding out of the lower body; the paper's loss lowers the error and makes feet slide more, which
-    --velocity-weight 3 works against. *attributes* tells the dance from the song: a fifth of the songs of each dance
-    is kept from training, and how many of those are right is printed. Neither dances by itself.
+    *feet* corrects the lower body; the paper's loss lowers the error and makes feet slide more, with
+    --velocity-weight 3 less so. Planted feet, which need no training, slide least. *attributes* tells the dance from
+    the song: a fifth of the songs of each dance is kept from training, and how many of those are right is printed.
+    Neither dances by itself.
 
     **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
 

@@ -6,9 +6,7 @@ are compared by the measures of a minute, to songs that are in no other table.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
-from dataclasses import replace
 
 import pandas as pd
 
@@ -29,19 +27,12 @@ from harmolab.lab.experiments.minutes import (
 )
 from harmolab.lab.experiments.music2dance import DANCER_SETTINGS, trained_dancer
 from harmolab.lab.experiments.songs import Excerpt
-from harmolab.systems.music2dance.system import Music2Dance
+from harmolab.systems.music2dance.system import Music2Dance, drawn_with
 from harmolab.types import Motion
 
 TEMPERATURES, SMOOTHINGS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0), (0.0, 0.04, 0.08)
 FIRST_SONG = 500  # number of the songs that settings are compared on
 SONGS = 2  # of each dance and training
-
-
-def drawn_with(system: Music2Dance, *, temperature: float, smoothing: float) -> Music2Dance:
-    """The same network that draws and smooths otherwise."""
-    generator = copy.copy(system.generator)
-    generator.params = replace(generator.params, temperature=temperature, smoothing=smoothing)
-    return Music2Dance(generator, system.poses, system.meta)
 
 
 def chance_table(
@@ -74,7 +65,8 @@ def chance_table(
     rows = []
     for smoothing in smoothings:
         for temperature in progress(temperatures, f"smoothing {smoothing:g} s"):
-            systems = [drawn_with(system, temperature=temperature, smoothing=smoothing) for system in every]
+            networks = [drawn_with(each.generator, temperature=temperature, smoothing=smoothing) for each in every]
+            systems = [Music2Dance(net, each.poses) for net, each in zip(networks, every, strict=True)]
             table = pd.DataFrame(
                 [
                     {"dance": song.clip.dance, **measures(_danced(system, song, seed), song.clip.dance, contest.limits)}

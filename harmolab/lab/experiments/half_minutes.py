@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 
 from harmolab.harmony import score_motion
-from harmolab.io.files import Progress, cached_arrays, keep_arrays, silent
+from harmolab.io.files import Arrays, Progress, silent
 from harmolab.lab.experiments.contestants import EVERY_ROW, M2D_LSTM, RIGHT_SONG, Contestant
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.guard import statue
-from harmolab.lab.experiments.measuring import kept_name
+from harmolab.lab.experiments.measuring import kept, kept_name
 from harmolab.lab.experiments.minutes import (
     DANCERS,
     common_points,
@@ -44,7 +44,6 @@ HALF_ROWS = tuple(name for name in DANCERS if name != M2D_LSTM)
 SCORES = ("without a pattern", "bar pattern")
 BY_BAR = 1  # its place among them
 MARKS: Mapping[str, float] = MappingProxyType({"naturalness": 0.25, "richness": 0.25, "music": 0.4, "sliding": 0.1})
-PAPER_MARKS = MappingProxyType({"modern": 8.452, "curtilage": 8.196})  # marks of people, for its own dances and songs
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +103,13 @@ def _kept(
     training = [draw % len(contestants) for draw in range(count)]
     ids = [one.identity for one in contestants]
     key = kept_name("half minutes", contest, name, contestants[0], songs, {"identities": ids, "piece": PIECE})
-    arrays = cached_arrays(key)
-    if arrays is None or set(arrays) != set(HalfMinutes.__annotations__):
+
+    def measure() -> Arrays:
         motions = [contestants[training[draw]].dance(song, draw) for draw, song in enumerate(songs)]
         numbers = [place + 1 if EVERY_ROW[name].is_trained else 0 for place in training]
-        arrays = vars(_measured(contest, dance, songs, motions, numbers))
-        keep_arrays(key, arrays)
-    return HalfMinutes(**arrays)
+        return vars(_measured(contest, dance, songs, motions, numbers))
+
+    return HalfMinutes(**kept(key, HalfMinutes.__annotations__, measure))
 
 
 def _measured(

@@ -10,7 +10,7 @@ import hashlib
 import json
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -121,12 +121,12 @@ def measured(
     """A row's dances to some excerpts, measured now unless they were before."""
     net = contest.pose_net_name
     key = kept_name("dances", contest, name, contestant, excerpts, {"draws": draws, "pose_net": net, "piece": PIECE})
-    arrays = cached_arrays(key)
-    if arrays is None or set(arrays) != {"values", "kinetic", "poses"}:
+
+    def measure() -> Arrays:
         motions = [[contestant.dance(excerpt, seed) for seed in range(1, draws + 1)] for excerpt in excerpts]
-        arrays = _measures_of(contest, motions, excerpts)
-        keep_arrays(key, arrays)
-    return Measured(tuple(excerpts), arrays["values"], arrays["kinetic"], arrays["poses"])
+        return _measures_of(contest, motions, excerpts)
+
+    return Measured(tuple(excerpts), **kept(key, ("values", "kinetic", "poses"), measure))
 
 
 def _measures_of(contest: Contest, motions: list[list[Motion]], excerpts: Sequence[Excerpt]) -> Arrays:
@@ -146,6 +146,15 @@ def _measures_of(contest: Contest, motions: list[list[Motion]], excerpts: Sequen
     poses = [[embed_windows([motion], contest.pose_net, seconds=PIECE) for motion in dances] for dances in motions]
     count = min(len(pieces) for dances in poses for pieces in dances)
     return none | {"kinetic": kinetic, "poses": np.array([[pieces[:count] for pieces in dances] for dances in poses])}
+
+
+def kept(key: str, names: Iterable[str], measure: Callable[[], Arrays]) -> Arrays:
+    """The arrays of some names that were kept under a key; measured and kept now unless they were."""
+    arrays = cached_arrays(key)
+    if arrays is None or set(arrays) != set(names):
+        arrays = measure()
+        keep_arrays(key, arrays)
+    return arrays
 
 
 def kept_name(
@@ -183,12 +192,12 @@ def guarded(contest: Contest, name: str, contestant: Contestant) -> Guarded:
     """The guard and the recommended score of dances of 30 s to one song in a few, measured now unless before."""
     excerpts = [excerpt.longer(GUARD_SECONDS) for excerpt in contest.guarded]
     key = kept_name("guard", contest, name, contestant, excerpts, {})
-    arrays = cached_arrays(key)
-    if arrays is None or set(arrays) != {"passed", "shape"}:
+
+    def measure() -> Arrays:
         rows = [_guard_of(contest, contestant, excerpt) for excerpt in excerpts]
-        arrays = dict(zip(("passed", "shape"), np.array(rows, np.float64).T, strict=True))
-        keep_arrays(key, arrays)
-    return Guarded(arrays["passed"], arrays["shape"])
+        return dict(zip(("passed", "shape"), np.array(rows, np.float64).T, strict=True))
+
+    return Guarded(**kept(key, ("passed", "shape"), measure))
 
 
 def _guard_of(contest: Contest, contestant: Contestant, excerpt: Excerpt) -> tuple[float, float]:
@@ -205,13 +214,13 @@ def dance_seconds(contest: Contest, name: str, contestant: Contestant) -> float:
     """Seconds that a dance of six takes on one thread, median of `TIMED` after one; kept with the machine's name."""
     excerpt = contest.excerpts[0]
     key = kept_name("seconds", contest, name, contestant, [excerpt], {"machine": processor(), "timed": TIMED})
-    arrays = cached_arrays(key)
-    if arrays is None or "seconds" not in arrays:
+
+    def measure() -> Arrays:
         with one_thread():
             contestant.dance(excerpt, 0)
-            arrays = {"seconds": np.array([_seconds(contestant, excerpt, seed) for seed in range(1, TIMED + 1)])}
-        keep_arrays(key, arrays)
-    return float(np.median(arrays["seconds"]))
+            return {"seconds": np.array([_seconds(contestant, excerpt, seed) for seed in range(1, TIMED + 1)])}
+
+    return float(np.median(kept(key, ("seconds",), measure)["seconds"]))
 
 
 def _seconds(contestant: Contestant, excerpt: Excerpt, seed: int) -> float:

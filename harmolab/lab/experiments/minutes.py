@@ -14,7 +14,7 @@ import pandas as pd
 
 from harmolab.beats.meter import with_one
 from harmolab.corpora.synthetic import ClipSettings, planted_clip
-from harmolab.io.files import Progress, cached_arrays, keep_arrays, silent
+from harmolab.io.files import Arrays, Progress, silent
 from harmolab.lab.experiments.contestants import (
     CHOREOGRAPHER,
     EVERY_ROW,
@@ -30,7 +30,7 @@ from harmolab.lab.experiments.contestants import (
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.endurance import LIMITS, endurance, limits_of, passed
 from harmolab.lab.experiments.generation import SYNTHETIC, generator_corpora
-from harmolab.lab.experiments.measuring import kept_name
+from harmolab.lab.experiments.measuring import kept, kept_name
 from harmolab.lab.experiments.songs import Excerpt, recorded_songs, synthetic_songs
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.body_measures import SHORTEST
@@ -174,12 +174,12 @@ def _kept(contest: Contest, name: str, contestant: Contestant, dance: str, draw:
     """`COLUMNS` of one dance, measured now unless before."""
     song = unheard_song(dance, draw, seconds)
     key = kept_name("minutes", contest, name, contestant, [song], {"draw": draw, "columns": COLUMNS})
-    arrays = cached_arrays(key)
-    if arrays is None or set(arrays) != {"values"}:
+
+    def measure() -> Arrays:
         numbers = measures(contestant.dance(song, draw), dance, contestant.limits or contest.limits)
-        arrays = {"values": np.array([numbers[column] for column in COLUMNS])}
-        keep_arrays(key, arrays)
-    return arrays["values"]
+        return {"values": np.array([numbers[column] for column in COLUMNS])}
+
+    return kept(key, ("values",), measure)["values"]
 
 
 def looked_at(contest: Contest, rows: Iterable[str] = LOOKED_AT) -> dict[str, dict[str, Motion]]:

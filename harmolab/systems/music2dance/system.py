@@ -130,7 +130,9 @@ class Music2Dance(PresetSystem):
         progress: Progress = silent,
     ) -> Danced:
         """A dance as the network makes it, before the feet and the floor; parameters as of `generate`."""
-        network: DanceNetwork = self.generator if temperature is None else with_temperature(self.generator, temperature)
+        network: DanceNetwork = (
+            self.generator if temperature is None else drawn_with(self.generator, temperature=temperature)
+        )
         if dance and dance not in {*DANCES, *network.dances}:
             raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted({*DANCES, *network.dances} - {''}))}")
         params = network.params
@@ -241,8 +243,8 @@ def stored_part(folder: Path, network: type[Part]) -> Part | None:
     return part
 
 
-def with_temperature(network: DanceNetwork, temperature: float) -> DanceNetwork:
-    """The same network (and its weights) that draws another share of the predicted spread."""
+def drawn_with(network: DanceNetwork, **settings: float) -> DanceNetwork:
+    """The same network (and its weights) with another `temperature` or `smoothing` of its dances."""
     other = copy.copy(network)
-    other.params = replace(network.params, temperature=temperature)
+    other.params = replace(network.params, **settings)  # type: ignore[arg-type]
     return other
