@@ -202,6 +202,54 @@ class BeatTrack:
 
 
 @dataclass(frozen=True, eq=False)
+class Notes:
+    """Notes of a piece, by onset.
+
+    Parameters
+    ----------
+    onsets, offsets : (N,) arrays, seconds; onsets do not fall, offsets come after them
+    pitches : (N,) array of int, MIDI numbers (60 is middle C)
+    loudness : (N,) array, 0 to 1; 1 where left out
+    hands : (N,) array of int: 0 the left hand, 1 the right, -1 unknown (where left out)
+    """
+
+    onsets: FloatArray
+    offsets: FloatArray
+    pitches: IntArray
+    loudness: FloatArray = None  # type: ignore[assignment]  # filled in below
+    hands: IntArray = None  # type: ignore[assignment]  # filled in below
+
+    def __post_init__(self) -> None:
+        count = np.size(self.onsets)
+        values = {
+            "onsets": _frozen(self.onsets, "note onsets"),
+            "offsets": _frozen(self.offsets, "note offsets"),
+            "pitches": _frozen(self.pitches, "pitches", np.int64),
+            "loudness": _frozen(np.ones(count) if self.loudness is None else self.loudness, "loudness"),
+            "hands": _frozen(np.full(count, -1) if self.hands is None else self.hands, "hands", np.int64),
+        }
+        for name, array in values.items():
+            if array.shape != (count,):
+                raise ValueError(f"notes need one of their {name} each, got {array.shape} for {count} onsets")
+            object.__setattr__(self, name, array)
+        if (np.diff(self.onsets) < 0).any() or (self.onsets < 0).any() or (self.offsets <= self.onsets).any():
+            raise ValueError("notes must be in the order of their onsets, from 0 s on, and end after they begin")
+        if ((self.pitches < 0) | (self.pitches > 127)).any():
+            raise ValueError("pitches are MIDI numbers, 0 to 127")
+        if ((self.loudness < 0) | (self.loudness > 1)).any():
+            raise ValueError("loudness must lie between 0 and 1")
+        if not np.isin(self.hands, (-1, 0, 1)).all():
+            raise ValueError("hands are 0 (left), 1 (right) or -1 (unknown)")
+
+    def __len__(self) -> int:
+        return self.onsets.size
+
+    def select(self, mask: BoolArray) -> Notes:
+        """The notes where `mask` is True."""
+        return Notes(self.onsets[mask], self.offsets[mask], self.pitches[mask], self.loudness[mask], self.hands[mask])
+
+
+@dataclass(frozen=True, eq=False)
 class Clip:
     """A piece of music, the motion danced to it, and where each starts.
 

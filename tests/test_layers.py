@@ -49,6 +49,7 @@ INSIDE = {
     "systems": {
         "common": set(),
         "contract": {"common"},
+        "audio2body": {"common"},
         "choreographer": {"common"},
         "harmogan": {"common"},
         "lee2019": {"common"},

@@ -1,0 +1,64 @@
+"""The points of a musician: eight of the body and twenty-one of each hand, as OpenPose and MediaPipe number them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from harmolab.skeletons import Skeleton
+
+SIDES = ("left", "right")
+INSTRUMENTS = ("piano", "violin")
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+PHALANGES = 4  # points of a finger from its root (1) to its tip
+BODY = tuple(f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hip") for side in SIDES)
+
+
+def hand_joints(side: str) -> tuple[str, ...]:
+    """Names of the 21 points of a hand: its wrist, then each finger from its root to its tip.
+
+    >>> hand_joints("left")[:5]
+    ('left_hand', 'left_thumb_1', 'left_thumb_2', 'left_thumb_3', 'left_thumb_4')
+    """
+    fingers = (f"{side}_{finger}_{place}" for finger in FINGERS for place in range(1, PHALANGES + 1))
+    return (f"{side}_hand", *fingers)
+
+
+def player_skeleton(joints: Sequence[str]) -> Skeleton:
+    """The skeleton of some points of a musician, each joined to the next one there is towards the trunk."""
+    at = {name: number for number, name in enumerate(joints)}
+    parents = []
+    for name in joints:
+        parent = _PARENTS.get(name, "")
+        while parent and parent not in at:
+            parent = _PARENTS.get(parent, "")
+        parents.append(at.get(parent, -1))
+    return Skeleton(tuple(joints), tuple(parents))
+
+
+def _parents() -> dict[str, str]:
+    parents = {"left_shoulder": "", "right_shoulder": "left_shoulder"}
+    for side in SIDES:
+        parents |= {f"{side}_elbow": f"{side}_shoulder", f"{side}_wrist": f"{side}_elbow"}
+        parents |= {f"{side}_hip": f"{side}_shoulder", f"{side}_hand": f"{side}_wrist"}
+        for finger in FINGERS:
+            chain = [f"{side}_hand", *(f"{side}_{finger}_{place}" for place in range(1, PHALANGES + 1))]
+            parents |= dict(zip(chain[1:], chain[:-1], strict=True))
+    return parents
+
+
+_PARENTS = _parents()
+PLAYER_50 = player_skeleton((*BODY, *hand_joints("left"), *hand_joints("right")))
+# Wrist and fingertips of both hands: what sets of pianists' hands record.
+HANDS_12 = player_skeleton([f"{side}_{part}" for side in SIDES for part in ("hand", *(f"{f}_4" for f in FINGERS))])
+
+
+def fingertips(skeleton: Skeleton, side: str) -> list[int]:
+    """Numbers of the fingertips of one hand, thumb first; those that a skeleton lacks are left out."""
+    names = [f"{side}_{finger}_{PHALANGES}" for finger in FINGERS]
+    return [skeleton.joints.index(name) for name in names if name in skeleton.joints]
+
+
+def hand_root(skeleton: Skeleton, side: str) -> int | None:
+    """Number of a hand's wrist, as the hand has it, else as the body has it; None without either."""
+    names = (f"{side}_hand", f"{side}_wrist")
+    return next((skeleton.joints.index(name) for name in names if name in skeleton.joints), None)
