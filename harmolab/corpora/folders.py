@@ -88,10 +88,10 @@ def _folders_with_parts(root: Path) -> list[Path]:
         below[:] = [] if depth >= _MAX_DEPTH else [child for child in below if not child.startswith(".")]
         if any(part in files for part in _PARTS):
             folders.append(Path(name))
-    return sorted(folders, key=_natural)
+    return sorted(folders, key=natural)
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural(path: Path) -> list[tuple[int, str]]:
     """A key that sorts numbers in names as numbers."""
     return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"(\d{1,18})", str(path))]
 

@@ -68,7 +68,7 @@ def load_keypoints(
             about = content if isinstance(content, dict) else {}
             values = layouts.landmarks_by_frame(content)
         else:
-            values = _dancer(layouts.people_by_frame(content))
+            values = followed_person(layouts.people_by_frame(content))
         rate = about.get("fps") if fps is None else fps
         if rate is None:
             raise MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
@@ -118,7 +118,7 @@ def keypoints_motion(
     if points.shape[2] == 2:
         return checked_motion(points, fps, part)
     visible = np.asarray(points[..., 2] > 0)
-    return checked_motion(_filled(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
+    return checked_motion(filled_points(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
 
 
 def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
@@ -140,11 +140,14 @@ def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
         raise ValueError(f"nobody is seen in any of its {len(values)} frames")
     valid = np.nan_to_num(values[..., 3].mean(axis=1)) >= SEEN if values.shape[2] == 4 else ~empty
     visible = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
-    return _filled(values[..., :3], visible, MEDIAPIPE_33), valid & ~empty
+    return filled_points(values[..., :3], visible, MEDIAPIPE_33), valid & ~empty
 
 
-def _filled(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> FloatArray:
-    """`points` (T, J, D) with straight lines where a joint was not `visible` (T, J); held at the ends."""
+def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> FloatArray:
+    """`points` (T, J, D) with straight lines where a joint was not `visible` (T, J); held at the ends.
+
+    ValueError names the joints that never were.
+    """
     hidden = [name for joint, name in enumerate(skeleton.joints) if not visible[:, joint].any()]
     if hidden:
         raise ValueError(f"never shows {', '.join(hidden)}; keep the other joints only (joints=...)")
@@ -158,7 +161,7 @@ def _filled(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> Flo
 
 def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
     """One dancer from OpenPose's JSON files, one a frame in the order of their numbers."""
-    files = _frame_files(folder)
+    files = frame_files(folder)
     if fps is None:
         raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 25")
     frames = []
@@ -166,13 +169,13 @@ def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) 
         with reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):
             frames.append(layouts.entry_poses(read_json(path), layouts.OPENPOSE, "frame"))
     try:
-        return keypoints_motion(_dancer(frames), fps, joints=joints)
+        return keypoints_motion(followed_person(frames), fps, joints=joints)
     except ValueError as error:
         raise ValueError(f"{folder}: {error}") from None
 
 
-def _frame_files(folder: Path) -> list[Path]:
-    """The JSON files of a folder by frame number; ValueError where a number is missing or there twice."""
+def frame_files(folder: Path) -> list[Path]:
+    """The JSON files of OpenPose's folder by frame number; ValueError where a number is missing or there twice."""
     digits = {file: re.findall(r"\d+", file.stem.removesuffix("_keypoints")) for file in folder.glob("*.json")}
     files = sorted((int(numbers[-1][-18:]), file) for file, numbers in digits.items() if numbers)
     if not files:
@@ -188,12 +191,15 @@ def _frame_files(folder: Path) -> list[Path]:
     return [file for _, file in files]
 
 
-def _dancer(frames: Sequence[Sequence[FloatArray]]) -> FloatArray:
-    """(T, J, 3) x, y, confidence of one dancer followed through frames of people (J, 3); 0 in empty frames."""
+def followed_person(frames: Sequence[Sequence[FloatArray]], compared: slice = slice(None)) -> FloatArray:
+    """(T, J, 3) x, y, confidence of one person followed through frames of people (J, 3); 0 in empty frames.
+
+    `compared` are the joints by which people are compared. ValueError if all frames are empty.
+    """
     poses: list[FloatArray | None] = []
     last = None
     for people in frames:
-        poses.append(_dancer_among(people, last))
+        poses.append(_nearest(people, last, compared))
         last = last if poses[-1] is None else poses[-1]
     if last is None:
         raise ValueError(f"nobody is seen in any of its {len(frames)} frames")
@@ -202,15 +208,15 @@ def _dancer(frames: Sequence[Sequence[FloatArray]]) -> FloatArray:
     return np.stack([np.zeros_like(last) if pose is None else pose for pose in poses])
 
 
-def _dancer_among(people: Sequence[FloatArray], previous: FloatArray | None) -> FloatArray | None:
-    """The person who is the dancer, or None in an empty frame."""
-    confidence = [float(pose[:, 2].mean()) for pose in people]
+def _nearest(people: Sequence[FloatArray], previous: FloatArray | None, compared: slice) -> FloatArray | None:
+    """The person who is the one of the frame before, or None in an empty frame."""
+    confidence = [float(pose[compared, 2].mean()) for pose in people]
     if not people or max(confidence) <= 0:
         return None
     if previous is None:
         return people[int(np.argmax(confidence))]
     likely = [pose for pose, sure in zip(people, confidence, strict=True) if sure >= 0.5 * max(confidence)]
-    return min(likely, key=lambda pose: _distance(pose, previous))
+    return min(likely, key=lambda pose: _distance(pose[compared], previous[compared]))
 
 
 def _distance(pose: FloatArray, other: FloatArray) -> float:

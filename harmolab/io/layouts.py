@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -87,6 +88,8 @@ class Layout(NamedTuple):
         return isinstance(entry, dict) and keys <= entry.keys()
 
 
+Pose = Callable[[Any, Layout, str], FloatArray]
+
 LAYOUTS = (
     # AlphaPose, Detectron2, ViTPose, Ultralytics and all that is scored on COCO; a bare list, or as annotations.
     Layout("COCO-17", (COCO_17,), "annotations", "image_id", "", "keypoints"),
@@ -117,12 +120,17 @@ def json_or_lines(path: Path) -> Any:
         return [json.loads(line) for line in text.splitlines() if line.strip()]
 
 
-def people_by_frame(content: Any) -> list[list[FloatArray]]:
+def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatArray]]:
     """The people in every frame from the first that is named to the last, each (J, 3) x, y, confidence.
 
     >>> nose_only = [5.0, 6.0, 0.9] + [0.0] * 48
     >>> people_by_frame([{"image_id": "frame_07.jpg", "keypoints": nose_only}])[0][0][0]
     array([5. , 6. , 0.9])
+
+    Parameters
+    ----------
+    content : of a JSON file
+    pose : function(person, layout, name) -> (J, 3); left out, the body alone
 
     Raises
     ------
@@ -143,7 +151,7 @@ def people_by_frame(content: Any) -> list[list[FloatArray]]:
         )
     people: dict[int, list[FloatArray]] = {}
     for place, entry in enumerate(entries):
-        poses = entry_poses(entry, layout, f"entry {place}")
+        poses = entry_poses(entry, layout, f"entry {place}", pose)
         people.setdefault(_frame_number(entry.get(layout.frame, place), place), []).extend(poses)
     first, last = min(people), max(people)
     if last - first + 1 > min(MAX_FRAMES, SPARSE * len(people)):
@@ -172,7 +180,7 @@ def _frame_number(frame: Any, place: int) -> int:
     return number
 
 
-def entry_poses(entry: Any, layout: Layout, name: str) -> list[FloatArray]:
+def entry_poses(entry: Any, layout: Layout, name: str, pose: Pose | None = None) -> list[FloatArray]:
     """The people in one entry, each (J, 3) x, y, confidence; ValueError with its name where they are damaged."""
     if not layout.people and not layout.fits(entry):
         raise ValueError(f"{name} has no {layout.frame} and {layout.points}")
@@ -181,18 +189,23 @@ def entry_poses(entry: Any, layout: Layout, name: str) -> list[FloatArray]:
         people = entry.get(layout.people) if isinstance(entry, dict) else None
     if not isinstance(people, list):
         raise ValueError(f"{name} has no list {layout.people!r}")
-    return [_pose(person, layout, f"{layout.points} of {name}") for person in people]
+    return [(pose or _body)(person, layout, f"{layout.points} of {name}") for person in people]
 
 
-def _pose(person: Any, layout: Layout, name: str) -> FloatArray:
-    """(J, 3) x, y, confidence of one person."""
-    values = person.get(layout.points) if isinstance(person, dict) else None
+def _body(person: Any, layout: Layout, name: str) -> FloatArray:
+    """(J, 3) x, y, confidence of one person's body."""
     counts = [len(skeleton.joints) for skeleton in layout.skeletons]
+    return point_array(person if isinstance(person, dict) else {}, layout.points, counts, layout.name, name)
+
+
+def point_array(person: Mapping[str, Any], key: str, counts: Sequence[int], estimator: str, name: str) -> FloatArray:
+    """(J, 3) x, y, confidence of a person's points under a key, J one of `counts`; ValueError with a name for them."""
+    values = person.get(key)
     length = len(values) if isinstance(values, list) else 0
     count = next((count for count in counts if length in (count, 3 * count)), None)
     if count is None:
         points = " or ".join(map(str, counts))
-        raise ValueError(f"{name}: {length} values; {layout.name} has {points} points of x, y and confidence")
+        raise ValueError(f"{name}: {length} values; {estimator} has {points} points of x, y and confidence")
     if length == 3 * count:
         pose = number_array(values, name, (length,)).reshape(-1, 3)
     else:
@@ -218,12 +231,18 @@ def is_landmarks(content: Any) -> bool:
 def landmarks_by_frame(content: Any) -> FloatArray:
     """(T, 33, 4) x, y, z and visibility, NaN in empty frames, of content that `is_landmarks`."""
     frames = content["frames"] if isinstance(content, dict) else content
-    return np.stack([_landmarks(frame, f"frame {number}") for number, frame in enumerate(frames)])
+    lists = [frame.get("landmarks") if isinstance(frame, dict) else frame for frame in frames]
+    return np.stack([landmark_array(points, f"frame {number}") for number, points in enumerate(lists)])
 
 
-def _landmarks(frame: Any, name: str) -> FloatArray:
-    """One frame's (33, 4) x, y, z, visibility; NaN for an empty frame, visibility 1 where none is written."""
-    points, count = frame.get("landmarks") if isinstance(frame, dict) else frame, len(MEDIAPIPE_33.joints)
+def landmark_array(points: Any, name: str, count: int = len(MEDIAPIPE_33.joints)) -> FloatArray:
+    """(count, 4) x, y, z, visibility of a list of landmarks; NaN for an empty one, visibility 1 where none is written.
+
+    Raises
+    ------
+    ValueError
+        The list is damaged; with the name.
+    """
     if points is None or points == []:
         return np.full((count, 4), np.nan)
     if not isinstance(points, list) or len(points) != count or not all(isinstance(point, dict) for point in points):

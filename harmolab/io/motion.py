@@ -15,6 +15,7 @@ name            shape and type                      meaning
 ``valid``       (T,) bool, optional                 False where a frame is filler (a splice, an occlusion)
 ``units``       one string, optional                ``"m"`` for 3-D (else pass `scale`), any for 2-D
 ``offset``      one number, optional                seconds, audio time of frame 0 in the song it was made for
+``detected``    (T, J) bool, optional               False where a joint was not detected and its place is filled in
 ==============  ==================================  =======================================================
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
@@ -57,7 +58,7 @@ from harmolab.io.keypoints import keypoints_motion, load_keypoints
 from harmolab.io.layouts import named_skeleton
 from harmolab.io.video import is_video
 from harmolab.skeletons import joint_indices, skeleton_part
-from harmolab.types import Motion, Skeleton
+from harmolab.types import BoolArray, Motion, Skeleton
 
 _MEMBERS = {
     "positions": "fiu",
@@ -67,6 +68,7 @@ _MEMBERS = {
     "valid": "b",
     "units": "U",
     "offset": "fiu",
+    "detected": "b",
 }
 _MOST_SECONDS = 36_000.0  # ten hours: no song begins or ends beyond
 
@@ -180,6 +182,18 @@ def load_offset(path: PathLike) -> float | None:
         return _offset(read_npz(file, {"offset": _MEMBERS["offset"]}))
 
 
+def load_detected(path: PathLike) -> BoolArray | None:
+    """The mask (T, J) of the joints that were detected, of an `.npz` motion; None where it holds none.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    with reading(path, "an .npz motion") as file:
+        return read_npz(file, {"detected": _MEMBERS["detected"]}).get("detected")
+
+
 def _offset(arrays: dict[str, NDArray[Any]]) -> float | None:
     """The checked offset among the arrays of an `.npz`, None without one."""
     if "offset" not in arrays:
@@ -200,7 +214,9 @@ def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
     return replace(Skeleton.unnamed(len(next(iter(parts.values())))), **parts) if parts else None
 
 
-def save_motion(path: PathLike, motion: Motion, *, offset: float | None = None) -> None:
+def save_motion(
+    path: PathLike, motion: Motion, *, offset: float | None = None, detected: BoolArray | None = None
+) -> None:
     """Write a motion as `.npz` (the format above) or as `.bvh`; the file appears whole or not at all.
 
     From an `.npz` `load_motion` gives the same numbers back, bit by bit. A `.bvh` is for other programs; see `save_bvh`
@@ -212,6 +228,8 @@ def save_motion(path: PathLike, motion: Motion, *, offset: float | None = None) 
     motion : Motion
     offset : float, seconds, optional
         Audio time of frame 0 in the song that the motion belongs to; an `.npz` keeps it (`load_offset`).
+    detected : (T, J) mask, optional
+        False where a joint was not detected and its place is filled in; an `.npz` keeps it (`load_detected`).
 
     Raises
     ------
@@ -219,8 +237,9 @@ def save_motion(path: PathLike, motion: Motion, *, offset: float | None = None) 
         The name ends in neither, the motion has no skeleton that BVH can hold, or the offset is no time in a song.
     """
     path = Path(path)
-    song_time: dict[str, Any] = {} if offset is None else {"offset": np.array(offset, np.float64)}
-    _offset(song_time)
+    optional: dict[str, Any] = {} if offset is None else {"offset": np.array(offset, np.float64)}
+    _offset(optional)
+    optional |= {} if detected is None else {"detected": np.asarray(detected, bool)}
     suffix = path.suffix.lower()
     if suffix == ".bvh":
         save_bvh(path, motion)
@@ -236,5 +255,5 @@ def save_motion(path: PathLike, motion: Motion, *, offset: float | None = None) 
             parents=np.array(motion.skeleton.parents),
             valid=motion.valid,
             units=np.array("m" if motion.positions.shape[2] == 3 else "image"),
-            **song_time,
+            **optional,
         )

@@ -151,7 +151,7 @@ def video_frames(
     """
     if height < SMALLEST_SIDE:
         raise ValueError(f"height must be at least {SMALLEST_SIDE} pixels, got {height}")
-    fps = _average_rate(Path(path))
+    fps = average_rate(Path(path))
     with _opened(Path(path)) as (container, stream):
         if stream.frames > max_frames:
             raise ValueError(f"has {stream.frames} frames, more than max_frames={max_frames}; cut it into parts")
@@ -193,8 +193,8 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
         yield container, streams[0]
 
 
-def _average_rate(path: Path) -> float:
-    """The average frame rate that the file states, or, where that is missing or unlikely, that its time stamps have."""
+def average_rate(path: Path) -> float:
+    """The average frame rate that a video states, or, where that is missing or unlikely, that its time stamps have."""
     with _opened(path) as (container, stream):
         rate = float(stream.average_rate or 0)
         # Browsers that record the screen state 1000 a second and write as many as come.
