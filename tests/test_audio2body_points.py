@@ -12,7 +12,8 @@ import pytest
 
 from benchmarks import bench_audio2body
 from harmolab.corpora.instruments import Performance
-from harmolab.io.player_points import HANDS_12, PLAYER_50, SIDES, hand_joints, player_skeleton
+from harmolab.corpora.synthetic.players import FAULTS, PlantedPerformance, planted_performance
+from harmolab.io.player_points import HANDS_12, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.kinematics import Similarity
 from harmolab.systems.audio2body.cleaning import RULES, CleaningRules, cleaned, rejected_examples
 from harmolab.systems.audio2body.gaps import training_frames, usable_steps
@@ -447,6 +448,60 @@ def test_each_frame_may_be_placed_by_itself() -> None:
     np.testing.assert_allclose(aligned[:, [0, 1, 6, 7]], np.repeat(reference.points[None], 96, axis=0), atol=1e-9)
     # The keyboard holds the hands: they went 10 pixels; the body's 3 were taken off.
     assert np.ptp(aligned[:, HANDS["left"][0], 0]) == pytest.approx(2 * 7, abs=0.1)
+
+
+# Planted players: faults and cameras whose truth is known.
+
+
+@pytest.mark.parametrize("instrument", INSTRUMENTS)
+def test_planted_faults_are_rejected_and_few_good_frames_are(instrument: str) -> None:
+    planted = [planted_performance(instrument, seed=seed, sample_rate=8000) for seed in range(21, 29)]
+    fault = np.concatenate([one.fault for one in planted])
+    results = [cleaned(one.performance) for one in planted]
+    broken = np.concatenate([result.broken for result in results])
+    shares = {
+        kind or "good": {rule: np.mean(broken[fault == kind] == rule) for rule in RULES} for kind in ("", *FAULTS)
+    }
+    for kind, by_rule in shares.items():
+        print(instrument, f"{kind:14s}", " ".join(f"{rule} {share:.3f}" for rule, share in by_rule.items()))
+    good = sum(shares.pop("good").values())
+    assert good <= 0.08
+    assert {kind: sum(by_rule.values()) >= 0.95 for kind, by_rule in shares.items()} == dict.fromkeys(FAULTS, True)
+    assert shares["swapped hands"]["swapped"] >= 0.95
+    assert shares["missing hand"]["missing"] == 1
+    assert [list(result.starts) for result in results] == [[0]] * 8
+
+
+def in_own_picture(planted: PlantedPerformance) -> Performance:
+    """The performance without camera, noise and faults."""
+    clean = planted.camera.inverse().apply(planted.clean)
+    return replace(planted.performance, motion=Motion(clean, FPS, PLAYER_50), detected=None)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("instrument", INSTRUMENTS)
+def test_planted_camera_is_recovered_under_noise_and_faults(instrument: str, seed: int) -> None:
+    planted = planted_performance(instrument, seed=seed, sample_rate=8000)
+    reference = reference_configuration(cleaned(in_own_picture(planted)))
+    (fit,) = shot_similarities(cleaned(planted.performance), reference)
+    truth = planted.camera.inverse()
+    assert fit.scale == pytest.approx(truth.scale, rel=0.01)
+    assert fit.rotation == pytest.approx(truth.rotation, abs=np.radians(0.5))
+    assert np.abs(fit.apply(planted.clean) - truth.apply(planted.clean)).max() < 1.0
+
+
+@pytest.mark.parametrize("instrument", INSTRUMENTS)
+def test_hands_placed_frame_by_frame_take_the_sway_of_the_body(instrument: str) -> None:
+    planted = planted_performance(instrument, seed=4, sample_rate=8000)
+    own = in_own_picture(planted)
+    reference, result = reference_configuration(cleaned(own)), cleaned(planted.performance)
+    numbers, error = HANDS["left"] + HANDS["right"], {}
+    for alignment in ("recording", "frame"):
+        away = placed(result, reference, alignment=alignment).positions - own.motion.positions
+        error[alignment] = float(np.sqrt(np.mean(away[result.accepted][:, numbers] ** 2)))
+    print(instrument, error)
+    assert error["recording"] < 1.2  # 1 pixel of noise
+    assert error["frame"] > 1.5 * error["recording"]
 
 
 # Speed.

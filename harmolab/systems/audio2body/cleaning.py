@@ -18,7 +18,6 @@ from harmolab.types import BoolArray, FloatArray, IntArray, Motion
 Signature = Callable[[int, FloatArray], bool]
 RULES = ("missing", "signature", "swapped", "centre", "jump")  # in this order: a frame counts for the first it breaks
 LONG_FOREARM = 1.3  # of its median length in the picture: no arm reaches so far
-LONG_FOREARM = 1.3  # of its median length in the picture
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class CleaningRules:
     swapped : float or None
         Reject where both hands lie nearer to the other side's wrists (without these: elbows) by more than this share.
     jump : float or None
-        Largest mean movement of the points since the last accepted frame (the paper: 10 % of the width).
+        Largest mean movement of the points since the last accepted frame, at any frame rate (the paper: 10 %).
     centre : float or None
         Largest movement of the centre of the box since the last accepted frame.
     longest_run : float, seconds
