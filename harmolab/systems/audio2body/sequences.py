@@ -43,7 +43,7 @@ class PlayedSequence:
 
 
 @dataclass(frozen=True)
-class PieceSplit:
+class PlayedSplit:
     """Names of performances on each side; ValueError where one is on two, or none is trained on.
 
     Parameters
@@ -67,7 +67,7 @@ class PieceSplit:
         return asdict(self)
 
 
-def check_pieces(sequences: Iterable[PlayedSequence], split: PieceSplit) -> None:
+def check_pieces(sequences: Iterable[PlayedSequence], split: PlayedSplit) -> None:
     """ValueError for a piece that is tested on, or validated on as a whole, but trained on in another recording."""
     pieces = {sequence.name: sequence.piece or sequence.name for sequence in sequences}
     if missing := sorted({*split.train, *split.validation, *split.test} - pieces.keys()):

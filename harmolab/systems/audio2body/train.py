@@ -17,7 +17,7 @@ from harmolab.systems.audio2body.networks import SoundToPoints
 from harmolab.systems.audio2body.perform import predicted_points
 from harmolab.systems.audio2body.sequences import (
     VALIDATION_SHARE,
-    PieceSplit,
+    PlayedSplit,
     PlayedSequence,
     PlayedSet,
     PlayedWindows,
@@ -46,7 +46,7 @@ class Errors(NamedTuple):
 
 def train_audio2body(
     played: PlayedSet,
-    split: PieceSplit,
+    split: PlayedSplit,
     folder: PathLike,
     *,
     resume: bool = False,
@@ -60,7 +60,7 @@ def train_audio2body(
     Parameters
     ----------
     played : PlayedSet; its `params` are those of the training
-    split : PieceSplit of the same performances
+    split : PlayedSplit of the same performances
     folder : created; must be new or empty unless `resume`
     resume : go on where the run in `folder` stopped; start it when there is none
     fabric : from `make_fabric`
@@ -91,7 +91,7 @@ def train_audio2body(
 
 
 def prepared(
-    played: PlayedSet, split: PieceSplit, device: torch.device | str = "cpu"
+    played: PlayedSet, split: PlayedSplit, device: torch.device | str = "cpu"
 ) -> tuple[SoundToPoints, PlayedWindows, PlayedWindows]:
     """An untrained network with the statistics of the training side; windows to train on, and to validate on."""
     params, learnt = played.params, sides(played.sequences, split.train)
@@ -211,7 +211,7 @@ def mean_pose_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]
 
 
 def side_errors(
-    network: SoundToPoints, played: PlayedSet, split: PieceSplit, train: PlayedWindows, validation: PlayedWindows
+    network: SoundToPoints, played: PlayedSet, split: PlayedSplit, train: PlayedWindows, validation: PlayedWindows
 ) -> dict[str, Errors]:
     """Side -> errors; beside those of the test side stand those of the mean pose."""
     outcome = {"train": window_errors(network, train), "validation": window_errors(network, validation)}
