@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -509,9 +510,13 @@ def test_hands_placed_frame_by_frame_take_the_sway_of_the_body(instrument: str) 
 
 @pytest.mark.slow
 def test_an_hour_of_frames_is_cleaned_and_placed_in_a_second() -> None:
-    measured = bench_audio2body.measure(rounds=3)
-    assert measured["cleaning and placing (ms)"] < 1000
-    assert 0.08 < measured["share rejected"] < 0.12
+    hour, seconds = bench_audio2body.hour_of_points(), []
+    for _ in range(3):
+        start = time.process_time()  # of this process: other work on the machine does not count
+        bench_audio2body.aligned(hour)
+        seconds.append(time.process_time() - start)
+    assert min(seconds) < 1.0
+    assert cleaned(hour).accepted.mean() == pytest.approx(0.9, abs=0.02)
 
 
 # Real tracked points: shares are printed, not judged.
