@@ -36,7 +36,17 @@ EPOCHS = MappingProxyType({PLANTED: 40, HANDS: 15})  # the paper has 300
 QUICK: Mapping[str, Any] = MappingProxyType({"epochs": 2, "hidden": 32, "batch": 25})
 TEST_SHARE = 0.2
 HAND_CLIPS = 120  # real hands that are trained and tested on, at most
-READING = ("fps", "hears", "mfcc", "mels", "energy_delta", "tones", "reject", "gaps", "alignment")  # a reading's settings
+READING = (
+    "fps",
+    "hears",
+    "mfcc",
+    "mels",
+    "energy_delta",
+    "tones",
+    "reject",
+    "gaps",
+    "alignment",
+)  # a reading's settings
 PLAYER_SEEDS, QUICK_PLAYER_SEEDS = 3, 1
 
 

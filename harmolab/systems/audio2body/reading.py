@@ -40,7 +40,7 @@ def played_set(
     first = next((each for each in performances if each.name == split.train[0]), None)
     if first is None:
         raise ValueError(f"the split names {split.train[0]!r}, which is no performance here")
-    reference = reference_configuration(cleaned(at_rate(first, params.fps)))
+    reference = reference_configuration(cleaned(at_rate(first, params.fps), cleaning_rules(first)))
     sequences = tuple(
         read_sequence(each, params, reference, is_test=each.name in split.test)
         for each in progress(performances, "reading performances")
@@ -91,14 +91,19 @@ def read_sequence(
     is_test : cleaned, and with its own time line, whatever `params` say of training
     """
     performance = at_rate(performance, params.fps)
-    rules = CleaningRules() if is_test or params.reject else CleaningRules.off()
-    result = cleaned(performance, rules)
+    result = cleaned(performance, cleaning_rules(performance) if is_test or params.reject else CleaningRules.off())
     motion = placed(result, reference, alignment=params.alignment)
     frames = training_frames(motion, "mask" if is_test else params.gaps)
     points = _flat(frames.positions)
     accepted = result.accepted[frames.frames]
     sound = _heard(performance, params, motion)[frames.frames]
     return PlayedSequence(performance.name, performance.piece, sound, points, frames.usable, accepted)
+
+
+def cleaning_rules(performance: Performance) -> CleaningRules:
+    """The rules for a performance: hands without a body have no box whose width could measure a jump."""
+    has_body = "left_shoulder" in performance.motion.skeleton.joints
+    return CleaningRules() if has_body else CleaningRules(swapped=None, jump=None, centre=None)
 
 
 def _flat(positions: FloatArray) -> FloatArray:
