@@ -32,9 +32,9 @@ from harmolab.systems.common.phases import make_fabric
 PLANTED, HANDS = "planted", "real hands, rendered sound"
 TRAINED_ON, TESTED_ON, SECONDS = 36, 9, 30.0  # planted pieces, and their length
 QUICK_TRAINED_ON, QUICK_TESTED_ON, QUICK_SECONDS = 6, 2, 12.0
-EPOCHS = MappingProxyType({PLANTED: 40, HANDS: 15})  # the paper has 300
+EPOCHS = MappingProxyType({PLANTED: 30, HANDS: 12})  # the paper has 300
 QUICK: Mapping[str, Any] = MappingProxyType({"epochs": 2, "hidden": 32, "batch": 25})
-TEST_SHARE = 0.2
+TEST_SHARE, HELD_OUT = 0.2, 1 / 6  # of the hands; of the training pieces, where whole ones are validated on
 HAND_CLIPS = 120  # real hands that are trained and tested on, at most
 READING = (
     "fps",
@@ -74,6 +74,12 @@ class PlayerData:
         """The performances of the test side."""
         return tuple(each for each in self.performances if each.name in self.split.test)
 
+    def sides(self, params: Audio2BodyParams) -> PlayedSplit:
+        """The split for some settings: where windows are validated on, the validation pieces are trained on, too."""
+        if params.validation == "pieces":
+            return self.split
+        return PlayedSplit((*self.split.train, *self.split.validation), (), self.split.test)
+
     @property
     def fps(self) -> float:
         """Frame rate of the points."""
@@ -93,7 +99,8 @@ def planted_data(profile: RunProfile, instrument: str) -> PlayerData:
     seconds = QUICK_SECONDS if is_quick else SECONDS
     planted = list(planted_performances(instrument, trained_on + tested_on, seconds=seconds))
     names = [each.performance.name for each in planted]
-    split = PlayedSplit(tuple(names[:trained_on]), (), tuple(names[trained_on:]))
+    last = trained_on - max(1, round(HELD_OUT * trained_on))
+    split = PlayedSplit(tuple(names[:last]), tuple(names[last:trained_on]), tuple(names[trained_on:]))
     return PlayerData(
         PLANTED, instrument, tuple(each.performance for each in planted), split,
         MappingProxyType(dict(zip(names, planted, strict=True))),
@@ -113,7 +120,7 @@ def hands_data(profile: RunProfile) -> PlayerData | None:
     clips = load_pianomime(folder)
     rows = np.random.default_rng(profile.seed).permutation(len(clips))[:HAND_CLIPS]
     clips = [with_rendered_sound(clips[row]) for row in sorted(rows.tolist())]
-    parts = split_by_piece(clips, test_share=TEST_SHARE, validation_share=0.0, seed=profile.seed)
+    parts = split_by_piece(clips, test_share=TEST_SHARE, validation_share=HELD_OUT, seed=profile.seed)
     split = PlayedSplit(*(tuple(each.name for each in part) for part in parts))
     return PlayerData(HANDS, "piano", tuple(clips), split, MappingProxyType({}))
 
@@ -148,15 +155,16 @@ class TrainedPlayer:
 def trained_player(profile: RunProfile, data: PlayerData, settings: Audio2BodyParams, seed: int) -> TrainedPlayer:
     """The network of some settings and a seed, trained now unless it was before."""
     params = profiled(profile, data, replace(settings, seed=seed))
+    split = data.sides(params)
 
     def train(folder: Path) -> None:
         train_audio2body(
-            read_set(data, params), data.split, folder, resume=True, fabric=make_fabric(accelerator="cpu"),
+            read_set(data, params), split, folder, resume=True, fabric=make_fabric(accelerator="cpu"),
             report=TrainingClock(folder),
         )  # fmt: skip
 
     length = sum(each.motion.n_frames for each in data.performances)
-    about = {"params": params, "data": (data.label, data.instrument, length), "split": data.split.to_dict()}
+    about = {"params": params, "data": (data.label, data.instrument, length), "split": split.to_dict()}
     folder = kept_run("audio2body", about, train)
     system = Audio2Body.load(folder)
     errors = {side: Errors(**values) for side, values in system.meta["errors"].items()}

@@ -14,7 +14,7 @@ from harmolab.systems.audio2body.cleaning import CleaningRules, cleaned
 from harmolab.systems.audio2body.gaps import training_frames
 from harmolab.systems.audio2body.params import Audio2BodyParams
 from harmolab.systems.audio2body.placing import Reference, placed, reference_configuration
-from harmolab.systems.audio2body.sequences import PlayedSplit, PlayedSequence, PlayedSet
+from harmolab.systems.audio2body.sequences import PlayedSequence, PlayedSet, PlayedSplit
 from harmolab.systems.audio2body.sound_features import note_features, sound_features
 from harmolab.types import FloatArray, Motion
 

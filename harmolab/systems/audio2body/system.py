@@ -144,22 +144,22 @@ def _performances(data: Sequence[PathLike], notice: Notice, progress: Progress) 
     """All performances in folders; `notice` hears of those that are left out."""
     folders, problems = find_performances(data)
     performances: list[Performance] = []
-    problems = list(problems)
+    left_out = [problem.message for problem in problems]
     for folder in progress(folders, "loading performances"):
         try:
             performances.append(load_performance(folder))
         except (ValueError, FileNotFoundError) as error:
-            problems.append(error)
-    for problem in problems:
-        notice(f"left out: {problem}")
+            left_out.append(str(error))
+    for reason in left_out:
+        notice(f"left out: {reason}")
     if not performances:
-        reason = problems[0] if problems else "there is none"
+        reason = left_out[0] if left_out else "there is none"
         raise ValueError(f"no performance to train on below {', '.join(map(str, data))}: {reason}")
     return performances
 
 
 def piece_split(performances: Sequence[Performance], params: Audio2BodyParams, *, seed: int = 0) -> PlayedSplit:
-    """Names of performances by side: a sixth of the pieces tested on, as many validated on if `params` says "pieces"."""
+    """Names of performances by side: a sixth of the pieces tested on, and one validated on where `params` says so."""
     share = HELD_OUT if params.validation == "pieces" else 0.0
     sides = split_by_piece(performances, test_share=HELD_OUT, validation_share=share, seed=seed)
     return PlayedSplit(*(tuple(each.name for each in side) for side in sides))

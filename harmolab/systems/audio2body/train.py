@@ -17,14 +17,15 @@ from harmolab.systems.audio2body.networks import SoundToPoints
 from harmolab.systems.audio2body.perform import predicted_points
 from harmolab.systems.audio2body.sequences import (
     VALIDATION_SHARE,
-    PlayedSplit,
     PlayedSequence,
     PlayedSet,
+    PlayedSplit,
     PlayedWindows,
     check_pieces,
     fitted_space,
     sides,
     sound_statistics,
+    with_other_sounds,
 )
 from harmolab.systems.common.about import DEFAULT_STEM
 from harmolab.systems.common.history import Report
@@ -95,6 +96,7 @@ def prepared(
 ) -> tuple[SoundToPoints, PlayedWindows, PlayedWindows]:
     """An untrained network with the statistics of the training side; windows to train on, and to validate on."""
     params, learnt = played.params, sides(played.sequences, split.train)
+    learnt = with_other_sounds(learnt, params.seed) if params.shuffled_sound else learnt
     space, statistics = fitted_space(learnt, params), sound_statistics(learnt)
     network = initial_network(played, len(space.basis))
     network.set_statistics(*statistics, space)
