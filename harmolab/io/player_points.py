@@ -1,4 +1,7 @@
-"""The points of a musician: eight of the body and twenty-one of each hand, as OpenPose and MediaPipe number them."""
+"""The points of a musician: eight of the body and twenty-one of each hand, as OpenPose and MediaPipe number them.
+
+And the names of the things that an avatar plays on, which are drawn thin, as fingers are.
+"""
 
 from __future__ import annotations
 
@@ -62,3 +65,37 @@ def hand_root(skeleton: Skeleton, side: str) -> int | None:
     """Number of a hand's wrist, as the hand has it, else as the body has it; None without either."""
     names = (f"{side}_hand", f"{side}_wrist")
     return next((skeleton.joints.index(name) for name in names if name in skeleton.joints), None)
+
+
+VIOLIN = ("violin_chin", "violin_bridge", "violin_scroll")
+BOW = ("bow_frog", "bow_tip")
+CORNERS = ("front_low", "front_high", "back_high", "back_low")
+OCTAVES = 8
+# Outlines come back to their first corner, which has a second name for it.
+KEYBOARD = (
+    *(f"keyboard_{corner}" for corner in (*CORNERS, "end")),
+    *(f"keyboard_{octave}_{edge}" for octave in range(1, OCTAVES + 1) for edge in ("front", "back")),
+)
+STOOL = (
+    *(f"stool_{corner}" for corner in (*CORNERS, "end")),
+    *(f"stool_{corner}_foot" for corner in CORNERS),
+)
+PROPS = frozenset((*VIOLIN, *BOW, *KEYBOARD, *STOOL))
+FINGER_JOINTS = frozenset(name for side in SIDES for name in hand_joints(side)[1:])
+THIN = 0.22  # thickness of fingers and props in that of a limb
+
+
+def limb_widths(skeleton: Skeleton, limbs: Sequence[tuple[int, int]]) -> list[float]:
+    """Thickness of drawn limbs (pairs of joints), 1 for those of a body: fingers and props are `THIN`, by name."""
+    thin = joint_widths(skeleton)
+    return [min(thin[start], thin[end]) for start, end in limbs]
+
+
+def joint_widths(skeleton: Skeleton) -> list[float]:
+    """Thickness at each joint: 1, or `THIN` for the joints of fingers and props."""
+    return [THIN if name in FINGER_JOINTS or name in PROPS else 1.0 for name in skeleton.joints]
+
+
+def prop_joints(skeleton: Skeleton) -> list[int]:
+    """Numbers of the joints of props, which throw no shadow and do not make the size of a picture."""
+    return [number for number, name in enumerate(skeleton.joints) if name in PROPS]
