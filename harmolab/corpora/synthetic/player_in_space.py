@@ -159,7 +159,7 @@ def _trunk(times: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]
     root = np.stack([shift, nil + HIP_HEIGHT, nil], axis=1)
     spine = np.stack([np.sin(lean), np.cos(lean), nil], axis=1)
     across = np.stack([np.cos(lean), -np.sin(lean), nil], axis=1)
-    places = {}
+    places: dict[str, FloatArray] = {}
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         places[f"{side}_shoulder"] = root + SPINE * spine + sign * HALF_SHOULDERS * across
         places[f"{side}_hip"] = root + sign * HALF_HIPS * np.array([1.0, 0.0, 0.0])
@@ -210,7 +210,7 @@ def _limbs(
     times: FloatArray, rng: np.random.Generator, trunk: dict[str, FloatArray], arms: list[_Arm]
 ) -> dict[str, FloatArray]:
     """Elbows, wrists and both hands."""
-    places = {}
+    places: dict[str, FloatArray] = {}
     for side, sign, arm in zip(SIDES, (1.0, -1.0), arms, strict=True):
         elbow, wrist = two_bones(trunk[f"{side}_shoulder"], arm.wrist, UPPER_ARM, FOREARM, arm.pole)
         along = arm.along / np.linalg.norm(arm.along, axis=1, keepdims=True)

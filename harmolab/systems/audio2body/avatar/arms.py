@@ -86,7 +86,7 @@ def arms(
 
     A target out of reach is pulled onto the sphere that the arm reaches.
     """
-    joints = {}
+    joints: dict[str, FloatArray] = {}
     for side, target in targets.items():
         pole = turned(np.array([0.5 * SIGNS[side], -1.0, 0.0]), turn)
         elbow, wrist = two_bones(trunk[f"{side}_shoulder"], target, *lengths, pole)

@@ -9,8 +9,8 @@ from harmolab.io.player_points import (
     CORNERS,
     FINGERS,
     INSTRUMENTS,
+    KEY_LINES,
     KEYBOARD,
-    OCTAVES,
     PHALANGES,
     SIDES,
     STOOL,
@@ -58,7 +58,7 @@ def avatar(points: Motion, instrument: str, *, params: AvatarParams | None = Non
     height = params.seat + HIP_ABOVE_SEAT - joints["pelvis"][:, 1].mean()
     joints = {name: places + np.array([0.0, height, 0.0]) for name, places in joints.items()}
     joints |= legs(joints, placed.turn) | stool(joints["pelvis"], params.seat, placed.turn)
-    if instrument == "piano" and any(f"{side}_wrist" in joints for side in SIDES):
+    if instrument == "piano" and not {"left_wrist", "right_wrist"}.isdisjoint(joints):
         joints |= keyboard(joints, placed.turn)
     skeleton = avatar_skeleton(tuple(joints))
     return Motion(np.stack(list(joints.values()), axis=1), points.fps, skeleton, points.valid)
@@ -99,8 +99,8 @@ def _parents() -> dict[str, str]:
     outlines = (KEYBOARD[: len(CORNERS) + 1], STOOL[: len(CORNERS) + 1], VIOLIN, BOW)
     for outline in outlines:
         parents |= dict(zip(outline[1:], outline[:-1], strict=True))
-    parents |= {f"stool_{corner}_foot": f"stool_{corner}" for corner in CORNERS}
-    return parents | {f"keyboard_{octave}_back": f"keyboard_{octave}_front" for octave in range(1, OCTAVES + 1)}
+    parents |= {f"{table}_{c}_foot": f"{table}_{c}" for table in ("keyboard", "stool") for c in CORNERS}
+    return parents | {f"keyboard_{line}_back": f"keyboard_{line}_front" for line in range(1, KEY_LINES + 1)}
 
 
 _PARENTS = _parents()

@@ -60,7 +60,7 @@ def hand_axes(placed: PlacedPoints, side: str, params: AvatarParams) -> HandAxes
         return None
     index, little = (smooth(placed.points[name], params.smoothing, placed.fps) for name in names)
     middle = (index + little) / 2 - smooth(placed.points[wrist], params.smoothing, placed.fps)
-    along = _out_of_picture(middle, np.mean([HAND["index"][0], HAND["little"][0]]), params)
+    along = _out_of_picture(middle, (HAND["index"][0] + HAND["little"][0]) / 2, params)
     across = index - little
     width = max(float(np.percentile(np.linalg.norm(across, axis=1), LONGEST)), 1e-6)
     is_down = palm_is_down(-SIGNS[side] * across[:, 0] / width, params.dead_band)
@@ -84,7 +84,7 @@ def fingers(
 
     From its root a finger's tip lies at the angle that it has in the picture; the further joints bend along.
     """
-    joints = {}
+    joints: dict[str, FloatArray] = {}
     for finger in FINGERS:
         names = [f"{side}_{finger}_{place}" for place in range(1, PHALANGES + 1)]
         if not placed.has([names[0], names[-1]]):

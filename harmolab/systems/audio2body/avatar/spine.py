@@ -49,7 +49,7 @@ def trunk_axes(trunk: dict[str, FloatArray]) -> FloatArray:
 def legs(trunk: dict[str, FloatArray], turn: float) -> dict[str, FloatArray]:
     """Knees, ankles and toes, name -> (T, 3), of a player on a seat over the floor y = 0: feet rest, knees follow."""
     middle = trunk["pelvis"].mean(axis=0) * np.array([1.0, 0.0, 1.0])
-    joints = {}
+    joints: dict[str, FloatArray] = {}
     for side in SIDES:
         foot = np.array([SIGNS[side] * KNEES, measures.ANKLE, 0.9 * measures.THIGH])
         ankle = np.broadcast_to(middle + turned(foot, turn), trunk["pelvis"].shape)

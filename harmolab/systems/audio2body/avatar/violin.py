@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from harmolab.io.player_points import VIOLIN
 from harmolab.rotations import directions
 from harmolab.systems.audio2body.avatar.hands import HandAxes
 from harmolab.systems.audio2body.avatar.spine import trunk_axes
 from harmolab.types import FloatArray
 
 CHIN = np.array([0.05, -0.09, 0.07])  # metres from the head: to its left, up, ahead
-BRIDGE, SCROLL, BOW = 0.19, 0.59, 0.74  # metres from the chin rest, and of the bow
+BRIDGE, NECK, SCROLL, BOW = 0.19, 0.33, 0.59, 0.74  # metres from the chin rest, and of the bow
 FROG = (0.07, 0.02)  # metres from the wrist along the hand, and out of the palm
 REST_AIM = np.array([0.7, 0.0, 0.714])  # to the left and ahead, as the violin is held
 
@@ -42,15 +43,12 @@ def left_hand_point(joints: dict[str, FloatArray]) -> FloatArray | None:
 
 
 def violin(trunk: dict[str, FloatArray], joints: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    """Chin rest, bridge and scroll, name -> (T, 3); without a left hand it points to the left and ahead."""
+    """Chin rest, bridge, beginning of the neck, and scroll, (T, 3); without a left hand to the left and ahead."""
     chin, hand = violin_position(trunk), left_hand_point(joints)
     rest = REST_AIM / np.linalg.norm(REST_AIM)
     pointing = np.broadcast_to(rest, chin.shape) if hand is None else aim(chin, hand, rest)
-    return {
-        "violin_chin": chin,
-        "violin_bridge": chin + BRIDGE * pointing,
-        "violin_scroll": chin + SCROLL * pointing,
-    }
+    places = [chin + distance * pointing for distance in (0.0, BRIDGE, NECK, SCROLL)]
+    return dict(zip(VIOLIN, places, strict=True))
 
 
 def bow(wrist: FloatArray, axes: HandAxes | None, bridge: FloatArray) -> dict[str, FloatArray]:
