@@ -152,9 +152,15 @@ class TrainedPlayer:
     minutes: float
 
 
-def trained_player(profile: RunProfile, data: PlayerData, settings: Audio2BodyParams, seed: int) -> TrainedPlayer:
-    """The network of some settings and a seed, trained now unless it was before."""
+def trained_player(
+    profile: RunProfile, data: PlayerData, settings: Audio2BodyParams, seed: int, *, epochs: int | None = None
+) -> TrainedPlayer:
+    """The network of some settings and a seed, trained now unless it was before; for `epochs` where given.
+
+    Of fewer epochs it is the network that a longer training of the same seed passes through, the best so far.
+    """
     params = profiled(profile, data, replace(settings, seed=seed))
+    params = params if epochs is None else replace(params, epochs=epochs)
     split = data.sides(params)
 
     def train(folder: Path) -> None:
