@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from harmolab.kinematics import (
+    Similarity,
     direction_spread,
+    fit_similarity,
     joint_speed,
     peak_frames,
     refine_extrema,
     resample_motion,
     resample_positions,
+    similarity_factors,
     smooth,
     smooth_positions,
     step_signs,
@@ -232,3 +235,71 @@ def test_no_motion_is_blown_up_beyond_all_memory(change_rate: Callable[..., np.n
     positions = np.broadcast_to(0.0, (500_000, 4, 3))  # takes no room itself
     with pytest.raises(ValueError, match="500000 frames of 4 joints at 1 fps would be 60000000 frames at 120 fps"):
         change_rate(positions, 1.0, 120.0)
+
+
+def test_similarity_scales_turns_and_shifts_in_this_order():
+    quarter = Similarity(2.0, np.pi / 2, np.array([1.0, 0.0]))  # in a picture (y down) clockwise: right becomes down
+    np.testing.assert_allclose(quarter.apply(np.array([[3.0, 0.0], [0.0, 1.0]])), [[1, 6], [-1, 0]], atol=1e-12)
+
+
+def test_inverse_of_a_similarity_undoes_it(rng: np.random.Generator):
+    points = rng.normal(size=(4, 3, 2))
+    similarity = Similarity(0.7, -2.0, np.array([5.0, -9.0]))
+    np.testing.assert_allclose(similarity.inverse().apply(similarity.apply(points)), points, atol=1e-12)
+
+
+def test_planted_similarity_is_fitted_exactly(rng: np.random.Generator):
+    points = rng.normal(size=(5, 2))
+    fit = fit_similarity(points, Similarity(1.3, 3.0, np.array([20.0, -7.0])).apply(points))
+    np.testing.assert_allclose([fit.scale, fit.rotation, *fit.shift], [1.3, 3.0, 20.0, -7.0], atol=1e-12)
+
+
+def test_fitted_similarity_never_mirrors():
+    corner = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
+    fit = fit_similarity(corner, corner * [-1, 1])
+    # By hand, centred z: sum |z|^2 = 10/3, and w = -conj(z), so sum conj(z) w = -sum conj(z)^2 = -(2 + 4i/3).
+    assert fit.scale * np.exp(1j * fit.rotation) == pytest.approx(-(2 + 4j / 3) / (10 / 3))
+
+
+def test_points_of_weight_zero_do_not_count(rng: np.random.Generator):
+    points = rng.normal(size=(4, 2))
+    target = Similarity(2.0, 0.1, np.zeros(2)).apply(points)
+    target[3] += 100.0
+    fit = fit_similarity(points, target, np.array([1.0, 1.0, 0.5, 0.0]))
+    assert (fit.scale, fit.rotation) == (pytest.approx(2.0), pytest.approx(0.1))
+
+
+def test_many_similarities_are_fitted_at_once(rng: np.random.Generator):
+    points, target = rng.normal(size=(6, 4, 2)), rng.normal(size=(4, 2))
+    factors, shifts = similarity_factors(points, np.broadcast_to(target, points.shape))
+    for pose, factor, shift in zip(points, factors, shifts, strict=True):
+        fit = fit_similarity(pose, target)
+        assert factor == pytest.approx(fit.scale * np.exp(1j * fit.rotation))
+        assert [shift.real, shift.imag] == pytest.approx(list(fit.shift))
+
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("points", "target", "weights", "fault"),
+    [
+        (SQUARE, np.ones((4, 2)), None, "the target lie in one place"),
+        (np.full((4, 2), 7.3), SQUARE, None, "the points lie in one place"),
+        (SQUARE[:1], SQUARE[:1], None, "the points lie in one place"),
+        (SQUARE, SQUARE, np.array([0, 0, 1, 0]), "the points lie in one place"),
+        (SQUARE * [1, np.nan], SQUARE, None, "hold NaN or infinity"),
+        (SQUARE, SQUARE[:3], None, r"got \(4, 2\) and \(3, 2\)"),
+        (SQUARE, SQUARE, np.array([1, 1, -1, 1]), "none negative"),
+        (SQUARE, SQUARE * [-1, 1], None, "are the points mirrored"),
+    ],
+)
+def test_what_no_similarity_can_be_fitted_to_is_refused(points, target, weights, fault):
+    with pytest.raises(ValueError, match=fault):
+        fit_similarity(points, target, weights)
+
+
+@pytest.mark.parametrize("values", [(0.0, 0.0, np.zeros(2)), (1.0, np.nan, np.zeros(2)), (1.0, 0.0, np.zeros(3))])
+def test_similarity_that_cannot_be_is_refused(values):
+    with pytest.raises(ValueError, match="similarity"):
+        Similarity(*values)

@@ -129,6 +129,7 @@ from .experiments.long_dances import (
     long_dances as long_dances,
 )
 from .experiments.memory import memory_table as memory_table
+from .experiments.minutes import OURS as OURS
 from .experiments.minutes import TEN_MINUTES as TEN_MINUTES
 from .experiments.minutes import endurance_summary as endurance_summary
 from .experiments.minutes import endurance_table as endurance_table

@@ -46,6 +46,7 @@ SEEDS, QUICK_SEEDS, QUICK_DANCES = 10, 2, ("cha-cha", "waltz")
 UNHEARD = 900_000  # first seed of their songs; those of corpora are drawn from another sequence
 DANCERS = (RIGHT_SONG, M2D_PAPER, M2D_CALM, M2D_LSTM, M2D_LSTM_CALM, M2D, RECOMMENDED, CHOREOGRAPHER)
 TEN_MINUTES = (RIGHT_SONG, M2D_CALM, M2D)
+OURS = (RIGHT_SONG, M2D)  # of the table of a network that was trained on synthetic movement
 LOOKED_AT = (RIGHT_SONG, M2D_PAPER, M2D_CALM, M2D_LSTM_CALM, M2D)
 LOOK_SECONDS, LOOK_FROM = 10.0, 20.0
 GUARD = ("moves like people", "measures within")

@@ -1,0 +1,26 @@
+"""A pianist and a violinist in the plane, planted on the notes of pieces that follow from a seed.
+
+The sound is rendered from the same notes. The truth comes with every performance: the points without noise, the part
+of them that follows from the notes, planted faults by name, the camera, and the strikes or turns of the bow.
+"""
+
+from __future__ import annotations
+
+from harmolab.corpora.synthetic.players.faults import FAULTS
+from harmolab.corpora.synthetic.players.notes import PlantedPiece, planted_piece
+from harmolab.corpora.synthetic.players.performance import (
+    PlantedPerformance,
+    planted_performance,
+    planted_performances,
+)
+from harmolab.corpora.synthetic.players.sound import rendered_notes
+
+__all__ = [
+    "FAULTS",
+    "PlantedPerformance",
+    "PlantedPiece",
+    "planted_performance",
+    "planted_performances",
+    "planted_piece",
+    "rendered_notes",
+]

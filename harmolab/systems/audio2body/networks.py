@@ -1,0 +1,129 @@
+"""The network (Sec. 4, Fig. 4): one LSTM over the sound, and a linear layer to the principal components."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from harmolab.io.arrays import number_array
+from harmolab.io.player_points import INSTRUMENTS
+from harmolab.systems.audio2body.params import Audio2BodyParams
+from harmolab.systems.audio2body.placing import Reference
+from harmolab.systems.audio2body.point_space import PointSpace
+from harmolab.systems.common.about import stored_skeleton
+from harmolab.systems.common.layers import Normaliser
+from harmolab.systems.common.weights import stored_record, whole
+from harmolab.types import FloatArray, Skeleton
+
+State = tuple[Tensor, Tensor]
+
+
+class SoundToPoints(nn.Module):
+    """Sound (N, S, F) at `params.step_rate` to scaled components (N, S, n) of the points, `params.delay` later.
+
+    Parameters
+    ----------
+    params : Audio2BodyParams
+    skeleton : Skeleton of the P points
+    instrument : "piano" or "violin"
+    n_components : int
+    reference : Reference that the points are placed by
+    """
+
+    system = "audio2body"
+
+    def __init__(
+        self, params: Audio2BodyParams, skeleton: Skeleton, instrument: str, n_components: int, reference: Reference
+    ) -> None:
+        super().__init__()
+        self.params, self.skeleton, self.instrument, self.reference = params, skeleton, instrument, reference
+        self.sound_scale = Normaliser(params.n_sound)
+        self.space_scale = SpaceScale(len(skeleton.joints), n_components)
+        self.lstm = nn.LSTM(params.n_sound, params.hidden, batch_first=True)
+        self.dropout = nn.Dropout(params.dropout)
+        self.linear = nn.Linear(params.hidden, n_components)
+        with torch.no_grad():
+            gate = slice(params.hidden, 2 * params.hidden)  # of forgetting; two biases are added to each gate
+            biases = dict(self.lstm.named_parameters())
+            biases["bias_ih_l0"][gate] = 1.0
+            biases["bias_hh_l0"][gate] = 0.0
+
+    def forward(self, sound: Tensor, state: State | None = None) -> tuple[Tensor, State]:
+        """Components, and the state after the last step; from a state of 0 when left out."""
+        values, state = self.lstm(self.sound_scale(sound), state)
+        components: Tensor = self.linear(self.dropout(values))
+        return components, state
+
+    @torch.no_grad()
+    def predicted(self, steps: NDArray[np.float32], state: State | None = None) -> tuple[FloatArray, State]:
+        """Components (S, n) of the sound (S, F) of one recording, in evaluation mode, and the state after it."""
+        self.eval()
+        device = self.sound_scale.mean.device
+        components, state = self(torch.from_numpy(np.ascontiguousarray(steps))[None].to(device), state)
+        return components[0].double().cpu().numpy(), state
+
+    def set_statistics(self, mean: Tensor, std: Tensor, space: PointSpace) -> None:
+        """Normalise sound (F,) and points by the training split from now on."""
+        self.sound_scale.set(mean, std)
+        self.space_scale.set(space)
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {
+            "params": asdict(self.params),
+            "skeleton": asdict(self.skeleton),
+            "instrument": self.instrument,
+            "components": len(self.space_scale.sizes),
+            "reference": {"joints": self.reference.joints, "points": self.reference.points.tolist()},
+        }
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A network as its description says; ValueError for sizes that cannot be."""
+        if build["instrument"] not in INSTRUMENTS:
+            raise ValueError(f"describes the instrument {str(build['instrument'])[:40]!r}")
+        skeleton = stored_skeleton(build)
+        components = whole("components", build["components"])
+        if components > 2 * len(skeleton.joints):
+            raise ValueError(f"describes {components} components of {len(skeleton.joints)} points")
+        params = stored_record(Audio2BodyParams, build["params"])
+        return cls(params, skeleton, build["instrument"], components, _stored_reference(build["reference"], skeleton))
+
+
+def _stored_reference(stored: Mapping[str, Any], skeleton: Skeleton) -> Reference:
+    """The reference of a description; ValueError for other points than the skeleton's."""
+    joints = tuple(str(name) for name in stored["joints"])
+    if not {*joints} <= {*skeleton.joints}:
+        raise ValueError(f"describes a reference of other points than its {len(skeleton.joints)}")
+    points = number_array(stored["points"], "reference", (len(joints), 2)) if joints else np.zeros((0, 2))
+    return Reference(joints, points)
+
+
+class SpaceScale(nn.Module):
+    """The numbers of a `PointSpace`, kept with the network; it has no weights."""
+
+    mean: Tensor
+    basis: Tensor
+    sizes: Tensor
+
+    def __init__(self, points: int, components: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(2 * points))
+        self.register_buffer("basis", torch.zeros(components, 2 * points))
+        self.register_buffer("sizes", torch.ones(components))
+
+    def set(self, space: PointSpace) -> None:
+        """Keep a space of the same size."""
+        for buffer, values in ((self.mean, space.mean), (self.basis, space.basis), (self.sizes, space.scale)):
+            buffer.copy_(torch.from_numpy(values))
+
+    @property
+    def space(self) -> PointSpace:
+        """The space in numpy."""
+        return PointSpace(*(values.double().cpu().numpy() for values in (self.mean, self.basis, self.sizes)))

@@ -1,0 +1,221 @@
+"""The training of the network (Sec. 4), and its errors in pixels (Sec. 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from lightning_fabric import Fabric
+from torch import Tensor
+from torch.nn.functional import huber_loss, mse_loss
+
+from harmolab.io.files import PathLike, plain
+from harmolab.systems.audio2body.networks import SoundToPoints
+from harmolab.systems.audio2body.perform import predicted_points
+from harmolab.systems.audio2body.sequences import (
+    VALIDATION_SHARE,
+    PlayedSplit,
+    PlayedSequence,
+    PlayedSet,
+    PlayedWindows,
+    check_pieces,
+    fitted_space,
+    sides,
+    sound_statistics,
+)
+from harmolab.systems.common.about import DEFAULT_STEM
+from harmolab.systems.common.history import Report
+from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
+from harmolab.systems.common.runs import locked_run
+from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
+from harmolab.systems.common.weights import load_weights, save_weights
+from harmolab.types import FloatArray
+
+BEST = "best"  # stem of the weights of the epoch with the least validation error
+
+
+class Errors(NamedTuple):
+    """Errors in pixels of the reference configuration (A2B 19): against the components of the truth, and against it."""
+
+    projected: float
+    full: float
+
+
+def train_audio2body(
+    played: PlayedSet,
+    split: PlayedSplit,
+    folder: PathLike,
+    *,
+    resume: bool = False,
+    fabric: Fabric | None = None,
+    report: Report = lambda row, end: None,
+) -> SoundToPoints:
+    """Train the network on performances, keep the best validation epoch, and everything about it in `folder`.
+
+    "meta" of its weights has the errors of the training, validation and test sides.
+
+    Parameters
+    ----------
+    played : PlayedSet; its `params` are those of the training
+    split : PlayedSplit of the same performances
+    folder : created; must be new or empty unless `resume`
+    resume : go on where the run in `folder` stopped; start it when there is none
+    fabric : from `make_fabric`
+    report : called with each epoch's row of the history and the epoch that its phase ends at
+
+    Raises
+    ------
+    ValueError
+        If a piece is on two sides, a side has nothing to learn from, `folder` holds something else, or a batch cannot
+        be shared by so many processes.
+    """
+    fabric, folder, params = fabric or make_fabric(), Path(folder), played.params
+    check_pieces(played.sequences, split)
+    network, train, validation = prepared(played, split, fabric.device)
+    batching = Batching(params.batch, params.shards, params.seed)
+    check_shards(len(train), batching, fabric.world_size)
+    settings = plain({"audio2body": params, "data": played.source})
+    with locked_run(fabric, split, folder, settings, resume=resume) as first:
+        fabric.to_device(network)
+        phase = _phase(network, train, validation, folder)
+        fit(fabric, [phase], train, batching, folder, settings=settings, resume=resume, report=report)
+        if first:
+            outcome = side_errors(network, played, split, train, validation)
+            stored = {side: values._asdict() for side, values in outcome.items()}
+            about = {"settings": settings, "source": played.source, "errors": stored}
+            save_weights(folder / DEFAULT_STEM, network, about)
+    return network.eval()
+
+
+def prepared(
+    played: PlayedSet, split: PlayedSplit, device: torch.device | str = "cpu"
+) -> tuple[SoundToPoints, PlayedWindows, PlayedWindows]:
+    """An untrained network with the statistics of the training side; windows to train on, and to validate on."""
+    params, learnt = played.params, sides(played.sequences, split.train)
+    space, statistics = fitted_space(learnt, params), sound_statistics(learnt)
+    network = initial_network(played, len(space.basis))
+    network.set_statistics(*statistics, space)
+    train = PlayedWindows.of(learnt, space, params, device)
+    if params.validation == "pieces" and not split.validation:
+        raise ValueError("whole pieces are to be validated on, and the split has none")
+    if params.validation == "pieces":
+        validation = PlayedWindows.of(sides(played.sequences, split.validation), space, params, device)
+    else:
+        train, validation = train.drawn_apart(VALIDATION_SHARE, params.seed)
+    if params.data_share < 1:
+        train, _ = train.drawn_apart(1 - params.data_share, params.seed)
+    if not bool(train.mask.any()):
+        raise ValueError(f"{played.source}: no frame to learn from; every one was rejected")
+    return network, train, validation
+
+
+def initial_network(played: PlayedSet, n_components: int) -> SoundToPoints:
+    """An untrained network of the run's seed."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(played.params.seed)
+        return SoundToPoints(played.params, played.skeleton, played.instrument, n_components, played.reference)
+
+
+def _phase(network: SoundToPoints, train: PlayedWindows, validation: PlayedWindows, folder: Path) -> Phase:
+    params = network.params
+    return Phase(
+        "audio2body",
+        params.epochs,
+        rate=lambda number: params.rate,
+        modules={"network": network},
+        players=[
+            Player("network", [*network.parameters()], lambda output, shard, row: terms(output, shard.own, params.loss),
+                   {"error": 1.0})
+        ],
+        forward=lambda shard, last: _components(network.train(), shard),
+        validate=lambda: {"val_error": window_errors(network, validation).projected},
+        patience=max(params.epochs, 1),  # all epochs, and the best is kept
+        error="val_error",
+        keep=lambda: save_weights(folder / BEST, network),
+        recall=lambda: network.load_state_dict(load_weights(folder / BEST, SoundToPoints).state_dict()),
+    )  # fmt: skip
+
+
+def _components(network: SoundToPoints, shard: Shard) -> Tensor:
+    """The forward pass of a shard; windows in a row hand on their state, but no gradient."""
+    with drawn_by(shard.seed, shard.own.sound.device):
+        return windows_passed(network, shard.own.sound)
+
+
+def windows_passed(network: SoundToPoints, sound: Tensor) -> Tensor:
+    """Components (N, S, n) of sound (N, S, F), `sequence` steps at a time."""
+    state, parts = None, []
+    for part in sound.split(network.params.sequence, dim=1):
+        components, state = network(part, state)
+        state = (state[0].detach(), state[1].detach())
+        parts.append(components)
+    return torch.cat(parts, dim=1)
+
+
+def terms(components: Tensor, windows: PlayedWindows, loss: str) -> Terms:
+    """Squared or Huber error summed over components, mean over the steps that count (A2B 18)."""
+    measure = huber_loss if loss == "huber" else mse_loss
+    errors = measure(components, windows.target, reduction="none").sum(dim=2) * windows.mask
+    return {"error": errors.sum() / windows.mask.sum().clamp(min=1.0)}
+
+
+@torch.no_grad()
+def window_errors(network: SoundToPoints, windows: PlayedWindows) -> Errors:
+    """Errors of windows, each from a state of 0: means over the steps that count; NaN where there is none."""
+    network.eval()
+    squares = []
+    for part in range(0, len(windows), network.params.batch):
+        own = windows.take(torch.arange(part, min(part + network.params.batch, len(windows))))
+        difference = (windows_passed(network, own.sound) - own.target) * network.space_scale.sizes
+        mean = difference.square().sum(dim=2) / network.space_scale.mean.numel()
+        squares.append(torch.stack([mean, mean + own.residual], dim=2)[own.mask > 0])
+    values = torch.cat(squares).sqrt().mean(dim=0)
+    return Errors(*values.tolist())
+
+
+def errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
+    """Errors of whole recordings: means over accepted frames."""
+    space = network.space_scale.space
+    return errors_between(
+        [predicted_points(network, sequence.sound) for sequence in sequences],
+        [space.decode(space.encode(sequence.points)) for sequence in sequences],
+        sequences,
+    )
+
+
+def errors_between(
+    predicted: Sequence[FloatArray], projected: Sequence[FloatArray], sequences: Sequence[PlayedSequence]
+) -> Errors:
+    """Errors of predicted points (T, 2 P) against projected ones, and against those of the sequences."""
+    pairs = [
+        (frame_errors(guess, near)[each.accepted], frame_errors(guess, each.points)[each.accepted])
+        for guess, near, each in zip(predicted, projected, sequences, strict=True)
+    ]
+    return Errors(*(float(np.concatenate(values).mean()) for values in zip(*pairs, strict=True)))
+
+
+def frame_errors(points: FloatArray, truth: FloatArray) -> FloatArray:
+    """Root of the mean square over coordinates, frame by frame: (T,) of two (T, 2 P)."""
+    values: FloatArray = np.sqrt(np.square(points - truth).mean(axis=1))
+    return values
+
+
+def mean_pose_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
+    """Errors of the mean pose of the training side, which hears nothing."""
+    space = network.space_scale.space
+    predicted = [np.broadcast_to(space.mean, each.points.shape) for each in sequences]
+    return errors_between(predicted, [space.decode(space.encode(each.points)) for each in sequences], sequences)
+
+
+def side_errors(
+    network: SoundToPoints, played: PlayedSet, split: PlayedSplit, train: PlayedWindows, validation: PlayedWindows
+) -> dict[str, Errors]:
+    """Side -> errors; beside those of the test side stand those of the mean pose."""
+    outcome = {"train": window_errors(network, train), "validation": window_errors(network, validation)}
+    if split.test:
+        test = sides(played.sequences, split.test)
+        outcome |= {"test": errors(network, test), "mean pose": mean_pose_errors(network, test)}
+    return outcome
