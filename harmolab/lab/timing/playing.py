@@ -1,4 +1,4 @@
-"""Where a musician's hands and the sound part: findings in words, the single events, stretches of time.
+"""The moments at which a musician's hands and the sound part: findings in words, single events, stretches of time.
 
 All numbers are those of `harmolab.metrics.playing`, so that no finding can contradict the score.
 """
