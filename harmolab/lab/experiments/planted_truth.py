@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from harmolab.corpora.instruments import Performance
-from harmolab.corpora.synthetic.players import PlantedPerformance
 from harmolab.io.player_points import SIDES, hand_joints
 from harmolab.lab.experiments.player_tables import FINAL, MEAN_POSE, error_table, row_settings
 from harmolab.lab.experiments.players import PlayerData, TrainedPlayer, profiled, read_set
@@ -31,7 +29,7 @@ PARTS = ("body", "left hand", "right hand")
 
 
 def ceilings(profile: RunProfile, data: PlayerData) -> pd.DataFrame:
-    """What no network can beat on planted test pieces: the errors of the planted truth itself, no network in between.
+    """Errors that no network can beat on planted test pieces: those of the planted truth itself.
 
     The truth is placed as a training places its pieces, and held against the tracked points, whose noise and sway no
     sound tells. Of a violinist also everything but the direction of the bow; of any data the mean pose of the training
@@ -57,7 +55,7 @@ def ceilings(profile: RunProfile, data: PlayerData) -> pd.DataFrame:
 
 
 def placed_truth(truth: FloatArray, performance: Performance, reference: Reference) -> FloatArray:
-    """True points (T, P, 2) of a performance, (T, 2 P) where its tracked points are placed: by the same similarities."""
+    """True points (T, P, 2) of a performance brought to the reference as its tracked ones are: (T, 2 P)."""
     result = cleaned(performance, cleaning_rules(performance))
     parts = [
         fit.apply(truth[span]) for fit, span in zip(shot_similarities(result, reference), result.shots, strict=True)
@@ -83,7 +81,7 @@ def complete_table(profile: RunProfile, data: PlayerData, values: pd.DataFrame) 
 
 
 def component_table(data: PlayerData, run: TrainedPlayer) -> pd.DataFrame:
-    """How well each component of the points is predicted on the test pieces.
+    """Correlation of predicted and tracked components of the points on the test pieces.
 
     Returns
     -------

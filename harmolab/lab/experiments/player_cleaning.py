@@ -1,9 +1,10 @@
-"""Which frames of musicians are rejected and why (Fig. 3), and where alignment puts the others."""
+"""Rejected frames of musicians with the rules that caught them (Fig. 3), and the places that alignment gives."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -16,12 +17,11 @@ from harmolab.lab.experiments.players import PlayerData, read_set
 from harmolab.lab.experiments.study import data_root
 from harmolab.systems.audio2body.cleaning import RULES, Cleaned, cleaned, rejected_examples
 from harmolab.systems.audio2body.params import Audio2BodyParams
-from harmolab.systems.audio2body.placing import placed
+from harmolab.systems.audio2body.placing import Alignment, placed
 from harmolab.systems.audio2body.reading import cleaning_rules
 from harmolab.types import BoolArray, FloatArray, Skeleton
 
 GOOD, NOT_REJECTED = "good frame", ""
-ALIGNMENTS = ("recording", "frame", "none")
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ def cleaning_table(performances: Iterable[Performance]) -> pd.DataFrame:
 
 
 def cleaning_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """`cleaning_table` with one row for all planted pieces of an instrument, means by seconds; recordings as they are."""
+    """`cleaning_table` with one row for all planted pieces of an instrument: means, weighted by seconds."""
     columns, rows = [*RULES, "rejected"], []
     for (instrument, source), own in table.groupby(["instrument", "source"], sort=False):
         if source != "synthetic":
@@ -122,7 +122,7 @@ def cleaning_summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def planted_cleaning(planted: Sequence[PlantedPerformance]) -> pd.DataFrame:
-    """How many frames of each planted fault are rejected, and how many good ones.
+    """Shares of the frames of each planted fault that are rejected, and of the good ones.
 
     Returns
     -------
@@ -141,7 +141,7 @@ def planted_cleaning(planted: Sequence[PlantedPerformance]) -> pd.DataFrame:
 
 
 def alignment_table(data: PlayerData) -> pd.DataFrame:
-    """Where one similarity a recording puts planted points, and where one a frame does (Eq. 1, reading 10).
+    """Errors of planted points placed by one similarity a recording, and by one a frame (Eq. 1, reading 10).
 
     Planted cameras are known, so the right place is: the clean points as the first training recording's camera would
     show them.
@@ -156,7 +156,7 @@ def alignment_table(data: PlayerData) -> pd.DataFrame:
     results = {name: cleaned_performance(each.performance) for name, each in data.planted.items()}
     names = [part_of(name) for name in played.skeleton.joints]
     rows = []
-    for alignment in ALIGNMENTS:
+    for alignment in get_args(Alignment):
         squares = []
         for name, result in results.items():
             planted = data.planted[name]

@@ -66,14 +66,14 @@ def mode_over_epochs(profile: RunProfile, data: PlayerData, *, seed: int = 1) ->
     piece = sides(played.sequences, data.split.test)[0]
     curves = {epochs: first_mode(run.system.network, predicted_points(run.system.network, piece.sound))
               for epochs, run in runs.items()}  # fmt: skip
-    tracked, seen = first_mode(network, piece.points), piece.accepted
+    tracked, kept = first_mode(network, piece.points), piece.accepted
     return ModeOverEpochs(
         piece.name,
         np.arange(len(tracked)) / network.params.fps,
         tracked,
-        seen,
+        kept,
         curves,
-        {epochs: correlation(curve[seen], tracked[seen]) for epochs, curve in curves.items()},
+        {epochs: correlation(curve[kept], tracked[kept]) for epochs, curve in curves.items()},
     )
 
 
@@ -85,7 +85,7 @@ def first_mode(network: SoundToPoints, points: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class RandomInputs:
-    """What a network does to sound that is no music.
+    """Components that a network predicts to sound that is no music.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _random_features(network: SoundToPoints, count: int, rng: np.random.Generato
 
 
 def spread_table(components: dict[str, list[FloatArray]], fps: float) -> pd.DataFrame:
-    """How much the first two components move: see `RandomInputs.table`; `components` are (T, n) by input and piece."""
+    """Spread of the first two components: see `RandomInputs.table`; `components` are (T, n) by input and piece."""
     rows = []
     for name, pieces in components.items():
         spreads = np.mean([values[:, :2].std(axis=0) for values in pieces], axis=0)

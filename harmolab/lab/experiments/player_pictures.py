@@ -1,4 +1,4 @@
-"""What stands behind the pictures of notebook 18: sound, points, their components, the delay, the network's sizes."""
+"""Records behind the pictures of notebook 18: sound, points, their components, the delay, the network's sizes."""
 
 from __future__ import annotations
 
@@ -173,15 +173,19 @@ def untrained_player(data: PlayerData) -> SoundToPoints:
 def player_boxes(network: SoundToPoints) -> dict[str, str]:
     """Heading -> words of every part of a network, sizes and counts of parameters read from it (Fig. 4)."""
     params, lstm, linear = network.params, network.lstm, network.linear
-    points, total = len(network.skeleton.joints), parameter_count(network)
+    points = len(network.skeleton.joints)
     milliseconds = 1000 * params.delay_steps / params.step_rate
     return {
         "sound": f"{params.n_sound} numbers a frame\n{params.fps:g} frames a second",
         "steps": f"{params.upsample} a frame, straight lines\n{params.step_rate:g} a second",
-        "LSTM": f"{lstm.input_size} to {lstm.hidden_size}, one direction\n{parameter_count(lstm):,} of {total:,} parameters",
+        "LSTM": f"{lstm.input_size} to {lstm.hidden_size}, one direction\n{_count_of(parameter_count(lstm), network)}",
         "dropout": f"{network.dropout.p:g}, in training only\non the LSTM's output",
-        "linear": f"{linear.in_features} to {linear.out_features}, nothing after it\n{parameter_count(linear):,} of {total:,} parameters",
+        "linear": f"{linear.in_features} to {linear.out_features}\n{_count_of(parameter_count(linear), network)}",
         "components": f"{linear.out_features} at each step\n{params.delay_steps} steps ({milliseconds:.0f} ms) late",
         "frames": f"every {params.upsample}th step, from\nthe first after the delay",
         "points": f"{linear.out_features} components and the mean\nto {points} points, {2 * points} numbers",
     }
+
+
+def _count_of(count: int, network: SoundToPoints) -> str:
+    return f"{count:,} of {parameter_count(network):,} parameters"

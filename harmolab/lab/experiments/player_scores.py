@@ -23,14 +23,12 @@ from harmolab.lab.experiments.player_tables import (
     FINAL,
     OURS,
     n_player_seeds,
-    player_errors,
     row_settings,
 )
 from harmolab.lab.experiments.players import (
     PLANTED,
     PlayerData,
     TrainedPlayer,
-    hands_data,
     profiled,
     read_set,
     trained_player,
@@ -48,8 +46,8 @@ from harmolab.types import FloatArray, Motion, Notes
 
 PLANTED_HANDS, LATE = "planted hands", "delay 125 ms"
 LONG_DELAY = 0.125  # seconds
+MEANS = ("events", "depth", "body", "left", "right")  # of a table of hits: means over pieces and seeds
 SCORED = (FINAL, LATE, OURS, ANOTHER_PIECE)
-HAND_ROWS = ("no delay", FINAL, OURS, "notes in place of sound", ANOTHER_PIECE)
 
 
 def scored_settings(data: PlayerData, row: str) -> Audio2BodyParams:
@@ -67,8 +65,9 @@ def piece_scores(
     Returns
     -------
     DataFrame with the columns hands, seed (0: planted), piece, error (pixels, full), hits (above chance, own music),
-    p, share, chance, other (hits with the music of each other test piece, mean), body (hits of the whole body's
-    speed), and of pianists left and right (hits of each hand with its own notes)
+    p, share, chance, other (hits with the music of each other test piece, mean), events (for each onset), depth (median
+    depth of a strike or length of a stroke, pixels), body (hits of the whole body's speed), and of pianists left and
+    right (hits of each hand with its own notes)
 
     Raises
     ------
@@ -124,6 +123,8 @@ def _scores(
         "share": own.score.mean_share,
         "chance": own.score.chance,
         "other": float(np.mean(others)) if others else float("nan"),
+        "events": own.score.n_visual / max(own.score.n_audio, 1),
+        "depth": float(np.median(events.strengths)) if len(events) else 0.0,
         "body": own.body.harmony_above_chance,
         **{hand: score.harmony_above_chance for hand, score in own.hands.items()},
     }
@@ -139,8 +140,8 @@ def hits_table(scores: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame with the columns hands, seeds, pieces, error, "error SD", hits, "hits SD", "largest p", "pieces p < .05"
-    (share of pieces and seeds), other, "largest other" (of one piece, without its sign), body, and left and right
-    where there are
+    (share of pieces and seeds), other, "largest other" (of one piece, without its sign), events, depth, body, and left
+    and right where there are
     """
     rows = []
     for hands, own in scores.groupby("hands", sort=False):
@@ -150,17 +151,8 @@ def hits_table(scores: pd.DataFrame) -> pd.DataFrame:
             row |= {name: by_seed[name].mean(), f"{name} SD": by_seed[name].std(ddof=0)}
         row |= {"largest p": own["p"].max(), "pieces p < .05": float((own["p"] < CERTAIN).mean())}
         row |= {"other": own["other"].mean(), "largest other": own["other"].abs().max()}
-        rows.append(row | {name: own[name].mean() for name in ("body", "left", "right") if name in own})
+        rows.append(row | {name: own[name].mean() for name in MEANS if name in own})
     return pd.DataFrame(rows)
-
-
-def hands_table(profile: RunProfile, *, progress: Progress = silent) -> pd.DataFrame | None:
-    """Errors of real hands with rendered sound, in millimetres, of `HAND_ROWS` and every seed; None without recordings.
-
-    Columns as of `player_errors`.
-    """
-    data = hands_data(profile)
-    return None if data is None else player_errors(profile, data, rows=HAND_ROWS, progress=progress)
 
 
 def hands_errors(run: TrainedPlayer, folder: PathLike) -> dict[str, float]:
@@ -192,9 +184,7 @@ def unseen_errors(run: TrainedPlayer, performances: Sequence[Performance]) -> di
     for each in performances:
         if each.motion.skeleton != network.skeleton:
             raise ValueError(f"{each.name}: has other points than those that the network was trained on")
-    sequences = [
-        read_sequence(each, network.params, network.reference, is_test=True) for each in performances
-    ]
+    sequences = [read_sequence(each, network.params, network.reference, is_test=True) for each in performances]
     full, mean_pose = errors(network, sequences).full, mean_pose_errors(network, sequences).full
     return {
         "clips": len(sequences),

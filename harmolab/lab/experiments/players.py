@@ -90,6 +90,21 @@ class PlayerData:
         """The data as pictures name them."""
         return "synthetic" if self.label == PLANTED else self.label
 
+    @property
+    def title(self) -> str:
+        """Label, and the instrument of planted players, for titles."""
+        return f"{PLANTED} {self.instrument}" if self.label == PLANTED else self.label
+
+    @property
+    def stem(self) -> str:
+        """Word for the names of its files."""
+        return self.instrument if self.label == PLANTED else "hands"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the points once they are placed."""
+        return "pixels" if self.label == PLANTED else "millimetres"
+
 
 @cache
 def planted_data(profile: RunProfile, instrument: str) -> PlayerData:

@@ -58,14 +58,15 @@ def draw_player(
     detected : (P,) mask; a point that was not detected is not drawn
     colour : one for all; that of each side when left out
     """
-    seen = np.ones(len(points), bool) if detected is None else detected
-    bones = [(one, other) for one, other in skeleton.bones if seen[one] and seen[other]]
+    drawn = np.ones(len(points), bool) if detected is None else detected
+    bones = [(one, other) for one, other in skeleton.bones if drawn[one] and drawn[other]]
     widths = [1.0 + 2.0 * width for width in limb_widths(skeleton, bones)]
     looks = [colour or SIDES[_bone_side(skeleton, *bone)] for bone in bones]
     lines = [points[list(bone)] for bone in bones]
     ax.add_collection(LineCollection(lines, colors=looks, linewidths=widths, capstyle="round", gid="limbs"))
     dots = [colour or SIDES[joint_side(name)] for name in skeleton.joints]
-    ax.scatter(*points[seen].T, s=5, c=[dot for dot, here in zip(dots, seen, strict=True) if here], zorder=3)
+    x, y = points[drawn].T
+    ax.scatter(x, y, s=5, c=[dots[number] for number in np.flatnonzero(drawn)], zorder=3)
     ax.set_aspect("equal")
     return ax
 
@@ -88,7 +89,7 @@ def _framed(ax: Axes, points: FloatArray, *, margin: float = 0.06) -> Axes:
 
 
 def frames_figure(results: Mapping[str, Cleaned], *, columns: int = 4) -> Figure:
-    """Fig. 2: accepted frames at even intervals with all their points and the notes that sound, a row for each musician.
+    """Fig. 2: accepted frames at even intervals, their points, and the notes that sound: a row for each musician.
 
     Parameters
     ----------
@@ -274,7 +275,12 @@ def _draw_shares(ax: Axes, own: Any) -> Axes:
     total = 100 * np.cumsum(own.shares)[:20]
     ax.plot(np.arange(1, len(total) + 1), total, marker="o", markersize=4)
     ax.axhline(90, color=COLOURS["chance"], linestyle="--")
-    ax.set(xlabel="components", ylim=(0, 103), title=f"{own.counts[0.9]} hold 90 %\nof the variance", xticks=[1, 5, 10, 15, 20])
+    ax.set(
+        xlabel="components",
+        ylim=(0, 103),
+        title=f"{own.counts[0.9]} hold 90 %\nof the variance",
+        xticks=[1, 5, 10, 15, 20],
+    )
     ax.set_ylabel("% of the variance")
     return ax
 

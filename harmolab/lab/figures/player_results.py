@@ -17,7 +17,6 @@ from harmolab.types import FloatArray
 
 SECONDS_SHOWN = 12.0
 TRACKED, PREDICTED = COLOURS["miss"], COLOURS["hit"]
-LINES = ("--", "-.", ":")
 PARTS = {"body": COLOURS["chance"], "left hand": COLOURS["audio"], "right hand": COLOURS["miss"]}
 
 
@@ -32,14 +31,14 @@ def mode_epochs_figure(mode: Any, *, title: str, unit: str = "pixels", seconds: 
     seconds : float, of the piece; correlations are over all of it
     """
     count = len(mode.predicted)
-    shown = mode.times < seconds
+    window = mode.times < seconds
     with styled_axes((9.6, 1.45 * count + 0.9), count, 1, sharex=True, sharey=True) as (figure, axes):
         for ax, (epochs, curve) in zip(axes, mode.predicted.items(), strict=True):
-            ax.plot(mode.times[shown], mode.tracked[shown], color=TRACKED, linewidth=3, alpha=0.35, label="tracked")
-            ax.plot(mode.times[shown], curve[shown], color=PREDICTED, label="predicted")
+            ax.plot(mode.times[window], mode.tracked[window], color=TRACKED, linewidth=3, alpha=0.35, label="tracked")
+            ax.plot(mode.times[window], curve[window], color=PREDICTED, label="predicted")
             words = "epoch" if epochs == 1 else "epochs"
             ax.set_title(f"{epochs} {words}: correlation {mode.correlations[epochs]:.2f}")
-        axes[0].legend(loc="upper right", ncols=2)
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
         axes[-1].set_xlabel("time (s)")
         figure.supylabel(f"first component ({unit})", fontsize=10)
         figure.suptitle(title, x=0.01, ha="left")
@@ -54,10 +53,10 @@ def random_inputs_figure(inputs: Any, *, title: str, unit: str = "pixels", secon
     inputs : record with the fields of `harmolab.lab.experiments.player_modes.RandomInputs`
     title, unit, seconds : as for `mode_epochs_figure`
     """
-    numbers, shown = inputs.table.set_index("input"), inputs.times < seconds
+    numbers, window = inputs.table.set_index("input"), inputs.times < seconds
     with styled_axes((9.6, 5.4), len(inputs.curves), 1, sharex=True, sharey=True) as (figure, axes):
         for ax, (name, curve) in zip(axes, inputs.curves.items(), strict=True):
-            ax.plot(inputs.times[shown], curve[shown], color=PREDICTED)
+            ax.plot(inputs.times[window], curve[window], color=PREDICTED)
             row = numbers.loc[name]
             share = "" if name == "music" else f", {100 * row['SD 1 / music']:.0f} % of that to music"
             ax.set_title(f"{name}: SD {row['SD 1']:.1f} {unit}{share}")
@@ -68,7 +67,7 @@ def random_inputs_figure(inputs: Any, *, title: str, unit: str = "pixels", secon
 
 
 def player_table_figure(table: pd.DataFrame, *, title: str, unit: str = "pixels") -> Figure:
-    """A table as a picture: our errors, and by how much test errors lie above the final settings', ours and the paper's.
+    """A table as a picture: our errors; test errors less those of the final settings, ours and the paper's.
 
     Parameters
     ----------
@@ -99,7 +98,8 @@ def _draw_sides(ax: Axes, runs: pd.DataFrame, limits: pd.DataFrame, unit: str) -
     looks = {"train": ("o", "white"), "validation": ("D", COLOURS["faint"]), "test": ("o", COLOURS["ink"])}
     for side, (marker, fill) in looks.items():
         ax.plot(runs[f"{side} full"], runs["row"], marker, color=COLOURS["ink"], mfc=fill, ms=5, label=side)
-    for (_, row), line in zip(limits.iterrows(), LINES, strict=False):
+    lines = ("--", *["-."] * (len(limits) - 2), ":")
+    for (_, row), line in zip(limits.iterrows(), lines, strict=False):
         ax.axvline(row["test full"], color=COLOURS["chance"], linestyle=line, label=row["row"])
     ax.set(xlabel=unit, title="ours: error", xlim=(0, None))
     ax.legend(loc="upper left", bbox_to_anchor=(-0.6, -0.12), ncols=2, fontsize=8)
@@ -157,7 +157,9 @@ def hits_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
             hits.axvline(0, color=COLOURS["chance"], linewidth=1)
             hits.set_yticks([])
             for number, share in enumerate(table["pieces p < .05"]):
-                hits.text(1.03, number, f"{100 * share:.0f} %", va="center", fontsize=8, transform=hits.get_yaxis_transform())
+                hits.text(
+                    1.03, number, f"{100 * share:.0f} %", va="center", fontsize=8, transform=hits.get_yaxis_transform()
+                )
             hits.text(1.03, -0.9, "pieces with\np < .05", va="bottom", fontsize=8, transform=hits.get_yaxis_transform())
             for ax in (error, hits):
                 ax.invert_yaxis()
@@ -168,25 +170,4 @@ def hits_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
         axes[-2].set_xlabel("pixels (less is better)")
         axes[-1].set_xlabel("1: every onset, 0: chance")
         axes[-1].xaxis.set_major_formatter("{x:.1f}")
-    return figure
-
-
-def hands_figure(table: pd.DataFrame, *, title: str) -> Figure:
-    """Errors of real hands by row, a dot for each training, and the mean pose as a line.
-
-    Parameters
-    ----------
-    table : DataFrame of `harmolab.lab.hands_table`
-    title : str
-    """
-    test = table[table["side"] == "test"]
-    with styled_axes((8.0, 0.45 * test["row"].nunique() + 1.5)) as (figure, (ax,)):
-        ax.plot(test["full"], test["row"], "o", color=COLOURS["visual"], ms=7, alpha=0.8)
-        for row, value in test.groupby("row", sort=False)["full"].mean().items():
-            ax.text(value, row, f"{value:.1f}  ", ha="right", va="center", fontsize=9)
-        line = table.loc[table["side"] == "mean pose", "full"].mean()
-        ax.axvline(line, color=COLOURS["chance"], linestyle="--", label=f"mean pose, {line:.1f}")
-        ax.invert_yaxis()
-        ax.set(xlim=(0, None), xlabel="millimetres a coordinate, pieces that no training had", title=title)
-        ax.legend(loc="lower left")
     return figure
