@@ -69,15 +69,19 @@ def errors_of(points: Sequence[FloatArray], sequences: Sequence[PlayedSequence],
 
 
 def complete_table(profile: RunProfile, data: PlayerData, values: pd.DataFrame) -> pd.DataFrame:
-    """`error_table`, and below it the mean pose and the planted limits as rows of their own."""
-    table, limits = error_table(values), ceilings(profile, data).set_index("row")
-    mean_pose = limits.loc[MEAN_POSE, "full"]
-    rows = [
-        {"row": row, "test projected": errors["projected"], "test full": errors["full"],
-         "of mean pose": errors["full"] / mean_pose}
-        for row, errors in limits.iterrows()
-    ]  # fmt: skip
-    return pd.DataFrame([*table.to_dict("records"), *rows], columns=table.columns)
+    """`error_table`, and below it the mean pose and the planted limits as rows of their own.
+
+    One more column, "% of shoulder width", is the full test error as a percentage of the reference's shoulder width;
+    NaN for hands alone.
+    """
+    table, limits = error_table(values), ceilings(profile, data)
+    mean_pose = limits.set_index("row").loc[MEAN_POSE, "full"]
+    limits = limits.rename(columns={"projected": "test projected", "full": "test full"})
+    limits["of mean pose"] = limits["test full"] / mean_pose
+    rows = pd.DataFrame([*table.to_dict("records"), *limits.to_dict("records")], columns=table.columns)
+    width = read_set(data, profiled(profile, data, row_settings(data, FINAL))).reference.shoulder_width
+    rows.insert(rows.columns.get_loc("of mean pose") + 1, "% of shoulder width", 100 * rows["test full"] / width)
+    return rows
 
 
 def component_table(data: PlayerData, run: TrainedPlayer) -> pd.DataFrame:

@@ -116,7 +116,7 @@ def random_inputs(data: PlayerData, run: TrainedPlayer, *, seed: int = 0) -> Ran
         inputs = {
             MUSIC: sequence.sound,
             NOISE_SOUND: sound_features(noise, network.params, count, cached=False),
-            NOISE_FEATURES: _random_features(network, count, rng),
+            NOISE_FEATURES: random_features(network, count, rng),
         }
         for name, values in inputs.items():
             points = predicted_points(network, values)
@@ -126,7 +126,7 @@ def random_inputs(data: PlayerData, run: TrainedPlayer, *, seed: int = 0) -> Ran
     return RandomInputs(np.arange(len(curves[MUSIC])) / fps, curves, spread_table(components, fps))
 
 
-def _random_features(network: SoundToPoints, count: int, rng: np.random.Generator) -> np.ndarray:
+def random_features(network: SoundToPoints, count: int, rng: np.random.Generator) -> np.ndarray:
     """(count, F) features that are N(0, 1) once they are normalised."""
     mean, std = (values.cpu().numpy() for values in (network.sound_scale.mean, network.sound_scale.std))
     return np.asarray(mean + std * rng.standard_normal((count, len(mean))), np.float32)

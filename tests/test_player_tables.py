@@ -1,0 +1,336 @@
+"""Tables, limits and scores of musicians, with answers worked out by hand or planted; no training but tiny ones."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from harmolab.corpora.synthetic.players import planted_performance
+from harmolab.io.player_points import HANDS_12, PLAYER_50
+from harmolab.lab.experiments.planted_truth import (
+    BLIND,
+    FLOOR,
+    ceilings,
+    complete_table,
+    component_table,
+    correlation,
+    moving_parts,
+)
+from harmolab.lab.experiments.player_modes import (
+    MUSIC,
+    NOISE_FEATURES,
+    NOISE_SOUND,
+    mode_over_epochs,
+    random_features,
+    random_inputs,
+    shown_epochs,
+    spread_table,
+)
+from harmolab.lab.experiments.player_scores import (
+    PLANTED_HANDS,
+    hands_errors,
+    hits_table,
+    piece_scores,
+    scored_settings,
+    unseen_errors,
+)
+from harmolab.lab.experiments.player_tables import (
+    FINAL,
+    MEAN_POSE,
+    OWN_ROWS,
+    ROWS,
+    error_table,
+    player_errors,
+    rank_agreement,
+    row_settings,
+    table_rows,
+)
+from harmolab.lab.experiments.players import HANDS, PLANTED, PlayerData, trained_player
+from harmolab.lab.profile import RunProfile
+from harmolab.systems.audio2body.networks import SoundToPoints
+from harmolab.systems.audio2body.params import Audio2BodyParams
+from harmolab.systems.audio2body.placing import Reference
+from harmolab.systems.audio2body.point_space import PointSpace
+from harmolab.systems.audio2body.sequences import PlayedSplit
+from tests.test_performances import pianomime_folder
+
+QUICK = RunProfile.quick()
+
+
+def planted_data(instrument: str = "piano", *, label: str = PLANTED, **settings: Any) -> PlayerData:
+    """Two planted pieces of 6 s to train on, a third that is validated on, and a fourth tested on."""
+    planted = [planted_performance(instrument, seconds=6.0, seed=seed, **settings) for seed in range(1, 5)]
+    return of_pieces(planted, label)
+
+
+def of_pieces(planted: list[Any], label: str = PLANTED) -> PlayerData:
+    names = [each.performance.name for each in planted]
+    split = PlayedSplit(tuple(names[:2]), (names[2],), (names[3],))
+    performances = tuple(each.performance for each in planted)
+    truth = MappingProxyType(dict(zip(names, planted, strict=True)))
+    return PlayerData(label, planted[0].performance.instrument, performances, split, truth)
+
+
+def four_times(instrument: str, **changes: Any) -> PlayerData:
+    """One performance under four names, so that all are placed alike; `changes` to the truth of each."""
+    planted = planted_performance(instrument, seconds=6.0, faults=False, noise=0.0)
+    names = [f"take {number}" for number in range(4)]
+    takes = [replace(planted, performance=replace(planted.performance, name=name, piece=name)) for name in names]
+    return of_pieces([replace(take, **{key: value(take) for key, value in changes.items()}) for take in takes])
+
+
+def errors_by_row(rows: list[str], tests: list[float], *, seeds: int = 1, instrument: str = "piano") -> pd.DataFrame:
+    """The same test errors for every seed; a mean pose of 20."""
+    parts = []
+    for seed in range(1, seeds + 1):
+        for row, error in zip(rows, tests, strict=True):
+            for side, value in (("train", error - 1), ("validation", error - 2), ("test", error), (MEAN_POSE, 20.0)):
+                parts.append({"row": row, "seed": seed, "side": side, "projected": value, "full": value + 0.5})
+    return pd.DataFrame(parts).assign(data=PLANTED, instrument=instrument, minutes=1.0)
+
+
+# The tables
+
+
+@pytest.mark.parametrize("instrument", ["violin", "piano"])
+def test_each_row_of_a_table_changes_one_setting_of_the_final_ones(instrument: str):
+    data = SimpleNamespace(instrument=instrument)
+    final = asdict(Audio2BodyParams.tables(instrument))
+    changed = {}
+    for row in ROWS[instrument]:
+        own = asdict(row_settings(data, row))
+        changed[row] = [name for name in final if own[name] != final[name]]
+    assert changed.pop(FINAL) == []
+    assert {row: len(names) for row, names in changed.items()} == dict.fromkeys(changed, 1)
+    assert row_settings(data, "dropout .6").dropout == 0.6
+    assert row_settings(data, "2 steps a frame").upsample == 2
+    assert row_settings(data, "no delay").delay_steps == 0
+
+
+def test_final_settings_are_those_under_the_captions():
+    violin, piano = Audio2BodyParams.tables("violin"), Audio2BodyParams.tables("piano")
+    assert (violin.sequence, violin.batch, violin.components, violin.upsample) == (60, 100, 15, 4)
+    assert (violin.dropout, violin.rate, piano.dropout, piano.rate) == (0.15, 2e-3, 0.1, 1e-3)
+    assert (violin.delay, violin.delay_steps) == (0.024, 2)
+
+
+def test_rows_about_rejected_frames_are_left_out_where_none_is_rejected():
+    planted, hands = (
+        SimpleNamespace(instrument="piano", label=PLANTED),
+        SimpleNamespace(instrument="piano", label=HANDS),
+    )
+    assert set(table_rows(planted)) - set(table_rows(hands)) == {"frames not dropped", "gaps interpolated"}
+    assert table_rows(hands)[-len(OWN_ROWS) :] == OWN_ROWS
+
+
+def test_means_and_spreads_of_a_row_are_over_seeds():
+    values = errors_by_row([FINAL], [6.0], seeds=2)
+    values.loc[(values["seed"] == 2) & (values["side"] == "test"), "full"] += 1.0
+    (row,) = error_table(values).to_dict("records")
+    assert (row["seeds"], row["test full"], row["test full SD"], row["test projected SD"]) == (2, 7.0, 0.5, 0.0)
+    assert row["of mean pose"] == pytest.approx(7.0 / 20.5)
+    assert (row["paper train"], row["paper validation"], row["paper test"]) == (6.52, 6.06, 6.84)
+
+
+def test_the_same_order_as_the_papers_agrees_fully_and_the_reverse_not_at_all():
+    rows = ["frames not dropped", "2 steps a frame", FINAL]  # 9.49, 7.98, 6.84 in the paper
+    same = rank_agreement(errors_by_row(rows, [9.0, 8.0, 7.0], seeds=3))
+    assert (same["tau"], same["low"], same["high"], same["rows"]) == (1.0, 1.0, 1.0, 3)
+    assert rank_agreement(errors_by_row(rows, [7.0, 8.0, 9.0], seeds=3))["tau"] == -1.0
+    assert rank_agreement(errors_by_row(rows, [9.0, 7.0, 8.0]))["tau"] == pytest.approx(1 / 3)  # 2 of 3 pairs
+
+
+def test_one_training_gives_no_interval_of_agreement_and_our_rows_no_order():
+    agreement = rank_agreement(errors_by_row(["no delay", FINAL, OWN_ROWS[0]], [8.0, 7.0, 1.0]))
+    assert agreement["rows"] == 2
+    assert np.isnan([agreement["low"], agreement["high"]]).all()
+
+
+# The limits
+
+
+def test_the_truth_itself_has_no_error_and_a_shift_has_its_length():
+    clean = {"from_audio": lambda take: take.clean}
+    limits = ceilings(QUICK, four_times("piano", **clean)).set_index("row")
+    assert limits.loc[FLOOR, "full"] == pytest.approx(0.0, abs=1e-9)
+    shifted = {"from_audio": lambda take: take.clean + np.array([3.0, 4.0])}
+    limits = ceilings(QUICK, four_times("piano", **shifted)).set_index("row")
+    assert limits.loc[FLOOR, "full"] == pytest.approx(np.sqrt((9 + 16) / 2))
+
+
+def test_a_violinist_without_the_bows_direction_lies_between_truth_and_mean_pose():
+    limits = ceilings(QUICK, planted_data("violin")).set_index("row")["full"]
+    assert list(limits.index) == [MEAN_POSE, BLIND, FLOOR]
+    assert limits[FLOOR] < limits[BLIND] < limits[MEAN_POSE]
+
+
+def test_the_bows_direction_is_no_limit_of_a_pianist():
+    assert list(ceilings(QUICK, planted_data("piano"))["row"]) == [MEAN_POSE, FLOOR]
+
+
+def test_limits_stand_below_the_table_with_test_errors_alone():
+    data = planted_data()
+    table = complete_table(QUICK, data, errors_by_row([FINAL], [6.0])).set_index("row")
+    assert list(table.index) == [FINAL, MEAN_POSE, FLOOR]
+    assert table.loc[MEAN_POSE, "of mean pose"] == 1.0
+    assert table.loc[[MEAN_POSE, FLOOR], ["seeds", "train full", "paper test"]].isna().all(axis=None)
+    ratio = table["test full"] / table["% of shoulder width"]
+    assert ratio.to_numpy() == pytest.approx(ratio.iloc[0])
+
+
+def test_the_part_that_moves_with_a_component_is_named():
+    basis = np.zeros((2, 2 * len(PLAYER_50.joints)))
+    basis[0, 2 * PLAYER_50.joints.index("left_index_4")] = 1.0
+    basis[1, 2 * PLAYER_50.joints.index("right_hip") + 1] = 1.0
+    space = PointSpace(np.zeros(basis.shape[1]), basis, np.ones(2))
+    assert moving_parts(space, PLAYER_50) == ["left hand", "body"]
+
+
+def test_correlation_of_a_line_is_one_and_of_a_still_curve_undefined():
+    line = np.arange(5.0)
+    assert correlation(line, 3 - 2 * line) == pytest.approx(-1.0)
+    assert np.isnan(correlation(line, np.ones(5)))
+
+
+# Epochs and random input (readings 15 and 24)
+
+
+def test_epochs_beyond_the_last_are_left_out():
+    assert [shown_epochs(last) for last in (300, 30, 10, 1)] == [(1, 10, 100, 300), (1, 10, 30), (1, 10), (1,)]
+
+
+def test_spread_of_components_is_a_mean_over_pieces_and_a_share_of_that_to_music():
+    still, wave = np.zeros((4, 2)), np.tile([[1.0, 2.0], [-1.0, -2.0]], (2, 1))
+    table = spread_table({MUSIC: [2 * wave, 4 * wave], NOISE_SOUND: [wave, still]}, 10.0).set_index("input")
+    assert table.loc[MUSIC, ["SD 1", "SD 2", "speed 1"]].tolist() == [3.0, 6.0, 60.0]
+    assert table.loc[NOISE_SOUND, ["SD 1", "SD 1 / music"]].tolist() == [0.5, pytest.approx(1 / 6)]
+
+
+def untrained(data: PlayerData, **settings: Any) -> SoundToPoints:
+    """A network without training whose points are the mean pose, 10 pixels each."""
+    params = Audio2BodyParams(hidden=4, components=2, fps=data.fps, **settings)
+    reference = Reference((), np.zeros((0, 2)))
+    network = SoundToPoints(params, data.performances[0].motion.skeleton, data.instrument, 2, reference)
+    size = 2 * len(network.skeleton.joints)
+    space = PointSpace(np.full(size, 10.0), np.eye(2, size), np.ones(2))
+    network.set_statistics(torch.full((params.n_sound,), 5.0), torch.full((params.n_sound,), 2.0), space)
+    return network.eval()
+
+
+def test_random_features_are_normal_once_the_network_has_scaled_them():
+    network = untrained(planted_data())
+    features = random_features(network, 4000, np.random.default_rng(0))
+    scaled = network.sound_scale(torch.from_numpy(features)).numpy()
+    assert np.abs(scaled.mean(axis=0)).max() < 0.1
+    assert np.abs(scaled.std(axis=0) - 1).max() < 0.1
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trainings of a test are kept in its own folder."""
+    monkeypatch.setenv("HARMOLAB_CACHE", str(tmp_path))
+
+
+@pytest.mark.usefixtures("kept")
+def test_figures_5_and_6_show_the_first_test_piece_in_full():
+    data = planted_data()
+    mode = mode_over_epochs(QUICK, data)
+    assert (mode.name, mode.tracked.shape, list(mode.predicted)) == ("planted piano 4", (144,), [1, 2])
+    assert {curve.shape for curve in mode.predicted.values()} == {(144,)}
+    run = trained_player(QUICK, data, row_settings(data, FINAL), 1)
+    inputs = random_inputs(data, run)
+    assert list(inputs.curves) == [MUSIC, NOISE_SOUND, NOISE_FEATURES] == list(inputs.table["input"])
+    assert inputs.curves[MUSIC] == pytest.approx(mode.predicted[2])
+    components = component_table(data, run)
+    assert components["share"].is_monotonic_decreasing
+    assert components["share"].sum() == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.usefixtures("kept")
+def test_fewer_epochs_are_the_beginning_of_the_same_training():
+    data = planted_data()
+    settings = row_settings(data, FINAL)
+    short, whole = (trained_player(QUICK, data, settings, 1, epochs=epochs) for epochs in (1, None))
+    assert len(short.history) == 1
+    assert len(whole.history) == 2
+    assert short.history["val_error"].iloc[0] == whole.history["val_error"].iloc[0]
+
+
+@pytest.mark.usefixtures("kept")
+def test_a_table_has_every_side_of_every_row():
+    values = player_errors(QUICK, planted_data(), rows=[FINAL, "no delay"])
+    sides = ["train", "validation", "test", MEAN_POSE]
+    assert list(zip(values["row"], values["side"], strict=True)) == [
+        (row, side) for row in (FINAL, "no delay") for side in sides
+    ]
+    assert values["full"].gt(values["projected"]).all()
+
+
+# Error and hits
+
+
+def test_planted_strikes_meet_every_onset_of_their_own_music():
+    scores = piece_scores(QUICK, planted_data(), rows=())
+    assert scores["hands"].tolist() == [PLANTED_HANDS]
+    assert scores.loc[0, ["hits", "left", "right", "events"]].tolist() == pytest.approx([1.0] * 4, abs=0.02)
+    # The noise that was planted, 1 pixel, and cameras that differ in size by 8 % each.
+    assert scores.loc[0, "error"] == pytest.approx(1.0, rel=0.17)
+    assert np.isnan(scores.loc[0, "other"])  # there is no other test piece
+
+
+def test_strikes_of_real_hands_are_never_scored():
+    with pytest.raises(ValueError, match="no score of them is evidence"):
+        piece_scores(QUICK, planted_data(label=HANDS), rows=())
+
+
+def test_the_late_row_differs_from_the_final_one_by_its_delay_alone():
+    data = SimpleNamespace(instrument="piano")
+    late, final = asdict(scored_settings(data, "delay 125 ms")), asdict(scored_settings(data, FINAL))
+    assert {name for name in late if late[name] != final[name]} == {"delay"}
+    assert late["delay"] == 0.125
+
+
+def test_hits_are_means_over_pieces_and_their_spread_is_over_seeds():
+    columns = ["hands", "seed", "piece", "error", "hits", "p", "other", "events", "depth", "body"]
+    rows = [
+        ("final", 1, "a", 6.0, 0.8, 0.01, 0.1, 1.0, 4.0, 0.0),
+        ("final", 1, "b", 8.0, 0.6, 0.20, -0.3, 1.0, 4.0, 0.0),
+        ("final", 2, "a", 6.0, 0.4, 0.01, 0.0, 1.0, 4.0, 0.0),
+        ("final", 2, "b", 6.0, 0.6, 0.04, 0.0, 2.0, 4.0, 0.0),
+    ]
+    (row,) = hits_table(pd.DataFrame(rows, columns=columns)).to_dict("records")
+    assert (row["seeds"], row["pieces"], row["largest p"], row["pieces p < .05"]) == (2, 2, 0.2, 0.75)
+    assert (row["error"], row["error SD"]) == (6.5, 0.5)
+    assert (row["hits"], row["hits SD"]) == pytest.approx((0.6, 0.1))
+    assert (row["other"], row["largest other"], row["events"]) == pytest.approx((-0.05, 0.3, 1.25))
+    assert "left" not in row
+
+
+# Hands that no training had
+
+
+def test_a_network_that_predicts_the_mean_pose_has_all_of_its_error(tmp_path: Path):
+    data = SimpleNamespace(
+        fps=20.0, instrument="piano", performances=[SimpleNamespace(motion=SimpleNamespace(skeleton=HANDS_12))]
+    )
+    network = untrained(data)
+    torch.nn.init.zeros_(network.linear.weight)
+    torch.nn.init.zeros_(network.linear.bias)
+    run = SimpleNamespace(system=SimpleNamespace(network=network))
+    outcome = hands_errors(run, pianomime_folder(tmp_path / "set"))
+    assert outcome["clips"] == 1
+    assert outcome["of mean pose"] == pytest.approx(1.0)
+    assert outcome["full"] == outcome["mean pose"] > 0
+
+
+def test_performances_with_other_points_are_refused_by_name():
+    run = SimpleNamespace(system=SimpleNamespace(network=SimpleNamespace(skeleton=HANDS_12)))
+    with pytest.raises(ValueError, match="planted piano 1: has other points"):
+        unseen_errors(run, planted_data().performances)
