@@ -175,6 +175,12 @@ def test_the_bows_direction_is_no_limit_of_a_pianist():
     assert list(ceilings(QUICK, planted_data("piano"))["row"]) == [MEAN_POSE, FLOOR]
 
 
+def test_real_hands_have_no_limit_but_the_mean_pose():
+    data = planted_data()
+    recorded = PlayerData(HANDS, "piano", data.performances, data.split, MappingProxyType({}))
+    assert list(ceilings(QUICK, recorded)["row"]) == [MEAN_POSE]
+
+
 def test_limits_stand_below_the_table_with_test_errors_alone():
     data = planted_data()
     table = complete_table(QUICK, data, errors_by_row([FINAL], [6.0])).set_index("row")

@@ -75,12 +75,12 @@ def complete_table(profile: RunProfile, data: PlayerData, values: pd.DataFrame) 
     NaN for hands alone.
     """
     table, limits = error_table(values), ceilings(profile, data)
-    mean_pose = limits.set_index("row").loc[MEAN_POSE, "full"]
+    mean_pose = limits.loc[limits["row"] == MEAN_POSE, "full"].item()
     limits = limits.rename(columns={"projected": "test projected", "full": "test full"})
     limits["of mean pose"] = limits["test full"] / mean_pose
     rows = pd.DataFrame([*table.to_dict("records"), *limits.to_dict("records")], columns=table.columns)
     width = read_set(data, profiled(profile, data, row_settings(data, FINAL))).reference.shoulder_width
-    rows.insert(rows.columns.get_loc("of mean pose") + 1, "% of shoulder width", 100 * rows["test full"] / width)
+    rows["% of shoulder width"] = 100 * rows["test full"] / width
     return rows
 
 

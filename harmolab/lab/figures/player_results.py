@@ -71,7 +71,8 @@ def player_table_figure(table: pd.DataFrame, *, title: str, unit: str = "pixels"
 
     Parameters
     ----------
-    table : DataFrame of `harmolab.lab.complete_table`; rows without seeds are limits, drawn as lines
+    table : DataFrame of `harmolab.lab.complete_table`; rows without seeds are limits, drawn as lines. The paper's panel
+        stays empty without a column "paper test"
     title : str
     unit : str, of the errors
     """
@@ -82,7 +83,7 @@ def player_table_figure(table: pd.DataFrame, *, title: str, unit: str = "pixels"
         ours = runs["test full"] - runs.loc[final, "test full"].item()
         _draw_differences(axes[1], runs["row"], ours, runs["test full SD"].to_numpy(), COLOURS["ink"])
         axes[1].set(title="ours: test, above final", xlabel=f"{unit}; bars: SD over seeds")
-        if runs["paper test"].notna().any():
+        if "paper test" in runs:
             theirs = runs["paper test"] - runs.loc[final, "paper test"].item()
             _draw_differences(axes[2], runs["row"], theirs, None, COLOURS["chance"])
             axes[2].set(title="the paper: test, above final", xlabel="its pixels, its data")
