@@ -196,6 +196,14 @@ class HarmonyParams:
             visual_threshold=None, reaction_delay=0.1, detector="valleys", fps=None, smoothing=0.05, subframe=True
         )
 
+    @classmethod
+    def playing(cls) -> HarmonyParams:
+        """Chance-corrected hits within 0.05 s of every onset: for the events of hands at an instrument.
+
+        Of a whole motion they are those of its joint speed's valleys: the score of a dance, beside that of the hands.
+        """
+        return replace(cls.valleys(), audio_threshold=0.0, reaction_delay=0.05, beta=1.0)
+
 
 CHOICES = MappingProxyType(
     {
