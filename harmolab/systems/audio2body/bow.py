@@ -27,11 +27,12 @@ LATENESS = 0.1  # seconds after a turn at which the network says so: an attack i
 WIDTH = 0.03  # seconds, standard deviation of the bump that marks a turn
 HEIGHT, APART = 0.35, 0.12  # of a predicted turn: least height of its bump, seconds to the next one
 ENDS = (1.0, 99.0)  # percentiles of the bow hand's way that count as the ends of the bow
-AT_END = 0.04  # of the bow: strokes that stop so near to its ends may have been cut short
+AT_END = 0.08  # of the bow: strokes that stop so near to its ends may have been cut short
 SHORTEST = 0.03  # of the bow: shorter strokes say nothing
 ALTERNATION = 0.98  # probability that the stroke after a turn goes the other way: else one was overlooked
-LEAK = 0.02  # share of its way back to the mean that the bow goes at each turn, so that wrong lengths do not add up
+LEAK = 0.01  # share of its way back to the mean that the bow goes at each turn, so that wrong lengths do not add up
 AROUND = 2  # strokes before and after that one is held against
+REPEATS = 3.0  # by which evidence is divided: strokes held against each other say the same several times
 QUIET = -7.0  # log mean energy below which nothing sounds: 30 dB below the recording's mean
 LEAST_STROKES = 10
 RIDGE = 1e-3
@@ -91,14 +92,16 @@ class Bowing:
         ways = [each.points @ reading + offset for each in sequences]
         turns = [_tracked_turns(each, skeleton, params.fps) for each in sequences]
         at_turns = [place_at(way, each, params.fps) for way, each in zip(ways, turns, strict=True)]
-        sounds = [heard_strokes(each, loudness(seq.sound, params), params.fps)
+        sounds = [stroke_sounds(each, loudness(seq.sound, params), params.fps)
                   for each, seq in zip(turns, sequences, strict=True)]  # fmt: skip
         shifts = np.concatenate([np.diff(each) for each in at_turns])
         ends = np.concatenate([each[1:] for each in at_turns])
         long = np.abs(shifts) > SHORTEST
         free = long & (np.minimum(ends, 1 - ends) > AT_END)
         if free.sum() < LEAST_STROKES:
-            raise ValueError(f"a bow is learnt from {LEAST_STROKES} strokes or more; these recordings have {free.sum()}")
+            raise ValueError(
+                f"a bow is learnt from {LEAST_STROKES} strokes or more; these recordings have {free.sum()}"
+            )
         law = np.linalg.lstsq(_law_terms(np.concatenate(sounds))[free], np.log(np.abs(shifts[free])), rcond=None)[0]
         contrasts = np.concatenate([stroke_contrasts(each) for each in sounds])
         start = float(np.mean([each[0] for each in at_turns if each.size]))
@@ -131,8 +134,8 @@ class Bowing:
         sounding = np.flatnonzero(loud > QUIET)
         end = (sounding[-1] + 1) / fps if sounding.size else 0.0
         turns = np.append(turns, max(end, turns[-1] + 1 / fps)) if turns.size else np.zeros(1)
-        sounds = heard_strokes(turns, loud, fps)
-        signs = alternating(stroke_contrasts(sounds) @ self.evidence)
+        sounds = stroke_sounds(turns, loud, fps)
+        signs = alternating(stroke_contrasts(sounds) @ self.evidence / REPEATS)
         return Strokes(turns, signs, np.minimum(np.exp(_law_terms(sounds) @ self.law), 1.0))
 
     def places(self, strokes: Strokes, frames: int, fps: float) -> FloatArray:
@@ -162,7 +165,7 @@ def loudness(sound: NDArray[np.float32], params: Audio2BodyParams) -> FloatArray
     return np.asarray(2 * np.log(np.maximum(np.minimum(sound.max(axis=1), 1.0), RIDGE)), np.float64)
 
 
-def heard_strokes(turns: FloatArray, loud: FloatArray, fps: float) -> FloatArray:
+def stroke_sounds(turns: FloatArray, loud: FloatArray, fps: float) -> FloatArray:
     """Log seconds and mean loudness of the strokes between turns (K + 1,): (K, 2)."""
     summed = np.interp(turns * fps, np.arange(loud.size + 1), np.concatenate([[0.0], np.cumsum(loud)]))
     seconds = np.maximum(np.diff(turns), RIDGE)
@@ -180,7 +183,8 @@ def stroke_contrasts(sounds: FloatArray) -> FloatArray:
 def discriminant(values: FloatArray, truth: BoolArray) -> FloatArray:
     """Weights (C,) whose product with values (N, C), the last column 1, is the log odds of the truth (N,).
 
-    Linear discriminant analysis: two normal distributions of one covariance, equally frequent. 0 where there is one class.
+    Linear discriminant analysis: two normal distributions of one covariance, equally frequent. 0 where all are of one
+    class.
     """
     if truth.all() or not truth.any():
         return np.zeros(values.shape[1])
