@@ -25,7 +25,8 @@ from harmolab.types import BoolArray, FloatArray, IntArray, Motion, Skeleton
 
 LATENESS = 0.1  # seconds after a turn at which the network says so: an attack is known by what follows it
 WIDTH = 0.03  # seconds, standard deviation of the bump that marks a turn
-HEIGHT, APART = 0.35, 0.12  # of a predicted turn: least height of its bump, seconds to the next one
+PEAK = 3.0  # height of that bump: the turns vary about as much as the first component, and count as much in the loss
+HEIGHT, APART = 0.2, 0.12  # of a predicted turn: least share of that height, seconds to the next one
 ENDS = (1.0, 99.0)  # percentiles of the bow hand's way that count as the ends of the bow
 AT_END = 0.08  # of the bow: strokes that stop so near to its ends may have been cut short
 SHORTEST = 0.03  # of the bow: shorter strokes say nothing
@@ -145,15 +146,15 @@ class Bowing:
 
 
 def turn_signal(sequence: PlayedSequence, skeleton: Skeleton, fps: float) -> FloatArray:
-    """(T,) curve that a network learns: a bump of height 1 `LATENESS` seconds after each turn of the tracked bow."""
+    """(T,) curve that a network learns: a bump of height `PEAK` `LATENESS` seconds after each turn of the tracked bow."""
     times = np.arange(len(sequence.points))[:, None] / fps - LATENESS
     distances = times - _tracked_turns(sequence, skeleton, fps)
-    return np.exp(-np.square(distances / WIDTH) / 2).max(axis=1, initial=0.0)
+    return PEAK * np.exp(-np.square(distances / WIDTH) / 2).max(axis=1, initial=0.0)
 
 
 def turns_of(signal: FloatArray, rate: float) -> FloatArray:
     """(K,) seconds of the turns in a predicted `turn_signal` (S,) of so many steps a second."""
-    peaks, _ = find_peaks(signal, height=HEIGHT, distance=max(1, round(APART * rate)))
+    peaks, _ = find_peaks(signal, height=HEIGHT * PEAK, distance=max(1, round(APART * rate)))
     times = refine_extrema(signal, peaks) / rate - LATENESS
     return times[times > 0]
 
