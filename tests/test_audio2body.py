@@ -23,7 +23,7 @@ from harmolab.systems.audio2body.point_space import (
     later,
     steps_of,
 )
-from harmolab.systems.audio2body.sequences import PieceSplit, PlayedSequence, PlayedSet, PlayedWindows, check_pieces
+from harmolab.systems.audio2body.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows, check_pieces
 from harmolab.systems.audio2body.sound_features import (
     frame_mfcc,
     normalised_loudness,
@@ -176,7 +176,7 @@ def played(count: int = 4, *, seed: int = 0, params: Audio2BodyParams = TINY) ->
     return PlayedSet(tuple(sequences), HANDS_12, "piano", params, NOWHERE, "synthetic")
 
 
-SPLIT = PieceSplit(("piece 0", "piece 1", "piece 2"), (), ("piece 3",))
+SPLIT = PlayedSplit(("piece 0", "piece 1", "piece 2"), (), ("piece 3",))
 
 
 @pytest.fixture(scope="module")
@@ -246,7 +246,7 @@ def test_a_piece_on_two_sides_is_refused() -> None:
     with pytest.raises(ValueError, match="its piece is trained on in 'piece 0'"):
         check_pieces([*data.sequences[:3], doubled], SPLIT)
     with pytest.raises(ValueError, match="two sides"):
-        PieceSplit(("a",), (), ("a",))
+        PlayedSplit(("a",), (), ("a",))
     with pytest.raises(ValueError, match="no performance here"):
         check_pieces(data.sequences[:2], SPLIT)
 

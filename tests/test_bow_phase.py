@@ -44,7 +44,7 @@ from harmolab.systems.audio2body.planted_truth import (
 )
 from harmolab.systems.audio2body.point_space import PointSpace
 from harmolab.systems.audio2body.reading import played_set
-from harmolab.systems.audio2body.sequences import PieceSplit, PlayedSet
+from harmolab.systems.audio2body.sequences import PlayedSplit, PlayedSet
 from harmolab.systems.audio2body.train import errors, mean_pose_errors, prepared, train_audio2body
 from harmolab.systems.common.weights import load_weights, save_weights
 
@@ -61,13 +61,13 @@ def planted() -> list[PlantedPerformance]:
 
 
 @pytest.fixture(scope="module")
-def split(planted: list[PlantedPerformance]) -> PieceSplit:
+def split(planted: list[PlantedPerformance]) -> PlayedSplit:
     names = [each.performance.name for each in planted]
-    return PieceSplit(tuple(names[:5]), (), tuple(names[5:]))
+    return PlayedSplit(tuple(names[:5]), (), tuple(names[5:]))
 
 
 @pytest.fixture(scope="module")
-def played(planted: list[PlantedPerformance], split: PieceSplit) -> PlayedSet:
+def played(planted: list[PlantedPerformance], split: PlayedSplit) -> PlayedSet:
     return played_set([each.performance for each in planted], PARAMS, split)
 
 
@@ -77,7 +77,7 @@ def bow(played: PlayedSet) -> Bowing:
 
 
 @pytest.fixture(scope="module")
-def network(played: PlayedSet, split: PieceSplit, tmp_path_factory: pytest.TempPathFactory) -> SoundToPoints:
+def network(played: PlayedSet, split: PlayedSplit, tmp_path_factory: pytest.TempPathFactory) -> SoundToPoints:
     return train_audio2body(played, split, tmp_path_factory.mktemp("runs") / "bow")
 
 
@@ -234,7 +234,7 @@ def test_weights_keep_the_bow(played: PlayedSet, network: SoundToPoints, tmp_pat
     np.testing.assert_array_equal(predicted_points(again, sound), predicted_points(network, sound))
 
 
-def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(played: PlayedSet, split: PieceSplit) -> None:
+def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(played: PlayedSet, split: PlayedSplit) -> None:
     network, train, _ = prepared(played, split)
     plain, plain_train, _ = prepared(replace(played, params=replace(PARAMS, bow_phase=False)), split)
     assert (train.target.shape[2], plain_train.target.shape[2]) == (7, 6)
@@ -255,7 +255,7 @@ def test_correlations_of_components() -> None:
 
 
 def test_bow_phase_is_refused_where_there_is_no_bow(
-    planted: list[PlantedPerformance], played: PlayedSet, split: PieceSplit, network: SoundToPoints
+    planted: list[PlantedPerformance], played: PlayedSet, split: PlayedSplit, network: SoundToPoints
 ) -> None:
     with pytest.raises(ValueError, match="bow_phase is of violinists"):
         SoundToPoints(PARAMS, PLAYER_50, "piano", 3, NOWHERE)

@@ -23,12 +23,17 @@ from hypothesis.extra import numpy as hnp
 
 from harmolab.corpora.check import check
 from harmolab.corpora.folders import load_any_motion, load_recording
+from harmolab.corpora.instrument_sets import load_pianomime, load_published, load_tracked
+from harmolab.corpora.instruments import Performance
+from harmolab.corpora.performances import load_performance
 from harmolab.corpora.tang2018 import load_config
 from harmolab.io.aist import read_array_pickle
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation, load_beats
 from harmolab.io.keypoints import load_keypoints
 from harmolab.io.motion import load_motion
+from harmolab.io.notes import load_notes
+from harmolab.io.player_keypoints import load_player_points
 from harmolab.types import Audio, BeatTrack, Motion, Skeleton
 
 SEED = int(os.environ.get("HARMOLAB_HOSTILE_SEED", "1"))
@@ -56,8 +61,18 @@ FILES = {
     "song.csv": 180,
     "song.txt": 100,
     "beats.json": 210,
+    "players/take_000000000001_keypoints.json": 120,
+    "wholebody.json": 120,
+    "holistic.json": 120,
+    "hands.json": 120,
+    "train_all.json": 150,
+    "set/clip_001.npz": 200,
+    "set/clips.csv": 100,
+    "pianist.npz": 200,
+    "notes.csv": 180,
 }
 SEQUENCES = 120  # whole folders with one damaged part
+PERFORMANCES = 150  # the same of musicians
 ARRAYS = 60  # arrays made by hypothesis, for each of three types
 
 
@@ -128,6 +143,38 @@ def mediapipe_frames() -> list[list[dict[str, float]]]:
     ]
 
 
+def player_files() -> dict[str, bytes]:
+    """A small valid file of every format of musicians: points, notes, sets."""
+    rng = np.random.default_rng(9)
+    body, hand, whole = (rng.uniform(0.4, 1.0, (count, 3)).round(3) * [640, 480, 1] for count in (25, 21, 133))
+    keys = ("pose_keypoints_2d", "hand_left_keypoints_2d", "hand_right_keypoints_2d")
+    person = dict(zip(keys, (points.ravel().tolist() for points in (body, hand, hand + 1)), strict=True))
+    points = [{"x": 0.5 + 0.01 * place, "y": 0.25, "z": 0.0, "visibility": 0.0} for place in range(21)]
+    frame = {"pose_landmarks": mediapipe_frames()[0], "left_hand_landmarks": points, "right_hand_landmarks": None}
+    hands = [{"handedness": side, "score": 0.9, "landmarks": points} for side in ("Left", "Right")]
+    about = {"fps": 30.0, "size": [640, 480], "mirrored": True, "handedness": "mirrored"}
+    sides = [f"{side}_{part}" for side in "lr" for part in ("wrist", "thumb", "index", "middle", "ring", "little")]
+    notes = np.array([[0.0, 0.15, 36, 0, 4], [0.05, 0.1, 60, 1, 0]], np.float32)
+    clip = {"positions_tenth_mm": rng.integers(-4000, 4000, (4, 12, 3)).astype(np.int16), "fps": np.float32(20)}
+    clip |= {"joints": np.array(sides), "notes": notes, "pressed": np.zeros((4, 12), bool)}
+    tracked = {"left_hand": rng.uniform(0, 640, (5, 21, 2)).astype(np.float16), "fps": 25.0, "notes": notes[:, :4]}
+    tracked |= {"body": rng.uniform(0, 640, (5, 2, 2)), "joints": np.array(["left_wrist", "nose"])}
+    tracked["visibility"] = np.ones((5, 2))
+    return {
+        "players/take_000000000001_keypoints.json": json.dumps({"people": [person]}).encode(),
+        "wholebody.json": json.dumps(
+            [{"image_id": number, "keypoints": whole.ravel().tolist()} for number in range(3)]
+        ).encode(),
+        "holistic.json": json.dumps({**about, "frames": [frame, None, frame]}).encode(),
+        "hands.json": json.dumps({**about, "frames": [{"hands": hands}] * 3}).encode(),
+        "train_all.json": json.dumps({"a": [[[0.5, 1.0]] * 3, [rng.uniform(0, 9, 84).round(2).tolist()] * 3]}).encode(),
+        "set/clip_001.npz": saved(np.savez, **clip),
+        "set/clips.csv": b"clip,piece,seconds\nclip_001,7,0.2\n",
+        "pianist.npz": saved(np.savez, **tracked),
+        "notes.csv": b"onset_s,offset_s,midi,loudness,hand\n0.0,0.5,60,0.5,left\n0.25,0.75,64,1.0,right\n",
+    }
+
+
 def valid_files() -> dict[str, bytes]:
     """A small valid file of every format."""
     three, coco = poses(), poses(8, 17)
@@ -164,6 +211,7 @@ def valid_files() -> dict[str, bytes]:
         "song.csv": b"time,strength\n0.5,1.0\n1.0,0.25\n1.5,0.75\n2.0,0\n",
         "song.txt": b"5.0e-01\n1.0e+00\n1.5e+00\n2.0e+00\n",
         "beats.json": json.dumps(annotation()).encode(),
+        **player_files(),
     }
 
 
@@ -235,9 +283,43 @@ def replace_word(data: bytearray, rng: np.random.Generator) -> bytes:
 MUTATIONS = (flip_bits, cut_off, splice, remove, zero_fill, noise, edit_header, edit_header, replace_word, replace_word)
 
 
+def points_of(path: Path) -> list[np.ndarray]:
+    points = load_player_points(path, default_fps=25)
+    return [points.motion.positions, points.confidence]
+
+
+def arrays_of_performance(one: Performance) -> list[np.ndarray]:
+    notes = [] if one.notes is None else [one.notes.onsets, one.notes.offsets, one.notes.loudness]
+    return [one.motion.positions, np.array([one.offset]), *notes]
+
+
+def clips_of(path: Path) -> list[np.ndarray]:
+    return [array for one in load_pianomime(path.parent) for array in arrays_of_performance(one)]
+
+
+def note_arrays(path: Path) -> list[np.ndarray]:
+    notes = load_notes(path)
+    return [notes.onsets, notes.offsets, notes.loudness]
+
+
+# Readers of musicians' files, by the file's name or its folder's.
+PLAYER_ARRAYS: dict[str, Callable[[Path], list[np.ndarray]]] = {
+    "players": lambda path: points_of(path.parent),
+    "wholebody.json": points_of,
+    "holistic.json": points_of,
+    "hands.json": points_of,
+    "train_all.json": lambda path: arrays_of_performance(load_published(path, "piano")[0].performance),
+    "set": clips_of,
+    "pianist.npz": lambda path: arrays_of_performance(load_tracked(path)),
+    "notes.csv": note_arrays,
+}
+
+
 def arrays_of(path: Path) -> list[np.ndarray]:
     """Every array that reading a file gives."""
     name = path.name
+    if name in PLAYER_ARRAYS or path.parent.name in PLAYER_ARRAYS:
+        return PLAYER_ARRAYS[name if name in PLAYER_ARRAYS else path.parent.name](path)
     if path.parent.name == "frames":
         motion = load_keypoints(path.parent, fps=25)
         return [motion.positions]
@@ -274,8 +356,11 @@ def test_damaged_file_gives_a_finite_result_or_an_error_with_its_name(name: str,
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(valid)
-    if path.parent.name == "frames":
-        (path.parent / "dance_000000000000_keypoints.json").write_bytes(valid)
+    if path.parent.name in ("frames", "players"):
+        (path.parent / path.name.replace("1_", "0_")).write_bytes(valid)
+    if path.parent.name == "set":
+        for part in ("set/clip_001.npz", "set/clips.csv"):
+            (tmp_path / part).write_bytes(valid_files()[part])
     assert outcome(path, arrays_of) == "result"
     seen = []
     for turn in range(tries(FILES[name])):
@@ -302,6 +387,31 @@ def test_damaged_part_of_a_sequence_gives_a_clip_or_an_error_with_its_name(tmp_p
         outcome(folder, lambda folder: [load_recording(folder).clip.motion.positions])
         if turn % 10 < 2:
             assert len(check(folder)) == 1
+
+
+def test_damaged_part_of_a_performance_gives_one_or_an_error_with_its_name(tmp_path: Path):
+    rng = np.random.default_rng([SEED, 98])
+    valid = valid_files()
+    about = {"instrument": "piano", "fps": 25, "points": ["holistic.json"], "piece": "x", "size": [640, 480]}
+    about |= {"offset_s": 0.05, "mirrored": False, "rendered": True}
+    description = json.dumps(about).encode()
+    content = {
+        "sound.wav": valid["sound.wav"],
+        "notes.csv": valid["notes.csv"],
+        "holistic.json": valid["holistic.json"],
+    }
+    content["performance.json"] = description
+    folder = tmp_path / "take"
+    folder.mkdir()
+    seen = []
+    for turn in range(tries(PERFORMANCES)):
+        damaged = list(content)[turn % len(content)]
+        for name, data in content.items():
+            (folder / name).write_bytes(mutated(data, rng) if name == damaged else data)
+        seen.append(outcome(folder, lambda folder: arrays_of_performance(load_performance(folder))))
+        if turn % 10 < 4:
+            assert len(check(folder)) == 1
+    assert {"error", "result"} == set(seen)
 
 
 class Malicious:
@@ -471,5 +581,5 @@ def test_any_array_makes_finite_beats_or_a_value_error(
 
 
 def test_more_than_five_thousand_hostile_inputs_are_tried():
-    assert sum(FILES.values()) + SEQUENCES >= 5000
+    assert sum(FILES.values()) + SEQUENCES + PERFORMANCES >= 5000
     assert set(FILES) == set(valid_files())

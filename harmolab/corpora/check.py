@@ -6,7 +6,7 @@ Nothing here fails on a file: one that cannot be read becomes a row that says wh
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,13 +14,18 @@ import numpy as np
 
 from harmolab.corpora import tang2018
 from harmolab.corpora.folders import find_recordings, load_any_motion, load_recording
+from harmolab.corpora.instruments import Performance
+from harmolab.corpora.performance_files import ABOUT, named_instrument, performance_files
+from harmolab.corpora.performances import find_performances, load_performance
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation
 from harmolab.io.files import MissingFrameRate, PathLike
+from harmolab.io.player_points import BODY, SIDES, hand_joints
 from harmolab.types import Audio, Motion
 
 MAX_SPEED = 10.0
 FROZEN_SECONDS = 0.5
+LEAST_DETECTED = 0.8  # share of frames
 _STILL_METRES = 1e-4
 _HEIGHTS = (0.8, 2.5)
 _MAX_FILES = 10_000
@@ -40,7 +45,7 @@ class FileSummary:
     Parameters
     ----------
     path : str
-    kind : "sequence", "audio", "motion", "beats" or "unreadable"
+    kind : "sequence", "performance", "audio", "motion", "beats" or "unreadable"
     frames : int or None
         Frames of motion, samples of audio, or number of beats.
     rate : float or None
@@ -67,7 +72,7 @@ class FileSummary:
 
 
 def check(path: PathLike) -> list[FileSummary]:
-    """One row for a file, or one for each recording and each loose file of a folder.
+    """One row for a file, or one for each recording, performance and loose file of a folder.
 
     Raises
     ------
@@ -79,11 +84,27 @@ def check(path: PathLike) -> list[FileSummary]:
         raise FileNotFoundError(f"{path}: no such file or folder")
     if not path.is_dir():
         return [_guarded(_file, path)]
+    players, faults = find_performances(path)
+    playing = {folder for folder in (*players, *(fault.folder for fault in faults)) if _has_musician(folder)}
     folders, problems = find_recordings(path)
-    rows = [_guarded(_recording, folder) for folder in folders]
+    dancing = [folder for folder in folders if not _inside(folder, playing)]
+    problems = (*(p for p in faults if p.folder in playing), *(p for p in problems if not _inside(p.folder, playing)))
+    rows = [_guarded(_recording, folder) for folder in dancing]
+    rows += [_guarded(_performance, folder) for folder in players if folder in playing]
     rows += [FileSummary(str(folder), "unreadable", odd=(message,)) for folder, message in problems]
-    rows += [_guarded(_file, file) for file in _loose(path, {*folders, *(folder for folder, _ in problems)})]
+    taken = {*dancing, *(folder for folder, _ in problems)}
+    rows += [_guarded(_file, file) for file in _loose(path, taken) if not _inside(file, playing)]
     return rows or [FileSummary(str(path), "unreadable", odd=(f"{path}: holds no file that is known",))]
+
+
+def _has_musician(folder: Path) -> bool:
+    """True where a folder says that it holds a musician's performance, by performance.json or by its name."""
+    return (folder / ABOUT).is_file() or bool(named_instrument(folder))
+
+
+def _inside(path: Path, folders: set[Path]) -> bool:
+    """True for one of the folders and for all that is in it."""
+    return not folders.isdisjoint((path, *path.parents))
 
 
 def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
@@ -196,6 +217,36 @@ def _recording(folder: Path) -> FileSummary:
     late = (f"the motion ends {beyond:.2f} s after the audio",) if beyond > 0.1 else ()
     odd = (*_odd_span(folder, motion), *_odd_sound(clip.audio), *row.odd, *late)
     return replace(row, kind="sequence", offset=clip.offset, note=", ".join(facts), odd=odd)
+
+
+def _performance(folder: Path) -> FileSummary:
+    """The row of a folder with a musician's performance."""
+    try:
+        performance, has_rate = load_performance(folder, sample_rate=None), True
+    except MissingFrameRate:
+        performance, has_rate = load_performance(folder, sample_rate=None, fps=25.0), False
+    files, row = performance_files(folder), _motion_row(folder, performance.motion)
+    facts = [performance.instrument, f"points of {', '.join(file.name for file in files.points)}"]
+    audio, notes = performance.audio, performance.notes
+    facts += [] if audio is None else [f"{audio.duration:.2f} s of {'rendered ' if performance.rendered else ''}audio"]
+    facts += [] if notes is None else [f"{len(notes)} notes"]
+    odd = [*(("no sound",) if audio is None else _odd_sound(audio)), *row.odd, *_odd_hands(performance)]
+    if not has_rate:
+        row, odd = replace(row, rate=None, seconds=None), ["holds no frame rate: pass fps", *odd]
+    return replace(row, kind="performance", offset=performance.offset, note=", ".join(facts), odd=tuple(odd))
+
+
+def _odd_hands(performance: Performance) -> Iterator[str]:
+    """One sentence for each hand, and for the body, that is missing or not detected in a fifth of the frames."""
+    names = performance.motion.skeleton.joints
+    groups = {"body": BODY, **{f"{side} hand": hand_joints(side) for side in SIDES}}
+    for group, points in groups.items():
+        columns = [names.index(point) for point in points if point in names]
+        share = performance.detected[:, columns].all(axis=1).mean()
+        if not columns:
+            yield f"no point of the {group}"
+        elif share < LEAST_DETECTED:
+            yield f"all its points of the {group} are detected in {share:.0%} of the frames only"
 
 
 def _odd_span(folder: Path, motion: Motion) -> list[str]:

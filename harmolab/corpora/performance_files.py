@@ -45,6 +45,7 @@ ABOUT, MOTION, NOTES = "performance.json", "motion.npz", "notes.csv"
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 _FRAME = "_keypoints.json"
 _POINTS = (".json", ".jsonl")
+_LONGEST_NAME = 200
 _OTHER_JSON = (ABOUT, "beats.json", "config.json", "skeletons.json")
 
 
@@ -102,7 +103,7 @@ def _instrument(name: str, value: Any) -> None:
 
 def _file_name(name: str, value: Any) -> None:
     _text(name, value)
-    if not value or PurePath(value).is_absolute() or ".." in PurePath(value).parts:
+    if not 0 < len(value) <= _LONGEST_NAME or PurePath(value).is_absolute() or ".." in PurePath(value).parts:
         raise ValueError(f"{name} must be a name inside of the folder, got {value[:60]!r}")
 
 
@@ -185,8 +186,23 @@ def point_files(folder: Path, children: list[Path]) -> list[Path]:
     files = [child for child in children if child.suffix.lower() in _POINTS and child.name not in _OTHER_JSON]
     frames = [file for file in files if file.name.endswith(_FRAME)]
     folders = [folder] if frames else []
-    folders += [child for child in children if child.is_dir() and next(child.glob(f"*{_FRAME}"), None)]
+    folders += [child for child in children if child.is_dir() and _is_frames(child)]
     return [*(file for file in files if file not in frames), *folders]
+
+
+def _is_frames(folder: Path) -> bool:
+    """True for a folder of OpenPose's frames that is no performance of its own."""
+    try:
+        names = [child.name for child in folder.iterdir()]
+    except OSError:  # a folder that may not be looked into
+        return False
+    is_whole = any(name in (ABOUT, NOTES) or has_sound(name) for name in names)
+    return not is_whole and any(name.endswith(_FRAME) for name in names)
+
+
+def has_sound(name: str) -> bool:
+    """True for the name of a sound file or of a video."""
+    return PurePath(name).suffix.lower() in SOUNDS or is_video(name)
 
 
 def _present(folder: Path, name: str) -> Path:

@@ -13,9 +13,9 @@ from harmolab.corpora.performance_files import (
     ABOUT,
     MOTION,
     NOTES,
-    SOUNDS,
     PerformanceFiles,
     about_performance,
+    has_sound,
     named_instrument,
     performance_files,
     point_files,
@@ -25,7 +25,7 @@ from harmolab.io.files import MissingFrameRate, PathLike, atomic_folder, write_j
 from harmolab.io.motion import load_detected, load_motion, load_offset, save_motion
 from harmolab.io.notes import load_notes, save_notes
 from harmolab.io.player_keypoints import IsMusician, load_player_points
-from harmolab.io.video import average_rate, is_video
+from harmolab.io.video import average_rate
 from harmolab.io.video_sound import load_sound
 from harmolab.types import BoolArray, Motion
 
@@ -105,18 +105,21 @@ def _points(
     files: PerformanceFiles, about: dict[str, Any], fps: float | None, is_musician: IsMusician | None
 ) -> _Points:
     """The points of a folder, their mask, and the offset that their file holds."""
-    path = files.points[0]
-    if path.suffix.lower() == ".npz":
-        return _Points(load_motion(path, fps=about.get("fps")), load_detected(path), load_offset(path))
-    settings = {"size": about.get("size"), "mirrored": about.get("mirrored"), "is_musician": is_musician}
+    path, rate = files.points[0], about.get("fps")
+    if any(file.suffix.lower() == ".npz" for file in files.points):
+        if len(files.points) > 1:
+            raise ValueError(f"{path.parent / ABOUT}: an .npz has no confidence, so it is not merged with other points")
+        return _Points(load_motion(path, fps=rate), load_detected(path), load_offset(path))
+    default = average_rate(files.video) if rate is None and fps is None and files.video else fps
     try:
-        points = load_player_points(files.points, fps=about.get("fps"), **settings)
+        points = load_player_points(
+            files.points, fps=rate, default_fps=default, size=about.get("size"), mirrored=about.get("mirrored"),
+            is_musician=is_musician,
+        )  # fmt: skip
     except MissingFrameRate:
-        rate = fps if fps is not None or files.video is None else average_rate(files.video)
-        if rate is None:
-            text = f'{path}: holds no frame rate; write "fps" into {path.parent / ABOUT}, or pass fps (--fps 25)'
-            raise MissingFrameRate(text) from None
-        points = load_player_points(files.points, fps=rate, **settings)
+        raise MissingFrameRate(
+            f'{path}: holds no frame rate; write "fps" into {ABOUT} beside it, or pass fps (--fps 25)'
+        ) from None
     return _Points(points.motion, points.detected, None)
 
 
@@ -184,16 +187,16 @@ def _faults(root: Path) -> Iterator[tuple[Path, str]]:
     for name, below, names in os.walk(root):
         folder = Path(name)
         below[:] = sorted(child for child in below if not child.startswith("."))
+        names = [file for file in names if not file.startswith(".")]
         has_points = MOTION in names or bool(point_files(folder, [folder / child for child in (*names, *below)]))
-        has_sound = any(Path(file).suffix.lower() in SOUNDS or is_video(file) or file == NOTES for file in names)
-        if not (has_points or has_sound or ABOUT in names):
+        if not (has_points or ABOUT in names or NOTES in names or any(map(has_sound, names))):
             below[:] = below if len(folder.relative_to(root).parts) < _MAX_DEPTH else []
             continue
         if has_points or ABOUT in names:
             below[:] = []
         try:
             yield folder, _fault(performance_files(folder))
-        except ValueError as error:
+        except (ValueError, OSError) as error:
             yield folder, str(error)
 
 
@@ -210,5 +213,5 @@ def iter_performances(roots: PathLike | Sequence[PathLike], **options: Any) -> I
     for folder in folders:
         try:
             yield load_performance(folder, **options)
-        except (ValueError, FileNotFoundError) as error:
+        except (ValueError, OSError) as error:
             yield Problem(folder, str(error))

@@ -52,6 +52,7 @@ class Audio2BodyParams:
     data_share : float, of the training windows
     validation : "windows", a random fifth of them, as in the paper; "pieces" whole pieces (A2B 20)
     bow_phase : bool, the bow's place without its direction is learnt, and its direction alternates. Ours, violin.
+    shuffled_sound : bool, every training piece is heard with the sound of another: what is left is no hearing
     shards : int, as in `harmolab.systems.harmogan.params.TrainParams`
     seed : int
     """
@@ -80,6 +81,7 @@ class Audio2BodyParams:
     data_share: float = 1.0
     validation: Validation = "windows"
     bow_phase: bool = False
+    shuffled_sound: bool = False
     shards: int = 1
     seed: int = 1
 
@@ -115,6 +117,13 @@ class Audio2BodyParams:
         return replace(
             cls.tables(instrument), sequence=400, delay=5 / 96, dropout=0.4, rate=5e-3, components=10
         )  # fmt: skip
+
+    @classmethod
+    def recommended(cls, instrument: str = "piano") -> Audio2BodyParams:
+        """Hands move before the note: 125 ms of delay; semitones beside the 28 numbers; whole pieces validated on."""
+        return replace(
+            cls.tables(instrument), delay=0.125, tones="semitones", batch=25, rate=2e-3, epochs=40, validation="pieces"
+        )
 
     @property
     def step_rate(self) -> float:

@@ -14,7 +14,7 @@ from harmolab.systems.audio2body.cleaning import CleaningRules, cleaned
 from harmolab.systems.audio2body.gaps import training_frames
 from harmolab.systems.audio2body.params import Audio2BodyParams
 from harmolab.systems.audio2body.placing import Reference, placed, reference_configuration
-from harmolab.systems.audio2body.sequences import PieceSplit, PlayedSequence, PlayedSet
+from harmolab.systems.audio2body.sequences import PlayedSequence, PlayedSet, PlayedSplit
 from harmolab.systems.audio2body.sound_features import note_features, sound_features
 from harmolab.types import FloatArray, Motion
 
@@ -22,7 +22,7 @@ from harmolab.types import FloatArray, Motion
 def played_set(
     performances: Sequence[Performance],
     params: Audio2BodyParams,
-    split: PieceSplit,
+    split: PlayedSplit,
     *,
     progress: Progress = silent,
 ) -> PlayedSet:
@@ -40,7 +40,7 @@ def played_set(
     first = next((each for each in performances if each.name == split.train[0]), None)
     if first is None:
         raise ValueError(f"the split names {split.train[0]!r}, which is no performance here")
-    reference = reference_configuration(cleaned(at_rate(first, params.fps)))
+    reference = reference_configuration(cleaned(at_rate(first, params.fps), cleaning_rules(first)))
     sequences = tuple(
         read_sequence(each, params, reference, is_test=each.name in split.test)
         for each in progress(performances, "reading performances")
@@ -91,21 +91,26 @@ def read_sequence(
     is_test : cleaned, and with its own time line, whatever `params` say of training
     """
     performance = at_rate(performance, params.fps)
-    rules = CleaningRules() if is_test or params.reject else CleaningRules.off()
-    result = cleaned(performance, rules)
+    result = cleaned(performance, cleaning_rules(performance) if is_test or params.reject else CleaningRules.off())
     motion = placed(result, reference, alignment=params.alignment)
     frames = training_frames(motion, "mask" if is_test else params.gaps)
     points = _flat(frames.positions)
     accepted = result.accepted[frames.frames]
-    sound = _heard(performance, params, motion)[frames.frames]
+    sound = _input(performance, params, motion)[frames.frames]
     return PlayedSequence(performance.name, performance.piece, sound, points, frames.usable, accepted)
+
+
+def cleaning_rules(performance: Performance) -> CleaningRules:
+    """The rules for a performance: hands without a body have no box whose width could measure a jump."""
+    has_body = "left_shoulder" in performance.motion.skeleton.joints
+    return CleaningRules() if has_body else CleaningRules(swapped=None, jump=None, centre=None)
 
 
 def _flat(positions: FloatArray) -> FloatArray:
     return positions.reshape(len(positions), -1)
 
 
-def _heard(performance: Performance, params: Audio2BodyParams, motion: Motion) -> np.ndarray:
+def _input(performance: Performance, params: Audio2BodyParams, motion: Motion) -> np.ndarray:
     """Sound or notes, (T, F), beside the frames of a motion."""
     if params.hears == "notes":
         if performance.notes is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,7 @@ class PlayedSequence:
 
 
 @dataclass(frozen=True)
-class PieceSplit:
+class PlayedSplit:
     """Names of performances on each side; ValueError where one is on two, or none is trained on.
 
     Parameters
@@ -69,7 +69,7 @@ class PieceSplit:
         return asdict(self)
 
 
-def check_pieces(sequences: Iterable[PlayedSequence], split: PieceSplit) -> None:
+def check_pieces(sequences: Iterable[PlayedSequence], split: PlayedSplit) -> None:
     """ValueError for a piece that is tested on, or validated on as a whole, but trained on in another recording."""
     pieces = {sequence.name: sequence.piece or sequence.name for sequence in sequences}
     if missing := sorted({*split.train, *split.validation, *split.test} - pieces.keys()):
@@ -83,6 +83,18 @@ def check_pieces(sequences: Iterable[PlayedSequence], split: PieceSplit) -> None
 def sides(sequences: Sequence[PlayedSequence], names: Collection[str]) -> list[PlayedSequence]:
     """The sequences of some names."""
     return [sequence for sequence in sequences if sequence.name in names]
+
+
+def with_other_sounds(sequences: Sequence[PlayedSequence], seed: int) -> list[PlayedSequence]:
+    """Each sequence with the sound of another one, over and over if that is shorter; ValueError for a single one."""
+    if len(sequences) < 2:
+        raise ValueError("the sound of another piece needs two pieces or more")
+    order = np.random.default_rng(seed).permutation(len(sequences))
+    others = dict(zip(order.tolist(), np.roll(order, 1).tolist(), strict=True))
+    return [
+        replace(own, sound=np.resize(sequences[others[number]].sound, own.sound.shape))
+        for number, own in enumerate(sequences)
+    ]
 
 
 def fitted_space(sequences: Sequence[PlayedSequence], params: Audio2BodyParams) -> PointSpace:

@@ -22,16 +22,16 @@ SingleArray = NDArray[np.float32]
 RATE = 44100.0  # hertz at which everything is listened to
 SILENCE = 1e-6  # root mean square below which there is no sound, and what is added before logarithms
 SLOPE = 2  # frames on each side that a derivative is taken over
-TONE_WINDOW = 8192  # samples that tones are told apart in: more than a frame
+TONE_RATE, TONE_WINDOW = 11025.0, 2048  # hertz, and samples (186 ms) that tones are told apart in: more than a frame
 AT_ONCE = 2048  # frames, so that an hour takes little memory
 A4, A4_MIDI = 440.0, 69
-CACHE_VERSION = 1  # raise when the analysis changes
+CACHE_VERSION = 2  # raise when the analysis changes
 
 
 def sound_features(
     audio: Audio, params: Audio2BodyParams, n_frames: int, *, start: float = 0.0, cached: bool = True
 ) -> SingleArray:
-    """What the network hears of a recording, frame by frame: (n_frames, F), F being `params.n_sound`.
+    """The input of the network for a recording, frame by frame: (n_frames, F), F being `params.n_sound`.
 
     Parameters
     ----------
@@ -115,10 +115,10 @@ def frame_mfcc(
 
 
 def _frames(
-    samples: SingleArray, fps: float, start: float, numbers: range, width: int, *, late: int = 0
+    samples: SingleArray, fps: float, start: float, numbers: range, width: int, *, rate: float = RATE, late: int = 0
 ) -> SingleArray:
     """(F, width) samples of some frames, from `late` samples after their beginning; zeros outside the recording."""
-    firsts = np.round((start + np.arange(numbers.start, numbers.stop) / fps) * RATE).astype(np.int64) + late
+    firsts = np.round((start + np.arange(numbers.start, numbers.stop) / fps) * rate).astype(np.int64) + late
     low, high = int(firsts[0]), int(firsts[-1]) + width
     part = np.zeros(high - low, np.float32)
     inside = slice(max(low, 0), min(high, samples.size))
@@ -156,13 +156,15 @@ def tone_strengths(
 ) -> SingleArray:
     """Strength of each semitone from C2 to C7, (T, 61), or summed over octaves, (T, 12): ln(1 + power).
 
-    They are listened to in windows of 8192 samples (186 ms) about the middle of each frame.
+    They are listened to in windows of 186 ms about the middle of each frame.
     """
+    samples = soxr.resample(samples, RATE, TONE_RATE, quality="HQ")
     window, bands = np.hamming(TONE_WINDOW).astype(np.float32), _tone_bands(chroma)
-    late = round(RATE / fps / 2) - TONE_WINDOW // 2
+    late = round(TONE_RATE / fps / 2) - TONE_WINDOW // 2
     values = np.empty((n_frames, bands.shape[1]), np.float32)
     for first in range(0, n_frames, AT_ONCE):
-        frames = _frames(samples, fps, start, range(first, min(first + AT_ONCE, n_frames)), TONE_WINDOW, late=late)
+        numbers = range(first, min(first + AT_ONCE, n_frames))
+        frames = _frames(samples, fps, start, numbers, TONE_WINDOW, rate=TONE_RATE, late=late)
         power = _power(frames * window, TONE_WINDOW) / np.square(window).sum()
         values[first : first + len(frames)] = np.log1p(power @ bands)
     return values
@@ -170,8 +172,8 @@ def tone_strengths(
 
 @cache
 def _tone_bands(chroma: bool) -> SingleArray:
-    """(4097, 61 or 12) shares of each frequency in each semitone: triangles from one semitone to the next."""
-    frequencies = np.fft.rfftfreq(TONE_WINDOW, 1 / RATE)
+    """(1025, 61 or 12) shares of each frequency in each semitone: triangles from one semitone to the next."""
+    frequencies = np.fft.rfftfreq(TONE_WINDOW, 1 / TONE_RATE)
     pitches = A4_MIDI + 12 * np.log2(np.maximum(frequencies, 1.0) / A4)
     tones = np.arange(LOW_TONE, HIGH_TONE + 1)
     bands = np.clip(1 - np.abs(pitches[:, None] - tones), 0, None)

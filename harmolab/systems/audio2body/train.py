@@ -19,14 +19,15 @@ from harmolab.systems.audio2body.networks import SoundToPoints
 from harmolab.systems.audio2body.perform import predicted_points
 from harmolab.systems.audio2body.sequences import (
     VALIDATION_SHARE,
-    PieceSplit,
     PlayedSequence,
     PlayedSet,
+    PlayedSplit,
     PlayedWindows,
     check_pieces,
     fitted_space,
     sides,
     sound_statistics,
+    with_other_sounds,
 )
 from harmolab.systems.common.about import DEFAULT_STEM
 from harmolab.systems.common.history import Report
@@ -48,7 +49,7 @@ class Errors(NamedTuple):
 
 def train_audio2body(
     played: PlayedSet,
-    split: PieceSplit,
+    split: PlayedSplit,
     folder: PathLike,
     *,
     resume: bool = False,
@@ -62,7 +63,7 @@ def train_audio2body(
     Parameters
     ----------
     played : PlayedSet; its `params` are those of the training
-    split : PieceSplit of the same performances
+    split : PlayedSplit of the same performances
     folder : created; must be new or empty unless `resume`
     resume : go on where the run in `folder` stopped; start it when there is none
     fabric : from `make_fabric`
@@ -93,10 +94,11 @@ def train_audio2body(
 
 
 def prepared(
-    played: PlayedSet, split: PieceSplit, device: torch.device | str = "cpu"
+    played: PlayedSet, split: PlayedSplit, device: torch.device | str = "cpu"
 ) -> tuple[SoundToPoints, PlayedWindows, PlayedWindows]:
     """An untrained network with the statistics of the training side; windows to train on, and to validate on."""
     params, learnt = played.params, sides(played.sequences, split.train)
+    learnt = with_other_sounds(learnt, params.seed) if params.shuffled_sound else learnt
     validated = sides(played.sequences, split.validation)
     bow = Bowing.fit(learnt, played.skeleton, params) if params.bow_phase else None
     if bow is not None:
@@ -229,7 +231,7 @@ def mean_pose_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]
 
 
 def side_errors(
-    network: SoundToPoints, played: PlayedSet, split: PieceSplit, train: PlayedWindows, validation: PlayedWindows
+    network: SoundToPoints, played: PlayedSet, split: PlayedSplit, train: PlayedWindows, validation: PlayedWindows
 ) -> dict[str, Errors]:
     """Side -> errors; beside those of the test side stand those of the mean pose."""
     outcome = {"train": window_errors(network, train), "validation": window_errors(network, validation)}

@@ -50,7 +50,7 @@ def rendered_notes(
     if not 1 / sample_rate <= seconds <= 3600:
         raise ValueError(f"seconds must be positive and at most 3600, got {seconds}")
     mixer, timbre = Mixer(seconds, int(sample_rate)), TIMBRES[instrument]
-    lengths = np.minimum(notes.offsets - notes.onsets, LONGEST)
+    lengths = (notes.offsets - notes.onsets).clip(2 / mixer.rate, LONGEST)
     phases = vibrato_phases(len(notes), seed) if instrument == "violin" else None
     for pitch in np.unique(notes.pitches):
         numbers = np.flatnonzero(notes.pitches == pitch)

@@ -23,7 +23,7 @@ BRIDGE = np.array([421.0, 147.5])
 STRING = 105.0  # pixels from the bridge to the nut
 HAND_SHARE = 0.8  # of the way along the string that the hand goes; the finger reaches the rest
 SHIFT = 0.12  # seconds of a shift of the left hand, at most
-CROSSING = 0.08  # seconds in which the bow goes over to another string, at most
+CROSSING = 0.12  # seconds in which the bow goes over to another string, at most
 BOW = np.array([-0.53, 0.848])  # direction from the bridge to the bow hand
 BELOW_BOW = np.array([0.848, 0.53])
 FROG, BOW_LENGTH = 20.0, 215.0  # pixels from the bridge to the bow hand at place 0, and further to place 1
@@ -135,9 +135,7 @@ def _bow_hand(place: FloatArray, tilt: FloatArray) -> FloatArray:
     """(T, 21, 2) the right hand; a string crossing moves it across the bow only, so that turns stay on the onsets."""
     distance = (FROG + BOW_LENGTH * place)[:, None]
     grip = BRIDGE + distance * (BOW + tilt[:, None] * BELOW_BOW)
-    cosine, sine = np.cos(tilt / 2)[:, None], np.sin(tilt / 2)[:, None]
-    x, y = BOW_HAND[:, 0], BOW_HAND[:, 1]
-    return grip[:, None] + point(cosine * x + sine * y, cosine * y - sine * x)
+    return grip[:, None] + BOW_HAND
 
 
 def _left_hand(notes: Notes, times: FloatArray, stop: FloatArray, seed: int) -> FloatArray:
@@ -149,16 +147,16 @@ def _left_hand(notes: Notes, times: FloatArray, stop: FloatArray, seed: int) -> 
     pressing[np.arange(len(notes)), fingers + 1] = distances > 0
     reach = np.take_along_axis(reaches, fingers[:, None], axis=1)
     down, along = (glide(times, notes.onsets, values, CROSSING) for values in (pressing, pressing * reach))
-    tips = point(_vibrato(notes, times, seed)[:, None] * down - along, PRESS * down)
+    tips = point(-along - _vibrato(notes, times, seed)[:, None] * down, PRESS * down)
     hand = bent_hand(LEFT_HAND, tips) - point(HAND_SHARE * stop, 0.0)[:, None]
     return NUT + hand @ np.stack([NECK, BELOW_NECK])
 
 
 def _vibrato(notes: Notes, times: FloatArray, seed: int) -> FloatArray:
-    """(T,) pixels along the neck, in the phase that the sound has."""
+    """(T,) pixels towards the bridge by which the stopping finger rolls: the sound is highest when it is nearest."""
     number = np.maximum(np.searchsorted(notes.onsets, times, side="right") - 1, 0)
     phases = vibrato_phases(len(notes), seed)[number]
-    return np.asarray(VIBRATO * np.sin(2 * np.pi * VIBRATO_RATE * (times - notes.onsets[number]) + phases))
+    return np.asarray(VIBRATO * np.cos(2 * np.pi * VIBRATO_RATE * (times - notes.onsets[number]) + phases))
 
 
 def _between(ends: tuple[tuple[float, float], tuple[float, float]], share: FloatArray) -> FloatArray:
