@@ -44,7 +44,7 @@ from harmolab.systems.audio2body.planted_truth import (
 )
 from harmolab.systems.audio2body.point_space import PointSpace
 from harmolab.systems.audio2body.reading import played_set
-from harmolab.systems.audio2body.sequences import PlayedSplit, PlayedSet
+from harmolab.systems.audio2body.sequences import PlayedSet, PlayedSplit
 from harmolab.systems.audio2body.train import errors, mean_pose_errors, prepared, train_audio2body
 from harmolab.systems.common.weights import load_weights, save_weights
 

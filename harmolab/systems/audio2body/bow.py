@@ -146,7 +146,7 @@ class Bowing:
 
 
 def turn_signal(sequence: PlayedSequence, skeleton: Skeleton, fps: float) -> FloatArray:
-    """(T,) curve that a network learns: a bump of height `PEAK` `LATENESS` seconds after each turn of the tracked bow."""
+    """(T,) curve to learn: a bump of height `PEAK`, `LATENESS` seconds after each turn of the tracked bow."""
     times = np.arange(len(sequence.points))[:, None] / fps - LATENESS
     distances = times - _tracked_turns(sequence, skeleton, fps)
     return PEAK * np.exp(-np.square(distances / WIDTH) / 2).max(axis=1, initial=0.0)
@@ -174,7 +174,7 @@ def stroke_sounds(turns: FloatArray, loud: FloatArray, fps: float) -> FloatArray
 
 
 def stroke_contrasts(sounds: FloatArray) -> FloatArray:
-    """How much longer and louder each stroke (K, 2) is than its neighbours: (K, 4 `AROUND` + 1), the last column 1."""
+    """Strokes (K, 2) less each of their neighbours, log seconds and loudness: (K, 4 `AROUND` + 1), the last column 1."""
     numbers = np.arange(len(sounds))
     steps = [step for step in range(-AROUND, AROUND + 1) if step]
     beside = [sounds - sounds[np.clip(numbers + step, 0, len(sounds) - 1)] for step in steps] if len(sounds) else []

@@ -124,8 +124,13 @@ def bow_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> B
     ]
     moved = [bow.at_place(bow.at_rest(guess), way) for guess, way in zip(predicted, ways, strict=True)]
     truth = [network.projected(each.points) for each in sequences]
-    outcome = (errors_between(points, truth, sequences) for points in (predicted, directed, moved))
-    return BowErrors(*outcome, direction_share=float(right.mean()), n_strokes=right.size)
+    return BowErrors(
+        predicted=errors_between(predicted, truth, sequences),
+        true_directions=errors_between(directed, truth, sequences),
+        true_place=errors_between(moved, truth, sequences),
+        direction_share=float(right.mean()),
+        n_strokes=right.size,
+    )
 
 
 def true_signs(strokes: Strokes, way: FloatArray, fps: float) -> IntArray:
