@@ -23,7 +23,7 @@ from harmolab.systems.audio2body.point_space import (
     later,
     steps_of,
 )
-from harmolab.systems.audio2body.sequences import PlayedSplit, PlayedSequence, PlayedSet, PlayedWindows, check_pieces
+from harmolab.systems.audio2body.sequences import PlayedSequence, PlayedSet, PlayedSplit, PlayedWindows, check_pieces
 from harmolab.systems.audio2body.sound_features import (
     frame_mfcc,
     normalised_loudness,

@@ -18,7 +18,6 @@ from harmolab.io.player_points import HANDS_12, INSTRUMENTS, PLAYER_50, SIDES, h
 from harmolab.kinematics import Similarity
 from harmolab.systems.audio2body.cleaning import RULES, CleaningRules, cleaned, rejected_examples
 from harmolab.systems.audio2body.gaps import training_frames, usable_steps
-from harmolab.systems.audio2body.merging import Detections, merged
 from harmolab.systems.audio2body.placing import placed, reference_configuration, shot_similarities
 from harmolab.types import FloatArray, Motion
 
@@ -289,34 +288,6 @@ def test_step_is_usable_where_both_frames_around_it_are() -> None:
     assert list(usable_steps(np.array([True]), 4)) == [True]
     with pytest.raises(ValueError, match="1 or more steps"):
         usable_steps(usable, 0)
-
-
-# Several detectors (reading 7).
-
-
-def detections(joints: Sequence[str], value: float, confidence: list[list[float]]) -> Detections:
-    shape = (len(confidence), len(joints), 2)
-    return Detections(Motion(np.full(shape, value), FPS, player_skeleton(joints)), np.array(confidence))
-
-
-def test_each_point_comes_from_the_source_that_is_surest_of_it() -> None:
-    first = detections(("right_wrist", "left_wrist"), 1.0, [[0.9, 0.2], [0.5, 0.0]])
-    second = detections(("left_wrist", "right_wrist", "left_hand"), 2.0, [[0.3, 0.1, 0.7], [0.0, 0.5, 0.0]])
-    both = merged([first, second])
-    assert both.motion.skeleton.joints == ("left_wrist", "right_wrist", "left_hand")
-    # Of equal confidences the first source counts.
-    np.testing.assert_array_equal(both.motion.positions[..., 0], [[2, 1, 2], [1, 1, 2]])
-    np.testing.assert_array_equal(both.confidence, [[0.3, 0.9, 0.7], [0.0, 0.5, 0.0]])
-
-
-def test_detections_that_do_not_fit_are_refused() -> None:
-    one = detections(("left_wrist",), 1.0, [[0.9], [0.9]])
-    with pytest.raises(ValueError, match="2 frames at 24 fps and 3 at 24"):
-        merged([one, detections(("left_wrist",), 1.0, [[0.9], [0.9], [0.9]])])
-    with pytest.raises(ValueError, match="no detections"):
-        merged([])
-    with pytest.raises(ValueError, match="not negative"):
-        detections(("left_wrist",), 1.0, [[0.9], [-0.9]])
 
 
 # Camera shots and placing (reading 10).

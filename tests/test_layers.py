@@ -62,7 +62,12 @@ LIBRARIES = {
     "matplotlib": ("lab.figures", "lab.widgets"),
     "ipywidgets": ("lab.widgets",),
     "anywidget": ("lab.widgets",),
-    "librosa": ("beats.audio", "systems.audio2body.sound_features", "systems.common.audio_features", "systems.music2dance.music_features"),
+    "librosa": (
+        "beats.audio",
+        "systems.audio2body.sound_features",
+        "systems.common.audio_features",
+        "systems.music2dance.music_features",
+    ),
     "pandas": ("lab", "cli"),
     "jinja2": ("lab.report",),
 }

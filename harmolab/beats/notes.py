@@ -231,8 +231,9 @@ def _palm(motion: Motion, side: str) -> float:
 
 def _bow_path(motion: Motion) -> FloatArray:
     """(T, D) places of the bow hand from the bridge, frames that are not valid bridged over."""
-    names = (*hand_joints(BOW_HAND), f"{BOW_HAND}_wrist")
-    bow = [number for name in names if (number := _number(motion, name)) is not None]
+    hand = [number for name in hand_joints(BOW_HAND) if (number := _number(motion, name)) is not None]
+    wrist = _number(motion, f"{BOW_HAND}_wrist")
+    bow = hand or ([] if wrist is None else [wrist])
     shoulder, left = _number(motion, "left_shoulder"), hand_root(motion.skeleton, "left")
     ends = [number for number in (shoulder, left) if number is not None]
     bridge = _number(motion, BRIDGE)

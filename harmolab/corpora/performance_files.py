@@ -45,6 +45,7 @@ ABOUT, MOTION, NOTES = "performance.json", "motion.npz", "notes.csv"
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 _FRAME = "_keypoints.json"
 _POINTS = (".json", ".jsonl")
+_LONGEST_NAME = 200
 _OTHER_JSON = (ABOUT, "beats.json", "config.json", "skeletons.json")
 
 
@@ -102,7 +103,7 @@ def _instrument(name: str, value: Any) -> None:
 
 def _file_name(name: str, value: Any) -> None:
     _text(name, value)
-    if not value or PurePath(value).is_absolute() or ".." in PurePath(value).parts:
+    if not 0 < len(value) <= _LONGEST_NAME or PurePath(value).is_absolute() or ".." in PurePath(value).parts:
         raise ValueError(f"{name} must be a name inside of the folder, got {value[:60]!r}")
 
 

@@ -34,7 +34,7 @@ CERTAIN_LAG = 0.01
 
 
 class Lag(NamedTuple):
-    """How much later than the onsets the hands move as a whole: median, seconds, late is positive.
+    """Seconds that the hands as a whole move after the onsets: a median, late is positive.
 
     Parameters
     ----------

@@ -200,7 +200,7 @@ def _violinist(times: FloatArray, rng: np.random.Generator, trunk: dict[str, Flo
     fingering = _Arm(left, pole, UP + 0.6 * np.cross(UP, neck) - 0.3 * neck, -np.cross(UP, neck))
     tilt = _steps(times, rng, -0.25, 0.25, 0.9)
     away = np.stack([-np.cos(angle), np.sin(tilt), np.sin(angle)], axis=1)
-    stroke = 0.24 + 0.14 * np.sin(np.cumsum(2 * np.pi * _steps(times, rng, 0.4, 1.1, 1.5)) * (times[1] - times[0]))
+    stroke = 0.19 + 0.12 * np.sin(np.cumsum(2 * np.pi * _steps(times, rng, 0.4, 1.1, 1.5)) * (times[1] - times[0]))
     right = chin + 0.19 * neck + away * stroke[:, None] + 0.04 * UP
     raised = np.stack([-np.ones_like(times), -0.6 + 0.2 * _wave(times, rng, 5.0), np.full_like(times, 0.1)], axis=1)
     return [fingering, _Arm(right, raised, -away - 0.6 * UP, np.broadcast_to(-UP, right.shape) - 0.3 * neck)]

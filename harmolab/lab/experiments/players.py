@@ -87,7 +87,7 @@ class PlayerData:
 
     @property
     def source(self) -> str:
-        """What a picture says of the data."""
+        """The data as pictures name them."""
         return "synthetic" if self.label == PLANTED else self.label
 
 

@@ -47,11 +47,11 @@ def render_points(
     if min(height, width) < 64:
         raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
     check_positive(fps=fps)
-    shown = [resample_motion(upsample_motion(motion, fps), fps) for motion in (truth, prediction)]
-    count = min(motion.n_frames for motion in shown)
-    places = in_picture(np.concatenate([motion.positions[:count] for motion in shown], axis=1), height, width)
+    both = [resample_motion(upsample_motion(motion, fps), fps) for motion in (truth, prediction)]
+    count = min(motion.n_frames for motion in both)
+    places = in_picture(np.concatenate([motion.positions[:count] for motion in both], axis=1), height, width)
     split = len(truth.skeleton.joints)
-    return _frames(np.split(places[..., :2], [split], axis=1), [m.skeleton for m in shown], height, width)
+    return _frames(np.split(places[..., :2], [split], axis=1), [m.skeleton for m in both], height, width)
 
 
 def _frames(places: list[FloatArray], skeletons: list[Skeleton], height: int, width: int) -> Iterator[Frame]:

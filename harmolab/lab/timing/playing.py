@@ -1,4 +1,4 @@
-"""Where a musician's hands and the sound part: findings in words, the single events, stretches of time.
+"""The moments at which a musician's hands and the sound part: findings in words, single events, stretches of time.
 
 All numbers are those of `harmolab.metrics.playing`, so that no finding can contradict the score.
 """
@@ -254,7 +254,7 @@ def _hands(score: PlayingScore, partings: Sequence[Parting]) -> list[Finding]:
         findings.append(Finding("hand", own.harmony_above_chance, sentence, own.interval))
     if count := sum(parting.kind == "other hand" for parting in partings):
         words = "onset is" if count == 1 else "onsets are"
-        findings.append(Finding("other hand", float(count), f"{count} {words} met by the wrong hand alone."))
+        findings.append(Finding("other hand", float(count), f"{count} {words} met by the other hand alone."))
     return findings
 
 

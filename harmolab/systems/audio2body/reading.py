@@ -96,7 +96,7 @@ def read_sequence(
     frames = training_frames(motion, "mask" if is_test else params.gaps)
     points = _flat(frames.positions)
     accepted = result.accepted[frames.frames]
-    sound = _heard(performance, params, motion)[frames.frames]
+    sound = _input(performance, params, motion)[frames.frames]
     return PlayedSequence(performance.name, performance.piece, sound, points, frames.usable, accepted)
 
 
@@ -110,7 +110,7 @@ def _flat(positions: FloatArray) -> FloatArray:
     return positions.reshape(len(positions), -1)
 
 
-def _heard(performance: Performance, params: Audio2BodyParams, motion: Motion) -> np.ndarray:
+def _input(performance: Performance, params: Audio2BodyParams, motion: Motion) -> np.ndarray:
     """Sound or notes, (T, F), beside the frames of a motion."""
     if params.hears == "notes":
         if performance.notes is None:

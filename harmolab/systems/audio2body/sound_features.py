@@ -31,7 +31,7 @@ CACHE_VERSION = 2  # raise when the analysis changes
 def sound_features(
     audio: Audio, params: Audio2BodyParams, n_frames: int, *, start: float = 0.0, cached: bool = True
 ) -> SingleArray:
-    """What the network hears of a recording, frame by frame: (n_frames, F), F being `params.n_sound`.
+    """The input of the network for a recording, frame by frame: (n_frames, F), F being `params.n_sound`.
 
     Parameters
     ----------

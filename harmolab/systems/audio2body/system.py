@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -97,6 +98,8 @@ class Audio2Body:
         out: PathLike,
         *,
         preset: str = "recommended",
+        instrument: str | None = None,
+        fps: float | None = None,
         split_seed: int = 0,
         resume: bool = False,
         accelerator: str = "auto",
@@ -112,6 +115,7 @@ class Audio2Body:
         data : folders of performances (`harmolab.corpora.instruments`)
         out : folder; new or empty unless `resume`
         preset : "recommended", "tables" (under the captions of Tables 1 and 2) or "section_4"
+        instrument, fps : of performances whose folders do not say it
         split_seed : int, of the split by piece
         resume : go on where the run in `out` stopped; start it when there is none
         accelerator : "auto", "cpu" or "cuda"
@@ -128,7 +132,7 @@ class Audio2Body:
         check_choice("preset", preset, PRESETS)
         if int(os.environ.get("RANK", 0)) == 0:
             check_folder(Path(out), resume=resume)
-        performances = _performances(data, notice, progress)
+        performances = _performances(data, instrument, fps, notice, progress)
         params = changed(getattr(Audio2BodyParams, preset)(performances[0].instrument), changes)
         split = piece_split(performances, params, seed=split_seed)
         counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in ("train", "validation", "test"))
@@ -140,16 +144,23 @@ class Audio2Body:
         return cls.load(out)
 
 
-def _performances(data: Sequence[PathLike], notice: Notice, progress: Progress) -> list[Performance]:
-    """All performances in folders; `notice` hears of those that are left out."""
-    folders, problems = find_performances(data)
+def _performances(
+    data: Sequence[PathLike], instrument: str | None, fps: float | None, notice: Notice, progress: Progress
+) -> list[Performance]:
+    """All performances in folders, named by their paths; `notice` hears of those that are left out."""
     performances: list[Performance] = []
-    left_out = [problem.message for problem in problems]
-    for folder in progress(folders, "loading performances"):
-        try:
-            performances.append(load_performance(folder))
-        except (ValueError, FileNotFoundError) as error:
-            left_out.append(str(error))
+    left_out: list[str] = []
+    for root in map(Path, data):
+        folders, problems = find_performances(root)
+        left_out += [problem.message for problem in problems]
+        for folder in progress(folders, "loading performances"):
+            try:
+                own = load_performance(folder, instrument=instrument, fps=fps)
+            except (ValueError, FileNotFoundError) as error:
+                left_out.append(str(error))
+                continue
+            name = Path(root.resolve().name, folder.relative_to(root)).as_posix()
+            performances.append(replace(own, name=name))
     for reason in left_out:
         notice(f"left out: {reason}")
     if not performances:

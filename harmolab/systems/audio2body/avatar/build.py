@@ -19,7 +19,7 @@ from harmolab.io.player_points import (
 from harmolab.systems.audio2body.avatar.arms import arm_lengths, arms, wrist_targets
 from harmolab.systems.audio2body.avatar.hands import fingers, hand_axes
 from harmolab.systems.audio2body.avatar.params import HIP_ABOVE_SEAT, AvatarParams
-from harmolab.systems.audio2body.avatar.piano import keyboard, keyboard_depth, stool
+from harmolab.systems.audio2body.avatar.piano import above_thighs, keyboard, keyboard_depth, stool
 from harmolab.systems.audio2body.avatar.place import PlacedPoints, placed_points
 from harmolab.systems.audio2body.avatar.spine import legs, spine
 from harmolab.systems.audio2body.avatar.violin import bow, violin
@@ -70,7 +70,7 @@ def _body(placed: PlacedPoints, instrument: str, params: AvatarParams) -> dict[s
     lengths = arm_lengths(placed, params)
     targets = wrist_targets(placed, trunk, lengths, params)
     if instrument == "piano":
-        targets = keyboard_depth(targets, placed.turn)
+        targets = above_thighs(keyboard_depth(targets, placed.turn), trunk["pelvis"])
     joints = trunk | arms(trunk, targets, lengths, placed.turn)
     axes = {side: hand_axes(placed, side, params) for side in targets}
     for side, hand in axes.items():

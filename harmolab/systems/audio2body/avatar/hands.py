@@ -49,7 +49,7 @@ def palm_is_down(offset: FloatArray, dead_band: float) -> BoolArray:
 
 
 def hand_axes(placed: PlacedPoints, side: str, params: AvatarParams) -> HandAxes | None:
-    """How a hand lies, by the roots of index and little finger; None without them or the hand's wrist.
+    """Directions of a hand, by the roots of index and little finger; None without them or the hand's wrist.
 
     Right hand: index to the viewer's left of the little finger is palm up, else palm down; left hand mirrored. How far
     the hand points forward follows from its length in the picture, as for the forearm.

@@ -31,7 +31,7 @@ HAND = MappingProxyType(
 
 @dataclass(frozen=True)
 class AvatarParams:
-    """How points become an avatar.
+    """Settings by which points become an avatar.
 
     Parameters
     ----------

@@ -13,6 +13,7 @@ OCTAVE, LOWEST_C = 0.1645, 0.047  # metres, and of the lowest C from the left en
 F_IN_OCTAVE = 3 / 7
 TIPS_AHEAD = 0.06  # metres from the front edge of the keys to where fingers strike
 REST_TIPS = np.array([0.0, -0.05, 0.13])  # metres from the wrist to fingertips that no points show
+LEAST_ABOVE_HIPS = 0.17  # metres of a pianist's wrists: thighs go under the keys
 STOOL_WIDTH, STOOL_DEPTH = 0.42, 0.32
 
 
@@ -27,6 +28,18 @@ def keyboard_depth(targets: dict[str, FloatArray], turn: float) -> dict[str, Flo
     slope = np.tan(turn)
     ahead = np.median(np.concatenate([wrist[:, 2] + slope * wrist[:, 0] for wrist in targets.values()]))
     return {side: np.column_stack([wrist[:, :2], ahead - slope * wrist[:, 0]]) for side, wrist in targets.items()}
+
+
+def above_thighs(targets: dict[str, FloatArray], pelvis: FloatArray) -> dict[str, FloatArray]:
+    """Wrists, side -> (T, 3), all raised alike where they lie on average less than `LEAST_ABOVE_HIPS` over the hips.
+
+    A camera that looks down on a pianist shows the hands, which are nearer, too low.
+    """
+    if not targets:
+        return {}
+    height = float(np.median(np.concatenate([wrist[:, 1] for wrist in targets.values()])) - pelvis[:, 1].mean())
+    rise = np.array([0.0, max(LEAST_ABOVE_HIPS - height, 0.0), 0.0])
+    return {side: wrist + rise for side, wrist in targets.items()}
 
 
 def keyboard(joints: dict[str, FloatArray], turn: float) -> dict[str, FloatArray]:
