@@ -142,6 +142,34 @@ from .experiments.music2dance import trained_dancer as trained_dancer
 from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
 from .experiments.own_songs import song_means as song_means
+from .experiments.planted_truth import ceilings as ceilings
+from .experiments.planted_truth import complete_table as complete_table
+from .experiments.planted_truth import component_table as component_table
+from .experiments.player_cleaning import alignment_table as alignment_table
+from .experiments.player_cleaning import cleaned_performance as cleaned_performance
+from .experiments.player_cleaning import cleaning_summary as cleaning_summary
+from .experiments.player_cleaning import cleaning_table as cleaning_table
+from .experiments.player_cleaning import fault_examples as fault_examples
+from .experiments.player_cleaning import planted_cleaning as planted_cleaning
+from .experiments.player_cleaning import recorded_examples as recorded_examples
+from .experiments.player_cleaning import tracked_players as tracked_players
+from .experiments.player_modes import mode_over_epochs as mode_over_epochs
+from .experiments.player_modes import random_inputs as random_inputs
+from .experiments.player_pictures import delayed_steps as delayed_steps
+from .experiments.player_pictures import played_clip as played_clip
+from .experiments.player_pictures import player_boxes as player_boxes
+from .experiments.player_pictures import point_modes as point_modes
+from .experiments.player_pictures import untrained_player as untrained_player
+from .experiments.player_scores import hands_errors as hands_errors
+from .experiments.player_scores import hits_table as hits_table
+from .experiments.player_scores import piece_scores as piece_scores
+from .experiments.player_tables import player_errors as player_errors
+from .experiments.player_tables import rank_agreement as rank_agreement
+from .experiments.player_tables import row_settings as row_settings
+from .experiments.players import hands_data as hands_data
+from .experiments.players import planted_data as planted_data
+from .experiments.players import player_corpora as player_corpora
+from .experiments.players import trained_player as trained_player
 from .experiments.quality import (
     motion_measures as motion_measures,
 )
@@ -238,6 +266,19 @@ from .figures.music2dance import framework_boxes_figure as framework_boxes_figur
 from .figures.music2dance import hands_figure as hands_figure
 from .figures.music2dance import limits_figure as limits_figure
 from .figures.music2dance import marks_figure as marks_figure
+from .figures.player_points import cleaning_figure as cleaning_figure
+from .figures.player_points import faults_figure as faults_figure
+from .figures.player_points import features_figure as features_figure
+from .figures.player_points import frames_figure as frames_figure
+from .figures.player_points import modes_figure as modes_figure
+from .figures.player_points import overview_figure as overview_figure
+from .figures.player_points import player_network_figure as player_network_figure
+from .figures.player_points import steps_figure as steps_figure
+from .figures.player_results import components_figure as components_figure
+from .figures.player_results import hits_figure as hits_figure
+from .figures.player_results import mode_epochs_figure as mode_epochs_figure
+from .figures.player_results import player_table_figure as player_table_figure
+from .figures.player_results import random_inputs_figure as random_inputs_figure
 from .figures.quality import distances_figure as distances_figure
 from .figures.quality import sequences_figure as sequences_figure
 from .figures.results import (
