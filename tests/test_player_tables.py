@@ -20,13 +20,13 @@ from harmolab.lab.experiments.planted_truth import (
     ceilings,
     complete_table,
     component_table,
-    correlation,
     moving_parts,
 )
 from harmolab.lab.experiments.player_modes import (
     MUSIC,
     NOISE_FEATURES,
     NOISE_SOUND,
+    correlation,
     mode_over_epochs,
     random_features,
     random_inputs,

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
-from harmolab.corpora.instruments import Performance
 from harmolab.io.player_points import SIDES, hand_joints
 from harmolab.lab.experiments.player_tables import FINAL, MEAN_POSE, error_table, row_settings
 from harmolab.lab.experiments.players import PlayerData, TrainedPlayer, profiled, read_set
 from harmolab.lab.profile import RunProfile
-from harmolab.systems.audio2body.cleaning import cleaned
+from harmolab.systems.audio2body.bow import Bowing
 from harmolab.systems.audio2body.perform import predicted_points
-from harmolab.systems.audio2body.placing import Reference, shot_similarities
+from harmolab.systems.audio2body.planted_truth import component_correlations, planted_points
 from harmolab.systems.audio2body.point_space import PointSpace
-from harmolab.systems.audio2body.reading import cleaning_rules
-from harmolab.systems.audio2body.sequences import PlayedSequence, PlayedSet, fitted_space, sides
+from harmolab.systems.audio2body.sequences import PlayedSequence, fitted_space, sides
 from harmolab.systems.audio2body.train import Errors, errors_between
 from harmolab.types import FloatArray, Skeleton
 
 FLOOR = "planted truth: all that the sound tells"
 BLIND = "planted truth, direction of the bow unknown"
-LIMITS: Mapping[str, str] = MappingProxyType({BLIND: "direction_blind", FLOOR: "from_audio"})
 PARTS = ("body", "left hand", "right hand")
 
 
@@ -32,8 +28,8 @@ def ceilings(profile: RunProfile, data: PlayerData) -> pd.DataFrame:
     """Errors that no network can beat on planted test pieces: those of the planted truth itself.
 
     The truth is placed as a training places its pieces, and held against the tracked points, whose noise and sway no
-    sound tells. Of a violinist also everything but the direction of the bow; of any data the mean pose of the training
-    pieces.
+    sound tells. Of a violinist also with the bow at the mean place of the training pieces: everything but its
+    direction. Of any data the mean pose of the training pieces.
 
     Returns
     -------
@@ -41,26 +37,17 @@ def ceilings(profile: RunProfile, data: PlayerData) -> pd.DataFrame:
     """
     params = profiled(profile, data, row_settings(data, FINAL))
     played, split = read_set(data, params), data.sides(params)
-    test = sides(played.sequences, split.test)
-    space = fitted_space(sides(played.sequences, split.train), params)
+    train, test = sides(played.sequences, split.train), sides(played.sequences, split.test)
+    space = fitted_space(train, params)
     guesses = {MEAN_POSE: [np.broadcast_to(space.mean, each.points.shape) for each in test]}
-    planted = [data.planted[each.name] for each in test if each.name in data.planted]
-    for row, name in LIMITS.items():
-        truths = [points for each in planted if (points := getattr(each, name)) is not None]
-        if truths and len(truths) == len(test):
-            pairs = zip(truths, planted, strict=True)
-            guesses[row] = [placed_truth(truth, each.performance, played.reference) for truth, each in pairs]
+    if data.planted:
+        truth = [planted_points(data.planted[each.name], played.reference) for each in test]
+        if data.instrument == "violin":
+            bow = Bowing.fit(train, played.skeleton, params)
+            guesses[BLIND] = [bow.at_rest(points) for points in truth]
+        guesses[FLOOR] = truth
     rows = [{"row": row, **errors_of(points, test, space)._asdict()} for row, points in guesses.items()]
     return pd.DataFrame(rows)
-
-
-def placed_truth(truth: FloatArray, performance: Performance, reference: Reference) -> FloatArray:
-    """True points (T, P, 2) of a performance brought to the reference as its tracked ones are: (T, 2 P)."""
-    result = cleaned(performance, cleaning_rules(performance))
-    parts = [
-        fit.apply(truth[span]) for fit, span in zip(shot_similarities(result, reference), result.shots, strict=True)
-    ]
-    return np.concatenate(parts).reshape(len(truth), -1)
 
 
 def errors_of(points: Sequence[FloatArray], sequences: Sequence[PlayedSequence], space: PointSpace) -> Errors:
@@ -97,33 +84,19 @@ def component_table(data: PlayerData, run: TrainedPlayer) -> pd.DataFrame:
     space = network.space_scale.space
     frames = np.concatenate([each.points[each.learnt] for each in sides(played.sequences, split.train)])
     shares = np.square(space.encode(frames) * space.scale).mean(axis=0) / frames.var(axis=0).sum()
-    pairs = [values for _, *values in component_pairs(run, played, split.test)]
-    predicted, tracked = (np.concatenate(values) for values in zip(*pairs, strict=True))
-    names = moving_parts(space, played.skeleton)
-    rows = [
-        {"instrument": data.instrument, "component": number + 1, "share": shares[number], "part": part,
-         "correlation": correlation(predicted[:, number], tracked[:, number])}
-        for number, part in enumerate(names)
-    ]  # fmt: skip
-    return pd.DataFrame(rows)
-
-
-def component_pairs(
-    run: TrainedPlayer, played: PlayedSet, names: Sequence[str]
-) -> Iterator[tuple[PlayedSequence, FloatArray, FloatArray]]:
-    """A sequence, and its predicted and its tracked components (F, n), pixels, of the accepted frames, one by one."""
-    space = run.system.network.space_scale.space
-    for sequence in sides(played.sequences, names):
-        predicted = predicted_points(run.system.network, sequence.sound)[sequence.accepted]
-        tracked = sequence.points[sequence.accepted]
-        yield sequence, space.encode(predicted) * space.scale, space.encode(tracked) * space.scale
-
-
-def correlation(one: FloatArray, other: FloatArray) -> float:
-    """Pearson's correlation of two curves; NaN where one does not move."""
-    if min(np.ptp(one), np.ptp(other)) == 0:
-        return float("nan")
-    return float(np.corrcoef(one, other)[0, 1])
+    test = sides(played.sequences, split.test)
+    predicted = [predicted_points(network, each.sound)[each.accepted] for each in test]
+    values = component_correlations(space, predicted, [each.points[each.accepted] for each in test])
+    parts = moving_parts(space, played.skeleton)
+    return pd.DataFrame(
+        {
+            "instrument": data.instrument,
+            "component": np.arange(len(parts)) + 1,
+            "share": shares,
+            "part": parts,
+            "correlation": values,
+        }
+    )
 
 
 def moving_parts(space: PointSpace, skeleton: Skeleton) -> list[str]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from harmolab.lab.experiments.planted_truth import correlation
 from harmolab.lab.experiments.player_tables import FINAL, row_settings
 from harmolab.lab.experiments.players import PlayerData, TrainedPlayer, profiled, read_set, trained_player
 from harmolab.lab.profile import RunProfile
@@ -75,6 +74,13 @@ def mode_over_epochs(profile: RunProfile, data: PlayerData, *, seed: int = 1) ->
         curves,
         {epochs: correlation(curve[kept], tracked[kept]) for epochs, curve in curves.items()},
     )
+
+
+def correlation(one: FloatArray, other: FloatArray) -> float:
+    """Pearson's correlation of two curves; NaN where one does not move."""
+    if min(np.ptp(one), np.ptp(other)) == 0:
+        return float("nan")
+    return float(np.corrcoef(one, other)[0, 1])
 
 
 def first_mode(network: SoundToPoints, points: FloatArray) -> FloatArray:

@@ -17,7 +17,6 @@ from harmolab.corpora.instrument_sets import load_pianomime
 from harmolab.corpora.instruments import Performance
 from harmolab.harmony import score_harmony
 from harmolab.io.files import PathLike, Progress, silent
-from harmolab.lab.experiments.planted_truth import placed_truth
 from harmolab.lab.experiments.player_tables import (
     ANOTHER_PIECE,
     FINAL,
@@ -39,6 +38,7 @@ from harmolab.metrics.playing import CERTAIN, playing_score
 from harmolab.params import HarmonyParams
 from harmolab.systems.audio2body.params import Audio2BodyParams
 from harmolab.systems.audio2body.perform import predicted_points
+from harmolab.systems.audio2body.planted_truth import planted_points
 from harmolab.systems.audio2body.reading import read_sequence
 from harmolab.systems.audio2body.sequences import PlayedSequence, PlayedSet, sides
 from harmolab.systems.audio2body.train import errors, frame_errors, mean_pose_errors
@@ -94,8 +94,7 @@ def _hands(
     """Test pieces, and their points (T, 2 P) as planted, or as the network of a row predicts them."""
     if row == PLANTED_HANDS:
         for sequence in sides(played.sequences, data.split.test):
-            planted = data.planted[sequence.name]
-            yield sequence, placed_truth(planted.clean, planted.performance, played.reference)
+            yield sequence, planted_points(data.planted[sequence.name], played.reference, "clean")
         return
     network = trained_player(profile, data, scored_settings(data, row), seed).system.network
     for sequence in sides(read_set(data, network.params).sequences, data.split.test):
