@@ -12,6 +12,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -25,9 +26,11 @@ import torch
 from typer.testing import Result
 
 import harmolab
+from benchmarks import bench_audio2body
 from harmolab.cli import app
 from harmolab.corpora.performances import load_playing, save_performance
 from harmolab.corpora.synthetic.players import PlantedPerformance, planted_performance, planted_performances
+from harmolab.io.audio import save_audio
 from harmolab.io.motion import load_motion, load_offset, save_motion
 from harmolab.io.player_points import HANDS_12, PLAYER_50
 from harmolab.io.video import write_video
@@ -421,6 +424,24 @@ def test_strikes_of_the_avatar_are_those_of_the_points() -> None:
     flat, deep = strikes(points).times, strikes(avatar(points, "piano")).times
     assert len(flat) > 8
     np.testing.assert_allclose(deep, flat, atol=1 / 24)
+
+
+# Speed
+
+
+@pytest.mark.slow
+def test_three_minutes_are_played_a_hundred_times_as_fast_as_they_last(tmp_path: Path) -> None:
+    """Loaded, heard, passed through the network and put on an avatar; time of this process."""
+    audio = planted_performance("piano", seconds=bench_audio2body.SONG).performance.audio
+    assert audio is not None
+    save_audio(tmp_path / "song.wav", audio)
+    system, seconds = Audio2Body.shipped("piano"), []
+    for _ in range(3):
+        start = time.process_time()
+        motion = bench_audio2body.played(tmp_path / "song.wav", system)
+        seconds.append(time.process_time() - start)
+    assert motion.duration == pytest.approx(180.0, abs=0.1)
+    assert min(seconds) < motion.duration / 100
 
 
 # Training and weights

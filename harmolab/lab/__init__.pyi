@@ -357,6 +357,9 @@ from .timing.page import dance_player as dance_player
 from .timing.page import save_page as save_page
 from .timing.performance import explain_performance as explain_performance
 from .timing.performance import load_performance as load_performance
+from .timing.performed import Performed as Performed
+from .timing.performed import performed as performed
+from .timing.performed import save_performed as save_performed
 from .timing.playing import explain_playing as explain_playing
 from .timing.playing import playing_findings as playing_findings
 from .timing.playing_page import playing_player as playing_player
