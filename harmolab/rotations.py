@@ -1,4 +1,4 @@
-"""Rotations of a body's joints: fitted to joint positions, and back to positions (forward kinematics).
+"""Rotations of a body's joints: fitted to joint positions, back to positions (forward kinematics), limbs of two bones.
 
 A rotation turns column vectors of the parent's frame: a joint's child lies at the joint's place plus the joint's
 rotation in the world times the child's offset.
@@ -16,6 +16,8 @@ from harmolab.types import FloatArray
 MEAN_SHAPE_ROUNDS = 3
 # Share of the children's weight that draws a rotation to no rotation: it decides about the twist only.
 REST = 1e-9
+TINY = 1e-9  # metres
+DOWN = np.array([0.0, -1.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,3 +138,55 @@ def alignment(shape: FloatArray, vectors: FloatArray) -> FloatArray:
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
     turns: FloatArray = left @ right
     return turns
+
+
+def two_bones(
+    root: FloatArray,
+    target: FloatArray,
+    upper: FloatArray | float,
+    lower: FloatArray | float,
+    pole: FloatArray,
+    *,
+    longest: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Middle joint and end, (T, 3) each, of a limb of two bones that reaches for `target`: inverse kinematics.
+
+    The end lies on the line from the root to the target, at most as far from the root as the limb reaches; the law of
+    cosines gives the middle joint, on the side of the pole. Both bones keep their lengths in every frame, also where
+    the target is the root itself or the pole lies on that line.
+
+    Parameters
+    ----------
+    root, target : (T, 3) arrays, metres
+    upper, lower : lengths of the bones, metres, one number or (T, 1)
+    pole : (3,) or (T, 3) array, direction to which the middle joint is bent
+    longest : (T, 1) array, metres, optional
+        Largest distance of the end from the root; the sum of both bones when left out.
+    """
+    towards = directions(target - root, DOWN)
+    length = np.linalg.norm(target - root, axis=1, keepdims=True)
+    reach = np.clip(length, np.abs(upper - lower) + TINY, upper + lower if longest is None else longest)
+    along = (upper**2 - lower**2 + reach**2) / (2 * reach)
+    aside = np.sqrt(np.maximum(upper**2 - along**2, 0.0))
+    return root + along * towards + aside * normal_part(pole, towards), root + reach * towards
+
+
+def directions(vectors: FloatArray, fallback: FloatArray) -> FloatArray:
+    """Unit vectors (T, 3) along `vectors` (T, 3); `fallback`, unit vectors (3,) or (T, 3), where a vector is 0."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > TINY, vectors / np.maximum(length, TINY), fallback)
+
+
+def normal_part(vectors: FloatArray, axes: FloatArray) -> FloatArray:
+    """Unit vectors (T, 3) along the part of `vectors` (3,) or (T, 3) at a right angle to unit vectors `axes` (T, 3).
+
+    Where there is no such part, some direction at a right angle.
+    """
+    other = _across(np.eye(3)[np.abs(axes).argmin(axis=1)], axes)
+    other = other / np.linalg.norm(other, axis=1, keepdims=True)
+    return directions(_across(np.broadcast_to(vectors, axes.shape), axes), other)
+
+
+def _across(vectors: FloatArray, axes: FloatArray) -> FloatArray:
+    """The part of vectors (T, 3) at a right angle to unit vectors `axes` (T, 3)."""
+    return vectors - (vectors * axes).sum(axis=1, keepdims=True) * axes

@@ -240,7 +240,8 @@ def test_two_frames_of_one_joint_are_enough() -> None:
 def test_blind_page_holds_the_movement_and_sound_of_the_page_and_nothing_that_tells(clip: Clip) -> None:
     page, open_page = blind_page(clip.audio, [clip.motion]), page_of(clip)
     data, known = data_of(page), data_of(open_page)
-    drawn = {"flat", "front", "fps", "frames", "joints", "bones", "skull", "size", "positions", "way"}
+    drawn = {"flat", "front", "fps", "frames", "joints", "bones", "widths", "props", "skull", "size", "aim", "lift"}
+    drawn |= {"positions", "way"}
     assert set(data) == {"duration", "sound", "dancers"}
     assert set(data["dancers"][0]) == {"name", *drawn}
     assert {name: data["dancers"][0][name] for name in drawn} == {name: known["dancers"][0][name] for name in drawn}

@@ -7,6 +7,8 @@ where they are: the best rotation of all children at once (Kabsch 1976), the sho
   metres where it extends over no more than 3 cm, because readers guess the unit by the size.
 * A child that no rotation of its parent can reach (a bone that stretches, or children that do not keep together as the
   shoulders and hips of a soft torso do not) gets position channels of its own beside the rotations.
+* Several trees (a player, a violin, a bow) hang on one more joint, `WORLD`, that rests at the origin: few readers take
+  a second ROOT.
 * A joint without children ends in an `End Site` at OFFSET 0 0 0, in which our reader sees no further joint.
 
 Which frames are valid is not kept: BVH has no place for it.
@@ -31,6 +33,7 @@ from harmolab.types import BoolArray, FloatArray, IntArray, Motion, Skeleton
 
 # Metres by which a joint may miss its place before it gets position channels.
 REACH = 2e-5
+WORLD = "world"
 ROTATIONS = "Zrotation Xrotation Yrotation"
 POSITIONS = "Xposition Yposition Zposition"
 # Rest skeletons above this extent are read as centimetres (`harmolab.io.bvh`).
@@ -64,28 +67,29 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
     ----------
     path : str or path
     motion : Motion, (T, J, 3) metres
-        Its skeleton must hang together: one joint without a parent, from which every other can be reached.
+        Its skeleton must have bones; several trees come to hang on a joint called `WORLD`.
 
     Raises
     ------
     ValueError
-        For a motion in image coordinates, or a skeleton with several roots, without bones or with a ring of bones.
+        For a motion in image coordinates, or a skeleton without bones or with a ring of bones.
     """
     path = Path(path)
     if motion.positions.shape[2] != 3:
         raise ValueError(f"{path}: BVH holds movement in space; this motion is in image coordinates")
-    skeleton = motion.skeleton
-    roots = skeleton.parents.count(-1)
-    if roots != 1 or len(skeleton.joints) < 2:
+    roots = motion.skeleton.parents.count(-1)
+    if not roots or not motion.skeleton.bones:
         raise ValueError(
-            f"{path}: BVH needs bones that hang on one root; this skeleton has {len(skeleton.joints)} joints and "
+            f"{path}: BVH needs bones that hang on a root; this skeleton has {len(motion.skeleton.joints)} joints and "
             f"{roots} roots; save it as .npz"
         )
+    motion = motion if roots == 1 else _one_tree(motion)
+    skeleton = motion.skeleton
     try:
         order = tree_order(skeleton.parents)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    bones = _fitted(motion, order)
+    bones = _fitted(motion, order, root_rests=roots > 1)
     above = ancestors(skeleton.parents)
     scale = 100.0 if np.ptp(above @ bones.offsets, axis=0).max() > CENTIMETRES_FROM else 1.0
     with atomic_write(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
@@ -94,8 +98,19 @@ def save_bvh(path: PathLike, motion: Motion) -> None:
         np.savetxt(stream, _table(bones, order, scale), fmt="%.6f")
 
 
-def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
-    """Offsets and rotations, each fitted to where the joints above have come to lie, so that no error adds up."""
+def _one_tree(motion: Motion) -> Motion:
+    """The motion with a joint at the origin, `WORLD`, last in the list, on which all its trees hang."""
+    count = len(motion.skeleton.joints)
+    parents = [count if parent < 0 else parent for parent in motion.skeleton.parents]
+    positions = np.pad(motion.positions, ((0, 0), (0, 1), (0, 0)))
+    return Motion(positions, motion.fps, Skeleton((*motion.skeleton.joints, WORLD), (*parents, -1)), motion.valid)
+
+
+def _fitted(motion: Motion, order: tuple[int, ...], *, root_rests: bool) -> _Bones:
+    """Offsets and rotations, each fitted to where the joints above have come to lie, so that no error adds up.
+
+    A root that rests is not turned.
+    """
     places, below = motion.positions, children(motion.skeleton.parents)
     root = order[0]
     offsets, turns = np.zeros(places.shape[1:]), np.zeros(places.shape)
@@ -110,7 +125,8 @@ def _fitted(motion: Motion, order: tuple[int, ...]) -> _Bones:
         offsets[branch] = mean_shape(places[:, branch] - places[:, joint, None])
         # Rows times a rotation: the world's axes to the parent's.
         vectors = (places[:, branch] - reached[:, joint, None]) @ above
-        turn = alignment(offsets[branch], vectors)
+        is_still = root_rests and joint == root
+        turn = np.broadcast_to(np.eye(3), (len(places), 3, 3)) if is_still else alignment(offsets[branch], vectors)
         local[:, branch] = vectors @ turn
         missed = np.linalg.norm(vectors - offsets[branch] @ turn.swapaxes(1, 2), axis=2)
         turns[:, joint] = _angles(turn)

@@ -308,6 +308,7 @@ from .listening.trials import Item as Item
 from .listening.trials import make_key as make_key
 from .listening.trials import make_trials as make_trials
 from .profile import RunProfile as RunProfile
+from .render.points import render_points as render_points
 from .render.stick import moving_box as moving_box
 from .render.stick import render_skeleton as render_skeleton
 from .timing.movement import find_offset as find_offset

@@ -7,6 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harmolab.rotations import two_bones
 from harmolab.types import FloatArray, Skeleton
 
 # The harmony paper's points 0 to 20. The neck is no joint: head and shoulders hang on the torso.
@@ -154,13 +155,5 @@ def _torso(poses: FloatArray, hips: list[FloatArray], ankles: list[FloatArray], 
 
 def _leg(hip: FloatArray, ankle: FloatArray, facing: ArrayLike, stature: float) -> tuple[FloatArray, FloatArray]:
     """(T, 3) knee and ankle of a leg between hip and ankle; the knee bends towards `facing` (radians, yaw)."""
-    thigh, shank = SHARES["thigh"] * stature, SHARES["shank"] * stature
-    away = ankle - hip
-    distance = np.clip(np.linalg.norm(away, axis=-1), abs(shank - thigh) + 0.01, thigh + shank)[:, None]
-    along = away / np.linalg.norm(away, axis=-1)[:, None]
     ahead = np.stack([np.sin(facing), np.zeros(len(hip)), np.cos(facing)], axis=-1)
-    ahead -= (ahead * along).sum(-1, keepdims=True) * along
-    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
-    cosine = np.clip((thigh**2 + distance**2 - shank**2) / (2 * thigh * distance), -1, 1)
-    knee = hip + thigh * (cosine * along + np.sqrt(1 - cosine**2) * ahead)
-    return knee, hip + distance * along
+    return two_bones(hip, ankle, SHARES["thigh"] * stature, SHARES["shank"] * stature, ahead)

@@ -12,6 +12,7 @@ from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from harmolab.io.player_points import limb_widths
 from harmolab.lab.figures.style import COLOURS, figure_style
 from harmolab.skeletons import joint_side, mean_heading, skull_and_limbs, standing_height, turned
 from harmolab.types import FloatArray, Motion, Skeleton
@@ -100,6 +101,7 @@ def _draw_figures(ax: Axes, figures: FloatArray, skeleton: Skeleton) -> None:
     sides = [_limb_side(skeleton, parent, joint) for parent, joint in limbs]
     colours = [SIDES[sides[limb]] for limb in order.ravel()]
     widths = np.interp(np.take_along_axis(depth, order, axis=1).ravel(), (-0.2, 0.2), (1.1, 2.0))
+    widths = widths * np.array(limb_widths(skeleton, limbs))[order].ravel()
     segments = np.take_along_axis(lines, order[..., None, None], axis=1).reshape(-1, 2, 2)
     ax.add_collection(LineCollection(list(segments), colors=colours, linewidths=widths, capstyle="round", gid="limbs"))
     if skull:

@@ -11,6 +11,7 @@ from harmolab.corpora.folders import load_any_motion
 from harmolab.io.files import PathLike
 from harmolab.io.keypoints import load_keypoints
 from harmolab.io.layouts import COCO_17, OPENPOSE_18, OPENPOSE_25
+from harmolab.io.player_points import joint_widths, limb_widths
 from harmolab.io.video import VideoFrames
 from harmolab.kinematics import resample_motion
 from harmolab.lab.render.marks import BeatMarks
@@ -117,21 +118,26 @@ def overlay_skeleton(
 
 def _overlaid(frames: Iterable[Frame], motion: Motion, score: HarmonyScore | None) -> Iterator[Frame]:
     _, limbs = skull_and_limbs(motion.skeleton)
+    widths = [*limb_widths(motion.skeleton, limbs), *joint_widths(motion.skeleton)]
     marks: BeatMarks | None = None
     # The motion first: zip would else read one frame too many.
     for index, (places, is_valid, frame) in enumerate(zip(motion.positions, motion.valid, frames, strict=False)):
         marks = marks or BeatMarks(len(frame), score)
         drawn = frame.copy()
         if is_valid:
-            draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, len(frame)))
+            draw_strokes(drawn, _strokes(fixed(places).tolist(), limbs, widths, len(frame)))
         marks.draw(drawn, index / motion.fps)
         yield drawn
 
 
-def _strokes(points: list[list[int]], limbs: list[tuple[int, int]], height: int) -> Iterator[Stroke]:
-    """Limbs and joints twice: thick and dark, then thinner and light."""
+def _strokes(
+    points: list[list[int]], limbs: list[tuple[int, int]], widths: list[float], height: int
+) -> Iterator[Stroke]:
+    """Limbs and joints twice: thick and dark, then thinner and light; `widths` of limbs, then of joints."""
     thickness = max(2, round(THICKNESS * height))
-    for colour, width in ((RIM, 2 * thickness + 2), (CORE, thickness)):
-        yield from (Stroke(points[start], points[end], width, colour) for start, end in limbs)
-        radius = round((0.3 * thickness + width / 2) * 2**FRACTION_BITS)
-        yield from (Stroke(point, None, radius, colour) for point in points)
+    for colour, extra in ((RIM, thickness + 2), (CORE, 0)):
+        for (start, end), width in zip(limbs, widths, strict=False):
+            yield Stroke(points[start], points[end], max(1, round(width * (thickness + extra))), colour)
+        for point, width in zip(points, widths[len(limbs) :], strict=True):
+            radius = width * (0.3 * thickness + (thickness + extra) / 2) * 2**FRACTION_BITS
+            yield Stroke(point, None, round(radius), colour)

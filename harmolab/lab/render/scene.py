@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from harmolab.io.player_points import joint_widths, limb_widths, playing_box, prop_joints
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.render.marks import BeatMarks
 from harmolab.lab.render.stick import FARTHEST, FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
@@ -23,6 +24,7 @@ from harmolab.verdict.score import HarmonyScore
 
 WALL, FLOOR, LINE, SHADOW = (246, 246, 246), (232, 232, 228), (196, 196, 192), (205, 205, 200)
 NEAR, FAR = np.array([30.0, 34.0, 42.0]), np.array([140.0, 146.0, 156.0])  # of limbs
+WOOD_NEAR, WOOD_FAR = np.array([92.0, 50.0, 20.0]), np.array([176.0, 140.0, 110.0])  # of props
 GRID = 0.5  # metres between lines of the floor
 REACH = 4.5  # metres of floor with lines, on every side of the dancer
 FADES = 5  # shades of a line
@@ -31,6 +33,8 @@ BLOCK = 64  # frames that are laid out together
 DISTANCE, EYE, TARGET = 3.4, 0.85, 0.47
 FLOOR_SEEN = 1.0  # heights of the dancer: floor nearer to the camera lies far below the picture
 FILL = 0.58  # share of the picture's height that a standing dancer fills
+# A player with an instrument: seen from a little above and from one side (radians), by a camera at rest.
+LIFT, ASIDE, PLAYER_FILL = 0.35, -0.45, 0.84
 LIMB, JOINT, HEAD = 0.036, 0.02, 0.072  # thickness and radii in heights of the dancer
 
 
@@ -45,6 +49,7 @@ class _Camera:
     focal : float, pixels
     height, width : int, pixels
     size : float, height of the dancer
+    ahead : float, metres along the floor from the camera to the dancer
     """
 
     eye: FloatArray
@@ -53,6 +58,7 @@ class _Camera:
     height: int
     width: int
     size: float
+    ahead: float
 
     def to_view(self, points: FloatArray, frames: slice) -> FloatArray:
         """Points (F, N, 3) of some frames as the camera has them: to its right, above it, in front of it."""
@@ -63,7 +69,7 @@ class _Camera:
         plane = self.focal * view[..., :2] / np.maximum(view[..., 2:], 1e-3)
         return np.array([self.width / 2, self.height / 2]) + plane * np.array([1.0, -1.0])
 
-    def pixels(self, metres: float, distance: FloatArray) -> IntArray:
+    def pixels(self, metres: FloatArray | float, distance: FloatArray) -> IntArray:
         """Length in pixels at distances; one at least."""
         return np.maximum(1, np.rint(self.focal * metres / np.maximum(distance, 0.1))).astype(np.int64)
 
@@ -106,13 +112,15 @@ def render_dance(
     check_positive(fps=fps)
     dance = resample_motion(upsample_motion(motion, fps), fps)
     # The camera stands at +z.
-    facing = turned(dance.positions, -mean_heading(dance.positions, fps, dance.skeleton))
+    aside = ASIDE if prop_joints(dance.skeleton) else 0.0
+    facing = turned(dance.positions, aside - mean_heading(dance.positions, fps, dance.skeleton))
     turned_motion = Motion(facing, fps, dance.skeleton, dance.valid)
     return _frames(turned_motion, height, width, BeatMarks(height, score))
 
 
 def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:
-    camera = _following(motion, height, width)
+    box = playing_box(motion)
+    camera = _following(motion, height, width) if box is None else _at_rest(box, motion.n_frames, height, width)
     body = _Body.of(motion.skeleton)
     empty = _room(camera)
     for start in range(0, motion.n_frames, BLOCK):
@@ -134,11 +142,25 @@ def _following(motion: Motion, height: int, width: int) -> _Camera:
     size = max(standing_height(motion.positions), 0.1)
     eye = camera_way(motion.positions, motion.fps) + size * np.array([0.0, 0.0, DISTANCE])
     eye[:, 1] = EYE * size
-    forward = np.array([0.0, TARGET - EYE, -DISTANCE])
+    axes = _axes(np.array([0.0, TARGET - EYE, -DISTANCE]))
+    return _Camera(eye, axes, FILL * height * DISTANCE, height, width, size, DISTANCE * size)
+
+
+def _at_rest(box: FloatArray, n_frames: int, height: int, width: int) -> _Camera:
+    """The camera in front of a player who stays in the box (2, 3), which fills the picture."""
+    across, up, deep = np.ptp(box, axis=0)
+    tall = up * np.cos(LIFT) + deep * np.sin(LIFT)
+    size = max(tall, across * height / width, 0.1) * FILL / PLAYER_FILL
+    back = np.array([0.0, np.sin(LIFT), np.cos(LIFT)]) * DISTANCE * size
+    eye = np.tile(box.mean(axis=0) + back, (n_frames, 1))
+    return _Camera(eye, _axes(-back), FILL * height * DISTANCE, height, width, size, float(back[2]))
+
+
+def _axes(forward: FloatArray) -> FloatArray:
+    """(3, 3) rows: right, up and forward of a level camera that looks along `forward` (3,)."""
     forward = forward / np.linalg.norm(forward)
     right = np.array([1.0, 0.0, 0.0])
-    axes = np.stack([right, np.cross(right, forward), forward])
-    return _Camera(eye, axes, FILL * height * DISTANCE, height, width, size)
+    return np.stack([right, np.cross(right, forward), forward])
 
 
 def _room(camera: _Camera) -> Frame:
@@ -165,7 +187,7 @@ def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, BoolArray]:
     points : (F, lines, pieces, 2 ends, 2), fixed-point pixels
     is_drawn : (F, lines, pieces) bool, False for pieces without length
     """
-    centre = camera.eye[frames][:, [0, 2]] - np.array([0.0, DISTANCE * camera.size])
+    centre = camera.eye[frames][:, [0, 2]] - np.array([0.0, camera.ahead])
     count = int(np.ceil(REACH / GRID))
     shifts = (np.round(centre / GRID)[..., None] + np.arange(-count, count + 1)) * GRID - centre[
         ..., None
@@ -188,7 +210,7 @@ def _pieces(camera: _Camera, frames: slice) -> tuple[IntArray, BoolArray]:
 def _nearest_floor(camera: _Camera) -> float:
     """End of the drawn floor, metres along z from the dancer; nearer floor would be behind the camera."""
     _, down, forward = camera.axes[2]
-    return float(DISTANCE * camera.size - (FLOOR_SEEN * camera.size + down * camera.eye[0, 1]) / -forward)
+    return float(camera.ahead - (FLOOR_SEEN * camera.size + down * camera.eye[0, 1]) / -forward)
 
 
 def _draw_grid(frame: Frame, pieces: list[list[IntArray]]) -> None:
@@ -205,12 +227,16 @@ class _Body:
     Parameters
     ----------
     limbs : (L, 2) joints
+    widths : (L,) thickness in that of a body's limb
+    is_prop : (P,) bool; props are of wood, and throw no shadow
     shares : (P, J), share of each joint in the middle of each part; L of the P parts are limbs
     radii : (P - L,) of the balls, heights of the dancer
     nudge : (P,) metres by which a part counts as farther away: the head lies before the neck, whatever the neck does
     """
 
     limbs: IntArray
+    widths: FloatArray
+    is_prop: BoolArray
     shares: FloatArray
     radii: FloatArray
     nudge: FloatArray
@@ -220,13 +246,21 @@ class _Body:
         skull, limbs = skull_and_limbs(skeleton)
         joints = [(joint,) for joint in range(len(skeleton.joints)) if joint not in skull]
         balls = [*joints, *([tuple(skull)] if skull else [])]
+        props, thick = set(prop_joints(skeleton)), joint_widths(skeleton)
         shares = np.zeros((len(limbs) + len(balls), len(skeleton.joints)))
         for part, members in enumerate([*limbs, *balls]):
             shares[part, list(members)] = 1 / len(members)
         necks = [0.1 * (not set(limb).isdisjoint(skull)) for limb in limbs]
         heads = [HEAD] if skull else []
         nudge = np.array([*necks, *[0.0] * len(joints), *[-0.1] * len(heads)])
-        return cls(np.array(limbs, int).reshape(-1, 2), shares, np.array([*[JOINT] * len(joints), *heads]), nudge)
+        return cls(
+            np.array(limbs, int).reshape(-1, 2),
+            np.array(limb_widths(skeleton, limbs)),
+            np.array([not props.isdisjoint(part) for part in [*limbs, *balls]], bool),
+            shares,
+            np.array([*[JOINT * thick[joint] for (joint,) in joints], *heads]),
+            nudge,
+        )
 
     def strokes(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
         """Limbs, joints and head of each frame, from far to near; near ones are darker."""
@@ -235,10 +269,13 @@ class _Body:
         span = np.maximum(np.ptp(depth, axis=1), 0.3 * camera.size)[:, None]
         distance = depth @ self.shares.T
         far = np.clip((distance - depth.min(axis=1)[:, None]) / span, 0.0, 1.0)
-        colours = (NEAR + far[..., None] * (FAR - NEAR)).tolist()
+        near, pale = (np.where(self.is_prop[:, None], *ends) for ends in ((WOOD_NEAR, NEAR), (WOOD_FAR, FAR)))
+        colours = (near + far[..., None] * (pale - near)).tolist()
         limbs, balls = np.split(distance, [len(self.limbs)], axis=1)
         radii = np.rint(camera.focal * camera.size * self.radii / balls * 2**FRACTION_BITS).clip(1, FARTHEST)
-        sizes = np.concatenate([camera.pixels(LIMB * camera.size, limbs), radii.astype(int)], axis=1).tolist()
+        sizes = np.concatenate(
+            [camera.pixels(LIMB * camera.size * self.widths, limbs), radii.astype(int)], axis=1
+        ).tolist()
         middles = self.shares[len(self.limbs) :] @ flat
         starts = fixed(np.concatenate([flat[:, self.limbs[:, 0]], middles], axis=1)).tolist()
         ends = [[*row, *[None] * middles.shape[1]] for row in fixed(flat[:, self.limbs[:, 1]]).tolist()]
@@ -248,9 +285,11 @@ class _Body:
             yield [strokes[part] for part in parts]
 
     def shadow(self, camera: _Camera, frames: slice, joints: FloatArray) -> Iterator[list[Stroke]]:
-        """The limbs of each frame once more, flat on the floor."""
+        """The limbs of each frame once more, flat on the floor; not those of props."""
+        is_body = ~self.is_prop[: len(self.limbs)]
+        limbs, widths = self.limbs[is_body], self.widths[is_body]
         view = camera.to_view(joints * np.array([1.0, 0.0, 1.0]), frames)
         flat = fixed(camera.to_pixels(view))
-        thick = camera.pixels(1.3 * LIMB * camera.size, view[:, self.limbs, 2].mean(axis=2)).tolist()
-        for ends, sizes in zip(flat[:, self.limbs].tolist(), thick, strict=True):
+        thick = camera.pixels(1.3 * LIMB * camera.size * widths, view[:, limbs, 2].mean(axis=2)).tolist()
+        for ends, sizes in zip(flat[:, limbs].tolist(), thick, strict=True):
             yield [Stroke(start, end, size, SHADOW) for (start, end), size in zip(ends, sizes, strict=True)]

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.io.player_points import joint_widths, limb_widths
 from harmolab.kinematics import resample_motion
 from harmolab.skeletons import skull_and_limbs
 from harmolab.types import FloatArray, Motion, Skeleton
@@ -98,10 +99,10 @@ def render_skeleton(
     if fps is not None:
         check_positive(fps=fps)
     danced = motion if fps is None else resample_motion(motion, fps)
-    return _figures(_in_picture(danced.positions, height, width), motion.skeleton, height, width, colour)
+    return _figures(in_picture(danced.positions, height, width), motion.skeleton, height, width, colour)
 
 
-def _in_picture(positions: FloatArray, height: int, width: int) -> FloatArray:
+def in_picture(positions: FloatArray, height: int, width: int) -> FloatArray:
     """(T, J, 3) pixel x, pixel y (down) and nearness, with a margin of a tenth on every side."""
     across, up = positions[..., 0], positions[..., 1]
     nearness = positions[..., 2] if positions.shape[2] == 3 else np.zeros_like(across)
@@ -118,19 +119,21 @@ def _figures(places: FloatArray, skeleton: Skeleton, height: int, width: int, co
     thickness = max(2, round(0.05 * max(figure_height, 0.2 * height)))
     for place in places:
         frame = np.full((height, width), BACKGROUND, np.uint8)
-        draw_strokes(frame, _strokes(place, skeleton.bones, skull, thickness))
+        draw_strokes(frame, _strokes(place, skeleton, skull, thickness))
         yield np.repeat(frame[..., None], 3, axis=2) if colour else frame
 
 
-def _strokes(place: FloatArray, bones: Sequence[tuple[int, int]], skull: list[int], thickness: int) -> Iterator[Stroke]:
+def _strokes(place: FloatArray, skeleton: Skeleton, skull: list[int], thickness: int) -> Iterator[Stroke]:
     """Striped limbs from far to near, then joints."""
-    for parent, child in sorted(bones, key=lambda bone: place[bone[0], 2] + place[bone[1], 2]):
+    widths = dict(zip(skeleton.bones, limb_widths(skeleton, skeleton.bones), strict=True))
+    for parent, child in sorted(skeleton.bones, key=lambda bone: place[bone[0], 2] + place[bone[1], 2]):
         steps = np.arange(len(LIMB_LEVELS) + 1)[:, None]
         cuts = fixed(place[parent, :2] + (place[child, :2] - place[parent, :2]) * steps / len(LIMB_LEVELS)).tolist()
+        width = max(1, round(thickness * widths[parent, child]))
         for start, end, level in zip(cuts[:-1], cuts[1:], LIMB_LEVELS, strict=True):
-            yield Stroke(start, end, thickness, level)
-    for joint, point in enumerate(fixed(place[:, :2]).tolist()):
-        radius = (1.6 if joint in skull else 0.7) * thickness * 2**FRACTION_BITS
+            yield Stroke(start, end, width, level)
+    for joint, (point, wide) in enumerate(zip(fixed(place[:, :2]).tolist(), joint_widths(skeleton), strict=True)):
+        radius = (1.6 if joint in skull else 0.7) * wide * thickness * 2**FRACTION_BITS
         yield Stroke(point, None, round(radius), JOINT_LEVEL)
 
 

@@ -11,7 +11,6 @@ from typing import Any, cast
 
 import numpy as np
 import soundfile
-from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import describe_beats
@@ -20,16 +19,14 @@ from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.report.templates import framed, rendered
+from harmolab.lab.widgets.movement import FASTEST, movement_data, quantised, shared_wall
 from harmolab.params import HarmonyParams
-from harmolab.skeletons import camera_way, mean_heading, skull_and_limbs, standing_height
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.score import HarmonyScore
 
-SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
 HEIGHT = 880  # pixels of the frame
 LONGEST = 600.0  # seconds; a page of more is too large to open
 RATES = (3000, 192000)  # hertz
-LEVELS = 65535  # steps of a number in the page
 BLOCK = 65536  # samples; libsndfile's Vorbis coder overflows its stack on long ones
 
 
@@ -69,11 +66,15 @@ class Player:
     music : BeatTrack on the same time line; beats after the last frame are left out
     title : str
     facts : name -> text, shown as a table
+    overlaid : bool
+        Two motions in one picture's coordinates over each other: the first, the truth, broad and red, the second,
+        the prediction, narrow and green.
 
     Raises
     ------
     ValueError
-        Unless there are one or two dancers, of ten minutes at most; for a sample rate outside 3 to 192 kHz.
+        Unless there are one or two dancers, of ten minutes at most, and two in image coordinates where they are
+        overlaid; for a sample rate outside 3 to 192 kHz.
 
     Examples
     --------
@@ -88,8 +89,11 @@ class Player:
         music: BeatTrack,
         title: str,
         facts: Mapping[str, str] = MappingProxyType({}),
+        overlaid: bool = False,
     ) -> None:
-        duration = _duration([dancer.motion for dancer in dancers])
+        motions = [dancer.motion for dancer in dancers]
+        duration = _duration(motions)
+        wall = shared_wall(motions) if overlaid else None
         score = dancers[0].score
         data = {
             "duration": duration,
@@ -97,7 +101,8 @@ class Player:
             "music": _music(music.span(0.0, duration), score),
             "delay": score.params.reaction_delay,
             "lag": score.params.lag,
-            "dancers": [_dancer(dancer) for dancer in dancers],
+            "dancers": [_dancer(dancer, wall) for dancer in dancers],
+            "overlaid": overlaid,
         }
         self.title = title
         self.page = rendered("player.html.j2", title=title, facts=facts, data=data)
@@ -203,7 +208,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     """
     duration = _duration(motions)
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
-    dancers = [{"name": name, **_movement(motion)} for name, motion in zip(names, motions, strict=True)]
+    dancers = [{"name": name, **movement_data(motion)} for name, motion in zip(names, motions, strict=True)]
     data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
     return rendered("blind.html.j2", data=data)
 
@@ -228,11 +233,11 @@ def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
     ]
 
 
-def _dancer(dancer: Dancer) -> dict[str, Any]:
+def _dancer(dancer: Dancer, wall: FloatArray | None) -> dict[str, Any]:
     """Name, movement, speed, beats and hits of one dancer."""
     return {
         "name": dancer.name,
-        **_movement(dancer.motion),
+        **movement_data(dancer.motion, wall=wall),
         "speed": _speed(dancer.motion, dancer.score.params),
         "visual": [_seconds(time) for time in dancer.score.visual.times],
         "marks": _marks(dancer.score),
@@ -246,48 +251,12 @@ def _number(score: HarmonyScore) -> dict[str, float | str | None]:
     return {name: plain.get(name) for name in ("harmony_above_chance", "level", "verdict")}
 
 
-def _movement(motion: Motion) -> dict[str, Any]:
-    """Data from which the page draws a motion."""
-    skull, limbs = skull_and_limbs(motion.skeleton)
-    motion = resample_motion(upsample_motion(motion, SLOWEST), min(max(motion.fps, SLOWEST), FASTEST))
-    flat = motion.positions.shape[2] == 2
-    positions, way, size = _on_wall(motion.positions) if flat else _on_floor(motion.positions, motion.fps)
-    return {
-        "flat": flat,
-        "front": 0.0 if flat else mean_heading(motion.positions, motion.fps, motion.skeleton),
-        "fps": motion.fps,
-        "frames": motion.n_frames,
-        "joints": len(motion.skeleton.joints),
-        "bones": limbs,
-        "skull": skull,
-        "size": size,
-        "positions": _quantised(positions),
-        "way": _quantised(way),
-    }
-
-
-def _on_floor(positions: FloatArray, fps: float) -> tuple[FloatArray, FloatArray, float]:
-    """(positions with the floor at y = 0, the camera's way over it (T, 2), the dancer's height)."""
-    low = float(np.percentile(positions[..., 1].min(axis=1), 2))
-    height, way = standing_height(positions), camera_way(positions, fps)[:, [0, 2]]
-    size = max(height, 0.5 * float(np.ptp(positions, axis=1).max()), 1e-6)
-    return positions - np.array([0.0, low, 0.0]), way, size
-
-
-def _on_wall(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Image coordinates hung up in space, y up: (positions with z = 0, a camera that rests, the picture's size)."""
-    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
-    upright = np.stack([points[..., 0] - (low[0] + high[0]) / 2, high[1] - points[..., 1]], axis=-1)
-    positions = np.concatenate([upright, np.zeros_like(upright[..., :1])], axis=-1)
-    return positions, np.zeros((len(points), 2)), max(float((high - low).max()), 1e-6)
-
-
 def _speed(motion: Motion, params: HarmonyParams) -> dict[str, Any]:
     """The curve that visual beats are read from, at a rate that shows it smooth."""
     times = np.arange(0.0, motion.duration, 1.0 / FASTEST)
     curve, fps = motion_curve(motion, params)
     seconds = (np.arange(curve.size) - curve_delay(params)) / fps
-    return {"fps": FASTEST, **_quantised(np.interp(times, seconds, curve)[:, None])}
+    return {"fps": FASTEST, **quantised(np.interp(times, seconds, curve)[:, None])}
 
 
 def _marks(score: HarmonyScore) -> list[dict[str, float | None]]:
@@ -300,15 +269,6 @@ def _marks(score: HarmonyScore) -> list[dict[str, float | None]]:
 
 def _seconds(time: float) -> float:
     return round(float(time), 4)
-
-
-def _quantised(values: FloatArray) -> dict[str, Any]:
-    """(T, ..., K) numbers as base64 of 16-bit steps: value = low[k] + step[k] * number."""
-    columns = values.reshape(-1, values.shape[-1])
-    low = columns.min(axis=0)
-    step = np.maximum((columns.max(axis=0) - low) / LEVELS, 1e-12)
-    numbers: NDArray[np.uint16] = np.rint((columns - low) / step).astype("<u2")
-    return {"low": low.tolist(), "step": step.tolist(), "numbers": base64.b64encode(numbers.tobytes()).decode()}
 
 
 def _sound(audio: Audio, duration: float) -> dict[str, Any]:

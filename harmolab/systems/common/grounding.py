@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from harmolab.kinematics import smooth
+from harmolab.rotations import TINY, two_bones
 from harmolab.skeletons import foot_joints, subtree
 from harmolab.types import FloatArray, Skeleton
 
@@ -29,7 +30,6 @@ HOLD_TIME, FREE_TIME = 2.0, 0.15  # seconds in which a foot that carries, or doe
 FARTHEST = 0.25  # metres that a foot is held back
 STRETCHED = 0.99  # of its length: a leg is not pulled further, since a knee snaps where a leg becomes straight
 FORWARD = 0.05  # of the foot's direction in that of the knee, which a straight leg does not show
-TINY = 1e-9  # metres
 
 
 def on_floor(positions: FloatArray, fps: float) -> FloatArray:
@@ -143,24 +143,15 @@ def moved_foot(positions: FloatArray, leg: Leg, shift: FloatArray) -> FloatArray
     """
     hip, knee, ankle = (positions[:, joint] for joint in (leg.hip, leg.knee, leg.ankle))
     thigh, shank = _lengths(knee - hip), _lengths(ankle - knee)
-    towards = ankle + shift - hip
+    target = ankle + shift
     longest = np.maximum(STRETCHED * (thigh + shank), _lengths(ankle - hip))
-    reach = np.clip(_lengths(towards), np.abs(thigh - shank) + TINY, longest)
-    towards = towards / _lengths(towards)
-    along = (thigh**2 - shank**2 + reach**2) / (2 * reach)
-    sideways = np.sqrt(np.maximum(thigh**2 - along**2, 0.0))
-    bent = _across(knee - hip, towards) + FORWARD * _across(positions[:, leg.foot].mean(axis=1) - ankle, towards)
+    pole = (knee - hip) + FORWARD * (positions[:, leg.foot].mean(axis=1) - ankle)
     changed = positions.copy()
-    changed[:, leg.knee] = hip + along * towards + sideways * bent / _lengths(bent)
-    changed[:, leg.foot] += (hip + reach * towards - ankle)[:, None]
+    changed[:, leg.knee], reached = two_bones(hip, target, thigh, shank, pole, longest=longest)
+    changed[:, leg.foot] += (reached - ankle)[:, None]
     return changed
 
 
 def _lengths(vectors: FloatArray) -> FloatArray:
     """(T, 1) lengths of vectors (T, 3), never 0."""
     return np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), TINY)
-
-
-def _across(vectors: FloatArray, directions: FloatArray) -> FloatArray:
-    """The part of vectors (T, 3) at a right angle to unit vectors `directions` (T, 3)."""
-    return vectors - (vectors * directions).sum(axis=1, keepdims=True) * directions
