@@ -8,6 +8,10 @@ from .beats.meter import describe_beats as describe_beats
 from .beats.meter import meter_units as meter_units
 from .beats.meter import strong_beats as strong_beats
 from .beats.meter import with_one as with_one
+from .beats.notes import bow_turns as bow_turns
+from .beats.notes import note_beats as note_beats
+from .beats.notes import onset_beats as onset_beats
+from .beats.notes import strikes as strikes
 from .beats.saliency import salient_audio as salient_audio
 from .beats.saliency import salient_visual as salient_visual
 from .beats.visual import motion_curve as motion_curve
@@ -93,6 +97,8 @@ from .metrics.frechet import diversity as diversity
 from .metrics.frechet import frechet_distance as frechet_distance
 from .metrics.likeness import LikenessLimits as LikenessLimits
 from .metrics.likeness import likeness as likeness
+from .metrics.playing import PlayingScore as PlayingScore
+from .metrics.playing import playing_score as playing_score
 from .metrics.quality import foot_skating as foot_skating
 from .metrics.quality import jerk as jerk
 from .params import DANCES as DANCES

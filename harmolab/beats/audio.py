@@ -30,7 +30,7 @@ CACHE_VERSION = 3  # raise when the analysis changes
 # on songs of known grid; from 8 to 48 kHz it is 1.0 to 1.6 samples on three recordings.
 LATENESS = 1.3
 NOTE_RATE = 200.0  # hertz, of the onset strength for notes
-NOTE_WINDOW = 0.04  # seconds, at least
+NOTE_WINDOW = 0.046  # seconds
 NOTE_BANDS, NOTE_RANGE = 120, (27.5, 16000.0)  # mel bands, hertz: from the lowest key of a piano on
 QUIET = 1e-4  # part of the largest amplitude below which there is silence: 80 dB
 LOUDEST = 1e6  # amplitude above which squares might overflow in single precision
@@ -99,13 +99,14 @@ def onset_envelope(audio: Audio) -> tuple[FloatArray, float]:
 def note_envelope(audio: Audio) -> tuple[FloatArray, float]:
     """Onset strength that a vibrato does not raise, (F,) array, and its rate of about 200 hertz.
 
-    The rise of each mel band in decibels over the largest of the three bands around it two frames before ("SuperFlux",
-    Boeck and Widmer 2013): a note that trembles in pitch stays within its neighbours.
+    The rise of each mel band in decibels over the largest of the five bands around it two frames before ("SuperFlux",
+    Boeck and Widmer 2013): a note that trembles in pitch stays within its neighbours. Sample i belongs to second
+    i / rate, the middle of its window.
     """
     import librosa
 
     hop = max(round(audio.sample_rate / NOTE_RATE), 1)
-    window = 2 ** int(np.ceil(np.log2(max(NOTE_WINDOW * audio.sample_rate, 16))))
+    window = 2 * max(round(NOTE_WINDOW * audio.sample_rate / 2), 8)
     samples = _samples(audio)
     samples = np.pad(samples, (0, max(0, 2 * window - samples.size)))
     bands = librosa.feature.melspectrogram(
@@ -118,7 +119,9 @@ def note_envelope(audio: Audio) -> tuple[FloatArray, float]:
         fmax=min(NOTE_RANGE[1], audio.sample_rate / 2),
     )
     decibels = librosa.power_to_db(bands, ref=np.max)
-    strength = librosa.onset.onset_strength(S=decibels, sr=audio.sample_rate, hop_length=hop, lag=2, max_size=3)
+    strength = librosa.onset.onset_strength(
+        S=decibels, sr=audio.sample_rate, hop_length=hop, lag=2, max_size=5, center=False
+    )
     return np.asarray(strength, dtype=np.float64), audio.sample_rate / hop
 
 

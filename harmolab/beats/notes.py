@@ -16,7 +16,7 @@ from harmolab.beats.audio import note_envelope
 from harmolab.beats.impacts import envelope_beats
 from harmolab.beats.visual import RATE
 from harmolab.io.beats import ANNOTATION_RATE
-from harmolab.io.player_points import FINGERS, SIDES, fingertips, hand_joints, hand_root
+from harmolab.io.player_points import FINGERS, INSTRUMENTS, SIDES, fingertips, hand_joints, hand_root
 from harmolab.kinematics import refine_extrema, smooth_positions, upsample_positions
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion, Notes
 
@@ -31,10 +31,10 @@ HAND_SMOOTHING = 0.2  # seconds: a hand dips when one finger strikes, and beside
 NOISE = 4.5
 LOUDEST = 99.0  # percentile of the onset strength that counts as 1
 ONSET_RADIUS, ONSET_AROUND = 0.03, 0.1  # seconds: the highest peak within one, measured against the mean over the other
-# An onset exceeds that mean by 0.1 and ten times the median, but 0.4 is enough. On planted pieces every onset is then
-# one of the sound, 1.00 of the pianist's and .99 of the violinist's, whose vibrato is 5 onsets a note without it.
-ONSET_THRESHOLD, ONSET_FLOOR, ONSET_LIMIT = 0.1, 10.0, 0.4
-ONSET_LATENESS = 0.01  # seconds by which the strength of a planted note lies behind it
+# An onset exceeds that mean by 0.1 and fifteen times the median, but 0.4 is enough. Of planted pieces it gives every
+# note, and of the violinist's onsets .97 are notes: vibrato makes others, five a note without this.
+ONSET_THRESHOLD, ONSET_FLOOR, ONSET_LIMIT = 0.1, 15.0, 0.4
+ONSET_LEAD = 0.01  # seconds by which onset strength is ahead of a planted note: the window reaches it early
 BRIDGE = "violin_bridge"  # a point of avatars; no camera tracks it
 BOW_HAND = "right"
 DIFFERENCE, DIFFERENCE_NORM = 4, np.sqrt(70.0)  # order of the differences that show noise, and their gain for it
@@ -63,7 +63,7 @@ def note_beats(notes: Notes, duration: float, *, merge: float = MERGE) -> BeatTr
 
 
 def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
-    """Onsets of a sound of which no notes are known: peaks of `note_envelope`; their strength is the height there, 0 to 1.
+    """Onsets of a sound of which no notes are known: peaks of `note_envelope`, their height (0 to 1) is the strength.
 
     All notes that can be told apart, not the beats of a metre. Soft notes under louder ones are missed.
     """
@@ -72,7 +72,7 @@ def onset_beats(audio: Audio, *, merge: float = MERGE) -> BeatTrack:
     heights = np.minimum(envelope / loudest, 1.0) if loudest > 0 else np.zeros_like(envelope)
     threshold = min(ONSET_THRESHOLD + ONSET_FLOOR * float(np.median(heights)), ONSET_LIMIT)
     peaks = envelope_beats(heights, rate, radius=ONSET_RADIUS, around=ONSET_AROUND, threshold=threshold)
-    times = peaks.times - ONSET_LATENESS
+    times = peaks.times + ONSET_LEAD
     inside = (times >= 0) & (times <= audio.duration)
     return _merged(_Events(times[inside], peaks.strengths[inside]), merge, rate, audio.duration)
 
@@ -152,10 +152,9 @@ def playing_events(motion: Motion, instrument: str) -> BeatTrack:
 
     ValueError for another instrument, or as those.
     """
-    events = {"piano": strikes, "violin": bow_turns}
-    if instrument not in events:
-        raise ValueError(f"instrument must be {' or '.join(events)}, got {instrument!r}")
-    return events[instrument](motion)
+    if instrument not in INSTRUMENTS:
+        raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+    return strikes(motion) if instrument == "piano" else bow_turns(motion)
 
 
 def playing_hands(motion: Motion) -> tuple[str, ...]:
@@ -175,12 +174,13 @@ def _merged(events: _Events, merge: float, fps: float, duration: float) -> BeatT
     """Groups of events that lie within `merge` seconds of their first: weighted mean time, largest strength."""
     order = np.argsort(events.times, kind="stable")
     times, strengths = events.times[order], events.strengths[order]
-    firsts, first = [], 0
+    firsts: list[int] = []
+    first = 0
     while first < times.size:
         firsts.append(first)
         first = int(np.searchsorted(times, times[first] + merge, side="right"))
     if not firsts:
-        return BeatTrack([], [], fps, duration)
+        return BeatTrack(times, strengths, fps, duration)
     means = np.add.reduceat(times * strengths, firsts) / np.add.reduceat(strengths, firsts)
     return BeatTrack(means, np.maximum.reduceat(strengths, firsts), fps, duration)
 
@@ -204,9 +204,10 @@ def _fingertip_events(motion: Motion, side: str, prominence: float | None) -> _E
     """Lowest points of the fingertips of one hand."""
     skeleton = motion.skeleton
     tips, root = fingertips(skeleton, side), hand_root(skeleton, side)
-    knuckles = [number for finger in FINGERS if (number := _number(motion, f"{side}_{finger}_1")) is not None]
+    knuckles = [_number(motion, f"{side}_{finger}_1") for finger in FINGERS]
+    hand = [number for number in (root, *knuckles) if number is not None]
     down = motion.positions[..., 1] if motion.positions.shape[2] == 2 else -motion.positions[..., 1]
-    heights = _bridged(np.column_stack([down[:, tips], down[:, [root, *knuckles]].mean(axis=1)]), motion)
+    heights = _bridged(np.column_stack([down[:, tips], down[:, hand].mean(axis=1)]), motion)
     curves = _smooth_curves(heights[:, :-1], motion, SMOOTHING)
     curves = curves - _smooth_curves(heights[:, -1:], motion, HAND_SMOOTHING)
     least = PALM_SHARE * _palm(motion, side) if prominence is None else prominence
@@ -230,8 +231,9 @@ def _palm(motion: Motion, side: str) -> float:
 
 def _bow_path(motion: Motion) -> FloatArray:
     """(T, D) places of the bow hand from the bridge, frames that are not valid bridged over."""
-    names = hand_joints(BOW_HAND) + (f"{BOW_HAND}_wrist",)
-    bow = [number for name in names if (number := _number(motion, name)) is not None]
+    hand = [number for name in hand_joints(BOW_HAND) if (number := _number(motion, name)) is not None]
+    wrist = _number(motion, f"{BOW_HAND}_wrist")
+    bow = hand or ([] if wrist is None else [wrist])
     shoulder, left = _number(motion, "left_shoulder"), hand_root(motion.skeleton, "left")
     ends = [number for number in (shoulder, left) if number is not None]
     bridge = _number(motion, BRIDGE)

@@ -316,6 +316,10 @@ from .timing.page import dance_player as dance_player
 from .timing.page import save_page as save_page
 from .timing.performance import explain_performance as explain_performance
 from .timing.performance import load_performance as load_performance
+from .timing.playing import explain_playing as explain_playing
+from .timing.playing import playing_findings as playing_findings
+from .timing.playing_page import playing_player as playing_player
+from .timing.playing_page import save_playing_page as save_playing_page
 from .widgets.labs.corpus import corpus_lab as corpus_lab
 from .widgets.labs.detector import detector_lab as detector_lab
 from .widgets.labs.meter import meter_lab as meter_lab

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +17,7 @@ from harmolab.verdict.score import HarmonyScore
 
 Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
 
+DPI = 150
 LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
 
 
@@ -38,11 +41,12 @@ def event_name(score: HarmonyScore) -> str:
     return {"valleys": "rest", "peaks": "hit"}.get(score.params.detector, "visual beat")
 
 
-def draw_timing(ax: Axes, score: HarmonyScore) -> Axes:
+def draw_timing(ax: Axes, score: HarmonyScore, *, event: str = "") -> Axes:
     """Each music beat's distance to the visual beat that hits it, in milliseconds; below zero before it, above after.
 
     A green circle is a hit of the score; a red cross a miss, at its nearest visual beat. Without visual beats only the
     band of the tolerance is drawn. An event before the beat is not yet a dancer who is early: that is for the verdict.
+    `event` names the visual beats, `event_name` where it is left out.
     """
     music, times = score.music, score.visual.times - score.params.lag
     hits = score.pairs >= 0
@@ -54,7 +58,7 @@ def draw_timing(ax: Axes, score: HarmonyScore) -> Axes:
     finite = np.isfinite(offsets)
     draw_marks(ax, music.times[finite], offsets[finite], hits[finite], labels=("hit", "missed"))
     room = 1.15 * max(float(np.abs(offsets[finite]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
-    label = f"{event_name(score)} before  |  after (ms)"
+    label = f"{event or event_name(score)} before  |  after (ms)"
     ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel=label)
     return ax
 
@@ -88,6 +92,7 @@ def timing_figure(
     *,
     means: Sequence[Mean] = (),
     title: str = "The rest or hit nearest to each music beat",
+    event: str = "",
     size: tuple[float, float] = (9.0, 3.6),
 ) -> Figure:
     """`draw_timing` and `draw_means` as one picture with a legend.
@@ -97,13 +102,21 @@ def timing_figure(
     score : HarmonyScore
     means : as in `draw_means`, such as the halves of an explanation
     title : str
+    event : str, as in `draw_timing`
     size : (float, float), inches
     """
     with styled_axes(size) as (figure, (ax,)):
-        draw_means(draw_timing(ax, score), means)
+        draw_means(draw_timing(ax, score, event=event), means)
         ax.set_title(title)
         _add_legend(ax, size)
     return figure
+
+
+def png_text(figure: Figure) -> str:
+    """A figure as base64 of PNG, to stand in a page."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
+    return base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def _add_legend(ax: Axes, size: tuple[float, float]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib.metadata import version
@@ -17,12 +16,11 @@ from harmolab.beats.meter import describe_beats
 from harmolab.io.files import PathLike, write_text
 from harmolab.io.video import video_frames
 from harmolab.lab.figures.beats import is_ranked
-from harmolab.lab.figures.timing import event_name, ranks_figure, timing_figure
+from harmolab.lab.figures.timing import event_name, png_text, ranks_figure, timing_figure
 from harmolab.lab.report.templates import rendered
 from harmolab.lab.timing.performance import OwnDance
 from harmolab.lab.widgets.player import LONGEST, Dancer, Player
 
-DPI = 150
 WIDE, NARROW = (9.0, 3.6), (4.4, 4.4)  # inches
 STRIP_HEIGHT = 200  # pixels
 STRIP_COUNT = 8
@@ -74,6 +72,9 @@ def dance_page(dance: OwnDance) -> str:
         "own_dance.html.j2",
         title=_title(dance),
         dance=dance,
+        is_together=dance.is_together,
+        verdict=dance.verdict,
+        sentences=[*dance.remarks, *dance.words.sentences],
         wide=_timing_png(dance, WIDE),
         narrow=_timing_png(dance, NARROW),
         player=dance_player(dance).page if is_short and not dance.performance.is_video else "",
@@ -100,12 +101,8 @@ def _is_ranked(dance: OwnDance) -> bool:
 def _timing_png(dance: OwnDance, size: tuple[float, float]) -> str:
     """Every beat along time, by its rank or by the distance of the nearest rest or hit, as base64 of PNG."""
     if _is_ranked(dance):
-        figure = ranks_figure(dance.score, size=size)
-    else:
-        figure = timing_figure(dance.score, means=dance.words.halves, title="", size=size)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
-    return base64.b64encode(stream.getvalue()).decode("ascii")
+        return png_text(ranks_figure(dance.score, size=size))
+    return png_text(timing_figure(dance.score, means=dance.words.halves, title="", size=size))
 
 
 def _numbers(dance: OwnDance) -> dict[str, str]:

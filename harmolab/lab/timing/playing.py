@@ -1,4 +1,4 @@
-"""Where a musician's hands and the sound part: findings in words, the single events, stretches of time.
+"""The moments at which a musician's hands and the sound part: findings in words, single events, stretches of time.
 
 All numbers are those of `harmolab.metrics.playing`, so that no finding can contradict the score.
 """
@@ -27,6 +27,9 @@ EVENTS = {"piano": "strike", "violin": "turn of the bow"}
 MANY_EVENTS = {"piano": "strikes", "violin": "turns of the bow"}
 
 
+Kind = Literal["missed", "other hand", "stray"]
+
+
 class Parting(NamedTuple):
     """One moment at which hands and sound part.
 
@@ -40,7 +43,7 @@ class Parting(NamedTuple):
         onset to the event; NaN where there is none
     """
 
-    kind: Literal["missed", "other hand", "stray"]
+    kind: Kind
     time: float
     hand: str
     distance: float
@@ -179,14 +182,17 @@ def _partings(score: PlayingScore) -> tuple[Parting, ...]:
         distances = signed_offsets(own.music.times, own.visual.times - params.lag)[missed]
         times = own.music.times[missed]
         met = hit_mask(times, every, delay=params.reaction_delay)
-        kinds = ("other hand" if other else "missed" for other in met)
-        partings += [Parting(*row) for row in zip(kinds, times, [hand] * times.size, distances, strict=True)]
+        kinds: list[Kind] = ["other hand" if other else "missed" for other in met]
+        partings += [
+            Parting(kind, float(time), hand, float(distance))
+            for kind, time, distance in zip(kinds, times, distances, strict=True)
+        ]
     for hand, track in score.events.items():
         times = track.times - params.lag
         distances = -signed_offsets(times, onsets)
         stray = ~hit_mask(times, onsets, delay=params.reaction_delay)
         partings += [
-            Parting("stray", time, hand, distance)
+            Parting("stray", float(time), hand, float(distance))
             for time, distance in zip(track.times[stray], distances[stray], strict=True)
         ]
     return tuple(sorted(partings, key=lambda parting: (parting.time, parting.hand)))
@@ -248,7 +254,7 @@ def _hands(score: PlayingScore, partings: Sequence[Parting]) -> list[Finding]:
         findings.append(Finding("hand", own.harmony_above_chance, sentence, own.interval))
     if count := sum(parting.kind == "other hand" for parting in partings):
         words = "onset is" if count == 1 else "onsets are"
-        findings.append(Finding("other hand", float(count), f"{count} {words} met by the wrong hand alone."))
+        findings.append(Finding("other hand", float(count), f"{count} {words} met by the other hand alone."))
     return findings
 
 
