@@ -33,6 +33,8 @@ from .experiments.attribute_tables import song_probabilities as song_probabiliti
 from .experiments.attributes import bar_starts as bar_starts
 from .experiments.attributes import example_song as example_song
 from .experiments.attributes import training_remark as training_remark
+from .experiments.avatar_depth import DEPTH_LIMITS as DEPTH_LIMITS
+from .experiments.avatar_depth import depth_table as depth_table
 from .experiments.banks import bank_table as bank_table
 from .experiments.chance import chance_table as chance_table
 from .experiments.cheating import (
@@ -142,6 +144,17 @@ from .experiments.music2dance import trained_dancer as trained_dancer
 from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
 from .experiments.own_songs import song_means as song_means
+from .experiments.player_causes import cause_table as cause_table
+from .experiments.player_causes import failure_words as failure_words
+from .experiments.player_causes import usual_limits as usual_limits
+from .experiments.player_frames import even_frames as even_frames
+from .experiments.player_frames import music_scores as music_scores
+from .experiments.player_frames import predicted_pieces as predicted_pieces
+from .experiments.player_frames import quantile_frames as quantile_frames
+from .experiments.player_frames import tracked_pianist as tracked_pianist
+from .experiments.player_frames import tracked_violinist as tracked_violinist
+from .experiments.player_frames import worst_frames as worst_frames
+from .experiments.players import player_corpora as player_corpora
 from .experiments.quality import (
     motion_measures as motion_measures,
 )
@@ -201,6 +214,7 @@ from .figures.attributes import classifier_figure as classifier_figure
 from .figures.attributes import confusion_figure as confusion_figure
 from .figures.attributes import probabilities_figure as probabilities_figure
 from .figures.attributes import song_figure as song_figure
+from .figures.avatars import depth_figure as depth_figure
 from .figures.beats import (
     draw_curve as draw_curve,
 )
@@ -238,6 +252,10 @@ from .figures.music2dance import framework_boxes_figure as framework_boxes_figur
 from .figures.music2dance import hands_figure as hands_figure
 from .figures.music2dance import limits_figure as limits_figure
 from .figures.music2dance import marks_figure as marks_figure
+from .figures.player_overlays import onsets_figure as onsets_figure
+from .figures.player_overlays import overlay_figure as overlay_figure
+from .figures.player_overlays import points_figure as points_figure
+from .figures.player_overlays import stills_figure as stills_figure
 from .figures.quality import distances_figure as distances_figure
 from .figures.quality import sequences_figure as sequences_figure
 from .figures.results import (
@@ -311,6 +329,7 @@ from .profile import RunProfile as RunProfile
 from .render.points import render_points as render_points
 from .render.stick import moving_box as moving_box
 from .render.stick import render_skeleton as render_skeleton
+from .render.stills import avatar_stills as avatar_stills
 from .timing.movement import find_offset as find_offset
 from .timing.page import dance_player as dance_player
 from .timing.page import save_page as save_page
@@ -320,6 +339,7 @@ from .timing.playing import explain_playing as explain_playing
 from .timing.playing import playing_findings as playing_findings
 from .timing.playing_page import playing_player as playing_player
 from .timing.playing_page import save_playing_page as save_playing_page
+from .widgets.avatars import avatar_player as avatar_player
 from .widgets.labs.corpus import corpus_lab as corpus_lab
 from .widgets.labs.detector import detector_lab as detector_lab
 from .widgets.labs.meter import meter_lab as meter_lab
