@@ -57,15 +57,16 @@ def usual_limits(data: PlayerData) -> dict[int, HandLimits]:
     pieces = [each for each in data.performances if each.name in data.split.train and each.notes is not None]
     hands: dict[int, list[tuple[Onsets, FloatArray, FloatArray]]] = {}
     for piece in pieces:
-        frames = np.arange(piece.motion.n_frames) / piece.motion.fps
+        times: FloatArray = np.arange(piece.motion.n_frames) / piece.motion.fps
         for hand, notes in _by_hand(piece):
-            hands.setdefault(hand, []).append((hand_onsets_of(notes, piece.offset), notes.pitches * 1.0, frames))
+            pitches = notes.pitches.astype(np.float64)
+            hands.setdefault(hand, []).append((hand_onsets_of(notes, piece.offset), pitches, times))
     return {hand: _limits(parts) for hand, parts in sorted(hands.items())}
 
 
 def _limits(parts: Sequence[tuple[Onsets, FloatArray, FloatArray]]) -> HandLimits:
     steps = np.concatenate([np.abs(np.diff(onsets.pitches)) for onsets, _, _ in parts])
-    rates = np.concatenate([onset_rate(onsets, frames) for onsets, _, frames in parts])
+    rates = np.concatenate([onset_rate(onsets, times) for onsets, _, times in parts])
     low, high = np.quantile(np.concatenate([pitches for _, pitches, _ in parts]), (RARE / 2, 1 - RARE / 2))
     leap = np.quantile(steps, 1 - RARE) if steps.size else np.inf
     return HandLimits(float(leap), float(np.quantile(rates, 1 - RARE)), float(low), float(high))
@@ -108,9 +109,8 @@ def occluded(tracked: Motion) -> BoolArray:
     names = tracked.skeleton.joints
     hands = [[names.index(joint) for joint in hand_joints(side) if joint in names] for side in SIDES]
     if all(hands):
-        low, high = (
-            np.stack([edge(tracked.positions[:, hand], axis=1) for hand in hands]) for edge in (np.min, np.max)
-        )
+        points = [tracked.positions[:, hand] for hand in hands]
+        low, high = (np.stack([edge(own, axis=1) for own in points]) for edge in (np.min, np.max))
         result |= (low.max(axis=0) < high.min(axis=0)).all(axis=1)
     return result
 
@@ -153,7 +153,7 @@ def failure_words(frames: Sequence[PickedFrame], limits: Mapping[int, HandLimits
 
 
 def cause_table(pieces: Sequence[PredictedPiece], limits: Mapping[int, HandLimits]) -> pd.DataFrame:
-    """How often each cause holds: a cause that the worst frames have no more often than all does not explain them.
+    """Share of frames that each cause holds for; one that the worst frames have no more often explains nothing.
 
     Returns
     -------
@@ -183,6 +183,6 @@ def _mean(values: FloatArray) -> float:
 def _by_hand(performance: Performance) -> Iterable[tuple[int, Notes]]:
     """The notes of each hand that plays; none where they are not known."""
     notes = performance.notes
-    return (
-        [] if notes is None else [(hand, notes.select(notes.hands == hand)) for hand in np.unique(notes.hands).tolist()]
-    )
+    if notes is None:
+        return []
+    return [(hand, notes.select(notes.hands == hand)) for hand in np.unique(notes.hands).tolist()]

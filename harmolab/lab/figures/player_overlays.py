@@ -40,15 +40,13 @@ class Overlay(Protocol):
 
 
 def draw_points(ax: Axes, points: FloatArray, skeleton: Skeleton, *, colour: str, width: float) -> Axes:
-    """The bones between points (P, 2) of a picture, y down, those of fingers thinner; a dot where no bone ends."""
+    """The bones between points (P, 2) of a picture, y down; those of fingers and to hips thinner, dots on fingers."""
     bones = np.array(skeleton.bones, int).reshape(-1, 2)
     thin = np.array(joint_widths(skeleton)) < 1.0
     is_hip = np.array(["hip" in name for name in skeleton.joints])
     widths = width * np.where((thin | is_hip)[bones].any(axis=1), FINGER, 1.0)
-    look = {"colors": colour, "capstyle": "round", "joinstyle": "round"}
-    ax.add_collection(LineCollection(list(points[bones]), linewidths=widths, **look))
-    tips = thin if thin.any() else ~thin
-    ax.plot(*points[tips].T, linestyle="none", marker="o", markersize=FINGER * width, color=colour)
+    ax.add_collection(LineCollection(list(points[bones]), colors=colour, linewidths=widths, capstyle="round"))
+    ax.plot(*points[thin].T, linestyle="none", marker="o", markersize=FINGER * width, color=colour)
     return ax
 
 
@@ -152,7 +150,6 @@ def stills_figure(stills: Mapping[str, Sequence[FloatArray]], times: Sequence[fl
     cell = (WIDTH - 0.3) / len(times)
     size = (WIDTH, len(stills) * cell * height / width + 0.55)
     with styled_axes(size, len(stills), len(times)) as (figure, axes):
-        figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)
         for row, (name, pictures) in enumerate(stills.items()):
             for column, picture in enumerate(pictures):
                 ax = axes[row * len(times) + column]
@@ -175,9 +172,7 @@ def onsets_figure(scores: Mapping[str, HarmonyScore], *, title: str, event: str,
             words = f"{score.hits.sum()} of {score.n_audio} onsets hit, {score.chance:.0%} by chance"
             ax.set_title(f"{name}: {words}; {score.harmony_above_chance:+.2f} above chance (p = {score.p_value:.3f})")
         axes[-1].set_xlabel("time (s)")
-        marks = [
-            Line2D([], [], **MARK_LOOKS[kind], label=label) for kind, label in zip(MARK_LOOKS, MARKED, strict=True)
-        ]
+        marks = [Line2D([], [], **look, label=label) for look, label in zip(MARK_LOOKS.values(), MARKED, strict=True)]
         figure.legend(handles=marks, loc="outside lower left", ncols=2)
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
