@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,40 +25,50 @@ def dance_files(out: Path | None, song: Path, seed: int, samples: int) -> dict[i
     ValueError
         For a name that cannot be written or is of no kind that is known.
     """
-    if out is not None:
-        check_out(out, "a dance", SUFFIXES)
-        paths = [out]
-    elif len(song.stem.encode()) > LONGEST_NAME:
-        raise ValueError(f"{song}: its name is too long to add to; choose one with --out")
-    else:
-        paths = [Path(f"{song.stem}_dance{suffix}") for suffix in UNASKED]
-        for path in paths:
-            check_place(path)
+    paths = files_to_write(out, song, "dance", UNASKED)
     if samples == 1:
         return {seed: paths}
     numbers = range(seed, seed + samples)
     return {number: [path.with_name(f"{path.stem}_{number}{path.suffix}") for path in paths] for number in numbers}
 
 
+def files_to_write(out: Path | None, song: Path, noun: str, unasked: Sequence[str]) -> list[Path]:
+    """`out`, or without it files of the `unasked` kinds, named after the song and a noun; errors as `dance_files`."""
+    if out is not None:
+        check_out(out, f"a {noun}", SUFFIXES)
+        return [out]
+    if len(song.stem.encode()) > LONGEST_NAME:
+        raise ValueError(f"{song}: its name is too long to add to; choose one with --out")
+    paths = [Path(f"{song.stem}_{noun}{suffix}") for suffix in unasked]
+    for path in paths:
+        check_place(path)
+    return paths
+
+
 def write_files(paths: list[Path], report: DanceReport, sound: Audio, title: str, *, is_asked: bool) -> list[Path]:
-    """Write a dance with its part of the sound to files; the paths of those that were written.
+    """Write a dance with its part of the sound to files, as `written`."""
+    return written(paths, lambda path: _writer(path)(path, report, sound, title), is_asked=is_asked)
+
+
+def written(paths: Iterable[Path], write: Callable[[Path], None], *, is_asked: bool) -> list[Path]:
+    """The paths of files that `write` could write.
 
     Raises
     ------
     ValueError
         For a file that cannot be made, if it was asked for; else a note says that it is left out, and why.
     """
-    written = []
+    done = []
     for path in paths:
         try:
-            _writer(path)(path, report, sound, title)
+            write(path)
         except ValueError as error:
             if is_asked:
                 raise
             note(f"left out: {path}: {error}")
         else:
-            written.append(path)
-    return written
+            done.append(path)
+    return done
 
 
 def _writer(path: Path) -> Callable[[Path, DanceReport, Audio, str], None]:

@@ -190,11 +190,14 @@ def _dancer(
 def _trained(weights: Path | None, system: str | None) -> System:
     """The system in a folder; the weights shipped for it where none are named."""
     import harmolab
-    from harmolab.systems.contract import check_dances, names
+    from harmolab.systems.contract import PLAYERS, check_dances, maker_of, names
 
     check_dances(system)
-    if weights is None and system not in names():
-        raise ValueError(f"no weights are shipped for {system!r}: pass --weights RUN, or one of {', '.join(names())}")
+    dancing = [name for name in names() if name not in PLAYERS]
+    if weights is None and system not in dancing:
+        raise ValueError(f"no weights are shipped for {system!r}: pass --weights RUN, or one of {', '.join(dancing)}")
+    if weights is not None:
+        check_dances(maker_of(weights), f"{weights}: ")
     shipped = Path(harmolab.__file__).parent / "systems" / (system or "") / "weights"
     if weights is None and not (shipped / "model.safetensors").is_file():
         raise ValueError(

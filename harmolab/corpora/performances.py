@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ from harmolab.io.notes import load_notes, save_notes
 from harmolab.io.player_keypoints import IsMusician, load_player_points
 from harmolab.io.video import average_rate
 from harmolab.io.video_sound import load_sound
-from harmolab.types import BoolArray, Motion
+from harmolab.types import Audio, BoolArray, Motion
 
 SAMPLE_RATE = 44100.0  # hertz: that of the paper's sound
 _AUDIO = "audio.wav"
@@ -51,6 +52,7 @@ def load_performance(
     fps: float | None = None,
     sample_rate: float | None = SAMPLE_RATE,
     is_musician: IsMusician | None = None,
+    audio: Audio | None = None,
 ) -> Performance:
     """The performance in a folder.
 
@@ -63,6 +65,7 @@ def load_performance(
     sample_rate : float or None, hertz
         Sound of any other rate is resampled to it. None keeps the file's.
     is_musician : as in `load_player_points`
+    audio : Audio, the sound in place of the folder's, which then needs none
 
     Raises
     ------
@@ -73,13 +76,14 @@ def load_performance(
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder")
     about, files = about_performance(folder), performance_files(folder)
-    if fault := _fault(files):
+    if (fault := _fault(files)) and (audio is None or not files.points):
         raise ValueError(f"{folder}: {fault}")
     plays = about.get("instrument") or named_instrument(folder) or instrument
     if not plays:
         raise ValueError(f'{folder}: does not say the instrument; write {{"instrument": "piano"}} into its {ABOUT}')
     points = _points(files, about, fps, is_musician)
-    audio = None if files.sound is None else load_sound(files.sound, sample_rate=sample_rate)
+    if audio is None and files.sound is not None:
+        audio = load_sound(files.sound, sample_rate=sample_rate)
     offset = about.get("offset_s", points.offset) or 0.0
     if audio is not None:
         _check_end(folder, offset + points.motion.duration, audio.duration, points.motion.fps)
@@ -92,6 +96,41 @@ def load_performance(
         )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"{folder}: {str(error).removeprefix(f'{folder}: ')}") from None
+
+
+def load_playing(
+    path: PathLike, audio: Audio, *, instrument: str, fps: float | None = None, offset: float | None = None
+) -> Performance:
+    """A musician's own points beside the sound that they were played to.
+
+    Parameters
+    ----------
+    path : str or path
+        A folder as of `load_performance`, of whose sound `audio` takes the place, or a file of points: .npz, .json,
+        .jsonl; a folder of OpenPose's frames.
+    audio : Audio, the whole recording
+    instrument : "piano" or "violin"
+    fps : float, frames per second, where the files do not say it
+    offset : float, seconds, audio time of the first frame; what the files say when left out, else 0
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the folder or file. ValueError also where the folder says another instrument.
+    """
+    path = Path(path)
+    if path.is_dir():
+        performance = load_performance(path, instrument=instrument, fps=fps, audio=audio)
+        if performance.instrument != instrument:
+            raise ValueError(f"{path}: is played on a {performance.instrument}, not on a {instrument}")
+        return performance if offset is None else replace(performance, offset=offset)
+    points = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None)
+    begin = next((time for time in (offset, points.offset) if time is not None), 0.0)
+    _check_end(path, begin + points.motion.duration, audio.duration, points.motion.fps)
+    try:
+        return Performance(path.stem, instrument, audio, points.motion, points.detected, offset=begin)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise ValueError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
 
 
 def _fault(files: PerformanceFiles) -> str:
@@ -118,7 +157,7 @@ def _points(
         )  # fmt: skip
     except MissingFrameRate:
         raise MissingFrameRate(
-            f'{path}: holds no frame rate; write "fps" into {ABOUT} beside it, or pass fps (--fps 25)'
+            f'{path}: holds no frame rate; write "fps" into {ABOUT} in its folder, or pass fps (--fps 25)'
         ) from None
     return _Points(points.motion, points.detected, None)
 

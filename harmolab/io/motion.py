@@ -16,6 +16,7 @@ name            shape and type                      meaning
 ``units``       one string, optional                ``"m"`` for 3-D (else pass `scale`), any for 2-D
 ``offset``      one number, optional                seconds, audio time of frame 0 in the song it was made for
 ``detected``    (T, J) bool, optional               False where a joint was not detected and its place is filled in
+``about``       one string, optional                where the motion comes from, for people
 ==============  ==================================  =======================================================
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
@@ -215,7 +216,12 @@ def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
 
 
 def save_motion(
-    path: PathLike, motion: Motion, *, offset: float | None = None, detected: BoolArray | None = None
+    path: PathLike,
+    motion: Motion,
+    *,
+    offset: float | None = None,
+    detected: BoolArray | None = None,
+    about: str = "",
 ) -> None:
     """Write a motion as `.npz` (the format above) or as `.bvh`; the file appears whole or not at all.
 
@@ -230,6 +236,7 @@ def save_motion(
         Audio time of frame 0 in the song that the motion belongs to; an `.npz` keeps it (`load_offset`).
     detected : (T, J) mask, optional
         False where a joint was not detected and its place is filled in; an `.npz` keeps it (`load_detected`).
+    about : str, a sentence on where the motion comes from; an `.npz` keeps it
 
     Raises
     ------
@@ -240,6 +247,7 @@ def save_motion(
     optional: dict[str, Any] = {} if offset is None else {"offset": np.array(offset, np.float64)}
     _offset(optional)
     optional |= {} if detected is None else {"detected": np.asarray(detected, bool)}
+    optional |= {"about": np.array(about)} if about else {}
     suffix = path.suffix.lower()
     if suffix == ".bvh":
         save_bvh(path, motion)

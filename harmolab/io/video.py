@@ -243,7 +243,9 @@ def _quarter_turns(picture: av.VideoFrame) -> int:
     return round(picture.rotation / 90) % 4
 
 
-def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: Audio | None = None) -> None:
+def write_video(
+    path: PathLike, frames: Iterable[Frame], fps: float, *, audio: Audio | None = None, title: str = ""
+) -> None:
     """Write frames as a video that browsers play; the file appears whole or not at all.
 
     Parameters
@@ -255,6 +257,7 @@ def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: A
     fps : float, hertz
     audio : Audio, optional
         Sound that starts with the first frame.
+    title : str, which players show
 
     Raises
     ------
@@ -271,6 +274,8 @@ def write_video(path: PathLike, frames: Iterable[Frame], fps: float, *, audio: A
         atomic_write(path) as part,
         av.open(f"file:{part}", "w", format=path.suffix[1:].lower(), container_options=coding.container) as container,
     ):
+        if title:
+            container.metadata["title"] = title
         _encode(container, coding, path, map(np.asarray, frames), Fraction(fps).limit_denominator(100_000), audio)
 
 

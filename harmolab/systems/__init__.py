@@ -1,4 +1,4 @@
-"""Systems that dance: the one door to all of them, and what it takes to train one.
+"""Systems that dance or play an instrument: the one door to all of them, and what it takes to train one.
 
 The public names stand in ``__init__.pyi`` and are resolved on first use.
 """

@@ -1,4 +1,4 @@
-"""Systems that dance, and the one door to all of them.
+"""Systems that dance or play an instrument, and the one door to all of them.
 
 A system is a class that fulfils `System`. Its name is that of its module here (``harmogan`` is
 `harmolab.systems.harmogan`, class `HarmoGAN`); a class outside harmolab is called ``package.module:Class``. Weights
@@ -6,7 +6,7 @@ name the system that made them: ``"system"`` in ``model.json``. Because of what 
 package is imported.
 
 A system may have parts that are trained by themselves (`PARTS`). They do not dance: the system uses them where they lie
-in its run.
+in its run. Nor do `PLAYERS`: their motions are a musician's points in a picture.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from harmolab.types import Audio, BeatTrack, Motion
 
 # Name of a part -> the system that it belongs to; its class stands in the module `parts` there.
 PARTS: Mapping[str, str] = MappingProxyType({"attributes": "music2dance", "feet": "music2dance"})
+PLAYERS = frozenset({"audio2body"})  # systems that play an instrument
 
 
 class Trainable(Protocol):
@@ -96,7 +97,7 @@ def find(name: str) -> type[System]:
     ValueError
         If there is no such system, or it is a part of one.
     """
-    check_dances(name)
+    check_whole(name)
     module, outside, _ = name.partition(":")
     if not outside and name not in names():
         raise ValueError(f"unknown system {name!r}; there are {', '.join(names())}, and others as package.module:Class")
@@ -108,13 +109,20 @@ def trainable(name: str) -> type[Trainable]:
     return _class(name, f"{__package__}.{PARTS[name]}.parts") if name in PARTS else find(name)
 
 
-def check_dances(name: str | None, place: str = "") -> None:
+def check_whole(name: str | None, place: str = "") -> None:
     """ValueError that begins with `place` where a name is that of a part, which does not dance by itself."""
     if whole := PARTS.get(name or ""):
         raise ValueError(
             f"{place}{name} is a part of {whole}, not a dancer: train it into a run of {whole} "
             f"(--out RUN/{name}) and dance with --weights RUN"
         )
+
+
+def check_dances(name: str | None, place: str = "") -> None:
+    """ValueError that begins with `place` where a name is that of a part, or of a system that plays an instrument."""
+    check_whole(name, place)
+    if name in PLAYERS:
+        raise ValueError(f"{place}{name} plays, it does not dance: use `harmolab perform SONG`")
 
 
 def _class(name: str, module: str) -> Any:
@@ -146,9 +154,8 @@ def load(folder: PathLike, *, system: str | None = None) -> System:
     FileNotFoundError, ValueError
         If there are no weights, they are damaged, or another system made them; the message names the file or folder.
     """
-    about = read_about(folder)
-    maker = str(about.get("system") or ("harmogan" if about.get("class") == "Generator" else ""))  # before 0.2: unnamed
-    check_dances(maker, f"{folder}: ")
+    maker = maker_of(folder)
+    check_whole(maker, f"{folder}: ")
     if system is not None and system != maker:
         raise ValueError(f"{folder}: was made by the system {maker!r}, not by {system!r}")
     if system is None and ":" in maker:
@@ -159,3 +166,9 @@ def load(folder: PathLike, *, system: str | None = None) -> System:
     if system is None and maker not in names():
         raise ValueError(f"{folder}: was made by the system {maker!r}, which this version of harmolab does not have")
     return find(maker).load(folder)
+
+
+def maker_of(folder: PathLike) -> str:
+    """Name of the system that made the weights in a folder, as they say; errors as of `load`."""
+    about = read_about(folder)
+    return str(about.get("system") or ("harmogan" if about.get("class") == "Generator" else ""))  # before 0.2: unnamed

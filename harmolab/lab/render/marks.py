@@ -5,7 +5,9 @@ Marks differ in shape and word, colour only helps. Needs OpenCV and numpy only.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import product
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -21,6 +23,7 @@ FLASH = 0.15  # seconds for which a beat is shown
 RADIUS, LEAST_RADIUS = 0.02, 4.0  # of a mark: share of the picture's height, pixels
 ROW, TEXT_AT, WORD_WIDTH = 2.9, 4.2, 7.5  # in radii
 LEAST_WORDS = 200  # pixels of height from which the words can be read
+WORDS: Mapping[str, str] = MappingProxyType({"music": "music", "dancer": "dancer", "hit": "hit"})
 
 
 class BeatMarks:
@@ -31,14 +34,15 @@ class BeatMarks:
     height : int, pixels of the pictures
     score : HarmonyScore or None
         Its attentional beats and pairs, on the pictures' time line, light the marks; without it there are none.
+    words : mark -> the word beside it
     """
 
-    def __init__(self, height: int, score: HarmonyScore | None) -> None:
+    def __init__(self, height: int, score: HarmonyScore | None, words: Mapping[str, str] = WORDS) -> None:
         self.times: dict[str, FloatArray] = {}
         if score is not None:
             self.times = {"music": score.music.times, "dancer": score.visual.times, "hit": hit_times(score)}
         states = product((False, True), repeat=len(self.times))
-        self.plates = {lit: _plate(height, dict(zip(self.times, lit, strict=True))) for lit in states}
+        self.plates = {lit: _plate(height, dict(zip(self.times, lit, strict=True)), words) for lit in states}
 
     def draw(self, frame: Frame, seconds: float) -> None:
         """Put the marks into the upper left corner of `frame` (H, W, 3), lit as they are at that moment."""
@@ -56,7 +60,7 @@ def hit_times(score: HarmonyScore) -> FloatArray:
     return np.sort(np.maximum(score.music.times[hits], score.visual.times[score.pairs[hits]]))
 
 
-def _plate(height: int, lit: dict[str, bool]) -> Frame:
+def _plate(height: int, lit: dict[str, bool], words: Mapping[str, str]) -> Frame:
     """The corner of a picture with one row for each mark."""
     radius = max(LEAST_RADIUS, RADIUS * height)
     worded = height >= LEAST_WORDS
@@ -67,7 +71,7 @@ def _plate(height: int, lit: dict[str, bool]) -> Frame:
         _draw_mark(plate, name, middle, radius, on)
         if worded:
             at = (round(TEXT_AT * radius), round(middle[1] + 0.62 * radius))
-            cv2.putText(plate, name, at, cv2.FONT_HERSHEY_SIMPLEX, radius / 17, INK, max(1, height // 480), cv2.LINE_AA)
+            cv2.putText(plate, words[name], at, cv2.FONT_HERSHEY_SIMPLEX, radius / 17, INK, max(1, height // 480), cv2.LINE_AA)
     return plate
 
 

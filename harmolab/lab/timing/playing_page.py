@@ -5,13 +5,17 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import NamedTuple
 
+from harmolab.beats.notes import BOW_HAND
 from harmolab.io.files import PathLike, write_text
+from harmolab.io.motion import motion_part
+from harmolab.io.player_points import SIDES, hand_joints
 from harmolab.lab.figures.timing import png_text, timing_figure
 from harmolab.lab.report.templates import rendered
 from harmolab.lab.timing.page import NARROW, WIDE
 from harmolab.lab.timing.playing import EVENTS, MANY_EVENTS, ExplainedPlaying
 from harmolab.lab.widgets.player import LONGEST, Dancer, Player
-from harmolab.types import Notes
+from harmolab.lab.widgets.words import PLAYING
+from harmolab.types import Motion, Notes
 from harmolab.verdict.score import HarmonyScore
 
 MOST_PARTINGS = 200  # rows of the list of single moments
@@ -71,7 +75,17 @@ def playing_player(playing: ExplainedPlaying) -> Player:
     name, score = playing.performance.name, playing.score.score
     if playing.audio is None:
         raise ValueError(f"{name}: has no sound to play; render its notes first")
-    return Player(playing.audio, [Dancer(name, playing.motion, score)], music=score.music, title=name)
+    instrument = playing.performance.instrument
+    dancer = Dancer(name, playing.motion, score, moving=moving_hands(playing.motion, instrument))
+    return Player(playing.audio, [dancer], music=score.music, title=name, words=PLAYING[instrument])
+
+
+def moving_hands(motion: Motion, instrument: str) -> Motion | None:
+    """The points of the hands, of a violinist those of the hand that bows; None without any."""
+    sides = (BOW_HAND,) if instrument == "violin" else SIDES
+    names = {name for side in sides for name in (f"{side}_wrist", *hand_joints(side))}
+    joints = [name for name in motion.skeleton.joints if name in names]
+    return motion_part(motion, joints, "hands") if joints else None
 
 
 def _is_playable(playing: ExplainedPlaying) -> bool:

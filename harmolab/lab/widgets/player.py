@@ -20,6 +20,7 @@ from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.report.templates import framed, rendered
 from harmolab.lab.widgets.movement import FASTEST, movement_data, quantised, shared_wall
+from harmolab.lab.widgets.words import DANCING, PageWords
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.score import HarmonyScore
@@ -43,6 +44,8 @@ class Dancer:
         Of the same dance at its own frame rate, where the motion is shown at another: the number of the page.
     instead : str
         Words that stand in place of that number and its verdict, where these mean nothing; "" where they do.
+    moving : Motion, optional
+        The motion whose speed is drawn as a curve, such as the hands of a musician; all of `motion` when left out.
     """
 
     name: str
@@ -50,6 +53,7 @@ class Dancer:
     score: HarmonyScore
     number: HarmonyScore | None = None
     instead: str = ""
+    moving: Motion | None = None
 
 
 class Player:
@@ -69,6 +73,8 @@ class Player:
     overlaid : bool
         Two motions in one picture's coordinates over each other: the first, the truth, broad and red, the second,
         the prediction, narrow and green.
+    words : PageWords, those of a dance when left out
+    notice : str, a sentence that stands above the picture
 
     Raises
     ------
@@ -90,6 +96,8 @@ class Player:
         title: str,
         facts: Mapping[str, str] = MappingProxyType({}),
         overlaid: bool = False,
+        words: PageWords = DANCING,
+        notice: str = "",
     ) -> None:
         motions = [dancer.motion for dancer in dancers]
         duration = _duration(motions)
@@ -105,7 +113,7 @@ class Player:
             "overlaid": overlaid,
         }
         self.title = title
-        self.page = rendered("player.html.j2", title=title, facts=facts, data=data)
+        self.page = rendered("player.html.j2", title=title, facts=facts, data=data, words=words, notice=notice)
 
     def _repr_html_(self) -> str:
         return framed(self.page, title=f"{self.title}: player", height=HEIGHT)
@@ -210,7 +218,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
     dancers = [{"name": name, **movement_data(motion)} for name, motion in zip(names, motions, strict=True)]
     data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
-    return rendered("blind.html.j2", data=data)
+    return rendered("blind.html.j2", data=data, words=DANCING)
 
 
 def _duration(motions: Sequence[Motion]) -> float:
@@ -238,7 +246,7 @@ def _dancer(dancer: Dancer, wall: FloatArray | None) -> dict[str, Any]:
     return {
         "name": dancer.name,
         **movement_data(dancer.motion, wall=wall),
-        "speed": _speed(dancer.motion, dancer.score.params),
+        "speed": _speed(dancer.moving or dancer.motion, dancer.score.params),
         "visual": [_seconds(time) for time in dancer.score.visual.times],
         "marks": _marks(dancer.score),
         "number": {"verdict": dancer.instead} if dancer.instead else _number(dancer.number or dancer.score),

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from harmolab.io.arrays import number_array
 from harmolab.io.player_points import INSTRUMENTS
+from harmolab.systems.audio2body.bow import Bowing
 from harmolab.systems.audio2body.params import Audio2BodyParams
 from harmolab.systems.audio2body.placing import Reference
 from harmolab.systems.audio2body.point_space import PointSpace
@@ -34,6 +35,15 @@ class SoundToPoints(nn.Module):
     instrument : "piano" or "violin"
     n_components : int
     reference : Reference that the points are placed by
+
+    Raises
+    ------
+    ValueError
+        For `params.bow_phase` of another instrument than a violin.
+
+    Notes
+    -----
+    With `params.bow_phase` one output more follows the components: `harmolab.systems.audio2body.bow.turn_signal`.
     """
 
     system = "audio2body"
@@ -42,12 +52,15 @@ class SoundToPoints(nn.Module):
         self, params: Audio2BodyParams, skeleton: Skeleton, instrument: str, n_components: int, reference: Reference
     ) -> None:
         super().__init__()
+        if params.bow_phase and instrument != "violin":
+            raise ValueError(f"bow_phase is of violinists, and this is a {instrument}")
         self.params, self.skeleton, self.instrument, self.reference = params, skeleton, instrument, reference
         self.sound_scale = Normaliser(params.n_sound)
         self.space_scale = SpaceScale(len(skeleton.joints), n_components)
         self.lstm = nn.LSTM(params.n_sound, params.hidden, batch_first=True)
         self.dropout = nn.Dropout(params.dropout)
-        self.linear = nn.Linear(params.hidden, n_components)
+        self.bow_scale = BowScale(len(skeleton.joints)) if params.bow_phase else None
+        self.linear = nn.Linear(params.hidden, n_components + params.bow_phase)
         with torch.no_grad():
             gate = slice(params.hidden, 2 * params.hidden)  # of forgetting; two biases are added to each gate
             biases = dict(self.lstm.named_parameters())
@@ -68,10 +81,20 @@ class SoundToPoints(nn.Module):
         components, state = self(torch.from_numpy(np.ascontiguousarray(steps))[None].to(device), state)
         return components[0].double().cpu().numpy(), state
 
-    def set_statistics(self, mean: Tensor, std: Tensor, space: PointSpace) -> None:
+    def set_statistics(self, mean: Tensor, std: Tensor, space: PointSpace, bow: Bowing | None = None) -> None:
         """Normalise sound (F,) and points by the training split from now on."""
+        if self.bow_scale is not None and bow is not None:
+            self.bow_scale.set(bow)
         self.sound_scale.set(mean, std)
         self.space_scale.set(space)
+
+    def projected(self, points: FloatArray) -> FloatArray:
+        """Points (T, 2 P) as far as the components (with `bow_phase` also the bow's place) can tell them."""
+        space = self.space_scale.space
+        if self.bow_scale is None:
+            return space.decode(space.encode(points))
+        bow = self.bow_scale.bow
+        return bow.at_place(space.decode(space.encode(bow.at_rest(points))), bow.place(points))
 
     def description(self) -> dict[str, Any]:
         """Everything that `built` needs beside the tensors, JSON-able."""
@@ -127,3 +150,28 @@ class SpaceScale(nn.Module):
     def space(self) -> PointSpace:
         """The space in numpy."""
         return PointSpace(*(values.double().cpu().numpy() for values in (self.mean, self.basis, self.sizes)))
+
+
+class BowScale(nn.Module):
+    """The numbers of a `Bowing`, kept with the network; it has no weights."""
+
+    reading: Tensor
+    effect: Tensor
+    levels: Tensor
+    law: Tensor
+    evidence: Tensor
+
+    def __init__(self, points: int) -> None:
+        super().__init__()
+        for name, values in asdict(Bowing.empty(points)).items():
+            self.register_buffer(name, torch.from_numpy(values).float())
+
+    def set(self, bow: Bowing) -> None:
+        """Keep a bow of the same number of points."""
+        for name, values in asdict(bow).items():
+            getattr(self, name).copy_(torch.from_numpy(values))
+
+    @property
+    def bow(self) -> Bowing:
+        """The bow in numpy."""
+        return Bowing(**{name: values.double().cpu().numpy() for name, values in self.named_buffers()})

@@ -120,10 +120,11 @@ class Audio2BodyParams:
 
     @classmethod
     def recommended(cls, instrument: str = "piano") -> Audio2BodyParams:
-        """Hands move before the note: 125 ms of delay; semitones beside the 28 numbers; whole pieces validated on."""
+        """Hands move before the note: 125 ms of delay; semitones beside the 28 numbers; a violin's bow alternates."""
         return replace(
-            cls.tables(instrument), delay=0.125, tones="semitones", batch=25, rate=2e-3, epochs=40, validation="pieces"
-        )
+            cls.tables(instrument), delay=0.125, tones="semitones", batch=25, rate=2e-3, epochs=40, validation="pieces",
+            bow_phase=instrument == "violin",
+        )  # fmt: skip
 
     @property
     def step_rate(self) -> float:

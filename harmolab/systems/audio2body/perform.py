@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from harmolab.systems.audio2body.bow import Strokes, loudness, turns_of
 from harmolab.systems.audio2body.networks import SoundToPoints, State
 from harmolab.systems.audio2body.point_space import continued, frames_of, steps_of
 from harmolab.systems.audio2body.sound_features import note_features, sound_features
@@ -51,12 +52,36 @@ def synthesize_performance(
     return Motion(points.reshape(count, -1, 2), params.fps, network.skeleton)
 
 
-def predicted_points(network: SoundToPoints, sound: NDArray[np.float32]) -> FloatArray:
-    """Points (T, 2 P) for what is heard (T, F), in one pass over the whole recording."""
+def predicted_points(
+    network: SoundToPoints, sound: NDArray[np.float32], *, strokes: Strokes | None = None
+) -> FloatArray:
+    """Points (T, 2 P) for what is heard (T, F), in one pass over the whole recording.
+
+    With `bow_phase`, `strokes` may be given in place of those that `predicted_strokes` hears.
+    """
     params = network.params
-    steps = continued(steps_of(sound, params.upsample), params.delay_steps)
-    components, _ = network.predicted(steps)
-    return network.space_scale.space.decode(frames_of(components, params.upsample, params.delay_steps))
+    components = _predicted_steps(network, sound)[:, : len(network.space_scale.sizes)]
+    points = network.space_scale.space.decode(frames_of(components, params.upsample, params.delay_steps))
+    if network.bow_scale is None:
+        return points
+    bow, strokes = network.bow_scale.bow, predicted_strokes(network, sound) if strokes is None else strokes
+    return bow.at_place(points, bow.places(strokes, len(points), params.fps))
+
+
+def predicted_strokes(network: SoundToPoints, sound: NDArray[np.float32]) -> Strokes:
+    """The strokes of the bow for what is heard (T, F); ValueError for a network without `bow_phase`."""
+    if network.bow_scale is None:
+        raise ValueError("this network was trained without bow_phase; it knows no strokes")
+    params = network.params
+    signal = _predicted_steps(network, sound)[params.delay_steps :, -1]
+    turns = turns_of(signal, params.step_rate)
+    return network.bow_scale.bow.strokes(turns, loudness(sound, params), params.fps)
+
+
+def _predicted_steps(network: SoundToPoints, sound: NDArray[np.float32]) -> FloatArray:
+    """Outputs of the network, (S + delay, n) steps, over a whole recording (T, F)."""
+    params = network.params
+    return network.predicted(continued(steps_of(sound, params.upsample), params.delay_steps))[0]
 
 
 class PerformanceStream:
@@ -65,9 +90,16 @@ class PerformanceStream:
     Parameters
     ----------
     network : trained
+
+    Raises
+    ------
+    ValueError
+        For a network with `bow_phase`, which hears the whole recording before it knows down-bows from up-bows.
     """
 
     def __init__(self, network: SoundToPoints) -> None:
+        if network.bow_scale is not None:
+            raise ValueError("bow_phase needs the whole recording; take synthesize_performance, or train without it")
         self.network = network
         self._state: State | None = None
         self._last: NDArray[np.float32] | None = None  # frame of sound that steps go on from

@@ -32,6 +32,7 @@ class PlayedSequence:
     points : (T, 2 P) array, x and y of each point in turn, pixels of the reference configuration
     learnt : (T,) mask, the frames that a loss counts
     accepted : (T,) mask, the frames that an error counts
+    marks : (T, C) array, what else the network learns of each frame; nothing when left out
     """
 
     name: str
@@ -40,6 +41,7 @@ class PlayedSequence:
     points: FloatArray
     learnt: BoolArray
     accepted: BoolArray
+    marks: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ class PlayedWindows:
     Parameters
     ----------
     sound : (N, S, F)
-    target : (N, S, n), scaled components, `delay` steps late
+    target : (N, S, n), scaled components and then the marks, `delay` steps late
     mask : (N, S), 1 where the loss counts
     residual : (N, S), mean square of what the components leave of the points
     """
@@ -160,7 +162,8 @@ def _cut(
     """Windows of one sequence: sound, target, mask, residual."""
     components = space.encode(sequence.points)
     residual = np.square(sequence.points - space.decode(components)).mean(axis=1)
-    frames = np.column_stack([components, residual])
+    marks = [] if sequence.marks is None else [sequence.marks]
+    frames = np.column_stack([components, *marks, residual])
     sound = continued(steps_of(sequence.sound, params.upsample), params.delay_steps)
     targets = later(steps_of(frames, params.upsample), params.delay_steps)
     mask = later(usable_steps(sequence.learnt, params.upsample)[:, None], params.delay_steps)

@@ -18,7 +18,6 @@ from harmolab.systems.audio2body.params import Audio2BodyParams
 from harmolab.systems.audio2body.perform import synthesize_performance
 from harmolab.systems.audio2body.reading import played_set
 from harmolab.systems.audio2body.sequences import PlayedSplit
-from harmolab.systems.audio2body.train import train_audio2body
 from harmolab.systems.common.about import DEFAULT_STEM, read_about
 from harmolab.systems.common.checkpoints import check_folder
 from harmolab.systems.common.history import Report
@@ -27,6 +26,7 @@ from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.types import Audio, BeatTrack, Motion, Notes
 
 HELD_OUT = 1 / 6  # of the seconds of performances, for each side that is held out
+SYNTHETIC = "synthetic"
 PRESETS = ("recommended", "tables", "section_4")
 WEIGHTS = Path(__file__).parent / "weights"
 
@@ -42,6 +42,14 @@ class Audio2Body:
 
     def __init__(self, network: SoundToPoints, meta: Mapping[str, Any] | None = None) -> None:
         self.network, self.meta = network, dict(meta or {})
+
+    @property
+    def trained_on(self) -> str:
+        """A sentence about the players that it was trained on, which goes with everything that it makes."""
+        source = str(self.meta.get("source", ""))
+        if source == SYNTHETIC:
+            return "This player was trained on planted, synthetic players only."
+        return f"This player was trained on: {source[:200]}." if source else "Nothing says on whom it was trained."
 
     def generate(
         self,
@@ -65,7 +73,7 @@ class Audio2Body:
         notes : of the recording, for a network that hears them in place of the sound
         """
         if initial is not None and initial.skeleton != self.network.skeleton:
-            raise ValueError(f"initial has other points than this {self.network.instrument} player")
+            raise ValueError(f"initial has other joints than this {self.network.instrument} player")
         return synthesize_performance(self.network, audio, start=start, seconds=seconds, notes=notes)
 
     def save(self, folder: PathLike) -> None:
@@ -127,6 +135,7 @@ class Audio2Body:
         ValueError
             For an unknown name or value, a folder that holds something else, or too few performances.
         """
+        from harmolab.systems.audio2body.train import train_audio2body
         from harmolab.systems.common.phases import make_fabric
 
         check_choice("preset", preset, PRESETS)

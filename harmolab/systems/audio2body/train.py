@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from torch import Tensor
 from torch.nn.functional import huber_loss, mse_loss
 
 from harmolab.io.files import PathLike, plain
+from harmolab.systems.audio2body.bow import Bowing, turn_signal
 from harmolab.systems.audio2body.networks import SoundToPoints
 from harmolab.systems.audio2body.perform import predicted_points
 from harmolab.systems.audio2body.sequences import (
@@ -97,14 +99,18 @@ def prepared(
     """An untrained network with the statistics of the training side; windows to train on, and to validate on."""
     params, learnt = played.params, sides(played.sequences, split.train)
     learnt = with_other_sounds(learnt, params.seed) if params.shuffled_sound else learnt
+    validated = sides(played.sequences, split.validation)
+    bow = Bowing.fit(learnt, played.skeleton, params) if params.bow_phase else None
+    if bow is not None:
+        learnt, validated = _with_turns(learnt, bow, played), _with_turns(validated, bow, played)
     space, statistics = fitted_space(learnt, params), sound_statistics(learnt)
     network = initial_network(played, len(space.basis))
-    network.set_statistics(*statistics, space)
+    network.set_statistics(*statistics, space, bow)
     train = PlayedWindows.of(learnt, space, params, device)
     if params.validation == "pieces" and not split.validation:
         raise ValueError("whole pieces are to be validated on, and the split has none")
     if params.validation == "pieces":
-        validation = PlayedWindows.of(sides(played.sequences, split.validation), space, params, device)
+        validation = PlayedWindows.of(validated, space, params, device)
     else:
         train, validation = train.drawn_apart(VALIDATION_SHARE, params.seed)
     if params.data_share < 1:
@@ -112,6 +118,15 @@ def prepared(
     if not bool(train.mask.any()):
         raise ValueError(f"{played.source}: no frame to learn from; every one was rejected")
     return network, train, validation
+
+
+def _with_turns(sequences: Sequence[PlayedSequence], bow: Bowing, played: PlayedSet) -> list[PlayedSequence]:
+    """Sequences whose points have the bow at its mean place; its turns are marked in its stead."""
+    return [
+        replace(each, points=bow.at_rest(each.points),
+                marks=turn_signal(each, played.skeleton, played.params.fps)[:, None])
+        for each in sequences
+    ]  # fmt: skip
 
 
 def initial_network(played: PlayedSet, n_components: int) -> SoundToPoints:
@@ -166,12 +181,16 @@ def terms(components: Tensor, windows: PlayedWindows, loss: str) -> Terms:
 
 @torch.no_grad()
 def window_errors(network: SoundToPoints, windows: PlayedWindows) -> Errors:
-    """Errors of windows, each from a state of 0: means over the steps that count; NaN where there is none."""
+    """Errors of windows, each from a state of 0: means over the steps that count; NaN where there is none.
+
+    With `bow_phase` these are errors of points whose bow is at its mean place, predicted and true: a window is too
+    short to tell its direction.
+    """
     network.eval()
-    squares = []
+    squares, n = [], len(network.space_scale.sizes)
     for part in range(0, len(windows), network.params.batch):
         own = windows.take(torch.arange(part, min(part + network.params.batch, len(windows))))
-        difference = (windows_passed(network, own.sound) - own.target) * network.space_scale.sizes
+        difference = (windows_passed(network, own.sound) - own.target)[..., :n] * network.space_scale.sizes
         mean = difference.square().sum(dim=2) / network.space_scale.mean.numel()
         squares.append(torch.stack([mean, mean + own.residual], dim=2)[own.mask > 0])
     values = torch.cat(squares).sqrt().mean(dim=0)
@@ -180,10 +199,9 @@ def window_errors(network: SoundToPoints, windows: PlayedWindows) -> Errors:
 
 def errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
     """Errors of whole recordings: means over accepted frames."""
-    space = network.space_scale.space
     return errors_between(
         [predicted_points(network, sequence.sound) for sequence in sequences],
-        [space.decode(space.encode(sequence.points)) for sequence in sequences],
+        [network.projected(sequence.points) for sequence in sequences],
         sequences,
     )
 
@@ -209,7 +227,7 @@ def mean_pose_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]
     """Errors of the mean pose of the training side, which hears nothing."""
     space = network.space_scale.space
     predicted = [np.broadcast_to(space.mean, each.points.shape) for each in sequences]
-    return errors_between(predicted, [space.decode(space.encode(each.points)) for each in sequences], sequences)
+    return errors_between(predicted, [network.projected(each.points) for each in sequences], sequences)
 
 
 def side_errors(

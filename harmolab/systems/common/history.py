@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lightning_fabric.loggers.tensorboard import TensorBoardLogger
-
 HISTORY = "history.csv"
 EVENTS = "events.out.tfevents.*"
 Row = dict[str, Any]
@@ -38,6 +36,9 @@ class EventLog:
     """
 
     def __init__(self, folder: Path, rows: list[Row]) -> None:
+        # Imported here: it takes seconds, and systems that only dance or play need it not.
+        from lightning_fabric.loggers.tensorboard import TensorBoardLogger
+
         for stale in folder.glob(EVENTS):
             stale.unlink()
         self._logger = TensorBoardLogger(folder.resolve(), name="", version="")

@@ -1,0 +1,190 @@
+"""`harmolab perform`: the sound of an instrument in, a musician who plays it out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from harmolab.cli.checks import check_unread
+from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, note, plain_errors, printable, progress, wrote
+from harmolab.cli.dance_files import files_to_write, written
+from harmolab.cli.dancers import TRAIN_HINT
+
+if TYPE_CHECKING:
+    from harmolab.corpora.instruments import Performance
+    from harmolab.lab.timing.performed import Performed
+    from harmolab.systems.audio2body.system import Audio2Body
+    from harmolab.types import Audio
+
+Instrument = Literal["piano", "violin"]
+UNASKED = (".html", ".mp4")  # where nothing is asked for
+
+
+def perform(
+    context: typer.Context,
+    song: Song,
+    instrument: Annotated[
+        Instrument | None, typer.Option(help="What is played; a run of --weights knows it.", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="html (a page that plays it), mp4 or webm (with sound), npz, or bvh (Blender). Left out: "
+            "SONG_performance.html and .mp4 in this folder."
+        ),
+    ] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of `harmolab train --system audio2body`, or a weights file.")
+    ] = None,
+    is_avatar: Annotated[
+        bool | None,
+        typer.Option(
+            "--avatar/--points",
+            help="An avatar in space with its instrument, or the 2-D points. Left out: the points in an npz, else the "
+            "avatar.",
+            show_default=False,
+        ),
+    ] = None,
+    start: Annotated[float, typer.Option(help="Audio time in seconds at which it begins.")] = 0.0,
+    seconds: Annotated[float | None, typer.Option(help="Only so many seconds from there.")] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            help="Your own playing of SONG: a folder of a performance, or a file or folder of key points. It is shown "
+            "beside, or with --points under, the predicted one, with the error and how well both meet the sound."
+        ),
+    ] = None,
+    offset: Offset = None,
+    fps: Fps = None,
+) -> None:
+    """Play a recording: from the sound of a piano or a violin alone, the points of the musician, and an avatar.
+
+    **The players that come with harmolab were trained on planted, synthetic players only**: a program moved their hands
+    by the notes. They show what such a network can hear, not how a person plays. This is said on everything that is
+    made with them. Train one on musicians of your own:
+
+        harmolab train FOLDER --system audio2body --out RUN
+
+        harmolab perform SONG --weights RUN
+
+    Marks on the page are the onsets of the notes, found in the sound by a program, and the strikes of the fingers or
+    turns of the bow. An error is printed only where the truth is known (--truth). To look at your own playing alone:
+    `harmolab explain SONG POINTS --instrument piano`.
+
+    Example: `harmolab perform sonata.wav --instrument piano`
+
+    Example: `harmolab perform take/audio.wav --instrument violin --truth take --points --out beside.html`
+    """
+    from rich.console import Console
+
+    with plain_errors():
+        paths = files_to_write(out, song, "performance", UNASKED)
+        for path in paths:
+            check_unread(context, path)
+        if truth is None and (offset is not None or fps is not None):
+            raise ValueError("--offset and --fps are those of --truth; leave them out without it")
+        is_avatar = _is_avatar(is_avatar, paths)
+        system = _player(weights, instrument)
+        from harmolab.io.video_sound import load_sound
+        from harmolab.lab.timing.performed import performed
+
+        with Console(stderr=True).status("listening"):
+            audio = load_sound(song, sample_rate=None)
+            begin = perf_counter()
+            own = None if truth is None else _truth(truth, audio, system, offset=offset, fps=fps)
+            result = performed(
+                system, audio, start=start, seconds=seconds, is_avatar=_has_body(system, is_avatar), truth=own
+            )
+            length, took = result.figure.duration, perf_counter() - begin
+        used = str(weights) if weights else f"the {result.instrument} player that comes with harmolab"
+        done = written(
+            paths, lambda path: _write(path, result, title=f"{song.name}: {result.instrument}", used=used),
+            is_asked=out is not None,
+        )  # fmt: skip
+    typer.echo(printable(f"{length:.2f} s from {result.start:.2f} s of {song} on, played by {used} in {took:.2f} s"))
+    typer.echo(printable(result.notice))
+    for sentence in _beside(result):
+        typer.echo(printable(sentence))
+    for path in done:
+        wrote(path)
+    if result.start and any(path.suffix.lower() == ".bvh" for path in done):
+        typer.echo(f"it begins at {result.start:g} s of the song: pass --offset {result.start:g} with it")
+
+
+def _is_avatar(is_avatar: bool | None, paths: list[Path]) -> bool:
+    """What is drawn or kept; ValueError where a BVH is to hold points of a picture."""
+    if is_avatar is None:
+        return any(path.suffix.lower() != ".npz" for path in paths)
+    if not is_avatar and (flat := [path for path in paths if path.suffix.lower() == ".bvh"]):
+        raise ValueError(f"{flat[0]}: BVH holds movement in space; leave out --points, or save the points as .npz")
+    return is_avatar
+
+
+def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
+    """The shipped player of an instrument, or that of a run.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        For weights that are not there, damaged, of another system or of another instrument.
+    """
+    if weights is None and instrument is None:
+        raise ValueError("say what is played: --instrument piano or --instrument violin")
+    from harmolab.systems.contract import maker_of
+
+    if weights is not None and (maker := maker_of(weights)) != "audio2body":
+        raise ValueError(f"{weights}: was made by the system {maker!r}, which plays no instrument; see `harmolab dance`")
+    try:
+        from harmolab.systems.audio2body.system import Audio2Body
+    except ModuleNotFoundError as error:
+        raise ValueError(f"playing needs {error.name}; {TRAIN_HINT}") from None
+    system = Audio2Body.load(weights) if weights is not None else Audio2Body.shipped(instrument or "")
+    plays = system.network.instrument
+    if instrument not in (None, plays):
+        raise ValueError(f"{weights}: plays the {plays}, not the {instrument}; leave out --instrument")
+    if system.network.params.hears == "notes":
+        raise ValueError(f"{weights}: hears notes, not sound; in Python: Audio2Body.load(RUN).generate(audio, notes=)")
+    return system
+
+
+def _truth(path: Path, audio: Audio, system: Audio2Body, *, offset: float | None, fps: float | None) -> Performance:
+    """The playing of one's own, with the song as its sound."""
+    from harmolab.corpora.performances import load_playing
+
+    return load_playing(path, audio, instrument=system.network.instrument, offset=offset, fps=fps)
+
+
+def _has_body(system: Audio2Body, is_avatar: bool) -> bool:
+    """An avatar is asked for and can be built; a note says where it cannot."""
+    if is_avatar and "left_shoulder" not in system.network.skeleton.joints:
+        note("these points are hands without a body, of which no avatar can be built: the points are shown")
+        return False
+    return is_avatar
+
+
+def _write(path: Path, result: Performed, *, title: str, used: str) -> None:
+    """Write the kind of file that a name asks for."""
+    suffix = path.suffix.lower()
+    if suffix in PAGES:
+        from harmolab.lab.timing.performed import save_performed
+
+        save_performed(path, result, title=title, facts={"player": used})
+    elif suffix in VIDEOS_OUT:
+        from harmolab.lab.render.performance import write_performance
+
+        write_performance(path, result, title=title, progress=progress)
+    else:
+        from harmolab.io.motion import save_motion
+
+        save_motion(path, result.figure, offset=result.start, about=result.notice)
+
+
+def _beside(result: Performed) -> list[str]:
+    """Error and score of the prediction, and the score of the truth; nothing without a truth."""
+    if result.truth is None:
+        return []
+    own, true = result.words, result.truth.words
+    return [*result.errors, f"From the sound: {own.verdict}", *own.sentences, f"The truth: {true.verdict}", *true.sentences]

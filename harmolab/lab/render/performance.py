@@ -1,0 +1,85 @@
+"""A performance from sound as a video: the avatar or the points, marks of notes and strikes, and on whom it was trained.
+
+Needs OpenCV, numpy and PyAV.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import cv2
+import numpy as np
+
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.video import write_video
+from harmolab.lab.render.marks import INK, BeatMarks
+from harmolab.lab.render.points import render_points
+from harmolab.lab.render.scene import render_dance
+from harmolab.lab.render.stick import Frame, render_skeleton
+from harmolab.lab.render.video import RATE
+from harmolab.lab.timing.performed import Performed
+from harmolab.lab.widgets.words import PLAYING
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+WIDTH_SHARE, STRIP = 0.94, 0.06  # of a line of text in the picture's width; of the strip below the picture in its height
+STRIP_COLOUR = (246, 246, 246)
+
+
+def write_performance(
+    path: PathLike, performed: Performed, *, title: str = "", height: int = 480, progress: Progress = silent
+) -> None:
+    """Write a performance with its part of the sound as a video; the sentence on its training stands in every picture.
+
+    Parameters
+    ----------
+    path : str or path that ends in .mp4 or .webm
+    performed : Performed; points with a truth are drawn over it
+    title : str, that players show, before the sentence on its training
+    height : int, pixels
+    progress : Progress over drawing
+
+    Raises
+    ------
+    ValueError
+        As `harmolab.io.video.write_video`.
+    """
+    words = PLAYING[performed.instrument]
+    marks = BeatMarks(height, performed.score.score, {"music": words.sound, "dancer": words.mover, "hit": "hit"})
+    frames = _captioned(_marked(_pictures(performed, height), marks), performed.notice)
+    heading = ". ".join(filter(None, [title, performed.notice]))
+    write_video(path, progress(frames, "drawing"), RATE, audio=performed.audio, title=heading)
+
+
+def _pictures(performed: Performed, height: int) -> Iterator[Frame]:
+    """The avatar on a floor, the points alone, or the points over the true ones."""
+    if performed.is_avatar:
+        return render_dance(performed.figure, height=height, fps=RATE)
+    if performed.compared is not None:
+        return render_points(performed.compared.truth, performed.compared.prediction, height=height, fps=RATE)
+    return render_skeleton(performed.points, height=height, fps=RATE, colour=True)
+
+
+def _marked(frames: Iterable[Frame], marks: BeatMarks) -> Iterator[Frame]:
+    """The pictures with marks of notes, movement and hits in the corner."""
+    for number, frame in enumerate(frames):
+        marks.draw(frame, number / RATE)
+        yield frame
+
+
+def _captioned(frames: Iterable[Frame], text: str) -> Iterator[Frame]:
+    """The pictures with a strip below them that holds one line of text."""
+    strip: Frame | None = None
+    for frame in frames:
+        strip = _strip(text, *frame.shape[:2]) if strip is None else strip
+        yield np.concatenate([frame, strip])
+
+
+def _strip(text: str, height: int, width: int) -> Frame:
+    """A line of text as large as fits."""
+    rows = round(STRIP * height)
+    strip = np.full((rows, width, 3), STRIP_COLOUR, np.uint8)
+    (wide, tall), _ = cv2.getTextSize(text, FONT, 1.0, 1)
+    size = min(WIDTH_SHARE * width / max(wide, 1), 0.6 * rows / tall)
+    at = (round((1 - WIDTH_SHARE) / 2 * width), round((rows + size * tall) / 2))
+    cv2.putText(strip, text, at, FONT, size, INK, 1, cv2.LINE_AA)
+    return strip

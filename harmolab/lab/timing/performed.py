@@ -1,0 +1,249 @@
+"""Performances that a network makes of a sound: the points, the figure that is drawn, and how the hands meet the notes.
+
+With a truth, the playing that was filmed, also the error of the points and the score of both beside each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harmolab.beats.notes import onset_beats
+from harmolab.corpora.instruments import Performance
+from harmolab.io.files import PathLike
+from harmolab.lab.timing.playing import (
+    MANY_EVENTS,
+    ExplainedPlaying,
+    PlayingFindings,
+    explain_playing,
+    playing_findings,
+)
+from harmolab.lab.timing.playing_page import moving_hands
+from harmolab.lab.widgets.player import Dancer, Player
+from harmolab.lab.widgets.words import PLAYING
+from harmolab.metrics.playing import PlayingScore, playing_score
+from harmolab.systems.audio2body.avatar import avatar
+from harmolab.types import Audio, BeatTrack, Motion, Notes
+
+if TYPE_CHECKING:  # torch is loaded by those who have a network
+    from harmolab.systems.audio2body.system import Audio2Body
+    from harmolab.systems.audio2body.truth import Compared
+
+TRUTH, PREDICTION = "the truth", "from the sound"
+ROWS = MappingProxyType(
+    {
+        "score": "hands and sound",
+        "hand": "hand by hand",
+        "other hand": "wrong hand",
+        "lag": "early or late",
+        "stretch": "where they part most",
+        "body": "the whole body",
+    }
+)
+AVATAR = (
+    "an avatar: hands and arms go where the 2-D points are; how far forward they are follows from the lengths of their "
+    "bones, and legs, seat and instrument are added"
+)
+POINTS = "the 2-D points, as a camera would see them"
+
+
+@dataclass(frozen=True, eq=False)
+class Performed:
+    """A performance that a network made of a sound.
+
+    Parameters
+    ----------
+    instrument : "piano" or "violin"
+    points : Motion, (T, P, 2) pixels, y down
+    audio : Audio, the part of the recording that begins with the first frame
+    start : float, seconds, audio time of the first frame in the recording
+    notice : str, on whom the network was trained: it stands on everything that is made of this
+    is_avatar : bool, what is drawn
+    truth : ExplainedPlaying, the playing that was filmed, cut to the same time; None where it is not known
+    compared : Compared, points of both in one place, and their errors; None without a truth
+    """
+
+    instrument: str
+    points: Motion
+    audio: Audio
+    start: float
+    notice: str
+    is_avatar: bool = True
+    truth: ExplainedPlaying | None = None
+    compared: Compared | None = None
+
+    @cached_property
+    def figure(self) -> Motion:
+        """The motion that is drawn: an avatar, (T, J, 3) metres, or the points."""
+        return avatar(self.points, self.instrument) if self.is_avatar else self.points
+
+    @cached_property
+    def sound(self) -> Notes | BeatTrack:
+        """The notes where the truth brings them, else the onsets that a program finds in the sound."""
+        return onset_beats(self.audio) if self.truth is None else self.truth.sound
+
+    @cached_property
+    def score(self) -> PlayingScore:
+        """Score of the predicted hands with that sound."""
+        return playing_score(self.points, self.sound, self.instrument)
+
+    @cached_property
+    def words(self) -> PlayingFindings:
+        """Verdict and findings on the predicted hands."""
+        return playing_findings(self.score)
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Sentences on the error of the points; none without a truth."""
+        if self.compared is None:
+            return ()
+        errors = self.compared.errors
+        is_wide = np.isfinite(errors.shoulder_width)
+        own, mean = (
+            (f"{errors.percent:.1f} % of the shoulder width", f"{errors.mean_pose_percent:.1f} %")
+            if is_wide
+            else (f"{errors.pixels:.1f} (unit of the points, which have no shoulders)", f"{errors.mean_pose:.1f}")
+        )
+        return (
+            f"The points are {own} from the truth: root mean square of a coordinate, mean over frames.",
+            f"The mean pose, which hears nothing and never moves, is {mean} from it.",
+            f"{errors.points} points were compared, in the {errors.accepted:.0%} of the frames that cleaning accepts.",
+        )
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Name -> text, for a table."""
+        events, whole = MANY_EVENTS[self.instrument], self.score.score
+        by = "those of the notes" if isinstance(self.sound, Notes) else "found in the sound by a program"
+        facts = {
+            "drawn": AVATAR if self.is_avatar else POINTS,
+            "time": f"{self.points.duration:.2f} s, from {self.start:.2f} s of the sound on",
+            "onsets": f"{whole.n_audio}, {by}",
+            events: str(whole.n_visual),
+        } | _rows(self.words)
+        if self.truth is not None:
+            facts["error of the points"] = " ".join(self.errors)
+            facts |= {f"the truth: {name}": text for name, text in _rows(self.truth.words).items()}
+        return facts
+
+
+def _rows(words: PlayingFindings) -> dict[str, str]:
+    """Name -> sentences of the findings of a kind."""
+    kinds = dict.fromkeys(finding.kind for finding in words.findings)
+    return {
+        ROWS[kind]: " ".join(finding.sentence for finding in words.findings if finding.kind == kind) for kind in kinds
+    }
+
+
+def performed(
+    system: Audio2Body,
+    audio: Audio,
+    *,
+    start: float = 0.0,
+    seconds: float | None = None,
+    is_avatar: bool = True,
+    truth: Performance | None = None,
+) -> Performed:
+    """A performance to a sound, by a trained system.
+
+    Parameters
+    ----------
+    system : Audio2Body
+    audio : Audio, the whole recording
+    start, seconds : float, seconds of it; to the end when left out
+    is_avatar : bool, whether an avatar is drawn, or the points
+    truth : Performance, optional
+        Playing that was filmed, with `audio` as its sound. The performance is cut to its time, and made from there.
+
+    Raises
+    ------
+    ValueError
+        As `Audio2Body.generate`; with a truth as `explain_playing` and `compared`.
+    """
+    instrument, notice = system.network.instrument, system.trained_on
+    if truth is None:
+        points = system.generate(audio, start=start, seconds=seconds)
+        return Performed(instrument, points, audio.span(start, points.duration), start, notice, is_avatar)
+    from harmolab.systems.audio2body.truth import compared
+
+    playing = explain_playing(performance_span(truth, start, seconds))
+    part, sound = playing.motion, playing.audio
+    if sound is None:
+        raise ValueError(f"{truth.name}: has no sound to play to")
+    own = replace(playing.performance, motion=part, audio=sound, detected=_shared_detected(playing), offset=0.0)
+    beside = compared(system.network, own)
+    points = system.generate(sound, seconds=part.duration)
+    begin = playing.performance.offset + playing.skipped
+    return Performed(instrument, points, sound, begin, notice, is_avatar, playing, beside)
+
+
+def _shared_detected(playing: ExplainedPlaying) -> np.ndarray:
+    """The mask of the points for the part of a performance that has sound."""
+    first = round(playing.skipped * playing.motion.fps)
+    return playing.performance.detected[first : first + playing.motion.n_frames]
+
+
+def performance_span(performance: Performance, start: float, seconds: float | None) -> Performance:
+    """A performance from `start` seconds of its sound on, so many seconds of it; ValueError where it has no frames."""
+    motion = performance.motion
+    first = max(round((start - performance.offset) * motion.fps), 0)
+    end = motion.n_frames if seconds is None else round((start + seconds - performance.offset) * motion.fps)
+    last = min(end, motion.n_frames)
+    if start < 0 or last - first < 2:
+        raise ValueError(f"{performance.name}: its points have nothing at these seconds of the sound")
+    frames = slice(first, last)
+    return replace(
+        performance,
+        motion=Motion(motion.positions[frames], motion.fps, motion.skeleton, motion.valid[frames]),
+        detected=performance.detected[frames],
+        offset=performance.offset + first / motion.fps,
+    )
+
+
+def performed_player(performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> Player:
+    """A page that plays a performance: beside a truth, or as points over it.
+
+    Parameters
+    ----------
+    performed : Performed
+    title : str
+    facts : name -> text, shown before those of the performance
+
+    Raises
+    ------
+    ValueError
+        As `Player`.
+    """
+    return Player(
+        performed.audio,
+        _dancers(performed),
+        music=performed.score.score.music,
+        title=title,
+        facts=dict(facts or {}) | performed.facts,
+        overlaid=performed.compared is not None and not performed.is_avatar,
+        words=PLAYING[performed.instrument],
+        notice=performed.notice,
+    )
+
+
+def save_performed(path: PathLike, performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> None:
+    """Write the page of `performed_player` to a file, whole or not at all."""
+    performed_player(performed, title=title, facts=facts).save(path)
+
+
+def _dancers(performed: Performed) -> list[Dancer]:
+    """The figure, behind that of the truth where there is one."""
+    beside, truth = performed.compared, performed.truth
+    figure = performed.figure if beside is None or performed.is_avatar else beside.prediction
+    hands = moving_hands(performed.points, performed.instrument)
+    dancer = Dancer(PREDICTION, figure, performed.score.score, instead=performed.words.verdict, moving=hands)
+    if beside is None or truth is None:
+        return [dancer]
+    drawn = avatar(beside.truth, performed.instrument) if performed.is_avatar else beside.truth
+    hands = moving_hands(beside.truth, performed.instrument)
+    return [Dancer(TRUTH, drawn, truth.score.score, instead=truth.words.verdict, moving=hands), dancer]
