@@ -34,6 +34,7 @@ NAMES = [
     "15_music_and_attributes",
     "16_music2dance",
     "17_feet",
+    "20_players_and_avatars",
 ]
 MOST_CELLS = 15
 MOST_LINES = 12

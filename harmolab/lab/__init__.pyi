@@ -149,6 +149,7 @@ from .experiments.player_causes import failure_words as failure_words
 from .experiments.player_causes import usual_limits as usual_limits
 from .experiments.player_frames import even_frames as even_frames
 from .experiments.player_frames import music_scores as music_scores
+from .experiments.player_frames import player_notice as player_notice
 from .experiments.player_frames import predicted_pieces as predicted_pieces
 from .experiments.player_frames import quantile_frames as quantile_frames
 from .experiments.player_frames import tracked_pianist as tracked_pianist
@@ -330,6 +331,7 @@ from .render.points import render_points as render_points
 from .render.stick import moving_box as moving_box
 from .render.stick import render_skeleton as render_skeleton
 from .render.stills import avatar_stills as avatar_stills
+from .timing.avatar_players import avatar_player as avatar_player
 from .timing.movement import find_offset as find_offset
 from .timing.page import dance_player as dance_player
 from .timing.page import save_page as save_page
@@ -339,7 +341,6 @@ from .timing.playing import explain_playing as explain_playing
 from .timing.playing import playing_findings as playing_findings
 from .timing.playing_page import playing_player as playing_player
 from .timing.playing_page import save_playing_page as save_playing_page
-from .widgets.avatars import avatar_player as avatar_player
 from .widgets.labs.corpus import corpus_lab as corpus_lab
 from .widgets.labs.detector import detector_lab as detector_lab
 from .widgets.labs.meter import meter_lab as meter_lab

@@ -131,6 +131,12 @@ def predicted_pieces(profile: RunProfile, data: PlayerData) -> tuple[PredictedPi
     )
 
 
+def player_notice(profile: RunProfile, data: PlayerData) -> str:
+    """A sentence on where players come from, for the page that shows them."""
+    players = "Planted, synthetic players and sound" if data.planted else f"{data.label.capitalize()}"
+    return f"{players}{'' if profile.epochs is None else '; quick profile, the network is not trained'}."
+
+
 def recommended_network(profile: RunProfile, data: PlayerData) -> SoundToPoints:
     """The network of `Audio2BodyParams.recommended`, of the first seed."""
     return trained_player(profile, data, row_settings(data, OURS), SEED).system.network

@@ -16,7 +16,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 from harmolab.io.player_points import joint_widths
 from harmolab.lab.figures.beats import MARK_LOOKS, draw_hits, name_heights
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.types import FloatArray, Skeleton
+from harmolab.types import FloatArray, Motion, Skeleton
 from harmolab.verdict.score import HarmonyScore
 
 BROAD, NARROW = 5.0, 2.0  # points, of a limb that is tracked, and predicted
@@ -113,14 +113,16 @@ def overlay_figure(
     return figure
 
 
-def points_figure(frames: Sequence[FloatArray], skeleton: Skeleton, titles: Sequence[str], *, title: str) -> Figure:
-    """Tracked points (P, 2) of some frames in a row, without any prediction."""
-    limits = picture_limits(frames, skeleton)
+def points_figure(motion: Motion, times: Sequence[float], *, title: str) -> Figure:
+    """Tracked points (T, P, 2) at some times, seconds, in a row, without any prediction."""
+    frames = [motion.positions[round(time * motion.fps)] for time in times]
+    limits = picture_limits(frames, motion.skeleton)
     across, down = np.ptp(limits, axis=0)
     with styled_axes((WIDTH, WIDTH / len(frames) * down / across + 0.7), 1, len(frames)) as (figure, axes):
-        for ax, points, words in zip(axes, frames, titles, strict=True):
-            draw_points(draw_body(ax, points, skeleton), points, skeleton, colour=COLOURS["miss"], width=BROAD)
-            frame_picture(ax, limits).set_title(words, fontsize=10)
+        for ax, points, time in zip(axes, frames, times, strict=True):
+            draw_body(ax, points, motion.skeleton)
+            draw_points(ax, points, motion.skeleton, colour=COLOURS["miss"], width=BROAD)
+            frame_picture(ax, limits).set_title(f"{time:.1f} s", fontsize=10)
         figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 

@@ -57,6 +57,12 @@ PAPER = {
     "Music2Dance Table 1": "how often two classifiers give a song its class",
     "Music2Dance Table 2": "error of two foot models",
     "Music2Dance Table 3": "what people marked; here measures, and simulated raters",
+    "Audio to Body Fig. 7": "predicted over tracked points, piano",
+    "Audio to Body Fig. 8": "predicted over tracked points, violin",
+    "Audio to Body Fig. 9": "an avatar at the piano",
+    "Audio to Body Fig. 10": "an avatar with a violin",
+    "Audio to Body Fig. 11": "the worst frames, and their causes",
+    "Audio to Body video": "music and points that do not match",
 }
 
 
