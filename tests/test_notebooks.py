@@ -34,6 +34,8 @@ NAMES = [
     "15_music_and_attributes",
     "16_music2dance",
     "17_feet",
+    "18_sound_and_points",
+    "19_sound_to_hands",
     "20_players_and_avatars",
 ]
 MOST_CELLS = 15

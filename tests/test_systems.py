@@ -1,6 +1,7 @@
 """The contract of `harmolab.systems`: every system there is fulfils it, and so does a toy defined here.
 
-A system joins the tests by a line in `SYSTEMS`: a function that makes a small one.
+A system joins the tests by a line in `SYSTEMS`: a function that makes a small one. Those that play an instrument
+(`PLAYERS`) fulfil what is not about dances.
 """
 
 from __future__ import annotations
@@ -27,8 +28,14 @@ from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import PathLike
 from harmolab.io.motion import load_motion
+from harmolab.io.player_points import PLAYER_50
 from harmolab.kinematics import resample_motion
 from harmolab.systems import System, find, load, names
+from harmolab.systems.audio2body.networks import SoundToPoints
+from harmolab.systems.audio2body.params import Audio2BodyParams
+from harmolab.systems.audio2body.placing import Reference
+from harmolab.systems.audio2body.point_space import PointSpace
+from harmolab.systems.audio2body.system import Audio2Body
 from harmolab.systems.choreographer import Choreographer
 from harmolab.systems.common import phases as training_loop
 from harmolab.systems.common.about import DEFAULT_STEM, stored_skeleton
@@ -42,6 +49,7 @@ from harmolab.systems.common.shards import Batching, Tensors
 from harmolab.systems.common.splits import split_units
 from harmolab.systems.common.unit_corpus import load_units
 from harmolab.systems.common.weights import load_weights, save_weights
+from harmolab.systems.contract import PLAYERS
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
 from harmolab.systems.harmogan.system import HarmoGAN
@@ -215,7 +223,19 @@ def tiny_music2dance() -> Music2Dance:
     return Music2Dance(network.eval(), PoseBank(bank, ("waltz", "waltz")), {"note": "tiny"})
 
 
+def tiny_audio2body() -> Audio2Body:
+    """An untrained network, and points that its components move about."""
+    torch.manual_seed(0)
+    params = replace(Audio2BodyParams.recommended("piano"), hidden=8, components=3)
+    network = SoundToPoints(params, PLAYER_50, "piano", 3, Reference((), np.zeros((0, 2))))
+    rng = np.random.default_rng(0)
+    space = PointSpace.fit(rng.uniform(0, 500, 100) + rng.normal(0, 50, (40, 100)), 3)
+    network.set_statistics(torch.zeros(params.n_sound), torch.ones(params.n_sound), space)
+    return Audio2Body(network.eval(), {"source": "tiny"})
+
+
 SYSTEMS: dict[str, Callable[[], System]] = {
+    "audio2body": tiny_audio2body,
     "choreographer": tiny_choreographer,
     "harmogan": tiny_harmogan,
     "lee2019": tiny_lee2019,
@@ -233,6 +253,16 @@ def clip() -> Clip:
 @pytest.fixture(params=SYSTEMS, ids=lambda name: name.rpartition(":")[2])
 def name(request: pytest.FixtureRequest) -> str:
     return request.param
+
+
+# Of tests that are about dances, or about players, alone.
+of_dancers, of_players = (
+    pytest.mark.parametrize(
+        "name", [name for name in SYSTEMS if (name in PLAYERS) == plays], ids=lambda name: name.rpartition(":")[2],
+        indirect=True,
+    )
+    for plays in (False, True)
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -266,6 +296,7 @@ def test_the_same_seed_gives_the_same_dance(generate: Generate):
     np.testing.assert_array_equal(generate(seed=3).positions, generate(seed=3).positions)
 
 
+@of_dancers
 def test_another_seed_gives_another_dance(generate: Generate):
     assert np.abs(generate(seed=0).positions - generate(seed=1).positions).max() > 0.01
 
@@ -297,11 +328,36 @@ def test_a_dance_from_within_the_song_is_to_the_music_there(generate: Generate):
     assert np.abs(early.positions - late.positions).max() > 1e-4
 
 
+@of_dancers
 def test_the_dancer_is_a_person_on_the_floor(generate: Generate):
     motion = generate()
     assert 10 <= motion.fps <= 120 and len(motion.skeleton.joints) >= 5
     assert np.isfinite(motion.positions).all() and motion.valid.all()
     assert np.ptp(motion.positions, axis=(0, 1)).max() < 10
+
+
+@of_players
+def test_a_player_is_points_in_a_picture(generate: Generate, name: str):
+    motion = generate()
+    assert motion.positions.shape[2] == 2 and motion.skeleton == PLAYER_50 and 10 <= motion.fps <= 120
+    assert np.isfinite(motion.positions).all() and motion.valid.all()
+
+
+@of_players
+def test_a_player_hears_the_sound_alone(system: System, generate: Generate, clip: Clip):
+    alone = system.generate(clip.audio, seconds=3.0).positions
+    np.testing.assert_array_equal(generate(seed=5).positions, alone)
+    np.testing.assert_array_equal(generate(initial=generate(start=4.0)).positions, alone)
+    quiet = system.generate(Audio(np.zeros(clip.audio.samples.size), clip.audio.sample_rate), seconds=3.0)
+    assert np.abs(quiet.positions - alone).max() > 1e-4
+
+
+@of_players
+def test_a_player_does_not_dance(saved: Path, name: str, tmp_path: Path):
+    dancing = ("dance", tmp_path / "no.wav", "--out", tmp_path / "dance.npz")
+    sentence = f"{name} plays, it does not dance: use `harmolab perform SONG`"
+    assert command(*dancing, "--system", name, code=2).stderr == f"harmolab: {sentence}\n"
+    assert command(*dancing, "--weights", saved, code=2).stderr == f"harmolab: {saved}: {sentence}\n"
 
 
 @pytest.mark.parametrize("options", [{"start": -1.0}, {"start": 99.0}, {"seconds": -1.0}, {"seconds": 0.0}])
@@ -314,6 +370,7 @@ def test_beats_may_be_left_out(system: System, clip: Clip):
     assert system.generate(clip.audio.span(0.0, 8.0), seconds=2.0).duration == pytest.approx(2.0, abs=0.1)
 
 
+@of_dancers
 def test_a_dance_may_follow_a_motion(generate: Generate, clip: Clip):
     one, other = clip.motion.span(0.0, 3.0), clip.motion.span(5.0, 3.4)
     first = generate(initial=one)
@@ -391,8 +448,10 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
 @pytest.mark.parametrize(
     ("stranger", "message"),
     [
-        ("polka", "unknown system 'polka'; there are choreographer, harmogan"),
-        ("polka", "unknown system 'polka'; there are choreographer, harmogan, lee2019, music2dance, ren2020"),
+        (
+            "polka",
+            "unknown system 'polka'; there are audio2body, choreographer, harmogan, lee2019, music2dance, ren2020",
+        ),
         ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
         (f"{__name__}:Nobody", "has no class Nobody"),
         ("json:dumps", "json has no class dumps"),

@@ -1,19 +1,23 @@
-"""`harmolab explain`: how a dance goes with its song, in words, and on one page."""
+"""`harmolab explain`: how a dance, or a musician's hands, go with the sound, in words and on one page."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 
 from harmolab import __version__
 from harmolab.cli import common
+from harmolab.cli.checks import is_told
 from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Song
+
+FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints")
 
 
 def explain(
+    context: typer.Context,
     song: Song,
     motion: Dance,
     out: Annotated[Path | None, typer.Option(help="Also write a page, .html, with pictures and player.")] = None,
@@ -34,6 +38,13 @@ def explain(
     fps: Fps = None,
     scale: Scale = None,
     joints: Joints = "",
+    instrument: Annotated[
+        Literal["piano", "violin"] | None,
+        typer.Option(
+            help="DANCE is a musician's playing instead: key points of body and hands, or the folder of a performance.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say how a dance goes with its song: whether it is in time, where in the beat, and how steady that is.
@@ -48,7 +59,14 @@ def explain(
     Example: `harmolab explain song.mp3 phone_video.mp4 --out dance.html`
 
     For a video whose own sound is the only copy of the song: `harmolab explain video.mp4 video.mp4 --out dance.html`
+
+    **A pianist or violinist**: do the hands meet the notes, and where do they part?
+
+    `harmolab explain take/audio.wav take/points.json --instrument piano --out playing.html`
     """
+    if instrument is not None:
+        _explain_playing(context, song, motion, instrument, out=out, offset=offset, fps=fps, as_json=as_json)
+        return
     from rich.console import Console
 
     from harmolab.lab.timing.performance import explain_performance, load_performance
@@ -83,5 +101,42 @@ def explain(
     common.print_music(result.music)
     for sentence in result.words.sentences:
         typer.echo(sentence)
+    if out is not None:
+        common.wrote(out)
+
+
+def _explain_playing(
+    context: typer.Context,
+    song: Path,
+    points: Path,
+    instrument: str,
+    *,
+    out: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """The same for a musician's hands; options as of `load_playing`."""
+    from rich.console import Console
+
+    from harmolab.corpora.performances import load_playing
+    from harmolab.io.video_sound import load_sound
+    from harmolab.lab.timing.playing import explain_playing
+
+    with common.plain_errors():
+        if out is not None:
+            common.check_out(out, "the page", common.PAGES)
+        if dancing := [name for name in FOR_DANCES if is_told(context, name)]:
+            raise ValueError(f"--{dancing[0]} is for dances; leave it out with --instrument")
+        with Console(stderr=True).status("listening"):
+            audio = load_sound(song, sample_rate=None)
+            result = explain_playing(load_playing(points, audio, instrument=instrument, **options))
+        if out is not None:
+            from harmolab.lab.timing.playing_page import save_playing_page
+
+            save_playing_page(out, result)
+    if as_json:
+        typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
+        return
+    typer.echo("\n".join([result.words.verdict, *result.words.sentences]))
     if out is not None:
         common.wrote(out)

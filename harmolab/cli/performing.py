@@ -115,7 +115,7 @@ def perform(
 
 
 def _is_avatar(is_avatar: bool | None, paths: list[Path]) -> bool:
-    """What is drawn or kept; ValueError where a BVH is to hold points of a picture."""
+    """True where an avatar is drawn or kept; ValueError where a BVH is to hold points of a picture."""
     if is_avatar is None:
         return any(path.suffix.lower() != ".npz" for path in paths)
     if not is_avatar and (flat := [path for path in paths if path.suffix.lower() == ".bvh"]):
@@ -136,7 +136,9 @@ def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
     from harmolab.systems.contract import maker_of
 
     if weights is not None and (maker := maker_of(weights)) != "audio2body":
-        raise ValueError(f"{weights}: was made by the system {maker!r}, which plays no instrument; see `harmolab dance`")
+        raise ValueError(
+            f"{weights}: was made by the system {maker!r}, which plays no instrument; see `harmolab dance`"
+        )
     try:
         from harmolab.systems.audio2body.system import Audio2Body
     except ModuleNotFoundError as error:
@@ -187,4 +189,10 @@ def _beside(result: Performed) -> list[str]:
     if result.truth is None:
         return []
     own, true = result.words, result.truth.words
-    return [*result.errors, f"From the sound: {own.verdict}", *own.sentences, f"The truth: {true.verdict}", *true.sentences]
+    return [
+        *result.errors,
+        f"From the sound: {own.verdict}",
+        *own.sentences,
+        f"The truth: {true.verdict}",
+        *true.sentences,
+    ]

@@ -1,4 +1,4 @@
-"""`harmolab train`: from folders of recordings to a system that dances, or to a part of one."""
+"""`harmolab train`: from folders of recordings to a system that dances or plays, or to a part of one."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
 def train(
     context: typer.Context,
-    data: Annotated[list[Path], typer.Argument(help="Corpora: folders of sequences (see `harmolab data check`).")],
+    data: Annotated[list[Path], typer.Argument(help="Folders of recordings (see `harmolab data check`).")],
     out: Annotated[Path, typer.Option(help="Folder of the run: weights, history, split, settings.")],
     system: Annotated[
         str,
         typer.Option(
-            help="harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; package.module:Class."
+            help="harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; audio2body (musicians); "
+            "package.module:Class."
         ),
     ] = "harmogan",
     preset: Annotated[
         str,
         typer.Option(
-            help="Size: small (1 M parameters, a laptop) or paper (8 M); music2dance, attributes: recommended, paper.",
+            help="Size: small (1 M parameters, a laptop) or paper (8 M); music2dance, attributes: recommended, paper; "
+            "audio2body: recommended, tables, section_4.",
             show_default="small; recommended",
         ),
     ] = "small",
@@ -69,7 +71,9 @@ def train(
     ] = None,
     epochs: Annotated[
         int | None,
-        typer.Option(help="Epochs of feet, attributes and ren2020.", min=0, show_default="200; 30; its preset's"),
+        typer.Option(
+            help="Epochs of feet, attributes, ren2020 and audio2body.", min=0, show_default="200; 30; its preset's"
+        ),
     ] = None,
     velocity_weight: Annotated[
         float | None,
@@ -120,6 +124,19 @@ def train(
     the song: a fifth of the songs of each dance is kept from training, and how many of those are right is printed.
     Neither dances by itself.
 
+    **Audio to Body Dynamics** learns how a pianist or a violinist moves from the sound alone. DATA holds a folder for
+    each performance: its sound, or a video; key points of body and hands from OpenPose, COCO-WholeBody or MediaPipe;
+    and performance.json, which says `{"instrument": "piano"}` where the folder's name does not.
+    docs/pose_estimation.md says how to make one, `harmolab data check DATA` how each was read. All are of one
+    instrument, with the same points; a quarter of an hour and six pieces are the least to begin with. Whole pieces are
+    kept for testing: their error, beside that of the mean pose, which hears nothing, stands under "errors" in
+    model.json. Presets: *recommended* (125 ms of delay, semitones, 40 epochs), *tables* (the captions of Tables 1 and
+    2, 300 epochs), *section_4* (the text).
+
+        harmolab train DATA --system audio2body --out RUN
+
+        harmolab perform SONG --weights RUN
+
     **Then:** `harmolab dance SONG --weights RUN --out dance.mp4`
 
     **A system of your own** is a class that fulfils `harmolab.systems.System`; it takes the options that its `train`
@@ -128,7 +145,7 @@ def train(
     first = int(os.environ.get("RANK", 0)) == 0  # of several processes, the one that tells
     with plain_errors(), epoch_bar() as report:
         try:
-            from harmolab.systems.contract import PARTS, trainable
+            from harmolab.systems.contract import PARTS, PLAYERS, trainable
 
             extras = {"report": report, "notice": _notice if first else lambda line: None, "progress": progress}
             learner = trainable(system)
@@ -137,6 +154,8 @@ def train(
             raise ValueError(f"training needs {error.name}; install it with: pip install 'harmolab[train]'") from None
     if first and system in PARTS:
         typer.echo(f"trained: {out}, a part of {PARTS[system]}, which uses it where it is RUN/{system}")
+    elif first and system in PLAYERS:
+        typer.echo(f"trained: {out}; play with it: harmolab perform SONG --weights {out}")
     elif first:
         named = f" --system {system}" if ":" in system else ""
         typer.echo(f"trained: {out}; dance with it: harmolab dance SONG --weights {out}{named} --out dance.mp4")

@@ -144,9 +144,20 @@ from .experiments.music2dance import trained_dancer as trained_dancer
 from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
 from .experiments.own_songs import song_means as song_means
+from .experiments.planted_truth import ceilings as ceilings
+from .experiments.planted_truth import complete_table as complete_table
+from .experiments.planted_truth import component_table as component_table
 from .experiments.player_causes import cause_table as cause_table
 from .experiments.player_causes import failure_words as failure_words
 from .experiments.player_causes import usual_limits as usual_limits
+from .experiments.player_cleaning import alignment_table as alignment_table
+from .experiments.player_cleaning import cleaned_performance as cleaned_performance
+from .experiments.player_cleaning import cleaning_summary as cleaning_summary
+from .experiments.player_cleaning import cleaning_table as cleaning_table
+from .experiments.player_cleaning import fault_examples as fault_examples
+from .experiments.player_cleaning import planted_cleaning as planted_cleaning
+from .experiments.player_cleaning import recorded_examples as recorded_examples
+from .experiments.player_cleaning import tracked_players as tracked_players
 from .experiments.player_frames import even_frames as even_frames
 from .experiments.player_frames import music_scores as music_scores
 from .experiments.player_frames import player_notice as player_notice
@@ -155,7 +166,23 @@ from .experiments.player_frames import quantile_frames as quantile_frames
 from .experiments.player_frames import tracked_pianist as tracked_pianist
 from .experiments.player_frames import tracked_violinist as tracked_violinist
 from .experiments.player_frames import worst_frames as worst_frames
+from .experiments.player_modes import mode_over_epochs as mode_over_epochs
+from .experiments.player_modes import random_inputs as random_inputs
+from .experiments.player_pictures import delayed_steps as delayed_steps
+from .experiments.player_pictures import played_clip as played_clip
+from .experiments.player_pictures import player_boxes as player_boxes
+from .experiments.player_pictures import point_modes as point_modes
+from .experiments.player_pictures import untrained_player as untrained_player
+from .experiments.player_scores import hands_errors as hands_errors
+from .experiments.player_scores import hits_table as hits_table
+from .experiments.player_scores import piece_scores as piece_scores
+from .experiments.player_tables import player_errors as player_errors
+from .experiments.player_tables import rank_agreement as rank_agreement
+from .experiments.player_tables import row_settings as row_settings
+from .experiments.players import hands_data as hands_data
+from .experiments.players import planted_data as planted_data
 from .experiments.players import player_corpora as player_corpora
+from .experiments.players import trained_player as trained_player
 from .experiments.quality import (
     motion_measures as motion_measures,
 )
@@ -257,6 +284,19 @@ from .figures.player_overlays import onsets_figure as onsets_figure
 from .figures.player_overlays import overlay_figure as overlay_figure
 from .figures.player_overlays import points_figure as points_figure
 from .figures.player_overlays import stills_figure as stills_figure
+from .figures.player_points import cleaning_figure as cleaning_figure
+from .figures.player_points import faults_figure as faults_figure
+from .figures.player_points import features_figure as features_figure
+from .figures.player_points import frames_figure as frames_figure
+from .figures.player_points import modes_figure as modes_figure
+from .figures.player_points import overview_figure as overview_figure
+from .figures.player_points import player_network_figure as player_network_figure
+from .figures.player_points import steps_figure as steps_figure
+from .figures.player_results import components_figure as components_figure
+from .figures.player_results import hits_figure as hits_figure
+from .figures.player_results import mode_epochs_figure as mode_epochs_figure
+from .figures.player_results import player_table_figure as player_table_figure
+from .figures.player_results import random_inputs_figure as random_inputs_figure
 from .figures.quality import distances_figure as distances_figure
 from .figures.quality import sequences_figure as sequences_figure
 from .figures.results import (

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harmolab.corpora.instrument_sets import TRACKED, load_tracked
 from harmolab.corpora.instruments import Performance
 from harmolab.corpora.synthetic.players import PlantedPerformance
 from harmolab.io.player_points import HANDS_12, SIDES, hand_joints
+from harmolab.lab.experiments.player_cleaning import tracked_players
 from harmolab.lab.experiments.player_tables import OURS, row_settings
 from harmolab.lab.experiments.players import PlayerData, planted_data, read_set, trained_player
-from harmolab.lab.experiments.study import data_root
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.playing import playing_score
 from harmolab.systems.audio2body.networks import SoundToPoints
@@ -226,9 +225,7 @@ def tracked_pianist() -> Performance | None:
 
 
 def _tracked(name: str) -> Performance | None:
-    root = data_root()
-    path = None if root is None else root / "instruments" / TRACKED / f"{name}.npz"
-    return load_tracked(path) if path is not None and path.is_file() else None
+    return next((each for each in tracked_players() if each.name == name), None)
 
 
 def music_scores(

@@ -90,6 +90,21 @@ class PlayerData:
         """The data as pictures name them."""
         return "synthetic" if self.label == PLANTED else self.label
 
+    @property
+    def title(self) -> str:
+        """Label, and the instrument of planted players, for titles."""
+        return f"{PLANTED} {self.instrument}" if self.label == PLANTED else self.label
+
+    @property
+    def stem(self) -> str:
+        """Word for the names of its files."""
+        return self.instrument if self.label == PLANTED else "hands"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the points once they are placed."""
+        return "pixels" if self.label == PLANTED else "millimetres"
+
 
 @cache
 def planted_data(profile: RunProfile, instrument: str) -> PlayerData:
@@ -152,9 +167,15 @@ class TrainedPlayer:
     minutes: float
 
 
-def trained_player(profile: RunProfile, data: PlayerData, settings: Audio2BodyParams, seed: int) -> TrainedPlayer:
-    """The network of some settings and a seed, trained now unless it was before."""
+def trained_player(
+    profile: RunProfile, data: PlayerData, settings: Audio2BodyParams, seed: int, *, epochs: int | None = None
+) -> TrainedPlayer:
+    """The network of some settings and a seed, trained now unless it was before; for `epochs` where given.
+
+    Of fewer epochs it is the network that a longer training of the same seed passes through, the best so far.
+    """
     params = profiled(profile, data, replace(settings, seed=seed))
+    params = params if epochs is None else replace(params, epochs=epochs)
     split = data.sides(params)
 
     def train(folder: Path) -> None:

@@ -204,7 +204,7 @@ def marks_figure(marks: pd.DataFrame, weights: Mapping[str, float], *, title: st
 def boxes_figure(
     boxes: Mapping[str, str], places: Mapping[str, tuple[float, float, str]], arrows: Sequence[tuple[str, str]]
 ) -> Figure:
-    """Boxes with words, and arrows between them: to the right along a row, else up or down.
+    """Boxes with words, and arrows between them: along a row, else up or down.
 
     Parameters
     ----------
@@ -231,10 +231,11 @@ def boxes_figure(
 
 
 def _way(before: tuple[float, float], after: tuple[float, float]) -> list[tuple[float, float]]:
-    """From one box to another: straight on in a row, and up or down with one corner between rows."""
+    """From one box to another: straight in a row, and up or down with one corner between rows."""
     (x, y), (to, down) = before, after
     if y == down:
-        return [(x + BOX / 2, y), (to - BOX / 2, down)]
+        half = BOX / 2 if to > x else -BOX / 2
+        return [(x + half, y), (to - half, down)]
     edge = down + (HALF if y > down else -HALF)
     if x == to:
         return [(x, y - (HALF if y > down else -HALF)), (to, edge)]

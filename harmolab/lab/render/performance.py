@@ -1,4 +1,4 @@
-"""A performance from sound as a video: the avatar or the points, marks of notes and strikes, and on whom it was trained.
+"""A performance from sound as a video: avatar or points, marks of notes and strikes, and on whom it was trained.
 
 Needs OpenCV, numpy and PyAV.
 """
@@ -18,10 +18,13 @@ from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import Frame, render_skeleton
 from harmolab.lab.render.video import RATE
 from harmolab.lab.timing.performed import Performed
-from harmolab.lab.widgets.words import PLAYING
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
-WIDTH_SHARE, STRIP = 0.94, 0.06  # of a line of text in the picture's width; of the strip below the picture in its height
+WIDTH_SHARE, STRIP = (
+    0.94,
+    0.06,
+)  # of a line of text in the picture's width; of the strip below the picture in its height
+MARKS_SHARE = 0.2  # of the picture's height that is left free for the marks above points, which fill the rest
 STRIP_COLOUR = (246, 246, 246)
 
 
@@ -43,8 +46,7 @@ def write_performance(
     ValueError
         As `harmolab.io.video.write_video`.
     """
-    words = PLAYING[performed.instrument]
-    marks = BeatMarks(height, performed.score.score, {"music": words.sound, "dancer": words.mover, "hit": "hit"})
+    marks = BeatMarks(height, performed.score.score, performed.mark_words)
     frames = _captioned(_marked(_pictures(performed, height), marks), performed.notice)
     heading = ". ".join(filter(None, [title, performed.notice]))
     write_video(path, progress(frames, "drawing"), RATE, audio=performed.audio, title=heading)
@@ -54,9 +56,13 @@ def _pictures(performed: Performed, height: int) -> Iterator[Frame]:
     """The avatar on a floor, the points alone, or the points over the true ones."""
     if performed.is_avatar:
         return render_dance(performed.figure, height=height, fps=RATE)
-    if performed.compared is not None:
-        return render_points(performed.compared.truth, performed.compared.prediction, height=height, fps=RATE)
-    return render_skeleton(performed.points, height=height, fps=RATE, colour=True)
+    beside, room, width = performed.compared, round(MARKS_SHARE * height), round(height * 4 / 3)
+    size = {"height": height - room, "width": width}
+    if beside is not None:
+        frames = render_points(beside.truth, beside.prediction, fps=RATE, **size)
+    else:
+        frames = render_skeleton(performed.points, fps=RATE, colour=True, **size)
+    return (np.pad(frame, ((room, 0), (0, 0), (0, 0)), mode="edge") for frame in frames)
 
 
 def _marked(frames: Iterable[Frame], marks: BeatMarks) -> Iterator[Frame]:

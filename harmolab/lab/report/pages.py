@@ -25,7 +25,7 @@ from harmolab.lab.report.templates import TEMPLATES, rendered
 MARK = '<meta name="generator" content="harmolab">'
 TABLE_ROWS = 40  # more than this of a table is left to the CSV file
 
-# Items of the harmony paper, and after them those of Music2Dance, which has figures and tables of the same numbers.
+# Items of the harmony paper; then those of Music2Dance and of Audio to Body Dynamics, whose numbers are the same.
 PAPER = {
     "Fig. 1": "which beats are felt to fall together, and which apart",
     "Fig. 2": "visual beats from optical flow and from the skeleton",
@@ -57,12 +57,20 @@ PAPER = {
     "Music2Dance Table 1": "how often two classifiers give a song its class",
     "Music2Dance Table 2": "error of two foot models",
     "Music2Dance Table 3": "what people marked; here measures, and simulated raters",
+    "Audio to Body Fig. 1": "from a sound to an avatar",
+    "Audio to Body Fig. 2": "frames of musicians with their points",
+    "Audio to Body Fig. 3": "rejected frames, and the rules that caught them",
+    "Audio to Body Fig. 4": "the network",
+    "Audio to Body Fig. 5": "the first component over the epochs",
+    "Audio to Body Fig. 6": "the first component to sound that is no music",
     "Audio to Body Fig. 7": "predicted over tracked points, piano",
     "Audio to Body Fig. 8": "predicted over tracked points, violin",
     "Audio to Body Fig. 9": "an avatar at the piano",
     "Audio to Body Fig. 10": "an avatar with a violin",
     "Audio to Body Fig. 11": "the worst frames, and their causes",
     "Audio to Body video": "music and points that do not match",
+    "Audio to Body Table 1": "errors of a violinist by setting",
+    "Audio to Body Table 2": "errors of a pianist by setting",
 }
 
 

@@ -95,7 +95,13 @@ class Performed:
     @cached_property
     def words(self) -> PlayingFindings:
         """Verdict and findings on the predicted hands."""
-        return playing_findings(self.score)
+        return playing_findings(self.score, is_filmed=False)
+
+    @property
+    def mark_words(self) -> dict[str, str]:
+        """Words of the marks of music, dancer and hits in a video, for a musician."""
+        words = PLAYING[self.instrument]
+        return {"music": words.sound, "dancer": words.mover, "hit": "hit"}
 
     @property
     def errors(self) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from harmolab.lab.timing.findings import Finding
 from harmolab.metrics.playing import CERTAIN, PlayingScore, playing_score
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
+from harmolab.verdict.score import HarmonyScore
 
 STRETCH = 5.0  # seconds
 EVENTS = {"piano": "strike", "violin": "turn of the bow"}
@@ -164,12 +165,15 @@ def _sound(performance: Performance, start: float, duration: float) -> Notes | B
     return Notes(part.onsets - start, part.offsets - start, part.pitches, part.loudness, part.hands)
 
 
-def playing_findings(score: PlayingScore) -> PlayingFindings:
-    """The findings behind a score of a musician's hands; the lag and the worst stretch only where there is evidence."""
+def playing_findings(score: PlayingScore, *, is_filmed: bool = True) -> PlayingFindings:
+    """The findings behind a score of a musician's hands; the lag and the worst stretch only where there is evidence.
+
+    `is_filmed` is False for hands that were computed from the sound, whose picture cannot begin apart from it.
+    """
     partings = _partings(score)
     stretches = _stretches(score, partings)
     findings = [_score(score), *_hands(score, partings), *_lag(score), *_worst(score, stretches), _body(score)]
-    return PlayingFindings(_verdict(score), tuple(findings), partings, stretches)
+    return PlayingFindings(_verdict(score, is_filmed=is_filmed), tuple(findings), partings, stretches)
 
 
 def _partings(score: PlayingScore) -> tuple[Parting, ...]:
@@ -211,7 +215,7 @@ def _stretches(score: PlayingScore, partings: Sequence[Parting]) -> tuple[Stretc
     )
 
 
-def _verdict(score: PlayingScore) -> str:
+def _verdict(score: PlayingScore, *, is_filmed: bool) -> str:
     whole, events = score.score, MANY_EVENTS[score.instrument]
     if whole.n_audio == 0:
         return "Cannot tell: the sound has no onsets that hands could meet."
@@ -220,7 +224,8 @@ def _verdict(score: PlayingScore) -> str:
     if score.is_together:
         return f"The hands meet the sound: {whole.mean_share:.0%} of it, where {whole.chance:.0%} would be chance."
     if np.isfinite(score.lag.seconds):
-        return f"The hands meet the sound {_milliseconds(score.lag.seconds)}: picture and sound may begin apart."
+        doubt = ": picture and sound may begin apart" if is_filmed else ""
+        return f"The hands meet the sound {_milliseconds(score.lag.seconds)}{doubt}."
     return "There is no evidence that these hands play this sound."
 
 
@@ -236,9 +241,14 @@ def _score(score: PlayingScore) -> Finding:
         f"{int((whole.pairs >= 0).sum())} of {whole.n_audio} onsets have a {event} within "
         f"{1000 * whole.params.reaction_delay:.0f} ms. Weighed by loudness that is {whole.mean_share:.0%}, and "
         f"{whole.chance:.0%} at random moments: {whole.harmony_above_chance:.2f} above chance (0 is chance, 1 is every "
-        f"onset{spread}; p = {whole.p_value:.3f})."
+        f"onset{spread}{_evidence(whole)})."
     )
     return Finding("score", whole.harmony_above_chance, sentence, whole.interval)
+
+
+def _evidence(score: HarmonyScore) -> str:
+    """The p-value for a sentence, "" where there is none."""
+    return "" if np.isnan(score.p_value) else f"; p = {score.p_value:.3f}"
 
 
 def _hands(score: PlayingScore, partings: Sequence[Parting]) -> list[Finding]:
@@ -263,9 +273,9 @@ def _lag(score: PlayingScore) -> list[Finding]:
     seconds, (low, high), share, _ = score.lag
     if np.isnan(seconds):
         return []
-    spread = "" if np.isnan(low) else f" ({1000 * low:+.0f} to {1000 * high:+.0f} ms)"
+    spread = "" if np.isnan(low) else f" ({round(1000 * low):+d} to {round(1000 * high):+d} ms)"
     sentence = (
-        f"As a whole the hands move {1000 * seconds:+.0f} ms from the onsets, late counted positive{spread}; "
+        f"As a whole the hands move {round(1000 * seconds):+d} ms from the onsets, late counted positive{spread}; "
         f"at the best lag {share:.0%} are met."
     )
     return [Finding("lag", seconds, sentence, (low, high))]
@@ -291,6 +301,6 @@ def _body(score: PlayingScore) -> Finding:
     body = score.body
     sentence = (
         f"The speed of the whole body, by which dances are scored, is {body.harmony_above_chance:.2f} above chance "
-        f"(p = {body.p_value:.3f})."
+        f"(0 is chance{_evidence(body)})."
     )
     return Finding("body", body.harmony_above_chance, sentence, body.interval)

@@ -39,8 +39,11 @@ PLAYING: Mapping[str, PageWords] = MappingProxyType(
     {
         instrument: PageWords(
             figure=f"a stick figure that plays the {instrument}", piece="performance", sound="notes", mover=mover,
-            onset="note onset", unit="onset", event=event, curve="speed of the hands",
+            onset="note onset",
+            unit="onset", event=event, curve=f"speed of the {hands}",
         )
-        for instrument, mover, event in (("piano", "fingers", "strike"), ("violin", "bow", "turn of the bow"))
+        for instrument, mover, event, hands in (
+            ("piano", "fingers", "strike", "hands"), ("violin", "bow", "turn of the bow", "hand that bows"),
+        )
     }
 )  # fmt: skip

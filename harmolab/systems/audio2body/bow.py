@@ -174,7 +174,7 @@ def stroke_sounds(turns: FloatArray, loud: FloatArray, fps: float) -> FloatArray
 
 
 def stroke_contrasts(sounds: FloatArray) -> FloatArray:
-    """Strokes (K, 2) less their neighbours, log seconds and loudness: (K, 4 `AROUND` + 1); the last column is 1."""
+    """Strokes (K, 2) less each neighbour of theirs, log seconds and loudness: (K, 4 `AROUND` + 1); the last is 1."""
     numbers = np.arange(len(sounds))
     steps = [step for step in range(-AROUND, AROUND + 1) if step]
     beside = [sounds - sounds[np.clip(numbers + step, 0, len(sounds) - 1)] for step in steps] if len(sounds) else []

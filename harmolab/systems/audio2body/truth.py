@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-
 from harmolab.corpora.instruments import Performance
 from harmolab.io.motion import motion_part
 from harmolab.systems.audio2body.networks import SoundToPoints
@@ -85,12 +83,14 @@ def compared(network: SoundToPoints, performance: Performance) -> Compared:
     numbers = [network.skeleton.joints.index(joint) for joint in joints]
     predicted = _selected(predicted_points(network, sequence.sound), numbers)
     mean = _selected(network.space_scale.space.mean[None], numbers)
-    errors = [float(frame_errors(each, sequence.points)[sequence.accepted].mean()) for each in (predicted, mean)]
-    width = network.reference.shoulder_width
+    own_error, mean_error = (
+        float(frame_errors(each, sequence.points)[sequence.accepted].mean()) for each in (predicted, mean)
+    )
+    width, accepted = network.reference.shoulder_width, float(sequence.accepted.mean())
     return Compared(
         Motion(sequence.points.reshape(len(predicted), -1, 2), network.params.fps, motion.skeleton, sequence.accepted),
         Motion(predicted.reshape(len(predicted), -1, 2), network.params.fps, motion.skeleton),
-        TruthErrors(*errors, width, len(joints), float(sequence.accepted.mean())),
+        TruthErrors(own_error, mean_error, width, len(joints), accepted),
     )
 
 

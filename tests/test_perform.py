@@ -1,0 +1,543 @@
+"""`harmolab perform`: files that play, the error where a truth is known, one line for what cannot be done.
+
+The shipped players make most of what is tested here; no number of theirs is asked for.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import soundfile
+import torch
+from typer.testing import Result
+
+import harmolab
+from harmolab.cli import app
+from harmolab.corpora.performances import load_playing, save_performance
+from harmolab.corpora.synthetic.players import PlantedPerformance, planted_performance, planted_performances
+from harmolab.io.motion import load_motion, load_offset, save_motion
+from harmolab.io.player_points import HANDS_12, PLAYER_50
+from harmolab.io.video import write_video
+from harmolab.kinematics import Similarity
+from harmolab.lab.timing.performed import performance_span
+from harmolab.lab.timing.playing import explain_playing
+from harmolab.systems.audio2body import Audio2Body
+from harmolab.systems.audio2body.avatar import avatar
+from harmolab.systems.audio2body.networks import SoundToPoints
+from harmolab.systems.audio2body.params import Audio2BodyParams
+from harmolab.systems.audio2body.placing import Reference
+from harmolab.systems.audio2body.point_space import PointSpace
+from harmolab.systems.audio2body.shipping import ship
+from harmolab.systems.audio2body.truth import compared
+from harmolab.systems.common import phases as training_loop
+from harmolab.systems.common.about import read_about
+from harmolab.types import Audio, Motion
+from tests.builders import called
+from tests.test_player import data_of
+
+SECONDS = 6.0
+NOTICE = "This player was trained on planted, synthetic players only."
+SHIPPED = Path(harmolab.__file__).parent / "systems" / "audio2body" / "weights"
+INSTRUMENTS = pytest.mark.parametrize("instrument", ["piano", "violin"])
+
+
+@cache
+def planted(instrument: str) -> PlantedPerformance:
+    return planted_performance(instrument, seconds=SECONDS, seed=5)
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a performance of each instrument, "piano" and "violin"."""
+    root = tmp_path_factory.mktemp("takes")
+    for instrument in ("piano", "violin"):
+        save_performance(root / instrument, planted(instrument).performance)
+    return root
+
+
+@pytest.fixture(scope="module")
+def song(takes: Path) -> Path:
+    """Six seconds of a planted pianist."""
+    return takes / "piano" / "audio.wav"
+
+
+def perform(song: Path, *options: object, instrument: str = "piano", code: int = 0) -> Result:
+    result = called(app, "perform", song, *(("--instrument", instrument) if instrument else ()), *options)
+    assert result.exit_code == code, result.output
+    return result
+
+
+def shown_text(page: str) -> str:
+    """The words of a page that people read or hear."""
+    labels = " ".join(re.findall(r'aria-label="([^"]*)"', page))
+    return html.unescape(labels + re.sub(r"(?s)<(script|style)\b.*?</\1>|<[^>]*>", " ", page))
+
+
+# The files
+
+
+@INSTRUMENTS
+def test_page_speaks_of_notes_and_says_on_whom_the_player_was_trained(
+    instrument: str, takes: Path, tmp_path: Path
+) -> None:
+    song = takes / instrument / "audio.wav"
+    result = perform(song, "--out", tmp_path / "p.html", instrument=instrument)
+    assert result.stdout.splitlines()[1:] == [NOTICE, f"wrote {tmp_path / 'p.html'}"]
+    assert result.stdout.startswith(f"6.00 s from 0.00 s of {song} on, played by the {instrument} player that comes")
+    page = (tmp_path / "p.html").read_text("utf-8")
+    text = shown_text(page)
+    assert NOTICE in text and f"a stick figure that plays the {instrument}" in text
+    event = {"piano": "strike", "violin": "turn of the bow"}[instrument]
+    assert {"note onset", event, "onset met", "onset missed"} <= set(
+        re.findall(f"note onset|{event}|onset m\\w+", text)
+    )
+    assert not re.search(r"(?i)\bdance(?!s are scored)|\bdancer|\bbeats?\b", text)
+    (dancer,) = data_of(page)["dancers"]
+    assert not dancer["flat"] and dancer["props"]
+
+
+def test_page_shows_points_where_they_are_asked_for(song: Path, tmp_path: Path) -> None:
+    perform(song, "--points", "--out", tmp_path / "p.html")
+    (dancer,) = data_of((tmp_path / "p.html").read_text("utf-8"))["dancers"]
+    assert dancer["flat"] and dancer["joints"] == 50
+
+
+def test_page_is_as_accurate_and_small_as_it_must_be(song: Path, tmp_path: Path) -> None:
+    perform(song, "--out", tmp_path / "p.html")
+    assert (tmp_path / "p.html").stat().st_size < 300_000  # 50 kB a second: nine megabytes for three minutes
+
+
+def test_npz_keeps_the_points_of_the_network_and_where_they_come_from(song: Path, tmp_path: Path) -> None:
+    perform(song, "--start", 2, "--seconds", 3, "--out", tmp_path / "p.npz")
+    motion, (samples, rate) = load_motion(tmp_path / "p.npz"), soundfile.read(song, dtype="float32")
+    own = Audio2Body.shipped("piano").generate(Audio(samples, rate), start=2.0, seconds=3.0)
+    np.testing.assert_array_equal(motion.positions, own.positions)
+    assert (motion.skeleton, motion.fps, load_offset(tmp_path / "p.npz")) == (PLAYER_50, 24.0, 2.0)
+    assert np.load(tmp_path / "p.npz")["about"] == NOTICE
+
+
+def test_npz_and_bvh_keep_the_avatar(song: Path, tmp_path: Path) -> None:
+    for name, options in (("a.npz", ["--avatar"]), ("a.bvh", []), ("p.npz", [])):
+        perform(song, "--seconds", 1, *options, "--out", tmp_path / name)
+    own = avatar(load_motion(tmp_path / "p.npz"), "piano")
+    np.testing.assert_allclose(load_motion(tmp_path / "a.npz").positions, own.positions, atol=1e-9)
+    read = load_motion(tmp_path / "a.bvh")
+    numbers = [read.skeleton.joints.index(name) for name in own.skeleton.joints]
+    np.testing.assert_allclose(read.positions[:, numbers], own.positions, atol=2e-4)
+
+
+@pytest.mark.parametrize("drawn", ["--avatar", "--points"])
+def test_video_plays_the_sound_and_says_on_whom_the_player_was_trained(drawn: str, song: Path, tmp_path: Path) -> None:
+    perform(song, drawn, "--start", 1, "--seconds", 2, "--out", tmp_path / "p.mp4")
+    with av.open(tmp_path / "p.mp4") as video:
+        assert video.metadata["title"] == f"audio.wav: piano. {NOTICE}"
+        frames = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    assert len(frames) in (59, 60)  # 48 points at 24 Hz end at 1.96 s
+    strip = frames[30][-25:]  # dark letters on a light strip
+    assert strip.max() > 230 and 0.01 < (strip < 128).mean() < 0.2
+    with av.open(tmp_path / "p.mp4") as video:
+        assert sum(frame.samples for frame in video.decode(audio=0)) / 48_000 == pytest.approx(2.0, abs=0.05)
+
+
+def test_without_a_name_page_and_video_are_named_after_the_song(
+    song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    perform(song, "--seconds", 1)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["audio_performance.html", "audio_performance.mp4"]
+
+
+# The truth
+
+
+def moved(points: Motion, by: Similarity) -> Motion:
+    return replace(points, positions=by.apply(points.positions))
+
+
+@pytest.fixture(scope="module")
+def predicted(song: Path, tmp_path_factory: pytest.TempPathFactory) -> Motion:
+    folder = tmp_path_factory.mktemp("predicted")
+    perform(song, "--out", folder / "p.npz")
+    return load_motion(folder / "p.npz")
+
+
+def test_a_truth_that_is_the_prediction_seen_by_another_camera_has_no_error(
+    predicted: Motion, song: Path, tmp_path: Path
+) -> None:
+    """But for the anchors' medians, to which the truth is brought: those of the reference sway."""
+    camera = Similarity(1.7, 0.2, np.array([40.0, -300.0]))
+    save_motion(tmp_path / "truth.npz", moved(predicted, camera))
+    audio = planted("piano").performance.audio
+    network = Audio2Body.shipped("piano").network
+    at_home = load_playing(tmp_path / "truth.npz", audio, instrument="piano")
+    errors = compared(network, at_home).errors
+    assert errors.accepted == 1 and errors.points == 50
+    assert errors.percent < 0.2 * errors.mean_pose_percent
+
+
+def test_points_ten_pixels_off_are_so_many_per_cent_of_the_shoulder_width(predicted: Motion) -> None:
+    """Hands 10 pixels to the right in 42 of 50 points: root of 42 x 100 / 100 is 6.48 pixels a coordinate."""
+    network = Audio2Body.shipped("piano").network
+    anchors = [predicted.skeleton.joints.index(name) for name in network.reference.joints]
+    positions = predicted.positions.copy()
+    positions[:, anchors] = network.reference.points
+    network.space_scale.basis.reshape(-1, 50, 2)[:, anchors] = 0  # shoulders and hips that stand still
+    network.space_scale.mean.reshape(50, 2)[anchors] = torch.tensor(network.reference.points).float()
+    hands = [number for number, name in enumerate(predicted.skeleton.joints) if number >= 8]
+    positions[:, hands, 0] += 10
+    performance = replace(
+        planted("piano").performance, motion=replace(predicted, positions=positions), detected=np.ones((144, 50), bool)
+    )
+    errors = compared(network, performance).errors
+    assert errors.pixels == pytest.approx(np.sqrt(42), rel=0.02)
+    left, right = network.reference.points[:2]
+    assert errors.percent == pytest.approx(100 * np.sqrt(42) / np.hypot(*(right - left)), rel=0.02)
+
+
+def test_error_and_score_are_printed_only_with_a_truth(song: Path, takes: Path, tmp_path: Path) -> None:
+    bare = perform(song, "--out", tmp_path / "p.html").stdout
+    assert "shoulder width" not in bare and "chance" not in bare
+    lines = perform(song, "--truth", takes / "piano", "--out", tmp_path / "t.html").stdout.splitlines()
+    share, mean = (re.search(r"([\d.]+) %", line)[1] for line in lines[2:4])
+    assert "% of the shoulder width from the truth" in lines[2] and lines[3].startswith("The mean pose, which hears ")
+    errors = compared(Audio2Body.shipped("piano").network, planted("piano").performance).errors
+    assert float(share) == pytest.approx(errors.percent, abs=0.1)
+    assert float(mean) == pytest.approx(errors.mean_pose_percent, abs=0.1)
+    assert any(line.startswith("From the sound: ") for line in lines)
+    assert f"The truth: {explain_playing(planted('piano').performance).words.verdict}" in lines
+    page = (tmp_path / "t.html").read_text("utf-8")
+    assert [dancer["name"] for dancer in data_of(page)["dancers"]] == ["the truth", "from the sound"]
+    assert all(html.escape(line, quote=False) in page for line in lines[2:5])
+
+
+def test_points_lie_over_the_truth(takes: Path, tmp_path: Path) -> None:
+    take = takes / "violin"
+    asked = ("--truth", take / "motion.npz", "--points", "--seconds", 3)
+    perform(take / "audio.wav", *asked, "--out", tmp_path / "p.html", instrument="violin")
+    data = data_of((tmp_path / "p.html").read_text("utf-8"))
+    assert data["overlaid"] and [dancer["flat"] for dancer in data["dancers"]] == [True, True]
+    assert data["dancers"][0]["way"] == data["dancers"][1]["way"]
+    perform(take / "audio.wav", *asked, "--out", tmp_path / "p.mp4", instrument="violin")
+    with av.open(tmp_path / "p.mp4") as video:
+        frame = [picture.to_ndarray(format="rgb24") for picture in video.decode(video=0)][45].astype(int)
+    red, green = ((np.abs(frame - colour).max(axis=2) < 40).sum() for colour in ((178, 24, 43), (0, 158, 115)))
+    assert red > 200 and green > 200
+
+
+def test_a_truth_that_begins_later_is_compared_from_there(song: Path, tmp_path: Path) -> None:
+    own = planted("piano").performance
+    save_motion(tmp_path / "late.npz", own.motion.span(2.0, 4.0))
+    command = ("--truth", tmp_path / "late.npz", "--out", tmp_path / "p.html")
+    late, wrong = (perform(song, *command, "--offset", offset).stdout for offset in (2, 0))
+    assert late.startswith("4.00 s from 2.00 s of ")
+    late_error, wrong_error = (float(re.search(r"are ([\d.]+) %", text)[1]) for text in (late, wrong))
+    assert late_error < wrong_error
+
+
+@pytest.mark.parametrize(
+    ("start", "seconds", "offset", "first", "count"),
+    [
+        (0.0, None, 0.0, 0, 144), (1.0, 2.0, 0.0, 24, 48), (0.0, 3.0, 2.0, 0, 24), (3.0, None, 2.0, 24, 120),
+        (2.0, 99.0, -1.0, 72, 72),
+    ],
+)  # fmt: skip
+def test_a_performance_is_cut_by_the_time_of_its_sound(
+    start: float, seconds: float | None, offset: float, first: int, count: int
+) -> None:
+    whole = replace(planted("piano").performance, offset=offset)
+    part = performance_span(whole, start, seconds)
+    np.testing.assert_array_equal(part.motion.positions, whole.motion.positions[first : first + count])
+    np.testing.assert_array_equal(part.detected, whole.detected[first : first + count])
+    assert part.offset == offset + first / 24
+
+
+def test_what_cannot_be_compared_is_named(song: Path, takes: Path, tmp_path: Path) -> None:
+    own = planted("piano").performance
+    for name, motion in (("hands.npz", Motion(own.motion.positions[:, 8:20], 24.0, HANDS_12)), ("far.npz", own.motion)):
+        save_motion(tmp_path / name, motion)
+    (tmp_path / "points.json").write_text("[]")
+    faults = {
+        (takes / "violin",): "is played on a violin, not on a piano",
+        (tmp_path / "hands.npz",): "to be aligned by",
+        (tmp_path / "far.npz", "--offset", 99): "end 99.00 s after the sound",
+        (tmp_path / "points.json",): "points.json: ",
+        (tmp_path / "none.npz",): "none.npz: no such file",
+        (takes / "piano", "--start", 6): "nothing at these seconds",
+    }
+    for options, message in faults.items():
+        error = perform(song, "--truth", *options, "--out", tmp_path / "p.html", code=2).stderr
+        assert message in error and error.count("\n") == 1, error
+    assert not (tmp_path / "p.html").exists()
+
+
+# Hostile input
+
+
+@pytest.mark.parametrize("rate", [8000, 44100, 192000])
+@pytest.mark.parametrize("kind", ["piano", "silence", "noise"])
+def test_any_sound_gives_a_performance(kind: str, rate: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    samples = {"silence": np.zeros(2 * rate), "noise": rng.normal(0, 0.3, 2 * rate)}.get(kind)
+    if samples is None:
+        samples = planted_performance("piano", seconds=2.0, sample_rate=rate).performance.audio.samples
+    soundfile.write(tmp_path / "song.wav", samples, rate)
+    perform(tmp_path / "song.wav", "--out", tmp_path / "p.html")
+    perform(tmp_path / "song.wav", "--avatar", "--out", tmp_path / "p.npz")
+    motion = load_motion(tmp_path / "p.npz")
+    assert motion.n_frames == 48 and np.isfinite(motion.positions).all()
+    page = (tmp_path / "p.html").read_text("utf-8")
+    json.loads(re.search(r"const data = (.*);", page)[1], parse_constant=pytest.fail)
+    assert not re.search(r"\bnan\b", shown_text(page))
+    assert ("Cannot tell: the sound has no onsets" in page) == (kind == "silence")
+
+
+@pytest.mark.parametrize("seconds", [0.1, 1.0])
+@INSTRUMENTS
+def test_short_sounds_are_played(instrument: str, seconds: float, tmp_path: Path) -> None:
+    soundfile.write(
+        tmp_path / "song.wav", planted(instrument).performance.audio.samples[: round(44100 * seconds)], 44100
+    )
+    for name in ("p.html", "p.mp4", "p.bvh"):
+        perform(tmp_path / "song.wav", "--out", tmp_path / name, instrument=instrument)
+
+
+def test_the_sound_of_a_video_is_played(song: Path, tmp_path: Path) -> None:
+    picture, audio = np.zeros((64, 64, 3), np.uint8), planted("piano").performance.audio.span(0, 2.0)
+    write_video(tmp_path / "film.mp4", [picture] * 50, 25.0, audio=audio)
+    write_video(tmp_path / "silent.mp4", [picture] * 50, 25.0)
+    perform(tmp_path / "film.mp4", "--out", tmp_path / "p.npz")
+    assert load_motion(tmp_path / "p.npz").duration == pytest.approx(2.0, abs=0.1)
+    assert "silent.mp4" in perform(tmp_path / "silent.mp4", "--out", tmp_path / "q.npz", code=2).stderr
+
+
+def test_what_cannot_be_done_is_one_line(song: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "broken.wav").write_bytes(b"RIFF....WAVE")
+    soundfile.write(tmp_path / "click.wav", np.zeros(1000), 44100)
+    out = ("--out", tmp_path / "p.html")
+    harmogan = Path(harmolab.__file__).parent / "systems" / "harmogan" / "weights"
+    faults: dict[tuple[object, ...], str] = {
+        (tmp_path / "none.wav", *out): "none.wav: no such file",
+        (tmp_path / "broken.wav", *out): "broken.wav: ",
+        (tmp_path / "click.wav", *out): "less than two frames",
+        (tmp_path, *out): "folder",
+        (song, "--out", tmp_path / "p.pdf"): "a performance is written as",
+        (song, "--out", "/nowhere/p.html"): "/nowhere: no such folder",
+        (song, "--out", song): "is an input here",
+        (song, *out, "--start", 9): "must lie within the recording of 6.00 s",
+        (song, *out, "--start", -1): "must lie within the recording",
+        (song, *out, "--seconds", 0): "must lie within the recording",
+        (song, *out, "--seconds", "nan"): "--seconds must be a finite number",
+        (song, *out, "--offset", 1): "--offset and --fps are those of --truth",
+        (song, "--out", tmp_path / "p.bvh", "--points"): "leave out --points",
+        (song, *out, "--weights", tmp_path / "empty"): "model.json: no such file",
+        (song, *out, "--weights", harmogan): "was made by the system 'harmogan', which plays no instrument",
+        (song, *out, "--weights", SHIPPED / "violin"): "plays the violin, not the piano",
+    }
+    for arguments, message in faults.items():
+        error = perform(*arguments, code=2).stderr
+        assert message in error and error.count("\n") == 1, error
+    assert "say what is played: --instrument piano" in perform(song, *out, instrument="", code=2).stderr
+    assert not (tmp_path / "p.html").exists()
+
+
+def test_damaged_weights_are_named(song: Path, tmp_path: Path) -> None:
+    ship(SHIPPED / "piano", tmp_path / "run")
+    file = tmp_path / "run" / "model.safetensors"
+    file.write_bytes(file.read_bytes()[:-9])
+    assert (
+        "model.safetensors" in perform(song, "--weights", tmp_path / "run", "--out", tmp_path / "p.npz", code=2).stderr
+    )
+
+
+@pytest.fixture
+def hands(tmp_path: Path) -> Callable[..., Path]:
+    """`hands(hears=)`: a run of an untrained network of a pianist's wrists and fingertips."""
+
+    def build(**settings: str) -> Path:
+        params = replace(Audio2BodyParams.recommended(), hidden=8, components=2, **settings)
+        network = SoundToPoints(params, HANDS_12, "piano", 2, Reference((), np.zeros((0, 2))))
+        space = PointSpace.fit(np.random.default_rng(0).uniform(0, 300, (30, 24)), 2)
+        network.set_statistics(torch.zeros(params.n_sound), torch.ones(params.n_sound), space)
+        Audio2Body(network, {"source": "<b>mine</b>"}).save(tmp_path / "run")
+        return tmp_path / "run"
+
+    return build
+
+
+def test_hands_without_a_body_are_shown_as_points(hands: Callable[..., Path], song: Path, tmp_path: Path) -> None:
+    result = perform(song, "--weights", hands(), "--out", tmp_path / "p.html", instrument="")
+    assert "of which no avatar can be built" in result.stderr
+    assert "This player was trained on: <b>mine</b>." in result.stdout
+    page = (tmp_path / "p.html").read_text("utf-8")
+    assert data_of(page)["dancers"][0]["flat"] and "trained on: &lt;b&gt;mine" in page
+
+
+def test_a_network_that_hears_notes_is_refused(hands: Callable[..., Path], song: Path, tmp_path: Path) -> None:
+    result = perform(song, "--weights", hands(hears="notes"), "--out", tmp_path / "p.html", instrument="", code=2)
+    assert "hears notes, not sound" in result.stderr
+
+
+# Own playing, explained
+
+
+def test_own_playing_is_explained(song: Path, takes: Path, tmp_path: Path) -> None:
+    words = explain_playing(planted("piano").performance).words
+    asked = ("explain", song, takes / "piano", "--instrument", "piano")
+    result = called(app, *asked, "--out", tmp_path / "e.html")
+    assert result.stdout.splitlines() == [words.verdict, *words.sentences, f"wrote {tmp_path / 'e.html'}"]
+    assert words.verdict in html.unescape((tmp_path / "e.html").read_text("utf-8"))
+    assert json.loads(called(app, *asked, "--json").stdout)["verdict"] == words.verdict
+    by_sound = called(app, "explain", song, takes / "piano" / "motion.npz", "--instrument", "piano", "--json")
+    assert json.loads(by_sound.stdout)["onsets"] > 0
+
+
+def test_options_of_dances_are_refused_for_playing(song: Path, takes: Path) -> None:
+    result = called(app, "explain", song, takes / "piano", "--instrument", "piano", "--dance", "waltz")
+    assert result.exit_code == 2 and "--dance is for dances" in result.stderr
+
+
+# Sync
+
+
+def test_strikes_of_the_avatar_are_those_of_the_points() -> None:
+    from harmolab.beats.notes import strikes
+
+    own = planted("piano")
+    points = replace(own.performance.motion, positions=own.clean)
+    flat, deep = strikes(points).times, strikes(avatar(points, "piano")).times
+    assert len(flat) > 8
+    np.testing.assert_allclose(deep, flat, atol=1 / 24)
+
+
+# Training and weights
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six short performances of a planted pianist."""
+    root = tmp_path_factory.mktemp("corpus")
+    for number, each in enumerate(planted_performances("piano", 6, seconds=4.0)):
+        save_performance(root / f"take_{number}", each.performance)
+    return root
+
+
+@pytest.fixture(scope="module")
+def run(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("runs") / "run"
+    result = called(app, "train", corpus, "--system", "audio2body", "--out", out, "--epochs", 3, "--seed", 2)
+    assert result.exit_code == 0, result.output
+    assert result.stdout == f"trained: {out}; play with it: harmolab perform SONG --weights {out}\n"
+    assert "units: performances, 4 train, 1 validation, 1 test" in result.stderr
+    return out
+
+
+def test_a_run_plays_and_says_on_whom_it_was_trained(run: Path, song: Path, tmp_path: Path) -> None:
+    result = perform(song, "--weights", run, "--seconds", 2, "--out", tmp_path / "p.html", instrument="")
+    assert f"played by {run} in" in result.stdout and NOTICE in result.stdout
+    about = read_about(run)["meta"]
+    assert about["settings"]["audio2body"] | {"epochs": 3, "seed": 2} == about["settings"]["audio2body"]
+    assert about["errors"]["mean pose"]["full"] > 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--preset", "small"), "preset must be recommended or tables or section_4"),
+        (("--step", 3), "--step is no option of this system"),
+        (("--harmony-weight", 1), "--harmony-weight is no option of this system"),
+    ],
+)
+def test_options_that_a_training_does_not_take_are_named(
+    options: tuple[object, ...], message: str, corpus: Path, tmp_path: Path
+) -> None:
+    result = called(app, "train", corpus, "--system", "audio2body", "--out", tmp_path / "run", *options)
+    assert result.exit_code == 2 and message in result.stderr and not (tmp_path / "run").exists()
+
+
+def test_a_folder_without_performances_is_named(tmp_path: Path) -> None:
+    result = called(app, "train", tmp_path, "--system", "audio2body", "--out", tmp_path / "run")
+    assert result.exit_code == 2 and f"no performance to train on below {tmp_path}" in result.stderr
+
+
+def train(corpus: Path, out: Path, stop: int | None, **options: bool) -> None:
+    def report(row: dict[str, object], end: int) -> None:
+        if row["epoch"] == stop:
+            raise InterruptedError
+
+    Audio2Body.train([corpus], out, epochs=3, seed=2, accelerator="cpu", report=report, **options)
+
+
+def same_files(one: Path, other: Path) -> bool:
+    return all(
+        (one / file).read_bytes() == (other / file).read_bytes() for file in ("history.csv", "model.safetensors")
+    )
+
+
+@pytest.mark.parametrize("stop", [0, 1])
+def test_a_stopped_training_goes_on_to_the_same_bytes(
+    stop: int, run: Path, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training_loop, "SAVING_SHARE", float("inf"))
+    with pytest.raises(InterruptedError):
+        train(corpus, tmp_path / "run", stop)
+    assert not (tmp_path / "run" / "model.json").exists()
+    train(corpus, tmp_path / "run", None, resume=True)
+    assert same_files(run, tmp_path / "run")
+
+
+@pytest.mark.slow
+def test_a_killed_training_goes_on_to_the_same_bytes(run: Path, corpus: Path, tmp_path: Path) -> None:
+    code = (
+        "import os, signal, sys\nfrom harmolab.systems.audio2body import Audio2Body\n"
+        "def report(row, end):\n    if row['epoch'] == 1: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "Audio2Body.train([sys.argv[1]], sys.argv[2], epochs=3, seed=2, accelerator='cpu', report=report)"
+    )
+    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    killed = subprocess.run([sys.executable, "-c", code, str(corpus), str(tmp_path / "run")], env=env, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    train(corpus, tmp_path / "run", None, resume=True)
+    assert same_files(run, tmp_path / "run")
+
+
+def test_a_run_is_given_away_in_half_the_size(run: Path, tmp_path: Path) -> None:
+    ship(run, tmp_path / "weights")
+    assert sorted(path.name for path in (tmp_path / "weights").iterdir()) == ["model.json", "model.safetensors"]
+    sizes = [(folder / "model.safetensors").stat().st_size for folder in (tmp_path / "weights", run)]
+    assert sizes[0] < 0.52 * sizes[1]
+    own, away = Audio2Body.load(run), Audio2Body.load(tmp_path / "weights")
+    assert (away.meta, away.trained_on) == (own.meta, NOTICE)
+    audio = planted("piano").performance.audio
+    assert np.abs(own.generate(audio).positions - away.generate(audio).positions).max() < 1.0  # pixel
+
+
+def test_an_incomplete_run_is_not_given_away(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="model"):
+        ship(tmp_path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_shipped_players_take_a_megabyte_and_were_trained_on_planted_ones() -> None:
+    files = [path for path in SHIPPED.rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files if path.suffix != ".md") <= 1_000_000
+    kinds = ("json", "safetensors")
+    weights = {f"{instrument}/model.{kind}" for instrument in ("piano", "violin") for kind in kinds}
+    assert {path.relative_to(SHIPPED).as_posix() for path in files} == weights | {"MODEL_CARD.md"}
+    for instrument in ("piano", "violin"):
+        system = Audio2Body.shipped(instrument)
+        assert (system.network.instrument, system.trained_on) == (instrument, NOTICE)
+    with pytest.raises(ValueError, match="instrument must be piano or violin"):
+        Audio2Body.shipped("tuba")
