@@ -98,7 +98,7 @@ def overlay_figure(
     rows = -(-len(overlays) // columns)
     across, down = np.ptp(limits, axis=0)
     cell = WIDTH / columns
-    size = (WIDTH, rows * (cell * down / across + 0.3 + 0.18 * titles[0].count("\n")) + 0.4)
+    size = (WIDTH, rows * (cell * down / across + 0.3 + 0.18 * titles[0].count("\n")) + 0.55)
     with styled_axes(size, rows, columns) as (figure, axes):
         for ax in axes[len(overlays) :]:
             ax.set_axis_off()
