@@ -36,6 +36,7 @@ NAMES = [
     "17_feet",
     "18_sound_and_points",
     "19_sound_to_hands",
+    "20_players_and_avatars",
 ]
 MOST_CELLS = 15
 MOST_LINES = 12

@@ -33,6 +33,8 @@ from .experiments.attribute_tables import song_probabilities as song_probabiliti
 from .experiments.attributes import bar_starts as bar_starts
 from .experiments.attributes import example_song as example_song
 from .experiments.attributes import training_remark as training_remark
+from .experiments.avatar_depth import DEPTH_LIMITS as DEPTH_LIMITS
+from .experiments.avatar_depth import depth_table as depth_table
 from .experiments.banks import bank_table as bank_table
 from .experiments.chance import chance_table as chance_table
 from .experiments.cheating import (
@@ -145,6 +147,9 @@ from .experiments.own_songs import song_means as song_means
 from .experiments.planted_truth import ceilings as ceilings
 from .experiments.planted_truth import complete_table as complete_table
 from .experiments.planted_truth import component_table as component_table
+from .experiments.player_causes import cause_table as cause_table
+from .experiments.player_causes import failure_words as failure_words
+from .experiments.player_causes import usual_limits as usual_limits
 from .experiments.player_cleaning import alignment_table as alignment_table
 from .experiments.player_cleaning import cleaned_performance as cleaned_performance
 from .experiments.player_cleaning import cleaning_summary as cleaning_summary
@@ -153,6 +158,14 @@ from .experiments.player_cleaning import fault_examples as fault_examples
 from .experiments.player_cleaning import planted_cleaning as planted_cleaning
 from .experiments.player_cleaning import recorded_examples as recorded_examples
 from .experiments.player_cleaning import tracked_players as tracked_players
+from .experiments.player_frames import even_frames as even_frames
+from .experiments.player_frames import music_scores as music_scores
+from .experiments.player_frames import player_notice as player_notice
+from .experiments.player_frames import predicted_pieces as predicted_pieces
+from .experiments.player_frames import quantile_frames as quantile_frames
+from .experiments.player_frames import tracked_pianist as tracked_pianist
+from .experiments.player_frames import tracked_violinist as tracked_violinist
+from .experiments.player_frames import worst_frames as worst_frames
 from .experiments.player_modes import mode_over_epochs as mode_over_epochs
 from .experiments.player_modes import random_inputs as random_inputs
 from .experiments.player_pictures import delayed_steps as delayed_steps
@@ -229,6 +242,7 @@ from .figures.attributes import classifier_figure as classifier_figure
 from .figures.attributes import confusion_figure as confusion_figure
 from .figures.attributes import probabilities_figure as probabilities_figure
 from .figures.attributes import song_figure as song_figure
+from .figures.avatars import depth_figure as depth_figure
 from .figures.beats import (
     draw_curve as draw_curve,
 )
@@ -266,6 +280,10 @@ from .figures.music2dance import framework_boxes_figure as framework_boxes_figur
 from .figures.music2dance import hands_figure as hands_figure
 from .figures.music2dance import limits_figure as limits_figure
 from .figures.music2dance import marks_figure as marks_figure
+from .figures.player_overlays import onsets_figure as onsets_figure
+from .figures.player_overlays import overlay_figure as overlay_figure
+from .figures.player_overlays import points_figure as points_figure
+from .figures.player_overlays import stills_figure as stills_figure
 from .figures.player_points import cleaning_figure as cleaning_figure
 from .figures.player_points import faults_figure as faults_figure
 from .figures.player_points import features_figure as features_figure
@@ -352,6 +370,8 @@ from .profile import RunProfile as RunProfile
 from .render.points import render_points as render_points
 from .render.stick import moving_box as moving_box
 from .render.stick import render_skeleton as render_skeleton
+from .render.stills import avatar_stills as avatar_stills
+from .timing.avatar_players import avatar_player as avatar_player
 from .timing.movement import find_offset as find_offset
 from .timing.page import dance_player as dance_player
 from .timing.page import save_page as save_page

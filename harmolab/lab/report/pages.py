@@ -63,6 +63,12 @@ PAPER = {
     "Audio to Body Fig. 4": "the network",
     "Audio to Body Fig. 5": "the first component over the epochs",
     "Audio to Body Fig. 6": "the first component to sound that is no music",
+    "Audio to Body Fig. 7": "predicted over tracked points, piano",
+    "Audio to Body Fig. 8": "predicted over tracked points, violin",
+    "Audio to Body Fig. 9": "an avatar at the piano",
+    "Audio to Body Fig. 10": "an avatar with a violin",
+    "Audio to Body Fig. 11": "the worst frames, and their causes",
+    "Audio to Body video": "music and points that do not match",
     "Audio to Body Table 1": "errors of a violinist by setting",
     "Audio to Body Table 2": "errors of a pianist by setting",
 }
