@@ -7,7 +7,7 @@ import pytest
 
 from harmolab.metrics.quality import foot_skating
 from harmolab.skeletons import foot_joints
-from harmolab.systems.common.grounding import Leg, find_leg, moved_foot, planted_feet
+from harmolab.systems.common.grounding import Leg, find_leg, moved_feet, planted_feet
 from harmolab.systems.common.motion_code import bone_lengths
 from harmolab.types import Motion, Skeleton
 
@@ -52,7 +52,7 @@ def test_what_hangs_on_the_ankle_goes_with_it():
 def test_a_moved_foot_arrives_and_no_bone_changes():
     positions = standing(50)
     shift = np.random.default_rng(0).uniform([-0.05, 0.0, -0.05], [0.05, 0.1, 0.05], (50, 3))
-    moved = moved_foot(positions, LEFT, shift)
+    moved = moved_feet(positions, [LEFT], shift[:, None])
     np.testing.assert_allclose(moved[:, [4, 5]], positions[:, [4, 5]] + shift[:, None], atol=1e-9)
     bones = np.linalg.norm(moved - moved[:, list(WALKER.parents)], axis=2)[:, 1:]
     np.testing.assert_allclose(bones, np.tile(bone_lengths(positions, WALKER)[1:], (50, 1)), atol=1e-9)
@@ -63,7 +63,7 @@ def test_a_moved_foot_arrives_and_no_bone_changes():
 
 def test_a_foot_goes_no_further_than_the_leg_reaches():
     positions = standing(2)
-    moved = moved_foot(positions, LEFT, np.array([[0.0, -3.0, 0.0]] * 2))
+    moved = moved_feet(positions, [LEFT], np.array([[[0.0, -3.0, 0.0]]] * 2))
     bones = bone_lengths(moved, WALKER)
     np.testing.assert_allclose(bones, bone_lengths(positions, WALKER), atol=1e-9)
     assert np.linalg.norm(moved[0, 4] - moved[0, 2]) == pytest.approx(0.99 * (bones[3] + bones[4]))
@@ -72,12 +72,12 @@ def test_a_foot_goes_no_further_than_the_leg_reaches():
 def test_a_straight_leg_bends_forwards():
     positions = standing(1)
     positions[:, 3, 2] = 0.0
-    moved = moved_foot(positions, LEFT, np.array([[0.0, 0.1, 0.0]]))
+    moved = moved_feet(positions, [LEFT], np.array([[[0.0, 0.1, 0.0]]]))
     assert moved[0, 3, 2] > 0.1
 
 
 def test_no_shift_changes_nothing():
-    np.testing.assert_allclose(moved_foot(standing(3), RIGHT, np.zeros((3, 3))), standing(3), atol=0.01)
+    np.testing.assert_allclose(moved_feet(standing(3), [RIGHT], np.zeros((3, 1, 3))), standing(3), atol=0.01)
 
 
 def swaying() -> np.ndarray:
@@ -99,6 +99,6 @@ def test_a_foot_in_the_air_goes_its_own_way():
     kicking = standing()
     lift = np.sin(2 * np.pi * np.arange(90) / 30).clip(min=0)
     kicking[:, [4, 5]] += 0.3 * lift[:, None, None] * np.array([0, 1.0, 1.0])
-    kicking = moved_foot(standing(), LEFT, kicking[:, 4] - standing()[:, 4])
+    kicking = moved_feet(standing(), [LEFT], (kicking[:, 4] - standing()[:, 4])[:, None])
     planted = planted_feet(kicking, FPS, WALKER)
     np.testing.assert_allclose(planted, kicking, atol=0.03)

@@ -20,10 +20,8 @@ from harmolab.lab.render.video import RATE
 from harmolab.lab.timing.performed import Performed
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
-WIDTH_SHARE, STRIP = (
-    0.94,
-    0.06,
-)  # of a line of text in the picture's width; of the strip below the picture in its height
+WIDTH_SHARE = 0.94  # of a line of text in the picture's width
+STRIP = 0.06  # of the strip below the picture in its height
 MARKS_SHARE = 0.2  # of the picture's height that is left free for the marks above points, which fill the rest
 STRIP_COLOUR = (246, 246, 246)
 

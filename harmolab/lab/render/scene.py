@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from harmolab.io.player_points import joint_widths, limb_widths, playing_box, prop_joints
+from harmolab.io.player_points import PROPS, joint_widths, limb_widths, playing_box, prop_joints
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.render.marks import BeatMarks
 from harmolab.lab.render.stick import FARTHEST, FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
@@ -112,14 +112,14 @@ def render_dance(
     check_positive(fps=fps)
     dance = resample_motion(upsample_motion(motion, fps), fps)
     # The camera stands at +z.
-    aside = ASIDE if prop_joints(dance.skeleton) else 0.0
+    aside = 0.0 if PROPS.isdisjoint(dance.skeleton.joints) else ASIDE
     facing = turned(dance.positions, aside - mean_heading(dance.positions, fps, dance.skeleton))
     turned_motion = Motion(facing, fps, dance.skeleton, dance.valid)
-    return _frames(turned_motion, height, width, BeatMarks(height, score))
+    box = playing_box(turned_motion) if aside else None
+    return _frames(turned_motion, box, height, width, BeatMarks(height, score))
 
 
-def _frames(motion: Motion, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:
-    box = playing_box(motion)
+def _frames(motion: Motion, box: FloatArray | None, height: int, width: int, marks: BeatMarks) -> Iterator[Frame]:
     camera = _following(motion, height, width) if box is None else _at_rest(box, motion.n_frames, height, width)
     body = _Body.of(motion.skeleton)
     empty = _room(camera)

@@ -70,10 +70,9 @@ def planted_feet(positions: FloatArray, fps: float, skeleton: Skeleton) -> Float
     slide, _ = _slide(positions, fps, [joint for foot in feet for joint in foot])
     way = np.cumsum(smooth(slide, BODY_SMOOTHING, fps), axis=0) / fps * (BODY_SHARE if all(legs) else 1.0)
     planted = positions - np.insert(np.concatenate([np.zeros((1, 2)), way]), 1, 0.0, axis=1)[:, None]
-    for foot, leg in zip(feet, legs, strict=True):
-        if leg is not None:
-            planted = moved_foot(planted, leg, np.insert(_held_back(planted, fps, list(foot)), 1, 0.0, axis=1))
-    return planted
+    shifts = smooth(np.stack([_held_back(planted, fps, list(foot)) for foot in feet], axis=1), LEG_SMOOTHING, fps)
+    whole = [number for number, leg in enumerate(legs) if leg is not None]
+    return moved_feet(planted, [leg for leg in legs if leg is not None], np.insert(shifts[:, whole], 1, 0.0, axis=2))
 
 
 def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -88,14 +87,14 @@ def _slide(positions: FloatArray, fps: float, joints: list[int]) -> tuple[FloatA
 
 
 def _held_back(positions: FloatArray, fps: float, foot: list[int]) -> FloatArray:
-    """Shift (T, 2) of a foot that makes it stand while it carries.
+    """Shift (T, 2) of a foot that makes it stand while it carries, not smooth.
 
     A shift that starts at 0 where the foot lands is largest where it leaves, and the other way round backwards in time:
     their mean has the same velocity and is half as far off.
     """
     slide, load = _slide(positions, fps, foot)
     forwards, backwards = _added_up(slide, load, fps), _added_up(-slide[::-1], load[::-1], fps)[::-1]
-    return smooth((forwards + backwards) / 2, LEG_SMOOTHING, fps)
+    return (forwards + backwards) / 2
 
 
 def _added_up(slide: FloatArray, load: FloatArray, fps: float) -> FloatArray:
@@ -136,19 +135,24 @@ def find_leg(skeleton: Skeleton, foot: Sequence[int]) -> Leg | None:
     return Leg(hip, knee, ankle, below)
 
 
-def moved_foot(positions: FloatArray, leg: Leg, shift: FloatArray) -> FloatArray:
-    """Positions (T, J, 3) with the foot of one leg moved by `shift` (T, 3), as far as the leg reaches.
+def moved_feet(positions: FloatArray, legs: Sequence[Leg], shifts: FloatArray) -> FloatArray:
+    """Positions (T, J, 3) with the foot of each of L legs moved by `shifts` (T, L, 3), as far as the leg reaches.
 
     The hip stays, thigh and shank keep their lengths, and the knee stays on the side that it was bent to.
     """
-    hip, knee, ankle = (positions[:, joint] for joint in (leg.hip, leg.knee, leg.ankle))
+    if not legs:
+        return positions
+    joints = np.array([(leg.hip, leg.knee, leg.ankle) for leg in legs])
+    hip, knee, ankle = (np.concatenate(positions[:, own].swapaxes(0, 1)) for own in joints.T)
+    foot = np.concatenate([positions[:, leg.foot].mean(axis=1) for leg in legs])
     thigh, shank = _lengths(knee - hip), _lengths(ankle - knee)
-    target = ankle + shift
     longest = np.maximum(STRETCHED * (thigh + shank), _lengths(ankle - hip))
-    pole = (knee - hip) + FORWARD * (positions[:, leg.foot].mean(axis=1) - ankle)
+    target, pole = ankle + np.concatenate(shifts.swapaxes(0, 1)), (knee - hip) + FORWARD * (foot - ankle)
+    knees, reached = two_bones(hip, target, thigh, shank, pole, longest=longest)
     changed = positions.copy()
-    changed[:, leg.knee], reached = two_bones(hip, target, thigh, shank, pole, longest=longest)
-    changed[:, leg.foot] += (reached - ankle)[:, None]
+    for leg, bent, moved in zip(legs, np.split(knees, len(legs)), np.split(reached - ankle, len(legs)), strict=True):
+        changed[:, leg.knee] = bent
+        changed[:, leg.foot] += moved[:, None]
     return changed
 
 
