@@ -248,6 +248,11 @@ class Notes:
         """The notes where `mask` is True."""
         return Notes(self.onsets[mask], self.offsets[mask], self.pitches[mask], self.loudness[mask], self.hands[mask])
 
+    def span(self, start: float, duration: float) -> Notes:
+        """The notes that begin in [start, start + duration), counted from `start`."""
+        part = self.select((self.onsets >= start) & (self.onsets < start + duration))
+        return replace(part, onsets=part.onsets - start, offsets=part.offsets - start)
+
 
 @dataclass(frozen=True, eq=False)
 class Clip:

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from harmolab.corpora.synthetic.player_in_space import (
-    FOREARM,
-    HALF_SHOULDERS,
     Camera,
     PlayerInSpace,
     elbow_angles,
@@ -32,6 +30,7 @@ from harmolab.io.player_points import (
     player_skeleton,
 )
 from harmolab.kinematics import smooth
+from harmolab.lab.experiments.avatar_depth import elbow_error, wrist_depth_error
 from harmolab.rotations import two_bones
 from harmolab.systems.audio2body.avatar import AvatarParams, avatar
 from harmolab.systems.audio2body.avatar.arms import arm_lengths, forward_offset
@@ -74,22 +73,6 @@ def changes_of_bones(motion: Motion) -> float:
     child = parents >= 0
     lengths = np.linalg.norm(motion.positions[:, child] - motion.positions[:, parents[child]], axis=2)
     return float(np.ptp(lengths, axis=0).max())
-
-
-def depth_errors(player: PlayerInSpace, result: Motion) -> float:
-    """Median error of the wrists' depth before their shoulders, both hands, in forearms."""
-    errors, scale = [], 2 * HALF_SHOULDERS / SHOULDERS  # a picture does not show how wide shoulders are
-    for side in SIDES:
-        wanted, got = (
-            (of(motion, f"{side}_wrist") - of(motion, f"{side}_shoulder"))[:, 2] for motion in (player.space, result)
-        )
-        errors.append(np.abs(scale * got - wanted) / FOREARM)
-    return float(np.median(errors))
-
-
-def elbow_errors(player: PlayerInSpace, result: Motion) -> float:
-    """Median error of the elbows' angles, degrees."""
-    return float(np.degrees(np.median(np.abs(elbow_angles(result) - player.elbow_angles()))))
 
 
 # The planted player
@@ -235,16 +218,16 @@ def test_bare_forearm_comes_back_and_the_linear_law_does_not() -> None:
 def test_planted_player_comes_back_in_space(instrument: str, seed: int) -> None:
     player = player_in_space(instrument, seed=seed)
     result = avatar(player.points, instrument)
-    assert depth_errors(player, result) <= 0.15
-    assert elbow_errors(player, result) <= 12.0
+    assert wrist_depth_error(player, result) <= 15.0
+    assert elbow_error(player, result) <= 12.0
     for worse in (replace(OURS, depth="linear"), replace(OURS, elbow_depth=False), AvatarParams.paper()):
-        assert depth_errors(player, avatar(player.points, instrument, params=worse)) > 0.25
+        assert wrist_depth_error(player, avatar(player.points, instrument, params=worse)) > 25.0
 
 
 def test_raw_lengths_and_the_longest_one_are_worse_for_the_violinist() -> None:
     player = player_in_space("violin")
     error, raw, longest = (
-        depth_errors(player, avatar(player.points, "violin", params=replace(OURS, **changes)))
+        wrist_depth_error(player, avatar(player.points, "violin", params=replace(OURS, **changes)))
         for changes in ({}, {"smoothing": 0.0}, {"smoothing": 0.0, "percentile": 100.0})
     )
     assert error < 0.8 * raw

@@ -10,6 +10,12 @@ import pytest
 
 from harmolab.corpora.synthetic.players import PlantedPerformance, planted_performances
 from harmolab.io.player_points import HANDS_12, PLAYER_50
+from harmolab.lab.experiments.planted_truth import (
+    bow_errors,
+    component_correlations,
+    planted_points,
+    true_signs,
+)
 from harmolab.systems.audio2body.bow import (
     AROUND,
     LATENESS,
@@ -35,17 +41,10 @@ from harmolab.systems.audio2body.perform import (
     synthesize_performance,
 )
 from harmolab.systems.audio2body.placing import Reference
-from harmolab.systems.audio2body.planted_truth import (
-    bow_errors,
-    component_correlations,
-    planted_errors,
-    planted_points,
-    true_signs,
-)
 from harmolab.systems.audio2body.point_space import PointSpace
 from harmolab.systems.audio2body.reading import played_set
 from harmolab.systems.audio2body.sequences import PlayedSet, PlayedSplit
-from harmolab.systems.audio2body.train import errors, mean_pose_errors, prepared, train_audio2body
+from harmolab.systems.audio2body.train import errors, errors_between, mean_pose_errors, prepared, train_audio2body
 from harmolab.systems.common.weights import load_weights, save_weights
 
 FPS = 24.0
@@ -202,8 +201,10 @@ def test_the_network_comes_below_the_ceiling_of_those_that_do_not_know_the_direc
     planted: list[PlantedPerformance], played: PlayedSet, bow: Bowing, network: SoundToPoints
 ) -> None:
     test = played.sequences[5:]
-    ceiling = planted_errors(network, planted[5:], test, bow=bow)
-    floor = planted_errors(network, planted[5:], test)
+    truth = [planted_points(each, network.reference) for each in planted[5:]]
+    projected = [network.projected(each.points) for each in test]
+    ceiling = errors_between([bow.at_rest(points) for points in truth], projected, test)
+    floor = errors_between(truth, projected, test)
     full = errors(network, test).full
     assert floor.full < full < 0.85 * ceiling.full
     assert ceiling.full < mean_pose_errors(network, test).full

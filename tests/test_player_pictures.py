@@ -26,7 +26,6 @@ from harmolab.lab.experiments.player_cleaning import (
 from harmolab.lab.experiments.player_pictures import (
     delayed_steps,
     feature_names,
-    notes_between,
     played_clip,
     player_boxes,
     point_modes,
@@ -138,7 +137,7 @@ def test_without_recordings_there_are_no_tracked_players(monkeypatch: pytest.Mon
 
 def test_notes_of_a_stretch_begin_in_it_and_are_on_its_time_line():
     notes = Notes([0.5, 2.0, 3.9, 4.0], [1.0, 5.0, 4.5, 4.2], [60, 61, 62, 63])
-    own = notes_between(notes, 2.0, 2.0)
+    own = notes.span(2.0, 2.0)
     assert own.pitches.tolist() == [61, 62]
     assert own.onsets.tolist() == pytest.approx([0.0, 1.9])
     assert own.offsets.tolist() == pytest.approx([3.0, 2.5])

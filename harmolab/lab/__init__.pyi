@@ -144,6 +144,7 @@ from .experiments.music2dance import trained_dancer as trained_dancer
 from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
 from .experiments.own_songs import song_means as song_means
+from .experiments.planted_truth import bow_table as bow_table
 from .experiments.planted_truth import ceilings as ceilings
 from .experiments.planted_truth import complete_table as complete_table
 from .experiments.planted_truth import component_table as component_table

@@ -3,25 +3,73 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from harmolab.corpora.synthetic.players import PlantedPerformance
 from harmolab.io.player_points import SIDES, hand_joints
-from harmolab.lab.experiments.player_tables import FINAL, MEAN_POSE, error_table, row_settings
-from harmolab.lab.experiments.players import PlayerData, TrainedPlayer, profiled, read_set
+from harmolab.lab.experiments.player_tables import FINAL, MEAN_POSE, OURS, error_table, n_player_seeds, row_settings
+from harmolab.lab.experiments.players import PlayerData, TrainedPlayer, profiled, read_set, trained_player
 from harmolab.lab.profile import RunProfile
-from harmolab.systems.audio2body.bow import Bowing
-from harmolab.systems.audio2body.perform import predicted_points
-from harmolab.systems.audio2body.planted_truth import component_correlations, planted_points
+from harmolab.systems.audio2body.bow import Bowing, Strokes, place_at
+from harmolab.systems.audio2body.cleaning import cleaned
+from harmolab.systems.audio2body.networks import SoundToPoints
+from harmolab.systems.audio2body.perform import predicted_points, predicted_strokes
+from harmolab.systems.audio2body.placing import Reference, shot_similarities
 from harmolab.systems.audio2body.point_space import PointSpace
 from harmolab.systems.audio2body.sequences import PlayedSequence, fitted_space, sides
 from harmolab.systems.audio2body.train import Errors, errors_between
-from harmolab.types import FloatArray, Skeleton
+from harmolab.types import FloatArray, IntArray, Skeleton
 
 FLOOR = "planted truth: all that the sound tells"
 BLIND = "planted truth, direction of the bow unknown"
 PARTS = ("body", "left hand", "right hand")
+Truth = Literal["clean", "from_audio", "direction_blind"]
+
+
+class BowErrors(NamedTuple):
+    """Errors of a network with `bow_phase`, and how it came to them.
+
+    Parameters
+    ----------
+    predicted : Errors
+    true_directions : Errors of the same turns and lengths, each stroke in the direction that the tracked bow took
+    true_place : Errors with the place of the tracked bow
+    direction_share : float, of the strokes whose direction is right
+    n_strokes : int, predicted strokes
+    """
+
+    predicted: Errors
+    true_directions: Errors
+    true_place: Errors
+    direction_share: float
+    n_strokes: int
+
+
+def planted_points(planted: PlantedPerformance, reference: Reference, part: Truth = "from_audio") -> FloatArray:
+    """A part of the planted truth, placed as the tracked points of its performance are: (T, 100) pixels.
+
+    Parameters
+    ----------
+    planted : PlantedPerformance at the frame rate of the network
+    reference : Reference of the training
+    part : "clean", "from_audio" (all that sound can tell: the floor of the error), or "direction_blind" (everything
+        but the direction of the bow)
+
+    Raises
+    ------
+    ValueError
+        For the direction of a pianist's bow.
+    """
+    points = getattr(planted, part)
+    if points is None:
+        raise ValueError(f"{planted.performance.name}: a {planted.performance.instrument} has no bow")
+    result = cleaned(planted.performance)
+    fits = shot_similarities(result, reference)
+    parts = [fit.apply(points[span]) for fit, span in zip(fits, result.shots, strict=True)]
+    return np.concatenate(parts).reshape(len(points), -1)
 
 
 def ceilings(profile: RunProfile, data: PlayerData) -> pd.DataFrame:
@@ -71,6 +119,20 @@ def complete_table(profile: RunProfile, data: PlayerData, values: pd.DataFrame) 
     return rows
 
 
+def component_correlations(
+    space: PointSpace, predicted: Sequence[FloatArray], truth: Sequence[FloatArray]
+) -> FloatArray:
+    """Correlation (n,) of each component of predicted points (T, 2 P) with that of the truth, all recordings in a row.
+
+    NaN where one of them does not move.
+    """
+    pairs = [space.encode(np.concatenate(values)) for values in (predicted, truth)]
+    centred = [values - values.mean(axis=0) for values in pairs]
+    sizes = [np.sqrt(np.square(values).sum(axis=0)) for values in centred]
+    product = (centred[0] * centred[1]).sum(axis=0)
+    return np.divide(product, sizes[0] * sizes[1], out=np.full(product.size, np.nan), where=sizes[0] * sizes[1] > 0)
+
+
 def component_table(data: PlayerData, run: TrainedPlayer) -> pd.DataFrame:
     """Correlation of predicted and tracked components of the points on the test pieces.
 
@@ -111,3 +173,56 @@ def moving_parts(space: PointSpace, skeleton: Skeleton) -> list[str]:
 def part_of(joint: str) -> str:
     """The part that a point belongs to; wrists of the body move with their hands."""
     return next((f"{side} hand" for side in SIDES if joint in (*hand_joints(side), f"{side}_wrist")), "body")
+
+
+def bow_table(profile: RunProfile, data: PlayerData) -> pd.DataFrame:
+    """The recommended violinist on the test pieces: what it loses by directions, and by lengths of strokes.
+
+    Returns
+    -------
+    DataFrame with the columns seed, predicted, "true directions", "true place" (full errors, pixels: `BowErrors`),
+    "directions right" (share of the strokes), strokes
+    """
+    rows = []
+    for seed in range(1, n_player_seeds(profile) + 1):
+        network = trained_player(profile, data, row_settings(data, OURS), seed).system.network
+        own = bow_errors(network, sides(read_set(data, network.params).sequences, data.split.test))
+        errors = {"predicted": own.predicted, "true directions": own.true_directions, "true place": own.true_place}
+        row = {"seed": seed} | {name: value.full for name, value in errors.items()}
+        rows.append(row | {"directions right": own.direction_share, "strokes": own.n_strokes})
+    return pd.DataFrame(rows)
+
+
+def bow_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> BowErrors:
+    """Errors of a network with `bow_phase` as it predicts, and as it would if it were told directions or places.
+
+    ValueError for a network without it.
+    """
+    if network.bow_scale is None:
+        raise ValueError("this network was trained without bow_phase; it knows no strokes")
+    bow, fps = network.bow_scale.bow, network.params.fps
+    strokes = [predicted_strokes(network, each.sound) for each in sequences]
+    ways = [bow.place(each.points) for each in sequences]
+    signs = [true_signs(each, way, fps) for each, way in zip(strokes, ways, strict=True)]
+    right = np.concatenate([each.signs == sign for each, sign in zip(strokes, signs, strict=True)])
+    predicted = [
+        predicted_points(network, each.sound, strokes=own) for each, own in zip(sequences, strokes, strict=True)
+    ]
+    directed = [
+        predicted_points(network, each.sound, strokes=own._replace(signs=sign))
+        for each, own, sign in zip(sequences, strokes, signs, strict=True)
+    ]
+    moved = [bow.at_place(bow.at_rest(guess), way) for guess, way in zip(predicted, ways, strict=True)]
+    truth = [network.projected(each.points) for each in sequences]
+    return BowErrors(
+        predicted=errors_between(predicted, truth, sequences),
+        true_directions=errors_between(directed, truth, sequences),
+        true_place=errors_between(moved, truth, sequences),
+        direction_share=float(right.mean()) if right.size else float("nan"),
+        n_strokes=right.size,
+    )
+
+
+def true_signs(strokes: Strokes, way: FloatArray, fps: float) -> IntArray:
+    """(K,) directions in which the tracked bow (T,) went from the beginning to the end of each stroke."""
+    return np.where(np.diff(place_at(way, strokes.turns, fps)) >= 0, 1, -1)

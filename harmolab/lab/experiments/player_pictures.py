@@ -61,18 +61,12 @@ def played_clip(planted: PlantedPerformance, *, start: float = 2.0, seconds: flo
     rows = slice(round(start * motion.fps), round((start + seconds) * motion.fps))
     return PlayedClip(
         performance.audio.span(start, seconds),
-        notes_between(performance.notes, start, seconds),
+        performance.notes.span(start, seconds),
         features[rows],
         feature_names(params),
         clean.span(start, seconds),
         body.span(start, seconds),
     )
-
-
-def notes_between(notes: Notes, start: float, seconds: float) -> Notes:
-    """The notes that begin in a stretch, on its time line."""
-    own = notes.select((notes.onsets >= start) & (notes.onsets < start + seconds))
-    return replace(own, onsets=own.onsets - start, offsets=own.offsets - start)
 
 
 def feature_names(params: Audio2BodyParams) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from harmolab.corpora.instrument_sets import load_pianomime
 from harmolab.corpora.instruments import Performance
 from harmolab.harmony import score_harmony
 from harmolab.io.files import PathLike, Progress, silent
+from harmolab.lab.experiments.planted_truth import planted_points
 from harmolab.lab.experiments.player_tables import (
     ANOTHER_PIECE,
     FINAL,
@@ -38,7 +39,6 @@ from harmolab.metrics.playing import CERTAIN, playing_score
 from harmolab.params import HarmonyParams
 from harmolab.systems.audio2body.params import Audio2BodyParams
 from harmolab.systems.audio2body.perform import predicted_points
-from harmolab.systems.audio2body.planted_truth import planted_points
 from harmolab.systems.audio2body.reading import read_sequence
 from harmolab.systems.audio2body.sequences import PlayedSequence, PlayedSet, sides
 from harmolab.systems.audio2body.train import errors, frame_errors, mean_pose_errors

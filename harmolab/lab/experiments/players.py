@@ -136,8 +136,7 @@ def hands_data(profile: RunProfile) -> PlayerData | None:
     rows = np.random.default_rng(profile.seed).permutation(len(clips))[:HAND_CLIPS]
     clips = [with_rendered_sound(clips[row]) for row in sorted(rows.tolist())]
     parts = split_by_piece(clips, test_share=TEST_SHARE, validation_share=HELD_OUT, seed=profile.seed)
-    split = PlayedSplit(*(tuple(each.name for each in part) for part in parts))
-    return PlayerData(HANDS, "piano", tuple(clips), split, MappingProxyType({}))
+    return PlayerData(HANDS, "piano", tuple(clips), PlayedSplit.of(parts), MappingProxyType({}))
 
 
 def with_rendered_sound(performance: Performance) -> Performance:

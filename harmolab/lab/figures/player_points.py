@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from harmolab.corpora.instruments import Performance
 from harmolab.io.player_points import limb_widths
 from harmolab.lab.figures.music2dance import boxes_figure
+from harmolab.lab.figures.player_overlays import frame_picture
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.skeletons import joint_side
 from harmolab.systems.audio2body.cleaning import RULES, Cleaned
@@ -81,10 +82,7 @@ def _framed(ax: Axes, points: FloatArray, *, margin: float = 0.06) -> Axes:
     flat = points.reshape(-1, 2)
     low, high = flat.min(axis=0), flat.max(axis=0)
     room = margin * float((high - low).max())
-    ax.set(xlim=(low[0] - room, high[0] + room), ylim=(high[1] + room, low[1] - room), xticks=[], yticks=[])
-    ax.spines[:].set_visible(True)
-    ax.spines[:].set_color(COLOURS["faint"])
-    ax.set_anchor("N")
+    frame_picture(ax, np.stack([low - room, high + room])).set_anchor("N")
     return ax
 
 

@@ -158,11 +158,9 @@ def _silence(performance: Performance) -> Audio:
 
 def _sound(performance: Performance, start: float, duration: float) -> Notes | BeatTrack:
     """Notes or onsets in [start, start + duration) of the sound, counted from `start`."""
-    if performance.notes is None:
-        return onset_beats(cast(Audio, performance.audio)).span(start, duration)
     notes = performance.notes
-    part = notes.select((notes.onsets >= start) & (notes.onsets < start + duration))
-    return Notes(part.onsets - start, part.offsets - start, part.pitches, part.loudness, part.hands)
+    sound = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
+    return sound.span(start, duration)
 
 
 def playing_findings(score: PlayingScore, *, is_filmed: bool = True) -> PlayingFindings:

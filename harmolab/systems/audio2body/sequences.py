@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from harmolab.corpora.pieces import PieceSplit
 from harmolab.systems.audio2body.gaps import usable_steps
 from harmolab.systems.audio2body.params import Audio2BodyParams
 from harmolab.systems.audio2body.placing import Reference
@@ -63,6 +64,11 @@ class PlayedSplit:
             raise ValueError(f"{doubled[0]!r} is on two sides of the split")
         if not self.train:
             raise ValueError("no performance to train on")
+
+    @classmethod
+    def of(cls, sides: PieceSplit) -> Self:
+        """The names of the performances on each side."""
+        return cls(*(tuple(each.name for each in side) for side in sides))
 
     def to_dict(self) -> dict[str, Any]:
         """Ready for JSON."""

@@ -181,5 +181,4 @@ def _performances(
 def piece_split(performances: Sequence[Performance], params: Audio2BodyParams, *, seed: int = 0) -> PlayedSplit:
     """Names of performances by side: a sixth of the pieces tested on, and one validated on where `params` says so."""
     share = HELD_OUT if params.validation == "pieces" else 0.0
-    sides = split_by_piece(performances, test_share=HELD_OUT, validation_share=share, seed=seed)
-    return PlayedSplit(*(tuple(each.name for each in side) for side in sides))
+    return PlayedSplit.of(split_by_piece(performances, test_share=HELD_OUT, validation_share=share, seed=seed))
