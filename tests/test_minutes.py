@@ -199,11 +199,14 @@ def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[
     assert len(marks.axes) == 5 and marks.axes[0].get_xlim() == (0, 10)
     table = pd.DataFrame(
         {
-            "temperature": [0.0, 1.0, np.nan], "smoothing": [0.0, 0.0, np.nan], "moves like people": [0.5, 0.2, 1.0],
+            "temperature": [0.0, 1.0, np.nan], "smoothing": [0.0, 0.0, np.nan], "draw_memory": [0.0, 0.0, np.nan],
+            "moves like people": [0.5, 0.2, 1.0],
             "pose variance / recorded": [0.4, 1.0, 1.0], "jerk / recorded": [0.5, 9.0, 1.0],
         }
     )  # fmt: skip
-    assert len(chance_figure(table, used=(0.0, 0.0), title="chance").axes[2].lines[0].get_xdata()) == 2
+    used = {"temperature": 1.0, "smoothing": 0.0, "draw_memory": 0.0}
+    curve, ring = chance_figure(table, used=used, title="chance").axes[2].lines[:2]
+    assert len(curve.get_xdata()) == 2 and ring.get_xdata().tolist() == [1.0]
 
 
 def test_hands_effectors_and_losses_are_drawn_as_they_are():

@@ -35,10 +35,10 @@ from harmolab.systems.music2dance import music_features
 from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode, check_same_channels
 from harmolab.systems.music2dance.feet import FootModel, FootParams
-from harmolab.systems.music2dance.generate import FEET, Danced, corrected
+from harmolab.systems.music2dance.generate import FEET, Danced, corrected, correlated_draws
 from harmolab.systems.music2dance.networks import DanceNetwork
 from harmolab.systems.music2dance.params import MOST_TEMPERATURE, Music2DanceParams, SongParams
-from harmolab.systems.music2dance.system import Music2Dance
+from harmolab.systems.music2dance.system import Music2Dance, drawn_with
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import called, planted_dance, still, write_song
 
@@ -377,6 +377,37 @@ def test_without_chance_all_seeds_dance_alike_and_with_it_they_differ():
     )
     np.testing.assert_array_equal(still_ones[0].positions, still_ones[1].positions)
     assert np.abs(livelier[0].positions - livelier[1].positions).max() > 0.01
+
+
+@pytest.mark.parametrize("memory", [1.0, 5.0, 20.0])
+def test_lasting_draws_keep_their_spread_and_fade_as_they_say(memory: float):
+    draws = correlated_draws((400_000, 2), memory, np.random.default_rng(0))
+    np.testing.assert_allclose(draws.std(axis=0), 1.0, atol=0.03)
+    for apart in (1, round(memory), round(3 * memory)):
+        correlation = (draws[apart:] * draws[:-apart]).mean()
+        assert correlation == pytest.approx(np.exp(-apart / memory), abs=0.03)
+    assert draws[0].tolist() == correlated_draws((1, 2), memory, np.random.default_rng(0))[0].tolist()
+
+
+def test_draws_without_memory_are_those_of_equation_12():
+    draws, rng = correlated_draws((3, 4), 0.0, np.random.default_rng(1)), np.random.default_rng(1)
+    np.testing.assert_array_equal(draws, [rng.standard_normal(4, dtype=np.float32) for _ in range(3)])
+
+
+def test_lasting_draws_move_the_body_further():
+    before, dancer = danced(), system()
+    moved = []
+    for memory in (0.0, 0.4):
+        network = drawn_with(dancer.generator, temperature=1.0, draw_memory=memory, smoothing=0.0)
+        motion = Music2Dance(network, dancer.poses).generate(sound(), seed=1, initial=before, dance="waltz")
+        moved.append(motion.positions.std(axis=0).mean())
+    assert moved[1] > 1.2 * moved[0]
+
+
+def test_weights_of_before_there_was_a_draw_memory_dance_as_they_did():
+    description = system().generator.description()
+    del description["params"]["draw_memory"]
+    assert DanceNetwork.built(description, system().generator.state_dict()).params.draw_memory == 0
 
 
 # Odd songs and movements

@@ -14,6 +14,7 @@ import torch
 
 from harmolab.corpora.synthetic.players import planted_performance
 from harmolab.io.player_points import HANDS_12, PLAYER_50
+from harmolab.lab.experiments import player_scores
 from harmolab.lab.experiments.planted_truth import (
     BLIND,
     FLOOR,
@@ -35,6 +36,7 @@ from harmolab.lab.experiments.player_modes import (
 )
 from harmolab.lab.experiments.player_scores import (
     PLANTED_HANDS,
+    gains_table,
     hands_errors,
     hits_table,
     piece_scores,
@@ -46,7 +48,9 @@ from harmolab.lab.experiments.player_tables import (
     MEAN_POSE,
     OWN_ROWS,
     ROWS,
+    SCHEDULE,
     error_table,
+    gain_settings,
     player_errors,
     rank_agreement,
     row_settings,
@@ -277,6 +281,32 @@ def test_a_table_has_every_side_of_every_row():
         (row, side) for row in (FINAL, "no delay") for side in sides
     ]
     assert values["full"].gt(values["projected"]).all()
+
+
+@pytest.mark.parametrize("instrument", ["violin", "piano"])
+def test_each_gain_is_one_setting_on_the_way_from_the_paper_to_ours(instrument: str):
+    rows = {row: asdict(params) for row, params in gain_settings(instrument).items()}
+    plain, ours = rows.pop(SCHEDULE), asdict(Audio2BodyParams.recommended(instrument))
+    changed = {row: {name: own[name] for name in own if own[name] != plain[name]} for row, own in rows.items()}
+    assert {len(names) for names in changed.values()} == {1}
+    gone = {name for name in ours if ours[name] != plain[name]}
+    assert gone == {name for change in changed.values() for name in change}
+    assert all(any(change == {name: ours[name]} for change in changed.values()) for name in gone)
+
+
+def test_a_gain_is_counted_seed_by_seed_from_our_schedule(monkeypatch: pytest.MonkeyPatch):
+    data = SimpleNamespace(label=HANDS, instrument="piano")
+
+    def errors(profile: object, data: object, *, rows: list[str], **options: object) -> pd.DataFrame:
+        first = errors_by_row(rows, [10.0] + [8.0] * (len(rows) - 1), seeds=2)
+        return first.assign(full=first["full"] + np.where(first["row"].eq("chroma"), first["seed"], 0.0))
+
+    monkeypatch.setattr(player_scores, "player_errors", errors)
+    table = gains_table(QUICK, data).set_index("row")  # type: ignore[arg-type]
+    assert table.loc[SCHEDULE, ["gain", "gain SD"]].tolist() == [0, 0]
+    assert table.loc["semitones", ["gain", "gain SD", "error"]].tolist() == [2, 0, 8.5]
+    assert table.loc["chroma", ["gain", "gain SD"]].tolist() == [0.5, 0.5]
+    assert table["seeds"].tolist() == [2] * 6 and "hits" not in table
 
 
 # Error and hits

@@ -174,6 +174,7 @@ from .experiments.player_pictures import played_clip as played_clip
 from .experiments.player_pictures import player_boxes as player_boxes
 from .experiments.player_pictures import point_modes as point_modes
 from .experiments.player_pictures import untrained_player as untrained_player
+from .experiments.player_scores import gains_table as gains_table
 from .experiments.player_scores import hands_errors as hands_errors
 from .experiments.player_scores import hits_table as hits_table
 from .experiments.player_scores import piece_scores as piece_scores

@@ -1,7 +1,8 @@
-"""Temperature, the share of the predicted spread that a dance draws, and smoothing (R34).
+"""Temperature, the share of the predicted spread that a dance draws, how long a draw lasts, and smoothing (R34).
 
-Drawn in full, as Eq. 12 is printed, a dance shakes; without any chance it may come to rest. Temperature and smoothing
-are compared by the measures of a minute, to songs that are in no other table.
+Drawn in full, as Eq. 12 is printed, a dance shakes; without any chance it may come to rest. A draw that lasts moves the
+body further than one that the next frame takes back. All are compared by the measures of a minute, to songs that are in
+no other table.
 """
 
 from __future__ import annotations
@@ -30,9 +31,10 @@ from harmolab.lab.experiments.songs import Excerpt
 from harmolab.systems.music2dance.system import Music2Dance, drawn_with
 from harmolab.types import Motion
 
-TEMPERATURES, SMOOTHINGS = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0), (0.0, 0.04, 0.08)
+TEMPERATURES = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
+DRAWINGS = ((0.0, 0.0), (0.04, 0.0), (0.08, 0.0), (0.04, 0.1), (0.04, 0.2), (0.04, 0.4))  # smoothing, draw memory
 FIRST_SONG = 500  # number of the songs that settings are compared on
-SONGS = 2  # of each dance and training
+SONGS = 3  # of each dance and training
 
 
 def chance_table(
@@ -40,16 +42,16 @@ def chance_table(
     settings: str = "recommended",
     *,
     temperatures: Sequence[float] = TEMPERATURES,
-    smoothings: Sequence[float] = SMOOTHINGS,
+    drawings: Sequence[tuple[float, float]] = DRAWINGS,
     progress: Progress = silent,
 ) -> pd.DataFrame:
-    """Dances of a minute by temperature and smoothing: what of the limits they keep.
+    """Dances of a minute by temperature, smoothing and draw memory: what of the limits they keep.
 
     Returns
     -------
-    DataFrame with the columns temperature, smoothing, shares of the dances within each of `endurance.LIMITS`, their
-    mean "kept", "measures within" of the guard, and means of pose variance and jerk in multiples of the recorded
-    dancers'; the recorded dancers are the last row
+    DataFrame with the columns temperature, smoothing, draw_memory, shares of the dances within each of
+    `endurance.LIMITS`, their mean "kept", "measures within" of the guard, and means of pose variance and jerk in
+    multiples of the recorded dancers'; the recorded dancers are the last row
     """
     seconds = dance_seconds(contest.profile, MINUTE)
     recorded = minutes(contest, rows=[RIGHT_SONG])
@@ -63,9 +65,10 @@ def chance_table(
         for number in range(SONGS)
     ]
     rows = []
-    for smoothing in smoothings:
-        for temperature in progress(temperatures, f"smoothing {smoothing:g} s"):
-            networks = [drawn_with(each.generator, temperature=temperature, smoothing=smoothing) for each in every]
+    for smoothing, memory in drawings:
+        for temperature in progress(temperatures, f"smoothing {smoothing:g} s, draws last {memory:g} s"):
+            drawing = {"temperature": temperature, "smoothing": smoothing, "draw_memory": memory}
+            networks = [drawn_with(each.generator, **drawing) for each in every]
             systems = [Music2Dance(net, each.poses) for net, each in zip(networks, every, strict=True)]
             table = pd.DataFrame(
                 [
@@ -74,7 +77,7 @@ def chance_table(
                     for song in songs
                 ]
             )
-            rows.append({"temperature": temperature, "smoothing": smoothing, **_summary(table, recorded)})
+            rows.append({**drawing, **_summary(table, recorded)})
     return pd.DataFrame([*rows, _summary(recorded.drop(columns="system"), recorded)])
 
 

@@ -36,7 +36,7 @@ DANCER_SETTINGS: Mapping[str, Music2DanceParams] = MappingProxyType(
         "recommended": _OURS,
     }
 )
-DANCING = ("temperature", "smoothing")  # settings that training does not use
+DANCING = ("temperature", "draw_memory", "smoothing")  # settings that training does not use
 QUICK: Mapping[str, Any] = {
     "first_epochs": 4,
     "second_epochs": 2,

@@ -21,8 +21,13 @@ from harmolab.lab.experiments.planted_truth import planted_points
 from harmolab.lab.experiments.player_tables import (
     ANOTHER_PIECE,
     FINAL,
+    LONG_DELAY,
+    MEAN_POSE,
     OURS,
+    SCHEDULE,
+    gain_settings,
     n_player_seeds,
+    player_errors,
     row_settings,
 )
 from harmolab.lab.experiments.players import (
@@ -45,7 +50,6 @@ from harmolab.systems.audio2body.train import errors, frame_errors, mean_pose_er
 from harmolab.types import FloatArray, Motion, Notes
 
 PLANTED_HANDS, LATE = "planted hands", "delay 125 ms"
-LONG_DELAY = 0.125  # seconds
 MEANS = ("events", "depth", "body", "left", "right")  # of a table of hits: means over pieces and seeds
 SCORED = (FINAL, LATE, OURS, ANOTHER_PIECE)
 
@@ -152,6 +156,31 @@ def hits_table(scores: pd.DataFrame) -> pd.DataFrame:
         row |= {"other": own["other"].mean(), "largest other": own["other"].abs().max()}
         rows.append(row | {name: own[name].mean() for name in MEANS if name in own})
     return pd.DataFrame(rows)
+
+
+def gains_table(
+    profile: RunProfile, data: PlayerData, *, seeds: int | None = None, progress: Progress = silent
+) -> pd.DataFrame:
+    """Each change of our settings alone, and all of them: the error on test pieces beside `SCHEDULE`, seed by seed.
+
+    Returns
+    -------
+    DataFrame with the columns data, instrument, row, seeds, error, "of mean pose", gain (of error) and, of planted
+    players, hits; for each its "SD" over seeds ("error SD")
+    """
+    rows = [*gain_settings(data.instrument), OURS]
+    errors = player_errors(profile, data, rows=rows, seeds=seeds, progress=progress)
+    full = errors.pivot_table(index="seed", columns=["side", "row"], values="full")
+    test = full["test"][rows]
+    parts = {"error": test, "of mean pose": test / full[MEAN_POSE][rows], "gain": -test.sub(test[SCHEDULE], axis=0)}
+    means = {name: part.mean() for name, part in parts.items()}
+    spreads = {f"{name} SD": part.std(ddof=0) for name, part in parts.items()}
+    about = {"data": data.label, "instrument": data.instrument, "row": rows, "seeds": len(test)}
+    table = pd.DataFrame(about).join(pd.DataFrame(means | spreads), on="row")
+    if data.label != PLANTED:
+        return table
+    hits = hits_table(piece_scores(profile, data, rows=rows, progress=progress)).set_index("hands")
+    return table.join(hits[["hits", "hits SD"]], on="row")
 
 
 def hands_errors(run: TrainedPlayer, folder: PathLike) -> dict[str, float]:

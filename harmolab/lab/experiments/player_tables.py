@@ -73,6 +73,8 @@ ROWS: Mapping[str, Mapping[str, PrintedRow]] = MappingProxyType({"violin": VIOLI
 UNREJECTED = ("frames not dropped", "gaps interpolated")  # rows that change nothing where no frame is rejected
 ANOTHER_PIECE, NOTES, SECTION_4 = "sound of another piece", "notes in place of sound", "settings of Sec. 4"
 OWN_ROWS = (ANOTHER_PIECE, NOTES, SECTION_4, OURS)
+SCHEDULE = "our schedule"  # the recommended settings with the paper's delay and sound: what the gains are counted from
+LONG_DELAY = 0.125  # seconds
 
 
 def row_settings(data: PlayerData, row: str) -> Audio2BodyParams:
@@ -83,8 +85,24 @@ def row_settings(data: PlayerData, row: str) -> Audio2BodyParams:
         NOTES: replace(final, hears="notes"),
         SECTION_4: Audio2BodyParams.section_4(data.instrument),
         OURS: Audio2BodyParams.recommended(data.instrument),
+        **gain_settings(data.instrument),
     }
     return own[row] if row in own else replace(final, **ROWS[data.instrument][row].changes)
+
+
+def gain_settings(instrument: str) -> dict[str, Audio2BodyParams]:
+    """Our settings with none of our changes (`SCHEDULE`), and with each of them alone."""
+    ours, final = Audio2BodyParams.recommended(instrument), Audio2BodyParams.tables(instrument)
+    schedule = replace(ours, delay=final.delay, tones="none", bow_phase=False)
+    changes: dict[str, dict[str, Any]] = {
+        SCHEDULE: {},
+        f"delay {1e3 * ours.delay:.0f} ms": {"delay": ours.delay},
+        f"delay {1e3 * LONG_DELAY:.0f} ms": {"delay": LONG_DELAY},
+        "chroma": {"tones": "chroma"},
+        "semitones": {"tones": "semitones"},
+    }
+    changes |= {"strokes alternate": {"bow_phase": True}} if ours.bow_phase else {}
+    return {row: replace(schedule, **change) for row, change in changes.items()}
 
 
 def table_rows(data: PlayerData) -> tuple[str, ...]:
@@ -99,9 +117,16 @@ def n_player_seeds(profile: RunProfile) -> int:
 
 
 def player_errors(
-    profile: RunProfile, data: PlayerData, *, rows: Iterable[str] | None = None, progress: Progress = silent
+    profile: RunProfile,
+    data: PlayerData,
+    *,
+    rows: Iterable[str] | None = None,
+    seeds: int | None = None,
+    progress: Progress = silent,
 ) -> pd.DataFrame:
     """The errors of every training of every row, trained now unless before: one command for a whole table.
+
+    `rows` are those of `table_rows` when left out, `seeds` as many as the profile says.
 
     Returns
     -------
@@ -109,7 +134,7 @@ def player_errors(
     or millimetres of real hands), minutes
     """
     names = table_rows(data) if rows is None else tuple(rows)
-    jobs = [(row, seed) for seed in range(1, n_player_seeds(profile) + 1) for row in names]
+    jobs = [(row, seed) for seed in range(1, (seeds or n_player_seeds(profile)) + 1) for row in names]
     parts = []
     for row, seed in progress(jobs, f"{data.instrument}, {data.label}"):
         run = trained_player(profile, data, row_settings(data, row), seed)

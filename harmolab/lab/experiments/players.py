@@ -32,7 +32,7 @@ from harmolab.systems.common.phases import make_fabric
 PLANTED, HANDS = "planted", "real hands, rendered sound"
 TRAINED_ON, TESTED_ON, SECONDS = 36, 9, 30.0  # planted pieces, and their length
 QUICK_TRAINED_ON, QUICK_TESTED_ON, QUICK_SECONDS = 6, 2, 12.0
-EPOCHS = MappingProxyType({PLANTED: 30, HANDS: 12})  # the paper has 300
+EPOCHS = MappingProxyType({PLANTED: 30, HANDS: 30})  # the paper has 300
 QUICK: Mapping[str, Any] = MappingProxyType({"epochs": 2, "hidden": 32, "batch": 25})
 TEST_SHARE, HELD_OUT = 0.2, 1 / 6  # of the hands; of the training pieces, where whole ones are validated on
 HAND_CLIPS = 120  # real hands that are trained and tested on, at most

@@ -19,6 +19,7 @@ from harmolab.lab.figures.framework import draw_diagram
 from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
 from harmolab.types import FloatArray
 
+DRAWING = ["draw_memory", "smoothing"]  # beside the temperature
 SIDES = (COLOURS["audio"], COLOURS["miss"])  # left and right, as in contact sheets
 BOX, GAP, ROW, HALF = 2.05, 0.45, 1.05, 0.36  # inches: width of a box, room between two, a row, half a box's height
 # Heading of a box -> its column and row, and what it is of.
@@ -76,14 +77,14 @@ def limits_figure(summary: pd.DataFrame, *, title: str) -> Figure:
     return figure
 
 
-def chance_figure(table: pd.DataFrame, *, used: tuple[float, float], title: str) -> Figure:
-    """Movement, shaking and likeness by temperature and smoothing; the settings in use are ringed.
+def chance_figure(table: pd.DataFrame, *, used: Mapping[str, float], title: str) -> Figure:
+    """Movement, shaking and likeness by temperature, a line for each way to draw; the settings in use are ringed.
 
     Parameters
     ----------
-    table : DataFrame with the columns temperature, smoothing, "moves like people", "pose variance / recorded" and
-        "jerk / recorded"; rows without a temperature are left out
-    used : temperature and smoothing in use
+    table : DataFrame with the columns temperature, smoothing, draw_memory, "moves like people", "pose variance /
+        recorded" and "jerk / recorded"; rows without a temperature are left out
+    used : temperature, smoothing and draw_memory in use
     title : str
     """
     panels = {
@@ -92,11 +93,12 @@ def chance_figure(table: pd.DataFrame, *, used: tuple[float, float], title: str)
         "moves like people": (None, None),
     }
     rows = table.dropna(subset="temperature")
-    with styled_axes((10.0, 3.6), 1, 3) as (figure, axes):
+    with styled_axes((10.0, 4.2), 1, 3) as (figure, axes):
         for ax, (measure, (least, most)) in zip(axes, panels.items(), strict=True):
-            for (smoothing, own), marker in zip(rows.groupby("smoothing"), "os^D", strict=False):
-                ax.plot(own["temperature"], own[measure], marker=marker, label=f"smoothed over {smoothing:g} s")
-            at = rows[(rows["temperature"] == used[0]) & (rows["smoothing"] == used[1])]
+            for ((memory, smoothing), own), marker in zip(rows.groupby(DRAWING), "os^DvP", strict=False):
+                label = f"smoothed {smoothing:g} s" + (f", draws last {memory:g} s" if memory else "")
+                ax.plot(own["temperature"], own[measure], marker=marker, label=label)
+            at = rows[(rows[list(used)] == pd.Series(used)).all(axis=1)]
             ax.plot(at["temperature"], at[measure], "o", ms=15, mfc="none", mec=COLOURS["ink"])
             for limit in (least, most):
                 if limit is not None:
@@ -104,7 +106,7 @@ def chance_figure(table: pd.DataFrame, *, used: tuple[float, float], title: str)
             ax.set(xlabel="temperature", title=measure, ylim=(0, None))
         axes[2].set(title="dances that move like people", ylim=(0, 1))
         axes[2].yaxis.set_major_formatter(PercentFormatter(1.0))
-        axes[0].legend(loc="lower left")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         figure.suptitle(title, x=0.01, ha="left")
     return figure
 

@@ -33,6 +33,7 @@ MOST_LAYERS, MOST_UNITS = 64, 2**16
 _ALWAYS_32_BIT = ("_scale.", "bone_lengths")
 # Names of settings as versions before 0.2 wrote them into runs and weights.
 _OLD_NAMES = {"critic": "discriminator", "critic_decay": "discriminator_decay", "goes_on": "rollout"}
+_YOUNGER = {"draw_memory": 0.0}  # settings that older files lack, and the value that their systems had
 
 
 @runtime_checkable
@@ -179,6 +180,7 @@ def stored_record(record: type[R], stored: Mapping[str, Any]) -> R:
 
     Numbers that are whole by default must be whole, from 0 to `MOST_UNITS`; a seed may be any number.
     """
+    stored = {**_YOUNGER, **stored}
     values = {field.name: stored[field.name] for field in fields(record)}  # type: ignore[arg-type]
     for name, value in values.items():
         default = getattr(record, name, None)

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
 
 from harmolab.io.files import Progress
 from harmolab.systems.common.grounding import grounded
@@ -92,7 +93,8 @@ def danced(
     net = sampler(network, heard_song(network, music, moments), dance)
     mean, std = _scale(network.motion_scale)
     first = np.column_stack([(prior[:, :-CONTACTS] - mean) / std, prior[:, -CONTACTS:]]).astype(np.float32)
-    rows = _frames(net, first, frames, params.temperature, np.random.default_rng(seed), progress)
+    draws = correlated_draws((frames, len(mean)), params.draw_memory * params.fps, np.random.default_rng(seed))
+    rows = _frames(net, first, draws, params.temperature, progress)
     code = rows[:, :-CONTACTS].astype(np.float64)
     if params.smoothing:
         code = gaussian_filter1d(code, params.smoothing * params.fps, axis=0, mode="nearest")
@@ -129,23 +131,41 @@ def corrected(model: FootModel, dance: Danced, fps: float) -> FloatArray:
 def _frames(
     net: Sampler,
     first: NDArray[np.float32],
-    frames: int,
+    draws: NDArray[np.float32],
     temperature: float,
-    rng: np.random.Generator,
     progress: Progress,
 ) -> NDArray[np.float32]:
-    """Motion and contacts (P + T, C + 2): the frames `first` (P, C + 2), and `frames` drawn one after the other."""
-    rows = np.zeros((len(first) + frames, first.shape[1]), np.float32)
+    """Motion and contacts (P + T, C + 2): the frames `first` (P, C + 2), then one for each of the draws (T, C)."""
+    rows = np.zeros((len(first) + len(draws), first.shape[1]), np.float32)
     frame = np.zeros(first.shape[1], np.float32)
     for number in progress(range(len(rows)), "dancing"):
         expected, sigma, logits = net.step(frame, number)
         if number < len(first):
             frame = first[number]
         else:
-            drawn = np.float32(temperature) * sigma * rng.standard_normal(expected.size, dtype=np.float32)
+            drawn = np.float32(temperature) * sigma * draws[number - len(first)]
             frame = np.concatenate([expected + drawn, logits > 0], dtype=np.float32)
         rows[number] = frame
     return rows
+
+
+def correlated_draws(shape: tuple[int, int], memory: float, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Draws (T, C) of a standard normal distribution, of which frames `d` apart correlate by exp(-d / memory).
+
+    Each channel is an autoregression of the first order: x(t) = a x(t - 1) + sqrt(1 - a^2) e(t), a = exp(-1 / memory).
+
+    Parameters
+    ----------
+    shape : frames, channels
+    memory : float, frames; 0 for draws that have nothing to do with each other
+    rng : Generator
+    """
+    draws = rng.standard_normal(shape, dtype=np.float32)
+    if not memory or not len(draws):
+        return draws
+    share = np.exp(-1 / memory)
+    draws[1:] *= np.sqrt(1 - share**2)
+    return lfilter([1.0], [1.0, -share], draws, axis=0).astype(np.float32)
 
 
 def _scale(scale: Normaliser) -> tuple[FloatArray, FloatArray]:

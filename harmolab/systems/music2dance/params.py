@@ -99,6 +99,9 @@ class Music2DanceParams:
     shards : int, as in `harmolab.systems.harmogan.params.TrainParams`
     clip : float, largest norm of a gradient
     temperature : float, share of the predicted standard deviation that is drawn (Eq. 12 draws all of it)
+    draw_memory : float, seconds
+        Time constant of the draws, an autoregression of the first order with the same spread: the dice of one frame
+        still count in the next ones. 0 throws each frame anew, as in Eq. 12.
     smoothing : float, seconds, standard deviation of the Gaussian that the danced code is smoothed by
     start_seconds : float, of movement that a dance goes on from; 0 for one frame
     seed : int
@@ -134,13 +137,14 @@ class Music2DanceParams:
     shards: int = 1
     clip: float = 10.0
     temperature: float = 1.0
+    draw_memory: float = 0.0
     smoothing: float = 0.0
     start_seconds: float = 0.0
     seed: int = 1
 
     def __post_init__(self) -> None:
         free = [field.name for field in fields(self) if field.name.endswith(("_epochs", "_drop", "_seconds"))]
-        free += ["carry", "contact_weight", "noise", "motion_dropout", "clusters", "smoothing", "seed"]
+        free += ["carry", "contact_weight", "noise", "motion_dropout", "clusters", "draw_memory", "smoothing", "seed"]
         others = [
             "temperature",
             "song",
@@ -174,10 +178,10 @@ class Music2DanceParams:
 
     @classmethod
     def recommended(cls) -> Music2DanceParams:
-        """Positions; most of the frame before is carried over; contacts that count; half the chance, smoothed."""
+        """Positions; most of the frame before is carried over; contacts that count; draws that last, and smoothed."""
         return replace(
-            cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.5,
-            smoothing=0.04, start_seconds=5.0,
+            cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.7,
+            draw_memory=0.2, smoothing=0.04, start_seconds=5.0,
         )  # fmt: skip
 
     @property

@@ -244,7 +244,7 @@ def stored_part(folder: Path, network: type[Part]) -> Part | None:
 
 
 def drawn_with(network: DanceNetwork, **settings: float) -> DanceNetwork:
-    """The same network (and its weights) with another `temperature` or `smoothing` of its dances."""
+    """The same network (and its weights) with another `temperature`, `draw_memory` or `smoothing` of its dances."""
     other = copy.copy(network)
     other.params = replace(network.params, **settings)  # type: ignore[arg-type]
     return other
