@@ -201,6 +201,7 @@ def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[
         {
             "temperature": [0.0, 1.0, np.nan], "smoothing": [0.0, 0.0, np.nan], "draw_memory": [0.0, 0.0, np.nan],
             "moves like people": [0.5, 0.2, 1.0],
+            "dancers": ["Music2Dance", "Music2Dance", "statues of the recorded"], "poses apart": [9.0, 80.0, 50.0],
             "pose variance / recorded": [0.4, 1.0, 1.0], "jerk / recorded": [0.5, 9.0, 1.0],
         }
     )  # fmt: skip

@@ -2,23 +2,26 @@
 
 Drawn in full, as Eq. 12 is printed, a dance shakes; without any chance it may come to rest. A draw that lasts moves the
 body further than one that the next frame takes back. All are compared by the measures of a minute, to songs that are in
-no other table.
+no other table; and by a measure that chose nothing, how far a pose network finds their poses from recorded ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
+import numpy as np
 import pandas as pd
 
 from harmolab.io.files import Progress, silent
 from harmolab.lab.experiments.contestants import RIGHT_SONG
 from harmolab.lab.experiments.contests import Contest
 from harmolab.lab.experiments.endurance import LIMITS
+from harmolab.lab.experiments.guard import statue
 from harmolab.lab.experiments.minutes import (
     COLUMNS,
     GUARD,
     MINUTE,
+    common_points,
     dance_seconds,
     endurance_table,
     measures,
@@ -27,14 +30,19 @@ from harmolab.lab.experiments.minutes import (
     unheard_song,
 )
 from harmolab.lab.experiments.music2dance import DANCER_SETTINGS, trained_dancer
+from harmolab.lab.experiments.points_net import points_net
 from harmolab.lab.experiments.songs import Excerpt
+from harmolab.metrics.frechet import frechet_distance, standardise
+from harmolab.systems.common.pose_network import PoseNet, embed_windows
 from harmolab.systems.music2dance.system import Music2Dance, drawn_with
-from harmolab.types import Motion
+from harmolab.types import FloatArray, Motion
 
 TEMPERATURES = (0.0, 0.1, 0.3, 0.5, 0.7, 1.0)
-DRAWINGS = ((0.0, 0.0), (0.04, 0.0), (0.08, 0.0), (0.04, 0.1), (0.04, 0.2), (0.04, 0.4))  # smoothing, draw memory
+DRAWINGS = ((0.0, 0.0), (0.04, 0.0), (0.08, 0.0), (0.04, 0.1), (0.04, 0.3))  # smoothing, draw memory
 FIRST_SONG = 500  # number of the songs that settings are compared on
 SONGS = 3  # of each dance and training
+PIECE = 2.0  # seconds that the pose network sees at once
+APART = "poses apart"
 
 
 def chance_table(
@@ -49,9 +57,11 @@ def chance_table(
 
     Returns
     -------
-    DataFrame with the columns temperature, smoothing, draw_memory, shares of the dances within each of
+    DataFrame with the columns dancers, temperature, smoothing, draw_memory, shares of the dances within each of
     `endurance.LIMITS`, their mean "kept", "measures within" of the guard, and means of pose variance and jerk in
-    multiples of the recorded dancers'; the recorded dancers are the last row
+    multiples of the recorded dancers'; and "poses apart", the Frechet distance of a pose network from every other piece
+    of the recordings. The recorded dancers (their other pieces) and their statues are the last rows, and have no
+    temperature
     """
     seconds = dance_seconds(contest.profile, MINUTE)
     recorded = minutes(contest, rows=[RIGHT_SONG])
@@ -64,21 +74,38 @@ def chance_table(
         for dance in recorded_dancers(contest)
         for number in range(SONGS)
     ]
-    rows = []
+    dancers = [clip.motion for clips in recorded_dancers(contest).values() for clip in clips if clip.motion is not None]
+    net, rows = points_net(contest.profile, contest.corpus), []
+    pieces = poses_of(dancers, net)
     for smoothing, memory in drawings:
         for temperature in progress(temperatures, f"smoothing {smoothing:g} s, draws last {memory:g} s"):
             drawing = {"temperature": temperature, "smoothing": smoothing, "draw_memory": memory}
             networks = [drawn_with(each.generator, **drawing) for each in every]
             systems = [Music2Dance(net, each.poses) for net, each in zip(networks, every, strict=True)]
+            dances = [
+                (song.clip.dance, _danced(system, song, seed))
+                for seed, system in enumerate(systems, 1)
+                for song in songs
+            ]
             table = pd.DataFrame(
-                [
-                    {"dance": song.clip.dance, **measures(_danced(system, song, seed), song.clip.dance, contest.limits)}
-                    for seed, system in enumerate(systems, 1)
-                    for song in songs
-                ]
+                [{"dance": dance, **measures(motion, dance, contest.limits)} for dance, motion in dances]
             )
-            rows.append({**drawing, **_summary(table, recorded)})
-    return pd.DataFrame([*rows, _summary(recorded.drop(columns="system"), recorded)])
+            apart = poses_apart(poses_of([motion for _, motion in dances], net), pieces[::2])
+            rows.append({**drawing, **_summary(table, recorded), APART: apart})
+    ends = {"recorded": pieces[1::2], "statues of the recorded": poses_of(map(statue, dancers), net)}
+    limits = [{"dancers": name, APART: poses_apart(own, pieces[::2])} for name, own in ends.items()]
+    limits[0] |= _summary(recorded.drop(columns="system"), recorded)
+    return pd.DataFrame([*({"dancers": "Music2Dance", **row} for row in rows), *limits])
+
+
+def poses_of(motions: Iterable[Motion], net: PoseNet) -> FloatArray:
+    """Features (R, K) of pieces of some dances on the common points, by a pose network."""
+    return np.concatenate([embed_windows([common_points(motion)], net, seconds=PIECE) for motion in motions])
+
+
+def poses_apart(poses: FloatArray, reference: FloatArray) -> float:
+    """Frechet distance of features from those of a reference, both standardised by it."""
+    return frechet_distance(standardise(poses, reference), standardise(reference, reference)).value
 
 
 def _danced(system: Music2Dance, song: Excerpt, seed: int) -> Motion:

@@ -83,7 +83,7 @@ def chance_figure(table: pd.DataFrame, *, used: Mapping[str, float], title: str)
     Parameters
     ----------
     table : DataFrame with the columns temperature, smoothing, draw_memory, "moves like people", "pose variance /
-        recorded" and "jerk / recorded"; rows without a temperature are left out
+        recorded", "jerk / recorded" and "poses apart"; of rows without a temperature only that of the statues is drawn
     used : temperature, smoothing and draw_memory in use
     title : str
     """
@@ -91,9 +91,10 @@ def chance_figure(table: pd.DataFrame, *, used: Mapping[str, float], title: str)
         "pose variance / recorded": (0.5, None),
         "jerk / recorded": (None, 2.0),
         "moves like people": (None, None),
+        "poses apart": (None, table.loc[table["dancers"].str.startswith("statues"), "poses apart"].max()),
     }
     rows = table.dropna(subset="temperature")
-    with styled_axes((10.0, 4.2), 1, 3) as (figure, axes):
+    with styled_axes((12.0, 4.2), 1, 4) as (figure, axes):
         for ax, (measure, (least, most)) in zip(axes, panels.items(), strict=True):
             for ((memory, smoothing), own), marker in zip(rows.groupby(DRAWING), "os^DvP", strict=False):
                 label = f"smoothed {smoothing:g} s" + (f", draws last {memory:g} s" if memory else "")
@@ -104,6 +105,8 @@ def chance_figure(table: pd.DataFrame, *, used: Mapping[str, float], title: str)
                 if limit is not None:
                     ax.axhline(limit, color=COLOURS["chance"], linestyle="--")
             ax.set(xlabel="temperature", title=measure, ylim=(0, None))
+        axes[3].set(title="poses apart (chose nothing)", ylim=(0, 3 * panels["poses apart"][1]))
+        axes[3].annotate("statues", (0, panels["poses apart"][1]), va="bottom", fontsize=9)
         axes[2].set(title="dances that move like people", ylim=(0, 1))
         axes[2].yaxis.set_major_formatter(PercentFormatter(1.0))
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)

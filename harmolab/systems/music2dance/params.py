@@ -180,8 +180,8 @@ class Music2DanceParams:
     def recommended(cls) -> Music2DanceParams:
         """Positions; most of the frame before is carried over; contacts that count; draws that last, and smoothed."""
         return replace(
-            cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.7,
-            draw_memory=0.2, smoothing=0.04, start_seconds=5.0,
+            cls(), representation="positions", carry=0.9, contact_weight=2.0, noisy_target=False, temperature=0.3,
+            draw_memory=0.3, smoothing=0.04, start_seconds=5.0,
         )  # fmt: skip
 
     @property
