@@ -168,7 +168,7 @@ def gains_table(
     DataFrame with the columns data, instrument, row, seeds, error, "of mean pose", gain (of error) and, of planted
     players, hits; for each its "SD" over seeds ("error SD")
     """
-    rows = [*gain_settings(data.instrument), OURS]
+    rows = [*gain_settings(data), OURS]
     errors = player_errors(profile, data, rows=rows, seeds=seeds, progress=progress)
     full = errors.pivot_table(index="seed", columns=["side", "row"], values="full")
     test = full["test"][rows]

@@ -74,7 +74,7 @@ UNREJECTED = ("frames not dropped", "gaps interpolated")  # rows that change not
 ANOTHER_PIECE, NOTES, SECTION_4 = "sound of another piece", "notes in place of sound", "settings of Sec. 4"
 OWN_ROWS = (ANOTHER_PIECE, NOTES, SECTION_4, OURS)
 SCHEDULE = "our schedule"  # the recommended settings with the paper's delay and sound: what the gains are counted from
-LONG_DELAY = 0.125  # seconds
+PLANTED_DELAY, LONG_DELAY = 0.0625, 0.125  # seconds; the first by the error on validation pieces of planted players
 
 
 def row_settings(data: PlayerData, row: str) -> Audio2BodyParams:
@@ -84,15 +84,21 @@ def row_settings(data: PlayerData, row: str) -> Audio2BodyParams:
         ANOTHER_PIECE: replace(final, shuffled_sound=True),
         NOTES: replace(final, hears="notes"),
         SECTION_4: Audio2BodyParams.section_4(data.instrument),
-        OURS: Audio2BodyParams.recommended(data.instrument),
-        **gain_settings(data.instrument),
+        OURS: our_settings(data),
+        **gain_settings(data),
     }
     return own[row] if row in own else replace(final, **ROWS[data.instrument][row].changes)
 
 
-def gain_settings(instrument: str) -> dict[str, Audio2BodyParams]:
+def our_settings(data: PlayerData) -> Audio2BodyParams:
+    """The recommended settings; with `PLANTED_DELAY` for planted players, whose hands lead their notes by less."""
+    ours = Audio2BodyParams.recommended(data.instrument)
+    return replace(ours, delay=PLANTED_DELAY) if data.label == PLANTED else ours
+
+
+def gain_settings(data: PlayerData) -> dict[str, Audio2BodyParams]:
     """Our settings with none of our changes (`SCHEDULE`), and with each of them alone."""
-    ours, final = Audio2BodyParams.recommended(instrument), Audio2BodyParams.tables(instrument)
+    ours, final = our_settings(data), Audio2BodyParams.tables(data.instrument)
     schedule = replace(ours, delay=final.delay, tones="none", bow_phase=False)
     changes: dict[str, dict[str, Any]] = {
         SCHEDULE: {},

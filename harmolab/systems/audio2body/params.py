@@ -120,9 +120,9 @@ class Audio2BodyParams:
 
     @classmethod
     def recommended(cls, instrument: str = "piano") -> Audio2BodyParams:
-        """Hands move before the note: 62.5 ms of delay; semitones beside the 28 numbers; a violin's bow alternates."""
+        """Hands move before the note: 125 ms of delay; semitones beside the 28 numbers; a violin's bow alternates."""
         return replace(
-            cls.tables(instrument), delay=0.0625, tones="semitones", batch=25, rate=2e-3, epochs=40,
+            cls.tables(instrument), delay=0.125, tones="semitones", batch=25, rate=2e-3, epochs=40,
             validation="pieces", bow_phase=instrument == "violin",
         )  # fmt: skip
 
