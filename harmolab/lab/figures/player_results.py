@@ -72,23 +72,22 @@ def player_table_figure(table: pd.DataFrame, *, title: str, unit: str = "pixels"
     Parameters
     ----------
     table : DataFrame of `harmolab.lab.complete_table`; rows without seeds are limits, drawn as lines. The paper's panel
-        stays empty without a column "paper test"
+        is left out without a column "paper test"
     title : str
     unit : str, of the errors
     """
     runs, limits = table[table["seeds"].notna()], table[table["seeds"].isna()]
-    with styled_axes((11.5, 0.3 * len(runs) + 2.1), 1, 3, sharey=True) as (figure, axes):
+    columns = 3 if "paper test" in runs else 2
+    with styled_axes((3.8 * columns, 0.3 * len(runs) + 2.1), 1, columns, sharey=True) as (figure, axes):
         _draw_sides(axes[0], runs, limits, unit)
         final = runs["row"] == "final"
         ours = runs["test full"] - runs.loc[final, "test full"].item()
         _draw_differences(axes[1], runs["row"], ours, runs["test full SD"].to_numpy(), COLOURS["ink"])
         axes[1].set(title="ours: test, above final", xlabel=f"{unit}; bars: SD over seeds")
-        if "paper test" in runs:
+        if columns == 3:
             theirs = runs["paper test"] - runs.loc[final, "paper test"].item()
             _draw_differences(axes[2], runs["row"], theirs, None, COLOURS["chance"])
             axes[2].set(title="the paper: test, above final", xlabel="its pixels, its data")
-        else:
-            axes[2].set_axis_off()
         axes[0].invert_yaxis()
         figure.suptitle(title, x=0.01, ha="left")
     return figure
