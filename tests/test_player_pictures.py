@@ -280,10 +280,10 @@ def test_a_table_is_drawn_as_differences_from_final_with_limits_as_lines():
     assert list(paper.containers[0].lines[0].get_xdata()) == [0.5, 0.0]
 
 
-def test_without_numbers_of_the_paper_its_panel_is_empty():
-    *_, paper = player_table_figure(table_of({"final": (7.0, NAN)}).drop(columns="paper test"), title="hands").axes
-    assert not paper.axison
-    assert not paper.containers
+def test_without_numbers_of_the_paper_its_panel_is_left_out():
+    table = table_of({"final": (7.0, NAN)})
+    assert len(player_table_figure(table, title="players").axes) == 3
+    assert len(player_table_figure(table.drop(columns="paper test"), title="hands").axes) == 2
 
 
 def test_components_are_labelled_with_part_and_share():
