@@ -25,7 +25,7 @@ SAME_RATE = 1e-3  # relative; a rate nearer to the published one than this is th
 
 @dataclass(frozen=True)
 class Protocol:
-    """How a published code evaluates dances.
+    """The conventions by which a published code evaluates dances.
 
     Parameters
     ----------
