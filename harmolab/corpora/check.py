@@ -195,8 +195,7 @@ def _motion(path: Path) -> FileSummary:
     except MissingFrameRate:
         file, has_rate = read_any_motion(path, fps=25.0), False
     row = _motion_row(path, file.motion)
-    how = tuple(note for note in file.notes if has_rate or "frames a second" not in note)
-    row = replace(row, note=f"{row.note}, {file.kind}", how=how)
+    row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes)
     odd = ("holds no frame rate: pass fps", *_shape_oddities(file.motion))
     return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
 

@@ -73,7 +73,7 @@ def parameter_motion(content: Mapping[str, Any], path: PathLike, options: Readin
     turns, turns_note = rotation_matrices(poses, f"{prefix}poses")
     kind, up, reason = _kind(content)
     motion, notes = _placed(turns, places, rate, (up, reason), options)
-    return MotionFile(motion, kind, (turns_note, *notes, scale_note, rate_note))
+    return MotionFile(motion, kind, (turns_note, *notes, scale_note, *rate_note))
 
 
 def vector_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
@@ -143,10 +143,10 @@ def _number(content: Mapping[str, Any], name: str) -> float:
     return float(values.item())
 
 
-def _rate(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -> tuple[float, str]:
-    """Frames per second, and a sentence on where they are from."""
+def _rate(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -> tuple[float, tuple[str, ...]]:
+    """Frames per second, and a sentence on where they are from unless they were passed."""
     if options.fps is not None:
-        return options.fps, f"{options.fps:g} frames a second (as passed)"
+        return options.fps, ()
     name = next((name for name in _RATES if name in content), None)
     if name is not None:
         own, reason = _number(content, name), f"{name} of the file"
@@ -154,7 +154,7 @@ def _rate(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -
         # A generator may name its dances as AIST++ does, and run at another rate; the scaling is AIST++'s own.
         is_own = is_aist_name(path) and "smpl_scaling" in content
         own, reason = options.rate(AIST_FPS if is_own else None, _EDGE_HINT if "full_pose" in content else ""), "AIST++"
-    return own, f"{own:g} frames a second ({reason})"
+    return own, (f"{own:g} frames a second ({reason})",)
 
 
 def _metres(content: Mapping[str, Any], translation: NDArray[Any], options: ReadingOptions) -> tuple[FloatArray, str]:
