@@ -315,6 +315,36 @@ def test_24_joints_are_read_from_arrays_json_and_pickles(tmp_path: Path, name: s
     assert notes[1].startswith("y up (guessed: the head is 1.")
 
 
+def test_rate_in_a_json_file_of_joints_is_taken(tmp_path: Path):
+    path = tmp_path / "dance.json"
+    path.write_text(json.dumps({"fps": 50, "pred_position": moving_joints().tolist()}))
+    assert [load_motion(path).fps, load_motion(path, fps=25).fps] == [50, 25]
+    path.write_text(json.dumps({"fps": "fast", "pred_position": moving_joints().tolist()}))
+    with pytest.raises(ValueError, match=r"dance\.json: "):
+        load_motion(path)
+
+
+def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
+    np.savez(tmp_path / "own.npz", positions=to_z_up(moving_joints()), fps=30.0)
+    np.testing.assert_allclose(load_motion(tmp_path / "own.npz", up="z").positions, moving_joints())
+    np.savez(tmp_path / "flat.npz", positions=moving_joints()[..., :2], fps=30.0)
+    with pytest.raises(ValueError, match=r"flat\.npz: holds image coordinates, in which y points down; leave out up"):
+        load_motion(tmp_path / "flat.npz", up="z")
+    with pytest.raises(ValueError, match="up must be y or z"):
+        load_motion(tmp_path / "own.npz", up="x")
+    bvh = tmp_path / "walk.bvh"
+    assert called(app, "convert", tmp_path / "own.npz", bvh).exit_code == 2  # no bones
+    bvh.write_text(
+        "HIERARCHY\nROOT hip { OFFSET 0 0 0 CHANNELS 3 Xposition Yposition Zposition\n"
+        "JOINT top { OFFSET 0 0 100 CHANNELS 0 } }\nMOTION\nFrames: 2\nFrame Time: 0.1\n0 0 0\n0 0 50\n"
+    )
+    places = load_motion(bvh, up="z").positions
+    np.testing.assert_allclose(places, [[[0, 0, 0], [0, 1, 0]], [[0, 0.5, 0], [0, 1.5, 0]]], atol=1e-12)
+    np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
+    with pytest.raises(ValueError, match=r"walk\.bvh: holds no SMPL parameters"):
+        load_motion(bvh, smpl=tmp_path / "smpl.npz")
+
+
 def test_bailando_file_with_an_aist_name_has_its_rate(tmp_path: Path):
     np.save(tmp_path / f"{AIST}.pkl.npy", {"pred_position": moving_joints().reshape(12, 72)})
     assert load_motion(tmp_path / f"{AIST}.pkl.npy").fps == 60

@@ -149,10 +149,8 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
         path, suffix = path / "motion.npz", ".npz"
     elif path.is_dir() and (path / "skeletons.json").is_file():
         raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.load_recording")
-    if path.is_dir():
-        return as_read(load_keypoints(path, fps=options.fps, joints=options.joints), "OpenPose key points", options)
-    if suffix == ".bvh":
-        return as_read(load_bvh(path, fps=options.fps, scale=options.scale), "BVH", options)
+    if path.is_dir() or suffix == ".bvh":
+        return _load_bodies(path, options)
     readers = {".npz": _load_npz, ".npy": load_npy, ".pkl": load_pickle, ".pickle": load_pickle}
     readers |= {".json": load_json, ".jsonl": load_json, ".c3d": load_c3d}
     if suffix in readers:
@@ -161,6 +159,18 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
         if is_video(path):
             raise ValueError("is a video, no motion file; `harmolab explain` and `harmolab retime` read videos")
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json .c3d")
+
+
+def _load_bodies(path: Path, options: ReadingOptions) -> MotionFile:
+    """A folder of OpenPose's, or BVH."""
+    if path.is_dir():
+        motion, kind = load_keypoints(path, fps=options.fps, joints=options.joints), "OpenPose key points"
+    else:
+        motion, kind = load_bvh(path, fps=options.fps, scale=options.scale), "BVH"
+    try:
+        return as_read(motion, kind, options)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
