@@ -338,7 +338,12 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
         "HIERARCHY\nROOT hip { OFFSET 0 0 0 CHANNELS 3 Xposition Yposition Zposition\n"
         "JOINT top { OFFSET 0 0 100 CHANNELS 0 } }\nMOTION\nFrames: 2\nFrame Time: 0.1\n0 0 0\n0 0 50\n"
     )
-    places = load_motion(bvh, up="z").positions
+    motion, _, notes = read_motion(bvh, up="z")
+    assert notes == (
+        "0.01 m a unit (guessed: its rest skeleton is larger than 3 units)",
+        "z up (as passed), turned to y up",
+    )
+    places = motion.positions
     np.testing.assert_allclose(places, [[[0, 0, 0], [0, 1, 0]], [[0, 0.5, 0], [0, 1.5, 0]]], atol=1e-12)
     np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
     with pytest.raises(ValueError, match=r"walk\.bvh: holds no SMPL parameters"):

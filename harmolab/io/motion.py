@@ -59,7 +59,7 @@ from numpy.typing import NDArray
 
 from harmolab.io.array_files import load_json, load_npy, load_pickle
 from harmolab.io.arrays import check_joints, checked_motion, in_metres, npz_names, read_npz
-from harmolab.io.bvh import load_bvh
+from harmolab.io.bvh import read_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.c3d import load_c3d
 from harmolab.io.files import PathLike, atomic_write, reading
@@ -149,9 +149,9 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
         path, suffix = path / "motion.npz", ".npz"
     elif path.is_dir() and (path / "skeletons.json").is_file():
         raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.load_recording")
-    if path.is_dir() or suffix == ".bvh":
-        return _load_bodies(path, options)
-    readers = {".npz": _load_npz, ".npy": load_npy, ".pkl": load_pickle, ".pickle": load_pickle}
+    if path.is_dir():
+        return _load_folder(path, options)
+    readers = {".bvh": read_bvh, ".npz": _load_npz, ".npy": load_npy, ".pkl": load_pickle, ".pickle": load_pickle}
     readers |= {".json": load_json, ".jsonl": load_json, ".c3d": load_c3d}
     if suffix in readers:
         return readers[suffix](path, options)
@@ -161,16 +161,13 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
         raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json .c3d")
 
 
-def _load_bodies(path: Path, options: ReadingOptions) -> MotionFile:
-    """A folder of OpenPose's, or BVH."""
-    if path.is_dir():
-        motion, kind = load_keypoints(path, fps=options.fps, joints=options.joints), "OpenPose key points"
-    else:
-        motion, kind = load_bvh(path, fps=options.fps, scale=options.scale), "BVH"
+def _load_folder(folder: Path, options: ReadingOptions) -> MotionFile:
+    """A folder of OpenPose's."""
+    motion = load_keypoints(folder, fps=options.fps, joints=options.joints)
     try:
-        return as_read(motion, kind, options)
+        return as_read(motion, "OpenPose key points", options)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"{folder}: {error}") from None
 
 
 def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
