@@ -13,6 +13,7 @@ from harmolab.cli.checks import CheckedCommand
 from harmolab.cli.comparing import compare, learn
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
+from harmolab.cli.evaluating import evaluate
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import play
@@ -28,7 +29,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
-for command in (score, compare, learn, train, dance, perform, play, render, retime, explain, beats, tap):
+for command in (score, compare, evaluate, learn, train, dance, perform, play, render, retime, explain, beats, tap):
     app.command(cls=CheckedCommand)(command)
 app.add_typer(data_app, name="data")
 app.add_typer(study_app, name="study")

@@ -1,0 +1,140 @@
+"""Words about a table: remarks on this one, and the paragraph on how it was made, to paste into a paper."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+
+from harmolab.lab.evaluate.controls import LIMIT_DANCES
+from harmolab.lab.evaluate.evaluation import Evaluation
+from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.rows import OTHER_SONG, PIECE
+from harmolab.lab.evaluate.sets import FEATURES
+from harmolab.lab.evaluate.summary import FEWEST_SONGS
+from harmolab.params import HarmonyParams
+
+FEW = 100  # dances below which a distance of features says little
+
+
+def table_notes(evaluation: Evaluation) -> Iterator[str]:
+    """What a reader must know of this table: small samples, missing columns and controls, doubtful harmony."""
+    counts, sets = evaluation.counts, evaluation.sets
+    if OTHER_SONG not in evaluation.controls:
+        yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
+    if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
+        yield (
+            "No rank: no difference between two systems excludes 0 over "
+            f"{FEWEST_SONGS} songs or more that both danced to."
+        )
+    for name in FEATURES:
+        if missing := [row for row in evaluation.systems if not _has(evaluation, f"fid_{name}", row)]:
+            yield f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}."
+    small = sets[sets["measure"].str.startswith("fid_")]
+    if len(small) and small["n"].min() < FEW:
+        yield (
+            f"Fréchet distances rest on {small['n'].min():.0f} dances at the least. The bias of small samples is taken "
+            f"off, their chance is not; below about {FEW} dances small differences mean nothing."
+        )
+    for row in evaluation.systems:
+        if (share := _mean(evaluation, "likeness", row)) is not None and share < 0.5:
+            yield (
+                f"Only {share:.0%} of the dances of {row} move like the recorded dancers: its harmony means little, "
+                "as that of a statue on a turntable does."
+            )
+        if counts.loc[row, "songs"] < FEWEST_SONGS:
+            yield f"{row} has {counts.loc[row, 'songs']} songs; no rank is given below {FEWEST_SONGS}."
+    if "likeness" in evaluation.measures and evaluation.options.limits is None:
+        yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
+    if evaluation.errors:
+        yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
+
+
+def _has(evaluation: Evaluation, measure: str, row: str) -> bool:
+    sets = evaluation.sets
+    return bool(((sets["measure"] == measure) & (sets["system"] == row)).any())
+
+
+def _mean(evaluation: Evaluation, measure: str, row: str) -> float | None:
+    """Mean of a measure of a row, None without."""
+    means = evaluation.means
+    values = means.loc[(means["measure"] == measure) & (means["system"] == row), "mean"]
+    return float(values.iloc[0]) if len(values) else None
+
+
+def _reason(evaluation: Evaluation, name: str) -> str:
+    if name == "pose" and evaluation.options.pose_net is None:
+        return "torch is not installed"
+    if name == "pose":
+        return "the pose network knows other joints (--pose-net names another), or the dances are too few or too short"
+    if name == "kinetic":
+        return "its joints are not those of the recorded dances, or there are fewer than four dances"
+    return "its joints have no names that tell the parts of a body, or there are fewer than four dances"
+
+
+def methods_paragraph(evaluation: Evaluation) -> str:
+    """How the table was made: versions, data, frame rates, beats, settings, statistics, and the protocol's remarks."""
+    return " ".join([*_data(evaluation), *_measurement(evaluation), *_statistics(evaluation), *_protocol(evaluation)])
+
+
+def _data(evaluation: Evaluation) -> Iterator[str]:
+    counts, facts = evaluation.counts, evaluation.facts
+    yield f"All numbers were computed with harmolab {version('harmolab')}."
+    for row in (*evaluation.systems, RECORDED):
+        seeds = f", {counts.loc[row, 'seeds']} seeds" if counts.loc[row, "seeds"] > 1 else ""
+        yield (
+            f"{row}: {counts.loc[row, 'dances']} dances to {counts.loc[row, 'songs']} songs{seeds}, "
+            f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
+        )
+    beats = sum((facts[row]["beats"] for row in (*evaluation.systems, RECORDED)), Counter[str]())
+    yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
+
+
+def _listed(values: Mapping[str, int]) -> str:
+    """The values of a count, the most frequent first; the numbers beside them where they differ."""
+    ordered = sorted(values.items(), key=lambda item: (-item[1], item[0]))
+    if len(ordered) == 1:
+        return ordered[0][0]
+    return ", ".join(f"{value} ({count})" for value, count in ordered)
+
+
+def _measurement(evaluation: Evaluation) -> Iterator[str]:
+    paper, limits = HarmonyParams.paper(), evaluation.options.limits
+    yield (
+        "Harmony above chance is the recommended score (the percentile rank of the music beats among all moments of "
+        "the movement's shape; 0 is chance, 1 the most there is); a dance in which nothing moves has 0. Harmony h and "
+        f"hit rate are in paper mode (reaction delay {paper.reaction_delay:g} s, beta {paper.beta:g}, "
+        f"{paper.fps:g} frames per second, thresholds {paper.audio_threshold:g} and {paper.visual_threshold:g}), each "
+        "beside what as many visual beats at random moments reach."
+    )
+    yield (
+        "Beat alignment, coverage, hit rate and F-measure take the minima of the smoothed joint speed as motion beats, "
+        "with the widths of AIST++ in seconds, so that they do not change with the frame rate."
+    )
+    yield (
+        "Fréchet distances are from the recorded dances, on kinetic and geometric features (AIST++'s, with their faults "
+        f"mended) and on the mean features of {PIECE:g} s pieces by a pose network"
+        + (f" ({evaluation.options.pose_net.name})" if evaluation.options.pose_net else "")
+        + ", in units of the recorded dances; the bias of small samples is taken off, and sample sizes stand beside. "
+        "The distance of the recorded dances is that between halves of their songs."
+    )
+    source = "the shipped recordings" if limits is None else f"the recorded dances, {LIMIT_DANCES} of them at most"
+    yield f"A dance moves like recorded dancers where thirteen measures lie within the limits of {source}."
+
+
+def _statistics(evaluation: Evaluation) -> Iterator[str]:
+    settings = evaluation.settings
+    yield (
+        f"Intervals are 95 % by {settings.resamples} resamplings of the songs (seed {settings.seed}), expanded for "
+        "small samples (Hesterberg 2015), with dances to one song and seeds averaged within the song. Differences "
+        "between systems are paired by song; a rank is given only where the interval of a difference excludes 0 over "
+        f"{FEWEST_SONGS} songs or more. The intervals are not corrected for the number of comparisons."
+    )
+
+
+def _protocol(evaluation: Evaluation) -> Iterator[str]:
+    name = evaluation.settings.protocol
+    if name:
+        from harmolab.lab.evaluate.protocols import PROTOCOLS
+
+        yield f"Columns called {name} follow the published code of that protocol: {' '.join(PROTOCOLS[name].notes)}"
