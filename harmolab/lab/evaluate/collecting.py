@@ -90,22 +90,22 @@ def _added(total: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
 
 
 def _feature_table(rows: pd.DataFrame) -> list[str]:
-    return ["key", "song", "seed", "skeleton", *(name for name in rows if _FEATURE.fullmatch(name))]
+    return ["key", "song", "seed", "skeleton", *(name for name in map(str, rows) if _FEATURE.fullmatch(name))]
 
 
 def feature_columns(frame: pd.DataFrame, name: str) -> list[str]:
     """The columns of the features of a name, in order."""
-    return sorted(column for column in frame if (match := _FEATURE.fullmatch(column)) and match[1] == name)
+    return sorted(column for column in map(str, frame) if (match := _FEATURE.fullmatch(column)) and match[1] == name)
 
 
 def feature_names(frame: pd.DataFrame) -> list[str]:
     """The names of the features in a table."""
-    return list(dict.fromkeys(match[1] for column in frame if (match := _FEATURE.fullmatch(column))))
+    return list(dict.fromkeys(match[1] for column in map(str, frame) if (match := _FEATURE.fullmatch(column))))
 
 
 def measure_columns(frame: pd.DataFrame) -> list[str]:
     """The columns of the numbers of a dance: neither words about it nor features."""
-    return [name for name in frame if name not in ABOUT and not _FEATURE.fullmatch(name)]
+    return [name for name in map(str, frame) if name not in ABOUT and not _FEATURE.fullmatch(name)]
 
 
 def collect(parts: Iterable[pd.DataFrame]) -> Collected:
@@ -139,10 +139,10 @@ def written_parts(parts: Iterable[pd.DataFrame], path: Path, pairs: Iterable[Pai
 
 
 def _shown(rows: pd.DataFrame) -> list[str]:
-    return [name for name in rows if not _FEATURE.fullmatch(name)]
+    return [name for name in map(str, rows) if not _FEATURE.fullmatch(name)]
 
 
 def _named(part: pd.DataFrame, about: dict[str, dict[str, str]]) -> pd.DataFrame:
     """The part with system, seed and song also of those that failed."""
     names = pd.DataFrame([about[key] for key in part["key"]], index=part.index)
-    return part.assign(**{name: names[name] for name in names})
+    return part.assign(system=names["system"], seed=names["seed"], song=names["song"])

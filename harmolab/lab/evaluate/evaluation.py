@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -26,10 +26,18 @@ from harmolab.lab.evaluate.pairing import (
     songs_in,
     unused_songs,
 )
-from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion
+from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion, protocol_of
 from harmolab.lab.evaluate.serial import run_rows
-from harmolab.lab.evaluate.sets import protocol_sets, set_numbers
-from harmolab.lab.evaluate.summary import measure_of, ranks, system_differences, system_means
+from harmolab.lab.evaluate.sets import SetNumber, protocol_sets, set_numbers
+from harmolab.lab.evaluate.summary import (
+    RESAMPLES,
+    Difference,
+    Mean,
+    measure_of,
+    ranks,
+    system_differences,
+    system_means,
+)
 
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
@@ -59,7 +67,7 @@ class EvaluationSettings:
     fps: float | None = None
     scale: float | None = None
     pose_net: Path | None = None
-    resamples: int = 4000
+    resamples: int = RESAMPLES
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -68,7 +76,7 @@ class EvaluationSettings:
         if not self.systems and self.pairs is None:
             raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
         if self.protocol:
-            _check_protocol(self.protocol)
+            protocol_of(self.protocol)
 
     @property
     def inputs(self) -> tuple[Path, ...]:
@@ -80,6 +88,14 @@ class EvaluationSettings:
         """The settings as JSON holds them."""
         named = {name: str(value) if isinstance(value, Path) else value for name, value in vars(self).items()}
         return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
+
+
+class Counts(NamedTuple):
+    """Numbers of the dances of a system that were measured, of their songs, and of their seeds."""
+
+    dances: int
+    songs: int
+    seeds: int
 
 
 class Extreme(NamedTuple):
@@ -100,9 +116,9 @@ class Evaluation:
     systems : names of the systems, in the order of the table; the controls come after them
     controls : names of the controls that there are
     songs : DataFrame by system and song, means of every measure over dances and seeds
-    means, differences, sets : DataFrames of `system_means`, `system_differences`, and `set_numbers`
+    means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
     ranks : measure -> system -> its rank; systems without one are left out
-    counts : DataFrame by system: dances, songs, seeds
+    counts : system -> how many dances, songs and seeds were measured
     facts : system -> "fps", "joints" or "beats" -> how many dances have which value
     extremes : system -> (worst, best)
     unpaired : files that have no part in the table, with the reason
@@ -114,11 +130,11 @@ class Evaluation:
     systems: tuple[str, ...]
     controls: tuple[str, ...]
     songs: pd.DataFrame
-    means: pd.DataFrame
-    differences: pd.DataFrame
-    sets: pd.DataFrame
+    means: Mapping[tuple[str, str], Mean]
+    differences: Sequence[Difference]
+    sets: Mapping[tuple[str, str], SetNumber]
     ranks: Mapping[str, Mapping[str, int]]
-    counts: pd.DataFrame
+    counts: Mapping[str, Counts]
     facts: Mapping[str, Mapping[str, Counter[str]]]
     extremes: Mapping[str, tuple[Extreme, Extreme]]
     unpaired: tuple[Unpaired, ...]
@@ -132,19 +148,17 @@ class Evaluation:
     @property
     def measures(self) -> tuple[str, ...]:
         """The measures of single dances that anything was measured of, in the order of the table."""
-        measured = set(self.means["measure"])
-        known = [name for name in MEASURES if name in measured]
-        protocol = [name for name in self.songs.columns if name in measured and name.startswith(_prefix(self))]
-        return (*known, *protocol)
+        measured = dict.fromkeys(measure for _, measure in self.means)
+        protocol = f"{self.settings.protocol} "
+        return (
+            *(name for name in MEASURES if name in measured),
+            *(name for name in measured if self.settings.protocol and name.startswith(protocol)),
+        )
 
     @property
     def set_measures(self) -> tuple[str, ...]:
         """The measures of sets of dances that there are."""
-        return tuple(dict.fromkeys(self.sets["measure"]))
-
-
-def _prefix(evaluation: Evaluation) -> str:
-    return f"{evaluation.settings.protocol} " if evaluation.settings.protocol else "\0"
+        return tuple(dict.fromkeys(measure for _, measure in self.sets))
 
 
 def evaluate_dances(
@@ -223,16 +237,6 @@ def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
     return Pairing(pairs, (*unpaired, *unused_songs(songs, pairs)))
 
 
-def _check_protocol(name: str) -> None:
-    """ValueError for a protocol that there is not."""
-    if find_spec("harmolab.lab.evaluate.protocols") is None:
-        raise ValueError("--protocol: this version has no protocols")
-    from harmolab.lab.evaluate.protocols import PROTOCOLS
-
-    if name not in PROTOCOLS:
-        raise ValueError(f"--protocol {name}: there are {', '.join(PROTOCOLS)}")
-
-
 def _pose_net(settings: EvaluationSettings) -> Path | None:
     """The weights of the pose network: those of the settings, else the shipped ones; None without torch."""
     if find_spec("torch") is None:
@@ -276,23 +280,42 @@ def _evaluation(
         first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
     systems = tuple(name for name in names if name not in CONTROLS)
-    songs, drawn = collected.song_means, {"count": settings.resamples, "seed": settings.seed}
-    differences = system_differences(songs, names, **drawn)
-    index = collected.sums.index.to_frame(index=False).groupby("system")
+    songs = collected.song_means
+    differences = system_differences(songs, names, count=settings.resamples, seed=settings.seed)
     sets = set_numbers(collected.features, seed=settings.seed)
     if settings.protocol:
-        sets = pd.concat([sets, protocol_sets(collected.features, settings.protocol)], ignore_index=True)
-    extremes = {
-        name: tuple(Extreme(by_key[key], harmony) for harmony, key in both)
-        for name, both in collected.extremes.items()
-        if name in (*systems, RECORDED)
-    }
+        sets |= protocol_sets(collected.features, settings.protocol)
     return Evaluation(
-        settings, options, systems, tuple(name for name in names if name in CONTROLS), songs,
-        system_means(songs, **drawn), differences, sets,
-        {name: ranks(differences, systems, name, better=measure_of(name).better) for name in songs.columns},
-        index[["song", "seed"]].nunique().rename(columns={"song": "songs", "seed": "seeds"}).assign(
-            dances=pd.Series(dict(collected.dances))
-        ),
-        collected.facts, extremes, unpaired, errors,
-    )  # fmt: skip
+        settings,
+        options,
+        systems,
+        tuple(name for name in names if name in CONTROLS),
+        songs,
+        system_means(songs, count=settings.resamples, seed=settings.seed),
+        differences,
+        sets,
+        {name: ranks(differences, systems, name, better=measure_of(name).better) for name in map(str, songs.columns)},
+        {name: _counts(collected, name) for name in names},
+        collected.facts,
+        _extremes(collected, by_key, (*systems, RECORDED)),
+        tuple(dict.fromkeys(unpaired)),
+        errors,
+    )
+
+
+def _counts(collected: Collected, system: str) -> Counts:
+    groups = collected.sums.loc[system].index
+    songs, seeds = (groups.get_level_values(name).nunique() for name in ("song", "seed"))
+    return Counts(collected.dances[system], songs, seeds)
+
+
+def _extremes(
+    collected: Collected, by_key: Mapping[str, Pair], systems: Iterable[str]
+) -> dict[str, tuple[Extreme, Extreme]]:
+    """The worst and the best dance of each of some systems."""
+    extremes = {}
+    for name in systems:
+        if name in collected.extremes:
+            worst, best = (Extreme(by_key[key], harmony) for harmony, key in collected.extremes[name])
+            extremes[name] = (worst, best)
+    return extremes

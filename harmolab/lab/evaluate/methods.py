@@ -9,7 +9,7 @@ from importlib.metadata import version
 from harmolab.lab.evaluate.controls import LIMIT_DANCES
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.pairing import RECORDED
-from harmolab.lab.evaluate.rows import OTHER_SONG, PIECE
+from harmolab.lab.evaluate.rows import OTHER_SONG, PIECE, protocol_of
 from harmolab.lab.evaluate.sets import FEATURES
 from harmolab.lab.evaluate.summary import FEWEST_SONGS
 from harmolab.params import HarmonyParams
@@ -19,47 +19,32 @@ FEW = 100  # dances below which a distance of features says little
 
 def table_notes(evaluation: Evaluation) -> Iterator[str]:
     """What a reader must know of this table: small samples, missing columns and controls, doubtful harmony."""
-    counts, sets = evaluation.counts, evaluation.sets
+    counts = evaluation.counts
     if OTHER_SONG not in evaluation.controls:
         yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
-        yield (
-            "No rank: no difference between two systems excludes 0 over "
-            f"{FEWEST_SONGS} songs or more that both danced to."
-        )
+        yield f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more."
     for name in FEATURES:
-        if missing := [row for row in evaluation.systems if not _has(evaluation, f"fid_{name}", row)]:
+        if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
             yield f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}."
-    small = sets[sets["measure"].str.startswith("fid_")]
-    if len(small) and small["n"].min() < FEW:
+    sizes = [one.n for (row, name), one in evaluation.sets.items() if name.startswith("fid_") and row != RECORDED]
+    if sizes and min(sizes) < FEW:
         yield (
-            f"Fréchet distances rest on {small['n'].min():.0f} dances at the least. The bias of small samples is taken "
+            f"Fréchet distances rest on {min(sizes)} dances at the least. The bias of small samples is taken "
             f"off, their chance is not; below about {FEW} dances small differences mean nothing."
         )
     for row in evaluation.systems:
-        if (share := _mean(evaluation, "likeness", row)) is not None and share < 0.5:
+        if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
             yield (
-                f"Only {share:.0%} of the dances of {row} move like the recorded dancers: its harmony means little, "
+                f"Only {likely:.0%} of the dances of {row} move like the recorded dancers: its harmony means little, "
                 "as that of a statue on a turntable does."
             )
-        if counts.loc[row, "songs"] < FEWEST_SONGS:
-            yield f"{row} has {counts.loc[row, 'songs']} songs; no rank is given below {FEWEST_SONGS}."
+        if len(evaluation.systems) > 1 and counts[row].songs < FEWEST_SONGS:
+            yield f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}."
     if "likeness" in evaluation.measures and evaluation.options.limits is None:
         yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
     if evaluation.errors:
         yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
-
-
-def _has(evaluation: Evaluation, measure: str, row: str) -> bool:
-    sets = evaluation.sets
-    return bool(((sets["measure"] == measure) & (sets["system"] == row)).any())
-
-
-def _mean(evaluation: Evaluation, measure: str, row: str) -> float | None:
-    """Mean of a measure of a row, None without."""
-    means = evaluation.means
-    values = means.loc[(means["measure"] == measure) & (means["system"] == row), "mean"]
-    return float(values.iloc[0]) if len(values) else None
 
 
 def _reason(evaluation: Evaluation, name: str) -> str:
@@ -81,9 +66,9 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
     counts, facts = evaluation.counts, evaluation.facts
     yield f"All numbers were computed with harmolab {version('harmolab')}."
     for row in (*evaluation.systems, RECORDED):
-        seeds = f", {counts.loc[row, 'seeds']} seeds" if counts.loc[row, "seeds"] > 1 else ""
+        seeds = f", {counts[row].seeds} seeds" if counts[row].seeds > 1 else ""
         yield (
-            f"{row}: {counts.loc[row, 'dances']} dances to {counts.loc[row, 'songs']} songs{seeds}, "
+            f"{row}: {counts[row].dances} dances to {counts[row].songs} songs{seeds}, "
             f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
         )
     beats = sum((facts[row]["beats"] for row in (*evaluation.systems, RECORDED)), Counter[str]())
@@ -112,8 +97,8 @@ def _measurement(evaluation: Evaluation) -> Iterator[str]:
         "with the widths of AIST++ in seconds, so that they do not change with the frame rate."
     )
     yield (
-        "Fréchet distances are from the recorded dances, on kinetic and geometric features (AIST++'s, with their faults "
-        f"mended) and on the mean features of {PIECE:g} s pieces by a pose network"
+        "Fréchet distances are from the recorded dances, on kinetic and geometric features (those of AIST++, their "
+        f"faults mended) and on the mean features of {PIECE:g} s pieces by a pose network"
         + (f" ({evaluation.options.pose_net.name})" if evaluation.options.pose_net else "")
         + ", in units of the recorded dances; the bias of small samples is taken off, and sample sizes stand beside. "
         "The distance of the recorded dances is that between halves of their songs."
@@ -135,6 +120,4 @@ def _statistics(evaluation: Evaluation) -> Iterator[str]:
 def _protocol(evaluation: Evaluation) -> Iterator[str]:
     name = evaluation.settings.protocol
     if name:
-        from harmolab.lab.evaluate.protocols import PROTOCOLS
-
-        yield f"Columns called {name} follow the published code of that protocol: {' '.join(PROTOCOLS[name].notes)}"
+        yield f"Columns called {name} follow the published code of that protocol: {' '.join(protocol_of(name).notes)}"

@@ -6,8 +6,9 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -118,13 +119,28 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     numbers |= _likeness(motion, options)
     features = motion_features(motion, options)
     if options.protocol:
-        from harmolab.lab.evaluate.protocols import PROTOCOLS
-
-        protocol = PROTOCOLS[options.protocol]
+        protocol = protocol_of(options.protocol)
         numbers |= {f"{options.protocol} {name}": value for name, value in protocol.clip(motion, music).items()}
         features |= {f"{options.protocol} {name}": vector for name, vector in protocol.features(motion).items()}
     columns = {f"f_{name}_{place:03d}": float(x) for name, row in features.items() for place, x in enumerate(row)}
     return about | numbers | columns
+
+
+def protocol_of(name: str) -> Any:
+    """A protocol of `harmolab.lab.evaluate.protocols` by its name.
+
+    Raises
+    ------
+    ValueError
+        There is no such protocol; names those that there are.
+    """
+    try:
+        protocols = import_module("harmolab.lab.evaluate.protocols").PROTOCOLS
+    except ModuleNotFoundError:
+        protocols = {}
+    if name not in protocols:
+        raise ValueError(f"no protocol is called {name!r}; there are: {', '.join(protocols) or 'none'}")
+    return protocols[name]
 
 
 def pair_clip(pair: Pair, options: RowOptions) -> Clip:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ import pandas as pd
 
 from harmolab.lab.evaluate.collecting import feature_columns, feature_names
 from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.rows import protocol_of
 from harmolab.metrics.frechet import diversity, frechet_distance, multimodality, standardise
 from harmolab.types import FloatArray
 
@@ -25,6 +27,21 @@ class FeatureSet(NamedTuple):
     seeds: tuple[str, ...]
 
 
+class SetNumber(NamedTuple):
+    """A number of a set of dances; of a distance also the number before its bias is taken off. NaN for what is not.
+
+    n is the number of dances, n_recorded that of the dances on the other side of a distance.
+    """
+
+    value: float
+    n: int
+    raw: float = math.nan
+    n_recorded: float = math.nan
+
+
+SetNumbers = dict[tuple[str, str], SetNumber]  # (system, measure) -> number
+
+
 def feature_set(table: pd.DataFrame, name: str, skeleton: str) -> FeatureSet:
     """The features of a name of those dances that have them; kinetic ones only with the joints of `skeleton`."""
     rows = table[table["skeleton"] == skeleton] if name == "kinetic" else table
@@ -38,7 +55,7 @@ def common_skeleton(table: pd.DataFrame) -> str:
     return str(table["skeleton"].mode().iloc[0])
 
 
-def set_numbers(features: Mapping[str, pd.DataFrame], *, seed: int = 0) -> pd.DataFrame:
+def set_numbers(features: Mapping[str, pd.DataFrame], *, seed: int = 0) -> SetNumbers:
     """Every number of every system's dances as a set.
 
     The features are in units of the recorded dances (`standardise`). Distances are without the bias of small samples,
@@ -52,13 +69,11 @@ def set_numbers(features: Mapping[str, pd.DataFrame], *, seed: int = 0) -> pd.Da
 
     Returns
     -------
-    DataFrame: system, measure ("fid_kinetic", "diversity_kinetic", "multimodality_kinetic", ...), mean (the number),
-    raw, n, n_recorded; what cannot be computed is left out
+    (system, "fid_kinetic", "diversity_kinetic", "multimodality_kinetic" and so on) -> SetNumber; what cannot be
+    computed is left out
     """
-    if RECORDED not in features:
-        return pd.DataFrame(columns=_COLUMNS)
     skeleton = common_skeleton(features[RECORDED])
-    rows = []
+    numbers: SetNumbers = {}
     for name in FEATURES:
         recorded = feature_set(features[RECORDED], name, skeleton)
         if len(recorded.values) < 2 or not recorded.values.shape[1]:
@@ -68,13 +83,11 @@ def set_numbers(features: Mapping[str, pd.DataFrame], *, seed: int = 0) -> pd.Da
             if not len(danced.values) or danced.values.shape[1] != recorded.values.shape[1]:
                 continue
             sides = _halves(recorded) if system == RECORDED else (danced.values, recorded.values)
-            rows += [{"system": system, **row} for row in _distance(*sides, recorded.values, name, seed)]
+            if min(map(len, sides)) >= LEAST:
+                numbers[system, f"fid_{name}"] = _distance(*sides, recorded.values, seed)
             scaled = danced._replace(values=standardise(danced.values, recorded.values))
-            rows += [{"system": system, "n": len(danced.values), **row} for row in _variety(scaled, name)]
-    return pd.DataFrame(rows, columns=_COLUMNS)
-
-
-_COLUMNS = ["system", "measure", "mean", "raw", "n", "n_recorded"]
+            numbers |= {(system, f"{kind}_{name}"): number for kind, number in _variety(scaled).items()}
+    return numbers
 
 
 def _halves(recorded: FeatureSet) -> tuple[FloatArray, FloatArray]:
@@ -84,26 +97,21 @@ def _halves(recorded: FeatureSet) -> tuple[FloatArray, FloatArray]:
     return recorded.values[~second], recorded.values[second]
 
 
-def _distance(
-    danced: FloatArray, recorded: FloatArray, unit: FloatArray, name: str, seed: int
-) -> list[dict[str, float | str]]:
-    """The Fréchet distance of two sets in units of a third; none where one of them is too small."""
-    if min(len(danced), len(recorded)) < LEAST:
-        return []
+def _distance(danced: FloatArray, recorded: FloatArray, unit: FloatArray, seed: int) -> SetNumber:
+    """The Fréchet distance of two sets in units of a third."""
     result = frechet_distance(standardise(danced, unit), standardise(recorded, unit), seed=seed)
-    about = {"measure": f"fid_{name}", "mean": result.value, "raw": result.raw}
-    return [{**about, "n": result.n_a, "n_recorded": result.n_b}]
+    return SetNumber(result.value, result.n_a, result.raw, result.n_b)
 
 
-def _variety(danced: FeatureSet, name: str) -> list[dict[str, float | str]]:
+def _variety(danced: FeatureSet) -> dict[str, SetNumber]:
     """Diversity over the dances of a seed, mean over seeds; multimodality over the seeds of a song, mean over songs."""
     by_seed, by_song = (_groups(danced.values, names) for names in (danced.seeds, danced.songs))
-    rows: list[dict[str, float | str]] = []
+    numbers, count = {}, len(danced.values)
     if by_seed:
-        rows.append({"measure": f"diversity_{name}", "mean": float(np.mean([diversity(each) for each in by_seed]))})
+        numbers["diversity"] = SetNumber(float(np.mean([diversity(each) for each in by_seed])), count)
     if by_song and len(set(danced.seeds)) > 1:
-        rows.append({"measure": f"multimodality_{name}", "mean": multimodality(by_song)})
-    return rows
+        numbers["multimodality"] = SetNumber(multimodality(by_song), count)
+    return numbers
 
 
 def _groups(values: FloatArray, names: tuple[str, ...]) -> list[FloatArray]:
@@ -114,28 +122,22 @@ def _groups(values: FloatArray, names: tuple[str, ...]) -> list[FloatArray]:
     return [values[each] for each in places.values() if len(each) > 1]
 
 
-def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> pd.DataFrame:
-    """The numbers that a protocol of `harmolab.lab.evaluate.protocols` has for a set of dances: system, measure, mean.
+def protocol_sets(features: Mapping[str, pd.DataFrame], protocol: str) -> SetNumbers:
+    """The numbers that a protocol of `harmolab.lab.evaluate.protocols` has for a set of dances, called as there.
 
     The recorded dances are its reference, and have none.
     """
-    from harmolab.lab.evaluate.protocols import PROTOCOLS
-
-    if RECORDED not in features:
-        return pd.DataFrame(columns=_COLUMNS)
     skeleton = common_skeleton(features[RECORDED])
-    rows = []
+    recorded = _protocol_features(features[RECORDED], protocol, skeleton)
+    numbers: SetNumbers = {}
     for system, table in features.items():
-        sides = [_protocol_features(part, protocol, skeleton) for part in (table, features[RECORDED])]
-        if system == RECORDED or sides[0].keys() != sides[1].keys() or min(map(_least, sides)) < 2:
+        danced = _protocol_features(table, protocol, skeleton)
+        if system == RECORDED or danced.keys() != recorded.keys() or min(_least(danced), _least(recorded)) < 2:
             continue
-        numbers = PROTOCOLS[protocol].sets(*sides)
-        count = {"n": _least(sides[0]), "n_recorded": _least(sides[1])}
-        rows += [
-            {"system": system, "measure": f"{protocol} {name}", "mean": number, **count}
-            for name, number in numbers.items()
-        ]
-    return pd.DataFrame(rows, columns=_COLUMNS)
+        for name, value in protocol_of(protocol).sets(danced, recorded).items():
+            number = SetNumber(value, _least(danced), n_recorded=_least(recorded))
+            numbers[system, f"{protocol} {name}"] = number
+    return numbers
 
 
 def _protocol_features(table: pd.DataFrame, protocol: str, skeleton: str) -> dict[str, FloatArray]:

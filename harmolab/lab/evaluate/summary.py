@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -40,63 +41,91 @@ def song_interval(values: FloatArray, *, count: int = RESAMPLES, seed: int = 0) 
     return bootstrap_interval(values, count=count, seed=seed, level=1 - 2 * float(ndtr(-reach)))
 
 
-def system_means(songs: pd.DataFrame, *, count: int = RESAMPLES, seed: int = 0) -> pd.DataFrame:
-    """Mean, low, high and number of songs of every system and measure.
+class Mean(NamedTuple):
+    """Mean of a measure over the songs of a system, its interval (NaN for none), and the number of songs."""
+
+    mean: float
+    low: float
+    high: float
+    songs: int
+
+
+class Difference(NamedTuple):
+    """Mean of the differences a - b of a measure over the songs of two systems, its interval, and the songs."""
+
+    measure: str
+    a: str
+    b: str
+    mean: float
+    low: float
+    high: float
+    songs: int
+
+    @property
+    def is_clear(self) -> bool:
+        """True where the interval excludes 0, over `FEWEST_SONGS` songs at least."""
+        return self.songs >= FEWEST_SONGS and (self.low > 0 or self.high < 0)
+
+
+def _mean(values: pd.Series[float], count: int, seed: int) -> Mean | None:
+    """Mean of the values that there are; None of nothing."""
+    numbers = np.asarray(values.dropna(), np.float64)
+    if not numbers.size:
+        return None
+    return Mean(float(numbers.mean()), *song_interval(numbers, count=count, seed=seed), numbers.size)
+
+
+def system_means(songs: pd.DataFrame, *, count: int = RESAMPLES, seed: int = 0) -> dict[tuple[str, str], Mean]:
+    """(system, measure) -> its mean; what no song has is left out.
 
     Parameters
     ----------
     songs : DataFrame with the index system, song, and a column for each measure: `Collected.song_means`
     count, seed : of the resampling
     """
-    rows = []
-    for system, table in songs.groupby(level="system", sort=False):
-        for measure in songs.columns:
-            values = table[measure].dropna().to_numpy(np.float64)
-            if values.size:
-                low, high = song_interval(values, count=count, seed=seed)
-                about = {"system": system, "measure": measure, "mean": float(values.mean())}
-                rows.append({**about, "low": low, "high": high, "songs": values.size})
-    return pd.DataFrame(rows, columns=["system", "measure", "mean", "low", "high", "songs"])
+    means = {}
+    for measure in map(str, songs.columns):
+        table = songs[measure].unstack("system")
+        for system in map(str, table.columns):
+            if (mean := _mean(table[system], count, seed)) is not None:
+                means[system, measure] = mean
+    return means
 
 
 def system_differences(
     songs: pd.DataFrame, systems: Sequence[str], *, count: int = RESAMPLES, seed: int = 0
-) -> pd.DataFrame:
-    """Mean, low, high and number of songs of the differences a - b over the songs that both systems danced to.
+) -> list[Difference]:
+    """The differences of every measure over the songs that two systems both danced to.
 
     Parameters are those of `system_means`; `systems` are those that are compared, each with each.
     """
-    rows = []
-    for first, second in itertools.combinations(systems, 2):
-        differences = songs.loc[first] - songs.loc[second]  # aligned by song; NaN where one of them lacks it
-        for measure in songs.columns:
-            values = differences[measure].dropna().to_numpy(np.float64)
-            if values.size:
-                low, high = song_interval(values, count=count, seed=seed)
-                about = {"measure": measure, "a": first, "b": second, "mean": float(values.mean())}
-                rows.append({**about, "low": low, "high": high, "songs": values.size})
-    return pd.DataFrame(rows, columns=["measure", "a", "b", "mean", "low", "high", "songs"])
+    differences = []
+    for measure in map(str, songs.columns):
+        table = songs[measure].unstack("system")  # NaN where a system has no dance to a song
+        for first, second in itertools.combinations(systems, 2):
+            if (mean := _mean(table[first] - table[second], count, seed)) is not None:
+                differences.append(Difference(measure, first, second, *mean))
+    return differences
 
 
-def ranks(differences: pd.DataFrame, systems: Iterable[str], measure: str, *, better: int) -> dict[str, int]:
+def ranks(differences: Iterable[Difference], systems: Iterable[str], measure: str, *, better: int) -> dict[str, int]:
     """Rank of the systems by a measure: one more than the number of systems that are better beyond luck.
 
-    Better beyond luck: the interval of the paired difference excludes 0, over `FEWEST_SONGS` songs at least. A system
-    that differs from no other one in this way has no rank, and is left out.
+    Better beyond luck: the paired difference `is_clear`. A system that differs from no other one in this way has no
+    rank, and is left out.
 
     Parameters
     ----------
-    differences : DataFrame of `system_differences`
+    differences : of `system_differences`
     systems : names that are ranked
     measure : name of the measure
     better : 1 where more is better, -1 where less is, 0 for no ranks at all
     """
     names = set(systems)
-    rows = differences[(differences["measure"] == measure) & (differences["songs"] >= FEWEST_SONGS)]
     beaten: dict[str, list[str]] = {}
-    for row in rows.itertuples():
-        if better and {row.a, row.b} <= names and (row.low > 0 or row.high < 0):
-            winner, loser = (row.a, row.b) if (row.low > 0) == (better > 0) else (row.b, row.a)
+    for one in differences:
+        if better and one.measure == measure and one.is_clear and {one.a, one.b} <= names:
+            winner, loser = (one.a, one.b) if (one.low > 0) == (better > 0) else (one.b, one.a)
             beaten.setdefault(loser, []).append(winner)
             beaten.setdefault(winner, [])
     return {name: len(winners) + 1 for name, winners in beaten.items()}

@@ -12,7 +12,8 @@ import pandas as pd
 
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.methods import methods_paragraph, table_notes
-from harmolab.lab.evaluate.summary import measure_of
+from harmolab.lab.evaluate.sets import SetNumber
+from harmolab.lab.evaluate.summary import Mean, measure_of
 
 # Columns of the LaTeX table, those that were measured: name -> heading. The others are in the CSV file.
 COLUMNS: Mapping[str, str] = MappingProxyType(
@@ -35,6 +36,9 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
     }
 )
 ARROWS = MappingProxyType({1: r" $\uparrow$", -1: r" $\downarrow$", 0: ""})
+NO_MEAN, NO_NUMBER = Mean(math.nan, math.nan, math.nan, 0), SetNumber(math.nan, 0)
+# Below so much, so many digits; rounding must not lead over the edge.
+_DIGITS = ((0.00005, 2), (0.00995, 4), (0.0995, 3), (9.995, 2), (99.95, 1))
 _LATEX = MappingProxyType(
     {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
     | {mark: f"\\{mark}" for mark in "&%$#_{}"}
@@ -42,46 +46,40 @@ _LATEX = MappingProxyType(
 
 
 def number_text(value: float) -> str:
-    """A number with three digits or so, "-" where there is none; never -0.
+    """A number with two digits or three, "-" where there is none; never -0.
 
-    >>> [number_text(value) for value in (0.1234, -0.001, 12.34, 123.4, float("nan"))]
-    ['0.12', '0.00', '12.3', '123', '-']
+    >>> [number_text(value) for value in (0.1234, 0.00123, -0.00001, 12.34, 123.4, float("nan"))]
+    ['0.12', '0.0012', '0.00', '12.3', '123', '-']
     """
     if not math.isfinite(value):
         return "-"
-    digits = 2 if abs(value) < 9.995 else 1 if abs(value) < 99.95 else 0
+    digits = next((digits for most, digits in _DIGITS if abs(value) < most), 0)
     return f"{round(value, digits) + 0.0:.{digits}f}"
 
 
 def table_records(evaluation: Evaluation) -> list[dict[str, Any]]:
     """A record for each row of the table: counts, then every measure with low, high and rank, then those of sets."""
-    means = evaluation.means.set_index(["system", "measure"])
-    sets = evaluation.sets.set_index(["system", "measure"])
     records = []
     for name in evaluation.rows:
         record: dict[str, Any] = {"system": name, "control": name in evaluation.controls}
-        record |= {count: int(evaluation.counts.loc[name, count]) for count in ("dances", "songs", "seeds")}
+        record |= evaluation.counts[name]._asdict()
         for measure in evaluation.measures:
-            record[measure] = _entry(means, (name, measure), "mean")
-            record |= {f"{measure}_{end}": _entry(means, (name, measure), end) for end in ("low", "high")}
+            mean = evaluation.means.get((name, measure), NO_MEAN)
+            record |= {measure: mean.mean, f"{measure}_low": mean.low, f"{measure}_high": mean.high}
             record[f"{measure}_rank"] = evaluation.ranks.get(measure, {}).get(name)
         for measure in evaluation.set_measures:
-            record[measure] = _entry(sets, (name, measure), "mean")
-            more = ("raw", "n", "n_recorded") if measure.startswith("fid_") else ("n",)
-            record |= {f"{measure}_{each}": _entry(sets, (name, measure), each) for each in more}
+            number = evaluation.sets.get((name, measure), NO_NUMBER)
+            record |= {measure: number.value, f"{measure}_n": number.n}
+            if measure.startswith("fid_"):
+                record |= {f"{measure}_raw": number.raw, f"{measure}_n_recorded": number.n_recorded}
         records.append(record)
     return records
-
-
-def _entry(table: pd.DataFrame, place: tuple[str, str], column: str) -> float:
-    """A number of a table; NaN where it has no such row."""
-    return float(table.at[place, column]) if place in table.index else math.nan
 
 
 def table_csv(evaluation: Evaluation) -> str:
     """One line a row of the table; empty where there is no number."""
     frame = pd.DataFrame(table_records(evaluation))
-    ranked = [name for name in frame if name.endswith("_rank")]
+    ranked = [name for name in map(str, frame) if name.endswith("_rank")]
     return str(frame.astype(dict.fromkeys(ranked, "Int64")).to_csv(index=False))
 
 
@@ -92,7 +90,7 @@ def table_content(evaluation: Evaluation) -> dict[str, Any]:
         "settings": evaluation.settings.to_dict(),
         "measures": {name: measure_of(name)._asdict() for name in evaluation.measures},
         "rows": table_records(evaluation),
-        "differences": evaluation.differences.to_dict("records"),
+        "differences": [one._asdict() for one in evaluation.differences],
         "facts": {row: {name: dict(values) for name, values in facts.items()}
                   for row, facts in evaluation.facts.items()},
         "notes": list(table_notes(evaluation)),
@@ -131,7 +129,8 @@ def table_tex(evaluation: Evaluation) -> str:
 
 
 def _caption(evaluation: Evaluation) -> str:
-    few, many = evaluation.counts["songs"].min(), evaluation.counts["songs"].max()
+    numbers = [count.songs for count in evaluation.counts.values()]
+    few, many = min(numbers), max(numbers)
     songs = f"{few}" if few == many else f"{few} to {many}"
     return (
         f"Means over {songs} songs with 95\\,\\% intervals by resampling songs. Bold: better than another system, the "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,8 +16,19 @@ SPREAD = 0.22  # half the height of the band of dots, rows
 MOST_DOTS = 300  # of a row; of more songs so many are drawn, evenly through their sorted values
 
 
+class Interval(Protocol):
+    """A mean and the ends of its interval."""
+
+    @property
+    def mean(self) -> float: ...
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+
+
 def draw_distribution(
-    ax: Axes, songs: Mapping[str, ArrayLike], means: Mapping[str, Mapping[str, Any]], *, controls: Iterable[str] = ()
+    ax: Axes, songs: Mapping[str, ArrayLike], means: Mapping[str, Interval], *, controls: Iterable[str] = ()
 ) -> Axes:
     """A dot a song, a line for the interval and a diamond for the mean; one row a system, controls in grey.
 
@@ -25,7 +36,7 @@ def draw_distribution(
     ----------
     ax : Axes
     songs : row -> (n,) values of its songs
-    means : row -> "mean", "low" and "high" (NaN for no interval)
+    means : row -> record with mean, low and high (NaN for no interval)
     controls : rows that are no systems
     """
     grey = set(controls)
@@ -38,9 +49,9 @@ def draw_distribution(
         ax.scatter(dots, heights, s=12, color=colour, alpha=0.55, linewidths=0, gid="song")
         mean = means.get(name)
         if mean is not None:
-            if np.isfinite(mean["low"]):
-                ax.plot([mean["low"], mean["high"]], [place, place], color=COLOURS["ink"], linewidth=2, gid="interval")
-            ax.plot(mean["mean"], place, "D", color=COLOURS["ink"], markersize=5, gid="mean")
+            if np.isfinite(mean.low):
+                ax.plot([mean.low, mean.high], [place, place], color=COLOURS["ink"], linewidth=2, gid="interval")
+            ax.plot(mean.mean, place, "D", color=COLOURS["ink"], markersize=5, gid="mean")
     ax.set(yticks=range(len(songs)), yticklabels=[plain_text(name) for name in songs], ylim=(len(songs) - 0.5, -0.5))
     ax.tick_params(axis="y", length=0)
     return ax

@@ -92,35 +92,33 @@ def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
     low, high = (record.get(f"{name}_{end}", math.nan) for end in ("low", "high"))
     sizes = [record.get(f"{name}_{each}", math.nan) for each in ("n", "n_recorded")]
     beside = "" if math.isnan(low) else f"{number_text(low)} to {number_text(high)}"
-    if not math.isnan(sizes[0]):
-        beside = " and ".join(f"{size:.0f}" for size in sizes if not math.isnan(size)) + " dances"
+    if sizes[0] > 0:
+        beside = f"{' and '.join(f'{size:.0f}' for size in sizes if size == size)} dances"
     return {"value": number_text(record[name]), "beside": beside, "rank": record.get(f"{name}_rank")}
 
 
 def _panel(evaluation: Evaluation, name: str) -> dict[str, Any]:
     """A panel of the figure."""
     values = evaluation.songs[name].dropna()
-    means = evaluation.means[evaluation.means["measure"] == name].set_index("system")
-    rows = [row for row in evaluation.rows if row in means.index]
+    rows = [row for row in evaluation.rows if (row, name) in evaluation.means]
     return {
         "title": measure_of(name).words,
         "songs": {row: values.loc[row] for row in rows},
-        "means": {row: means.loc[row] for row in rows},
+        "means": {row: evaluation.means[row, name] for row in rows},
         "controls": evaluation.controls,
     }
 
 
 def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
     """The differences between two systems that exclude 0, in measures that have a direction."""
-    ranked = {name: ranks for name, ranks in evaluation.ranks.items() if ranks}
-    for row in evaluation.differences.itertuples():
-        if {row.a, row.b} <= ranked.get(row.measure, {}).keys() and (row.low > 0 or row.high < 0):
+    for one in evaluation.differences:
+        if one.is_clear and {one.a, one.b} <= evaluation.ranks[one.measure].keys():
             yield {
-                "measure": measure_of(row.measure).words,
-                "a": row.a,
-                "b": row.b,
-                "difference": f"{number_text(row.mean)} ({number_text(row.low)} to {number_text(row.high)})",
-                "songs": f"{row.songs}",
+                "measure": measure_of(one.measure).words,
+                "a": one.a,
+                "b": one.b,
+                "difference": f"{number_text(one.mean)} ({number_text(one.low)} to {number_text(one.high)})",
+                "songs": str(one.songs),
             }
 
 
