@@ -20,9 +20,13 @@ from harmolab.lab.evaluate.rows import OTHER_SONG
 
 FEATURE_DANCES = 5000  # of a system, of which the features are kept
 GROUP = ["system", "song", "seed"]
-ABOUT = ("key", *GROUP, "motion", "music", "kind", "skeleton", "beats", "error")
+FACTS = ("fps", "joints", "beats", "dance")  # of which values are counted
+# Columns of which no mean is taken.
+ABOUT = (
+    *("key", *GROUP, "motion", "music", "kind", "skeleton", "error", *FACTS),
+    *("music_beats", "p_value", "harmony_low", "harmony_high", "level"),
+)
 _FEATURE = re.compile(r"f_(.+)_\d{3}")
-FACTS = ("fps", "joints", "beats")  # of which values are counted
 
 
 @dataclass
@@ -34,7 +38,7 @@ class Collected:
     sums, counts : DataFrames by system, song and seed: of every measure, over the dances that have it
     features : system -> DataFrame of the features of some of its dances, with song, seed and skeleton
     extremes : system -> ((harmony, key) of its worst dance, the same of its best); systems without a harmony lack
-    facts : system -> "fps", "joints" or "beats" -> how many dances have which value
+    facts : system -> each of `FACTS` -> how many dances have which value
     errors : key -> the reason why a dance was not measured
     dances : system -> number of dances that were measured
     """

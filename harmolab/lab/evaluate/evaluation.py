@@ -119,7 +119,7 @@ class Evaluation:
     means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
     ranks : measure -> system -> its rank; systems without one are left out
     counts : system -> how many dances, songs and seeds were measured
-    facts : system -> "fps", "joints" or "beats" -> how many dances have which value
+    facts : system -> "fps", "joints", "beats" or "dance" -> how many dances have which value
     extremes : system -> (worst, best)
     unpaired : files that have no part in the table, with the reason
     errors : dances that could not be measured, with the reason

@@ -9,10 +9,9 @@ from importlib.metadata import version
 from harmolab.lab.evaluate.controls import LIMIT_DANCES
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.pairing import RECORDED
-from harmolab.lab.evaluate.rows import OTHER_SONG, PIECE, protocol_of
-from harmolab.lab.evaluate.sets import FEATURES
+from harmolab.lab.evaluate.rows import FEATURES, OTHER_SONG, PIECE, protocol_of
 from harmolab.lab.evaluate.summary import FEWEST_SONGS
-from harmolab.params import HarmonyParams
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
 
 FEW = 100  # dances below which a distance of features says little
 
@@ -71,8 +70,17 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
             f"{row}: {counts[row].dances} dances to {counts[row].songs} songs{seeds}, "
             f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
         )
-    beats = sum((facts[row]["beats"] for row in (*evaluation.systems, RECORDED)), Counter[str]())
+    beats, dances = (
+        sum((facts[row][name] for row in (*evaluation.systems, RECORDED)), Counter[str]())
+        for name in ("beats", "dance")
+    )
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
+    if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
+        yield (
+            f"Harmony was judged by the bar pattern of the song's dance for {_listed(patterns)}, which was learnt on "
+            "recorded dancers (dances of these recordings among them would be judged by what was learnt on them), and "
+            f"without a pattern for {dances.total() - sum(patterns.values())} dances."
+        )
 
 
 def _listed(values: Mapping[str, int]) -> str:

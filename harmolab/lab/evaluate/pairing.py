@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from harmolab.corpora.folders import natural
+from harmolab.corpora.folders import natural, recording_files
 from harmolab.corpora.tang2018 import find_audio
 from harmolab.io.files import PathLike, reading
 from harmolab.io.tables import read_columns
@@ -240,6 +240,11 @@ def unused_songs(songs: Iterable[Song], pairs: Iterable[Pair]) -> tuple[Unpaired
     """The songs that no pair has."""
     used = {pair.music for pair in pairs}
     return tuple(Unpaired(song.path, "no dance goes with this song") for song in songs if song.path not in used)
+
+
+def dance_of(music: Path) -> str:
+    """The dance of a song, as the recording's folder that it lies in says; "" where that is unknown."""
+    return recording_files(music.parent).dance if is_motion(music.parent) else ""
 
 
 def annotation_of(music: Path) -> Path | None:

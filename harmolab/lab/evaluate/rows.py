@@ -18,19 +18,20 @@ from harmolab.corpora.folders import load_any_motion, recorded_offset
 from harmolab.harmony import harmony_from_hits, music_and_motion, score_motion
 from harmolab.io.files import MissingFrameRate
 from harmolab.io.video_sound import load_sound
-from harmolab.lab.evaluate.pairing import Pair, annotation_of
+from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of
 from harmolab.metrics.beats import beat_align, beat_coverage, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.metrics.body_measures import MEASURES as BODY_MEASURES
 from harmolab.metrics.geometric import geometric_features
 from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.likeness import LikenessLimits, likeness
 from harmolab.metrics.quality import foot_skating, freezing, jerk, or_nan, pfc
-from harmolab.params import HarmonyParams
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.types import BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.judge import floor
 from harmolab.verdict.score import HarmonyScore
 
 FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
+FEATURES = ("kinetic", "geometric", "pose")  # kinds of features of a dance as a whole
 PIECE = 2.0  # seconds of a dance that the pose network sees at once; a dance is the mean of its pieces
 ALPHA = 0.05  # a dance whose p-value is at most this is in harmony beyond luck
 SONGS_KEPT = 2  # songs that a process holds, as dances to one song come in a row
@@ -96,7 +97,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     Returns
     -------
     dict : system, seed, song, motion, music, kind; fps, joints, skeleton (a hash of the joints' names), beats
-        ("annotated" or "tracked"), music_beats (their number); `MEASURES`; p_value, harmony_low, harmony_high and level
+        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown); `MEASURES`; p_value, harmony_low, harmony_high and level
         of the recommended score; the numbers of the protocol; f_NAME_000 and so on, the features of the dance by name.
         NaN for what this motion does not have.
 
@@ -112,11 +113,11 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
         "skeleton": hashlib.sha256(" ".join(joints).encode()).hexdigest()[:8],
-        "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
+        "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music), "dance": clip.dance,
     }  # fmt: skip
-    numbers = {"seconds": motion.duration, **_harmony(music, motion), **paper_numbers(music, motion)}
+    numbers = {"seconds": motion.duration, **_harmony(music, motion, clip.dance), **paper_numbers(music, motion)}
     numbers |= _beat_numbers(music, motion) | {name: or_nan(measure, motion) for name, measure in QUALITY.items()}
-    numbers |= _likeness(motion, options)
+    numbers |= _likeness(motion, clip.dance, options)
     features = motion_features(motion, options)
     if options.protocol:
         protocol = protocol_of(options.protocol)
@@ -182,12 +183,12 @@ def _song(music: Path, _: int) -> Clip:
     beats = song_beats(audio, beats=annotation)
     if annotation is not None and not len(beats):
         raise ValueError(f"{annotation}: holds no beats; remove it to have the beats tracked")
-    return Clip(music.stem, audio, beats=beats)
+    return Clip(music.stem, audio, beats=beats, dance=dance_of(music))
 
 
-def _harmony(music: BeatTrack, motion: Motion) -> dict[str, float]:
+def _harmony(music: BeatTrack, motion: Motion, dance: str) -> dict[str, float]:
     """The recommended score. A body in which nothing moves has a harmony of 0 and a p-value of 1, not none."""
-    score = score_motion(music, motion, params=HarmonyParams.recommended())
+    score = score_motion(music, motion, params=HarmonyParams.recommended(DANCE_PATTERNS.get(dance)))
     low, high = score.interval
     values = {
         "harmony": score.harmony_above_chance, "p_value": score.p_value, "harmony_low": low, "harmony_high": high
@@ -229,9 +230,9 @@ def _beat_numbers(music: BeatTrack, motion: Motion) -> dict[str, float]:
     }
 
 
-def _likeness(motion: Motion, options: RowOptions) -> dict[str, float]:
+def _likeness(motion: Motion, dance: str, options: RowOptions) -> dict[str, float]:
     """1 where the dance moves like the recorded dancers, 0 where not, and four of its measures."""
-    judged = likeness(motion, limits=options.limits)
+    judged = likeness(motion, dance=dance, limits=options.limits)
     passed = float("nan") if judged.passed is None else float(judged.passed)
     return {"likeness": passed} | {name: judged.values.get(name, float("nan")) for name in BODY}
 

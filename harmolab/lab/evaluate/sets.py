@@ -11,11 +11,10 @@ import pandas as pd
 
 from harmolab.lab.evaluate.collecting import feature_columns, feature_names
 from harmolab.lab.evaluate.pairing import RECORDED
-from harmolab.lab.evaluate.rows import protocol_of
+from harmolab.lab.evaluate.rows import FEATURES, protocol_of
 from harmolab.metrics.frechet import diversity, frechet_distance, multimodality, standardise
 from harmolab.types import FloatArray
 
-FEATURES = ("kinetic", "geometric", "pose")
 LEAST = 4  # dances on either side that a distance without its small-sample bias needs
 
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy.special import ndtr, stdtrit
 
-from harmolab.lab.evaluate.rows import MEASURES, Measure
+from harmolab.lab.evaluate.rows import FEATURES, MEASURES, Measure
 from harmolab.significance import LEVEL, bootstrap_interval
 from harmolab.types import FloatArray
 
 RESAMPLES = 4000
+SETS = MappingProxyType({"fid": "Fréchet distance", "diversity": "diversity", "multimodality": "multimodality"})
 FEWEST_SONGS = 6  # of five, all differences have one sign in one case of sixteen, by luck
 
 
@@ -132,5 +134,8 @@ def ranks(differences: Iterable[Difference], systems: Iterable[str], measure: st
 
 
 def measure_of(name: str) -> Measure:
-    """Words and direction of a column; a column of a protocol is called as there, and has no direction."""
+    """Words and direction of a column of the table; a column of a protocol is called as there, and has no direction."""
+    kind, _, features = name.partition("_")
+    if kind in SETS and features in FEATURES:
+        return Measure(f"{SETS[kind]}, {features} features", -1 if kind == "fid" else 0)
     return MEASURES.get(name, Measure(name, 0))
