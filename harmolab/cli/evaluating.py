@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
 
 KEY = (
-    "harmony", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "pfc", "foot_skating",
+    "harmony", "harmony_dance", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "pfc", "foot_skating",
     "freezing", "likeness", "fid_kinetic", "fid_geometric", "fid_pose",
 )  # fmt: skip
 NAMED = 5  # files left out that are named in the terminal

@@ -24,7 +24,7 @@ FACTS = ("fps", "joints", "beats", "dance")  # of which values are counted
 # Columns of which no mean is taken.
 ABOUT = (
     *("key", *GROUP, "motion", "music", "kind", "skeleton", "error", *FACTS),
-    *("music_beats", "p_value", "harmony_low", "harmony_high", "level"),
+    *("music_beats", "p_value", "p_value_dance", "harmony_low", "harmony_high", "level"),
 )
 _FEATURE = re.compile(r"f_(.+)_\d{3}")
 

@@ -77,9 +77,8 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
     if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
         yield (
-            f"Harmony was judged by the bar pattern of the song's dance for {_listed(patterns)}, which was learnt on "
-            "recorded dancers (dances of these recordings among them would be judged by what was learnt on them), and "
-            f"without a pattern for {dances.total() - sum(patterns.values())} dances."
+            f"Harmony by the bar pattern of the song's dance is that of {_listed(patterns)}; the patterns were learnt on "
+            "recorded dancers, and judge those that they were learnt on too kindly."
         )
 
 
@@ -95,7 +94,8 @@ def _measurement(evaluation: Evaluation) -> Iterator[str]:
     paper, limits = HarmonyParams.paper(), evaluation.options.limits
     yield (
         "Harmony above chance is the recommended score (the percentile rank of the music beats among all moments of "
-        "the movement's shape; 0 is chance, 1 the most there is); a dance in which nothing moves has 0. Harmony h and "
+        "the movement's shape, expected to rest on the beats or to hit them; 0 is chance, 1 the most there is); a dance "
+        "in which nothing moves has 0. Harmony h and "
         f"hit rate are in paper mode (reaction delay {paper.reaction_delay:g} s, beta {paper.beta:g}, "
         f"{paper.fps:g} frames per second, thresholds {paper.audio_threshold:g} and {paper.visual_threshold:g}), each "
         "beside what as many visual beats at random moments reach."

@@ -47,7 +47,8 @@ class Measure(NamedTuple):
 
 
 MEASURES: Mapping[str, Measure] = {
-    "harmony": Measure("harmony above chance (recommended)", 1),
+    "harmony": Measure("harmony above chance", 1),
+    "harmony_dance": Measure("harmony above chance by the bar pattern of the song's dance", 1),
     "significant": Measure(f"share of dances with p <= {ALPHA:g}", 1),
     "paper_harmony": Measure("harmony h (paper)", 1),
     "paper_harmony_chance": Measure("h of as many beats at random moments", 0),
@@ -97,9 +98,10 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     Returns
     -------
     dict : system, seed, song, motion, music, kind; fps, joints, skeleton (a hash of the joints' names), beats
-        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown); `MEASURES`; p_value, harmony_low, harmony_high and level
-        of the recommended score; the numbers of the protocol; f_NAME_000 and so on, the features of the dance by name.
-        NaN for what this motion does not have.
+        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown); `MEASURES`;
+        p_value, harmony_low, harmony_high and level of the recommended score, p_value_dance of that by the dance's
+        pattern; the numbers of the protocol; f_NAME_000 and so on, the features of the dance by name. NaN for what this
+        motion does not have.
 
     Raises
     ------
@@ -113,7 +115,8 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "system": pair.system, "seed": pair.seed, "song": pair.song, "motion": str(pair.motion),
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
         "skeleton": hashlib.sha256(" ".join(joints).encode()).hexdigest()[:8],
-        "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music), "dance": clip.dance,
+        "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
+        "dance": clip.dance,
     }  # fmt: skip
     numbers = {"seconds": motion.duration, **_harmony(music, motion, clip.dance), **paper_numbers(music, motion)}
     numbers |= _beat_numbers(music, motion) | {name: or_nan(measure, motion) for name, measure in QUALITY.items()}
@@ -187,17 +190,25 @@ def _song(music: Path, _: int) -> Clip:
 
 
 def _harmony(music: BeatTrack, motion: Motion, dance: str) -> dict[str, float]:
-    """The recommended score. A body in which nothing moves has a harmony of 0 and a p-value of 1, not none."""
-    score = score_motion(music, motion, params=HarmonyParams.recommended(DANCE_PATTERNS.get(dance)))
-    low, high = score.interval
-    values = {
-        "harmony": score.harmony_above_chance, "p_value": score.p_value, "harmony_low": low, "harmony_high": high
-    }  # fmt: skip
-    if _is_still(score):
-        values |= {"harmony": 0.0, "p_value": 1.0}
+    """The recommended score without a pattern, and by the bar pattern of the dance where there is one."""
+    values = _recommended(music, motion, HarmonyParams.recommended())
     p = values["p_value"]
-    level = score.judgement.level if score.judgement else 0
-    return values | {"significant": float(p <= ALPHA) if p == p else p, "level": float(level)}
+    numbers = values | {"significant": float(p <= ALPHA) if p == p else p}
+    if dance not in DANCE_PATTERNS:
+        return numbers | {"harmony_dance": float("nan"), "p_value_dance": float("nan")}
+    danced = _recommended(music, motion, HarmonyParams.recommended(DANCE_PATTERNS[dance]))
+    return numbers | {"harmony_dance": danced["harmony"], "p_value_dance": danced["p_value"]}
+
+
+def _recommended(music: BeatTrack, motion: Motion, params: HarmonyParams) -> dict[str, float]:
+    """A recommended score. A body in which nothing moves has a harmony of 0 and a p-value of 1, not none."""
+    score = score_motion(music, motion, params=params)
+    low, high = score.interval
+    level = float(score.judgement.level if score.judgement else 0)
+    if _is_still(score):
+        return {"harmony": 0.0, "p_value": 1.0, "harmony_low": 0.0, "harmony_high": 0.0, "level": level}
+    values = {"harmony": score.harmony_above_chance, "p_value": score.p_value}
+    return values | {"harmony_low": low, "harmony_high": high, "level": level}
 
 
 def _is_still(score: HarmonyScore) -> bool:

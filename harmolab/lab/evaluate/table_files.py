@@ -19,6 +19,7 @@ from harmolab.lab.evaluate.summary import Mean, measure_of
 COLUMNS: Mapping[str, str] = MappingProxyType(
     {
         "harmony": "Harmony",
+        "harmony_dance": "H. of dance",
         "paper_harmony": r"$h$",
         "paper_harmony_chance": r"$h$ by chance",
         "beat_align_motion": r"BA$_\mathrm{motion}$",

@@ -15,14 +15,15 @@ from harmolab.lab.evaluate.methods import methods_paragraph, table_notes
 from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.evaluate.table_files import number_text, table_content, table_csv, table_records, table_tex
-from harmolab.lab.figures.evaluation import distributions_figure, plain_text
+from harmolab.lab.figures.evaluation import distributions_figure
 from harmolab.lab.figures.timing import png_text
 from harmolab.lab.report.templates import rendered
 from harmolab.lab.widgets.player import player_of
+from harmolab.params import HarmonyParams
 
 SHOWN_SECONDS = 20.0  # of a dance in the page's players
 DRAWN = (
-    "harmony", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "likeness", "pfc",
+    "harmony", "harmony_dance", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "likeness", "pfc",
     "foot_skating", "freezing", "jerk",
 )  # fmt: skip
 LISTED = 200  # files that the page names as left out; table.json has them all
@@ -137,6 +138,8 @@ def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
     try:
         clip = pair_clip(pair, evaluation.options)
         seconds = min(SHOWN_SECONDS, clip.audio.duration)
-        return Shown(title, player_of([clip], seconds=seconds, title=plain_text(title, 120)).page, "")
+        return Shown(
+            title, player_of([clip], seconds=seconds, title=title, params=HarmonyParams.recommended()).page, ""
+        )
     except (ValueError, OSError) as error:
         return Shown(title, "", str(error))
