@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
 
 KEY = (
-    "harmony", "harmony_dance", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "pfc", "foot_skating",
-    "freezing", "likeness", "fid_kinetic", "fid_geometric", "fid_pose",
-)  # fmt: skip
+    *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
+    *("mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness", "fid_kinetic", "fid_geometric", "fid_pose"),
+)
 NAMED = 5  # files left out that are named in the terminal
 
 
@@ -118,17 +118,20 @@ def _print(evaluation: Evaluation) -> None:
     from rich.table import Table
 
     from harmolab.lab.evaluate.methods import table_notes
-    from harmolab.lab.evaluate.summary import measure_of
     from harmolab.lab.evaluate.table_files import number_text, table_records
 
     records = table_records(evaluation)
-    table = Table("", *(escape(printable(name)) for name in evaluation.rows), title="means over songs (rank)")
+    table = Table(
+        "",
+        *(escape(printable(name)) for name in evaluation.rows),
+        title="means over songs (rank), by columns of table.csv",
+    )
     for count in ("dances", "songs", "seeds"):
         table.add_row(count, *(str(record[count]) for record in records))
     for name in KEY:
         if name in evaluation.measures or name in evaluation.set_measures:
             cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
-            table.add_row(measure_of(name).words, *(f"{text} ({rank})" if rank else text for text, rank in cells))
+            table.add_row(name, *(f"{text} ({rank})" if rank else text for text, rank in cells))
     Console().print(table)
     for remark in table_notes(evaluation):
         typer.echo(printable(remark))

@@ -10,9 +10,13 @@ from harmolab.lab.evaluate.controls import LIMIT_DANCES
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.pairing import RECORDED
 from harmolab.lab.evaluate.rows import FEATURES, OTHER_SONG, PIECE, protocol_of
-from harmolab.lab.evaluate.summary import FEWEST_SONGS
+from harmolab.lab.evaluate.summary import FEWEST_SONGS, measure_of
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 
+MUSICAL = (  # of which more must be reached with the own song than with another
+    *("harmony", "harmony_dance", "paper_harmony", "paper_hit_rate"),
+    *("beat_align_motion", "beat_align_music", "beat_hit_rate", "mir_eval_f"),
+)
 FEW = 100  # dances below which a distance of features says little
 
 
@@ -23,6 +27,11 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
         yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
         yield f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more."
+    if deaf := list(_deaf_measures(evaluation)):
+        yield (
+            "These measures do not tell the recorded dances from the same with another song, so on these recordings a "
+            f"rank by them says nothing about the music: {', '.join(deaf)}."
+        )
     for name in FEATURES:
         if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
             yield f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}."
@@ -44,6 +53,15 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
         yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
     if evaluation.errors:
         yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
+
+
+def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:
+    """The words of `MUSICAL` measures that are not clearly higher for recorded dances with their own songs."""
+    for one in evaluation.differences:
+        if {one.a, one.b} == {RECORDED, OTHER_SONG} and one.measure in MUSICAL:
+            low = one.low if one.a == RECORDED else -one.high
+            if one.songs >= FEWEST_SONGS and not low > 0:
+                yield measure_of(one.measure).words
 
 
 def _reason(evaluation: Evaluation, name: str) -> str:
@@ -77,8 +95,8 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
     if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
         yield (
-            f"Harmony by the bar pattern of the song's dance is that of {_listed(patterns)}; the patterns were learnt on "
-            "recorded dancers, and judge those that they were learnt on too kindly."
+            f"Harmony by the bar pattern of the song's dance is that of {_listed(patterns)}; the patterns were learnt "
+            "on recorded dancers, and judge those that they were learnt on too kindly."
         )
 
 
@@ -94,8 +112,8 @@ def _measurement(evaluation: Evaluation) -> Iterator[str]:
     paper, limits = HarmonyParams.paper(), evaluation.options.limits
     yield (
         "Harmony above chance is the recommended score (the percentile rank of the music beats among all moments of "
-        "the movement's shape, expected to rest on the beats or to hit them; 0 is chance, 1 the most there is); a dance "
-        "in which nothing moves has 0. Harmony h and "
+        "the movement's shape, expected to rest on the beats or to hit them; 0 is chance, 1 the most there is); a "
+        "dance in which nothing moves has 0. Harmony h and "
         f"hit rate are in paper mode (reaction delay {paper.reaction_delay:g} s, beta {paper.beta:g}, "
         f"{paper.fps:g} frames per second, thresholds {paper.audio_threshold:g} and {paper.visual_threshold:g}), each "
         "beside what as many visual beats at random moments reach."
