@@ -53,7 +53,7 @@ def evaluate(
     resume: Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that holds other files.")] = False,
 ) -> None:
-    """How good are these dances? A table of the field's measures, with controls, that can be published.
+    """A table of dances by the field's measures, with controls and intervals, that can be published.
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
     own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed.

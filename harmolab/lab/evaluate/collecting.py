@@ -31,7 +31,7 @@ _FEATURE = re.compile(r"f_(.+)_\d{3}")
 
 @dataclass
 class Collected:
-    """What is kept of the rows of all dances.
+    """The parts of the rows of all dances that are kept.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def written_parts(parts: Iterable[pd.DataFrame], path: Path, pairs: Iterable[Pai
             if not columns and "system" not in part:  # nothing was measured so far: its columns are not known
                 failed.append(rows)
             elif not columns:
-                columns = [*_shown(rows), *([] if "error" in rows else ["error"])]
+                columns = [*_plain_columns(rows), *([] if "error" in rows else ["error"])]
                 pd.concat([*failed, rows]).reindex(columns=columns).to_csv(stream, index=False)
             else:
                 rows.reindex(columns=columns).to_csv(stream, index=False, header=False)
@@ -142,7 +142,7 @@ def written_parts(parts: Iterable[pd.DataFrame], path: Path, pairs: Iterable[Pai
             pd.concat(failed).to_csv(stream, index=False)
 
 
-def _shown(rows: pd.DataFrame) -> list[str]:
+def _plain_columns(rows: pd.DataFrame) -> list[str]:
     return [name for name in map(str, rows) if not _FEATURE.fullmatch(name)]
 
 

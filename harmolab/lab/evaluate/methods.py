@@ -21,7 +21,7 @@ FEW = 100  # dances below which a distance of features says little
 
 
 def table_notes(evaluation: Evaluation) -> Iterator[str]:
-    """What a reader must know of this table: small samples, missing columns and controls, doubtful harmony."""
+    """Remarks that a reader needs beside this table: small samples, missing columns and controls, doubtful harmony."""
     counts = evaluation.counts
     if OTHER_SONG not in evaluation.controls:
         yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
@@ -75,7 +75,7 @@ def _reason(evaluation: Evaluation, name: str) -> str:
 
 
 def methods_paragraph(evaluation: Evaluation) -> str:
-    """How the table was made: versions, data, frame rates, beats, settings, statistics, and the protocol's remarks."""
+    """The way the table was made: versions, data, frame rates, beats, settings, statistics, and the protocol's remarks."""
     return " ".join([*_data(evaluation), *_measurement(evaluation), *_statistics(evaluation), *_protocol(evaluation)])
 
 

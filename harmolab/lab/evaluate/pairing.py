@@ -254,7 +254,7 @@ def annotation_of(music: Path) -> Path | None:
 
 
 def _entries(folder: PathLike) -> list[Path]:
-    """What a folder holds but for hidden files, dance_2 before dance_10."""
+    """The content of a folder but for hidden files, dance_2 before dance_10."""
     folder = Path(folder)
     if not folder.exists():
         raise FileNotFoundError(f"{folder}: no such folder")

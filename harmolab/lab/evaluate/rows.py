@@ -48,7 +48,7 @@ class Measure(NamedTuple):
 
 MEASURES: Mapping[str, Measure] = {
     "harmony": Measure("harmony above chance", 1),
-    "harmony_dance": Measure("harmony above chance by the bar pattern of the song's dance", 1),
+    "harmony_dance": Measure("harmony above chance, by the song's dance", 1),
     "significant": Measure(f"share of dances with p <= {ALPHA:g}", 1),
     "paper_harmony": Measure("harmony h (paper)", 1),
     "paper_harmony_chance": Measure("h of as many beats at random moments", 0),

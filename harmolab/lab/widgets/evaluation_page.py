@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
+from textwrap import fill
 from typing import Any, NamedTuple
 
 from harmolab.io.files import PathLike, plain, write_text
@@ -26,6 +27,7 @@ DRAWN = (
     *("harmony", "harmony_dance", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "likeness"),
     *("pfc", "foot_skating", "freezing", "jerk"),
 )
+TITLE = 40  # letters in a line of a panel's title
 LISTED = 200  # files that the page names as left out; table.json has them all
 WIDE, NARROW = (3, 4.0), (1, 4.4)  # panels in a row, inches of each
 
@@ -71,7 +73,7 @@ def evaluation_page(evaluation: Evaluation) -> str:
         narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
         differences=list(_differences(evaluation)),
         compared=len(evaluation.systems) > 1,
-        dances=list(_shown(evaluation)),
+        dances=list(_players(evaluation)),
         shown_seconds=SHOWN_SECONDS,
         notes=list(table_notes(evaluation)),
         methods=methods_paragraph(evaluation),
@@ -85,7 +87,7 @@ def _line(records: list[dict[str, Any]], name: str) -> dict[str, Any]:
     """A line of the page's table: the words for a measure, its direction, and a cell for each row of the table."""
     measure = measure_of(name)
     cells = [_cell(record, name) for record in records]
-    return {"words": measure.words.replace("_", " "), "better": measure.better, "cells": cells}
+    return {"words": measure.words, "better": measure.better, "cells": cells}
 
 
 def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -103,7 +105,7 @@ def _panel(evaluation: Evaluation, name: str) -> dict[str, Any]:
     values = evaluation.songs[name].dropna()
     rows = [row for row in evaluation.rows if (row, name) in evaluation.means]
     return {
-        "title": measure_of(name).words,
+        "title": fill(measure_of(name).words, TITLE),
         "songs": {row: values.loc[row] for row in rows},
         "means": {row: evaluation.means[row, name] for row in rows},
         "controls": evaluation.controls,
@@ -123,7 +125,7 @@ def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
             }
 
 
-def _shown(evaluation: Evaluation) -> Iterator[Shown]:
+def _players(evaluation: Evaluation) -> Iterator[Shown]:
     """The best and the worst dance of each system and of the recorded ones."""
     for system, (worst, best) in evaluation.extremes.items():
         yield _in_player(evaluation, best, f"{system}: best")
