@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -73,8 +72,6 @@ def evaluate(
 
     with plain_errors():
         check_pages("--out")
-        if find_spec("matplotlib") is None:
-            raise ValueError("--out: the page needs matplotlib; install it with: pip install 'harmolab[lab]'")
         settings = _settings(
             generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
             scale=scale, pose_net=pose_net, resamples=resamples, seed=seed,
@@ -121,11 +118,10 @@ def _print(evaluation: Evaluation) -> None:
     from harmolab.lab.evaluate.table_files import number_text, table_records
 
     records = table_records(evaluation)
-    table = Table(
-        "",
-        *(escape(printable(name)) for name in evaluation.rows),
-        title="means over songs (rank), by columns of table.csv",
-    )
+    table = Table(title="means over songs (rank), by columns of table.csv")
+    table.add_column("", no_wrap=True)
+    for name in evaluation.rows:
+        table.add_column(escape(printable(name)))
     for count in ("dances", "songs", "seeds"):
         table.add_row(count, *(str(record[count]) for record in records))
     for name in KEY:

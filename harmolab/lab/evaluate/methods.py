@@ -29,8 +29,8 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
         yield f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more."
     if deaf := list(_deaf_measures(evaluation)):
         yield (
-            "These measures do not tell the recorded dances from the same with another song, so on these recordings a "
-            f"rank by them says nothing about the music: {', '.join(deaf)}."
+            "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
+            f"may say nothing about the music: {'; '.join(deaf)}."
         )
     for name in FEATURES:
         if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
@@ -70,12 +70,12 @@ def _reason(evaluation: Evaluation, name: str) -> str:
     if name == "pose":
         return "the pose network knows other joints (--pose-net names another), or the dances are too few or too short"
     if name == "kinetic":
-        return "its joints are not those of the recorded dances, or there are fewer than four dances"
-    return "its joints have no names that tell the parts of a body, or there are fewer than four dances"
+        return "the joints are not those of the recorded dances, or there are fewer than four dances"
+    return "they need joints by name that the body does not have, or there are fewer than four dances"
 
 
 def methods_paragraph(evaluation: Evaluation) -> str:
-    """The way the table was made: versions, data, frame rates, beats, settings, statistics, and the protocol's remarks."""
+    """The way the table was made: data, frame rates, beats, settings, statistics, and the protocol's remarks."""
     return " ".join([*_data(evaluation), *_measurement(evaluation), *_statistics(evaluation), *_protocol(evaluation)])
 
 
