@@ -20,7 +20,7 @@ from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
-from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, evaluate_dances
+from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
 from harmolab.lab.evaluate.rows import FROZEN, MEASURES, OTHER_SONG, RowOptions, clip_row
 from harmolab.lab.evaluate.serial import run_rows
@@ -434,6 +434,7 @@ def test_a_table_is_not_written_over_what_it_is_made_from(planted: Path, tmp_pat
     with pytest.raises(ValueError, match=r"no table of harmolab; .*--force"):
         evaluate_dances(settings(planted), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    check_table_folder(tmp_path, settings(planted), force=True)
 
 
 def test_a_system_must_not_be_called_like_a_control(planted: Path) -> None:

@@ -59,7 +59,7 @@ def set_numbers(features: Mapping[str, pd.DataFrame], *, seed: int = 0) -> SetNu
 
     The features are in units of the recorded dances (`standardise`). Distances are without the bias of small samples,
     those with it stand beside, and so do the sample sizes. The recorded dances have no distance from themselves: theirs
-    is that between the halves of their songs, every second one by name, which is what chance leaves of 0.
+    is that between the halves of their songs, every second one by name: what chance and other songs leave of 0.
 
     Parameters
     ----------
