@@ -14,6 +14,7 @@ from harmolab.cli.comparing import compare, learn
 from harmolab.cli.converting import convert
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
+from harmolab.cli.evaluating import evaluate
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import play
@@ -29,7 +30,10 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
-for command in (score, compare, learn, train, dance, perform, play, render, retime, explain, beats, tap, convert):
+COMMANDS = (
+    score, compare, evaluate, learn, train, dance, perform, play, render, retime, explain, beats, tap, convert,
+)  # fmt: skip
+for command in COMMANDS:
     app.command(cls=CheckedCommand)(command)
 app.add_typer(data_app, name="data")
 app.add_typer(study_app, name="study")
