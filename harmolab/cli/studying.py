@@ -156,9 +156,13 @@ def analyse(
     from harmolab.lab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
 
     with plain_errors():
-        answers = merge(answer_files(study)).of(raters)
-        key = read_key(study / KEY_FILE)
-        tables = study_tables(answers, key, read_scores(study / SCORES_FILE), seed=seed)
+        files = merge(answer_files(study))
+        key, scores = read_key(study / KEY_FILE), read_scores(study / SCORES_FILE)
+        try:
+            answers = files.of(raters)
+            tables = study_tables(answers, key, scores, seed=seed)
+        except ValueError as error:
+            raise ValueError(f"{study}: {error}") from None
         summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
         text = json.dumps(plain(summary), indent=2)
         if out is not None:
