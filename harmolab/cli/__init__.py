@@ -10,6 +10,7 @@ import typer
 from harmolab import __version__
 from harmolab.cli.beats import beats, tap
 from harmolab.cli.checks import CheckedCommand
+from harmolab.cli.common import plain_errors
 from harmolab.cli.comparing import compare, learn
 from harmolab.cli.converting import convert
 from harmolab.cli.dancing import dance
@@ -46,9 +47,11 @@ def report(
     profile: Annotated[Literal["quick", "full"], typer.Option(help="quick (minutes) or full.")] = "quick",
 ) -> None:
     """Run the notebooks and build the offline HTML report."""
-    from harmolab.lab.report.run import main as build
+    from harmolab.lab.report.run import TIMEOUTS, build, print_outcome
 
-    raise typer.Exit(build(["--notebooks", str(notebooks), "--out", str(out), "--profile", profile]))
+    with plain_errors():
+        result = build(notebooks, out, profile=profile, timeout=TIMEOUTS[profile])
+    raise typer.Exit(print_outcome(result))
 
 
 def version(value: bool) -> None:

@@ -175,13 +175,13 @@ def _odd_sound(audio: Audio) -> tuple[str, ...]:
 def _beats(path: Path) -> FileSummary:
     """The row of a beat annotation."""
     annotation = load_annotation(path)
-    track = annotation.track(None if annotation.times.size else 1.0)
+    track = annotation.track()
     facts = [annotation.dance] if annotation.dance else []
     facts += [] if annotation.bpm is None else [f"{annotation.bpm:.1f} beats a minute"]
     facts += [] if annotation.meter is None else [f"{annotation.meter} beats a bar"]
     facts += [f"{len(annotation.units)} units"] if annotation.units else []
     steps = np.diff(annotation.times)
-    odd = ["holds no beats"] if not len(track) else []
+    odd = []
     if steps.size and steps.max() > 2.5 * np.median(steps):
         last = annotation.times[int(np.argmax(steps))]
         odd.append(f"no beat for {steps.max():.2f} s after {last:.2f} s, others are {np.median(steps):.2f} s apart")

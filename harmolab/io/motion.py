@@ -17,6 +17,7 @@ name            shape and type                      meaning
 ``offset``      one number, optional                seconds, audio time of frame 0 in the song it was made for
 ``detected``    (T, J) bool, optional               False where a joint was not detected and its place is filled in
 ``about``       one string, optional                where the motion comes from, for people
+``written_by_harmolab``  one bool, optional         marks a file that harmolab may write over
 ==============  ==================================  =======================================================
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
@@ -62,7 +63,7 @@ from harmolab.io.arrays import check_joints, checked_motion, in_metres, npz_name
 from harmolab.io.bvh import read_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.c3d import load_c3d
-from harmolab.io.files import PathLike, atomic_write, reading
+from harmolab.io.files import WRITTEN_BY, PathLike, atomic_write, reading
 from harmolab.io.keypoints import load_keypoints
 from harmolab.io.motion_file import MotionFile, ReadingOptions, as_read
 from harmolab.io.smpl_files import MEMBERS, is_parameters, parameter_motion
@@ -269,6 +270,7 @@ def save_motion(
     _offset(optional)
     optional |= {} if detected is None else {"detected": np.asarray(detected, bool)}
     optional |= {"about": np.array(about)} if about else {}
+    optional |= {WRITTEN_BY.replace(" ", "_"): np.array(True)}
     suffix = path.suffix.lower()
     if suffix == ".bvh":
         save_bvh(path, motion)
