@@ -159,13 +159,9 @@ def test_a_run_is_neither_written_over_nor_mixed_with_another(tmp_path: Path):
     with pytest.raises(ValueError, match="holds a run; go on with it by --resume, or begin anew by --force"):
         run_rows(Numbers(100), square, tmp_path, jobs=0)
     with pytest.raises(ValueError, match=r"settings\.limits\.jerk was 1 and is 2, settings\.window was 6\.0 and is 8"):
-        run_rows(
-            Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": 8.0, "limits": {"jerk": 2}}
-        )
+        run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": 8.0, "limits": {"jerk": 2}})
     with pytest.raises(ValueError, match=r"keys was .*rows was 100 and is 99"):
-        run_rows(
-            Numbers(99), square, tmp_path, jobs=0, resume=True, settings={"window": 6.0, "limits": {"jerk": 1}}
-        )
+        run_rows(Numbers(99), square, tmp_path, jobs=0, resume=True, settings={"window": 6.0, "limits": {"jerk": 1}})
     run_rows(Numbers(3), square, tmp_path, jobs=0, force=True)
     assert [len(frame) for frame in read_rows(tmp_path)] == [3]
     assert len(contents(tmp_path)) == 1
@@ -217,9 +213,8 @@ def test_without_its_packages_the_engine_says_what_to_install(
     find = importlib.util.find_spec
     monkeypatch.setattr(parts, "find_spec", lambda name: None if name == package else find(name))
     with pytest.raises(ValueError, match=rf"this needs {package}; install it with: pip install 'harmolab\[cluster\]'"):
-        run_rows(Numbers(3), square, tmp_path / "out", jobs=0)
-    with pytest.raises(ValueError, match="harmolab"):
-        read_rows(tmp_path)
+        run_rows(Numbers(3), square, tmp_path / "out", jobs=1)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -231,7 +226,8 @@ def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPat
 def started(*arguments: object) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", *map(str, arguments)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, cwd=ROOT, env=environment, **pipes)
 
 
 def rows_there(out: Path) -> int:
@@ -278,11 +274,11 @@ def workers_of(pid: int) -> list[int]:
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes by /proc")
 def test_workers_killed_again_and_again_change_nothing(tmp_path: Path):
-    count, kills, is_over = 1500, [0], threading.Event()
+    count, kills, is_over = 600, [0], threading.Event()
     run_rows(Numbers(count), square, tmp_path / "alone", jobs=0)
 
     def kill_workers() -> None:
-        while not is_over.wait(3.0):
+        while not is_over.wait(5.0):
             for pid in workers_of(os.getpid())[-1:]:
                 os.kill(pid, signal.SIGKILL)
                 kills[0] += 1
@@ -299,7 +295,7 @@ def test_workers_killed_again_and_again_change_nothing(tmp_path: Path):
 
 
 def slow_square(task: Number) -> dict[str, Any]:
-    time.sleep(0.01)
+    time.sleep(0.05)
     return square(task)
 
 

@@ -36,12 +36,12 @@ class Moments:
     def of(cls, features: FloatArray) -> Moments:
         """The moments of (n, d) features, n and d at least 1."""
         mean = features.mean(axis=0)
-        return cls(len(features), mean, np.linalg.qr(features - mean, mode="r"))
+        return cls(len(features), mean, _triangle(features - mean))
 
     def __add__(self, other: Moments) -> Moments:
         size, shift = self.size + other.size, other.mean - self.mean
         between = shift * np.sqrt(self.size * other.size / size)
-        factor = np.linalg.qr(np.vstack([self.factor, other.factor, between]), mode="r")
+        factor = _triangle(np.vstack([self.factor, other.factor, between]))
         return Moments(size, self.mean + shift * (other.size / size), factor)
 
     def standardised(self, reference: Moments) -> Moments:
@@ -49,6 +49,11 @@ class Moments:
         spread = np.sqrt((reference.factor**2).sum(axis=0) / reference.size)
         unit = np.where(spread <= 1e-12 * np.abs(reference.mean), 1.0, spread)
         return Moments(self.size, (self.mean - reference.mean) / unit, self.factor / unit)
+
+
+def _triangle(rows: FloatArray) -> FloatArray:
+    """The triangular R with R^T R = rows^T rows."""
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def moments_distance(a: Moments, b: Moments) -> float:

@@ -24,7 +24,7 @@ from filelock import FileLock, Timeout
 
 from harmolab.io.files import PathLike, Progress, plain, silent, write_json
 from harmolab.lab.evaluate import parts
-from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, PartWriter, Row, check_cluster, part_keys
+from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, PartWriter, Row, check_installed, part_keys
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +96,7 @@ def run_rows(
     ConnectionError
         When the scheduler does not answer, or not any more; what was measured is kept.
     """
-    check_cluster()
+    check_installed("pyarrow", *(("distributed",) if jobs or scheduler else ()))
     if jobs < 0:
         raise ValueError(f"--jobs must be 0 (this process) or a number of processes, got {jobs}")
     out = Path(out)

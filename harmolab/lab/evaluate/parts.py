@@ -1,7 +1,7 @@
 """Rows of a long run in Parquet parts: row i stands in part i // PART_ROWS, and a part is replaced whole as it grows.
 
 So the files are the same however often the run was stopped, whoever measured the rows, and what is done is read off
-them: every row stands there once or not yet. Needs pyarrow (``pip install harmolab[cluster]``).
+them: every row stands there once or not yet. Needs pyarrow (``pip install 'harmolab[cluster]'``).
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ FLUSH_SECONDS = 5.0  # the most that a kill costs, but for the rows that are bei
 _WHAT = "a part of a table"
 
 
-def check_cluster() -> None:
-    """ValueError unless the packages behind tables in parts and several processes are installed."""
-    for name in ("pyarrow", "distributed"):
+def check_installed(*packages: str) -> None:
+    """ValueError unless these packages, which not every harmolab needs, are installed."""
+    for name in packages:
         if find_spec(name) is None:
             raise ValueError(f"this needs {name}; install it with: pip install 'harmolab[cluster]'")
 
@@ -134,7 +134,7 @@ def read_rows(folder: PathLike) -> Iterator[pd.DataFrame]:
     FileNotFoundError, ValueError
         Without a run in the folder, for a damaged part, and for a run that is not finished.
     """
-    check_cluster()
+    check_installed("pyarrow")
     folder = Path(folder)
     count = read_manifest(folder)["rows"]
     paths = [part_path(folder, number) for number in range(-(-count // PART_ROWS))]
