@@ -20,10 +20,10 @@ from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
+from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
 from harmolab.lab.evaluate.rows import FROZEN, MEASURES, OTHER_SONG, RowOptions, clip_row
-from harmolab.lab.evaluate.serial import run_rows
 from harmolab.lab.evaluate.sets import set_numbers
 from harmolab.lab.evaluate.summary import ranks, song_interval, system_differences, system_means
 from harmolab.lab.evaluate.table_files import table_tex
@@ -414,8 +414,8 @@ def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
         return dict(zip(row.columns, row.iloc[0], strict=True))
 
     path = tmp_path / "clips.csv"
-    collected = collect(written_parts(run_rows(pairs, measure, tmp_path), path, pairs))
-    assert sorted(collected.errors.values()) == ["a: damaged", "b: damaged"]
+    collected = collect(written_parts(run_rows(pairs, measure, tmp_path / "rows", jobs=0), path, pairs))
+    assert sorted(collected.errors.values()) == ["ValueError: a: damaged", "ValueError: b: damaged"]
     assert collected.dances == {"x": 1}
     frame = pd.read_csv(path)
     assert list(frame["song"]) == ["a", "b", "c"]

@@ -53,10 +53,9 @@ class Collected:
 
     def add(self, part: pd.DataFrame) -> None:
         """Take in the rows of a part."""
-        if "error" in part:
-            failed = part[part["error"].notna()]
-            self.errors |= dict(zip(failed["key"], failed["error"], strict=True))
-            part = part[part["error"].isna()]
+        has_failed = part["error"] != ""
+        failed, part = part[has_failed], part[~has_failed]
+        self.errors |= dict(zip(failed["key"], failed["error"], strict=True))
         if part.empty:
             return
         numbers = part[[*GROUP, *measure_columns(part)]].groupby(GROUP)

@@ -16,6 +16,7 @@ import pandas as pd
 from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, silent, write_json
 from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
 from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
+from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.pairing import (
     RECORDED,
     Pair,
@@ -27,7 +28,6 @@ from harmolab.lab.evaluate.pairing import (
     unused_songs,
 )
 from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion, protocol_of
-from harmolab.lab.evaluate.serial import run_rows
 from harmolab.lab.evaluate.sets import SetNumber, protocol_sets, set_numbers
 from harmolab.lab.evaluate.summary import (
     RESAMPLES,
@@ -200,8 +200,8 @@ def evaluate_dances(
         out / MARK, {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
     )
     parts = run_rows(
-        tasks, partial(clip_row, options=options), out / ROWS,
-        jobs=jobs, scheduler=scheduler, resume=resume, progress=progress,
+        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
+        scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), progress=progress,
     )  # fmt: skip
     collected = collect(written_parts(parts, out / CLIPS, tasks))
     return _evaluation(settings, options, tasks, collected, pairing.unpaired)

@@ -16,7 +16,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.corpora.files import song_beats
 from harmolab.corpora.folders import load_any_motion, recorded_offset
 from harmolab.harmony import harmony_from_hits, music_and_motion, score_motion
-from harmolab.io.files import MissingFrameRate
+from harmolab.io.files import MissingFrameRate, plain
 from harmolab.io.video_sound import load_sound
 from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of
 from harmolab.metrics.beats import beat_align, beat_coverage, beat_hit_rate, kinematic_params, mir_eval_scores
@@ -90,6 +90,10 @@ class RowOptions:
     protocol: str = ""
     pose_net: Path | None = None
     limits: LikenessLimits | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings as JSON holds them."""
+        return {**plain(self), "pose_net": "" if self.pose_net is None else str(self.pose_net)}
 
 
 def clip_row(pair: Pair, options: RowOptions) -> Row:
