@@ -227,7 +227,7 @@ def test_the_interval_of_ten_songs_by_hand() -> None:
 
 def rows_of(values: Mapping[tuple[str, str, str], float], measure: str = "harmony") -> pd.DataFrame:
     """Rows of dances, as `clip_row` gives them, of (system, song, seed) -> value."""
-    common = {"kind": "generated", "skeleton": "s", "fps": 30.0, "joints": 1, "beats": "tracked", "dance": ""}
+    common = {"error": "", "kind": "generated", "skeleton": "s", "fps": 30.0, "joints": 1, "beats": "tracked", "dance": ""}
     return pd.DataFrame(
         [
             {"key": f"{place}", "system": place[0], "song": place[1], "seed": place[2], **common, measure: value}
@@ -378,7 +378,7 @@ def test_the_page_fits_its_window_and_asks_for_nothing(
 def test_a_fault_while_writing_leaves_the_table_as_it_was(
     planted: Path, table: Evaluation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    files = {path: path.read_bytes() for path in (planted / "table").iterdir()}
+    files = {path: path.read_bytes() for path in (planted / "table").rglob("*.*") if path.is_file()}
 
     def broken(_: Evaluation) -> str:
         raise ValueError("planted")
@@ -386,7 +386,7 @@ def test_a_fault_while_writing_leaves_the_table_as_it_was(
     monkeypatch.setattr(evaluation_page, "table_tex", broken)
     with pytest.raises(ValueError, match="planted"):
         write_evaluation(planted / "table", table)
-    assert {path: path.read_bytes() for path in (planted / "table").iterdir()} == files
+    assert {path: path.read_bytes() for path in (planted / "table").rglob("*.*") if path.is_file()} == files
 
 
 def test_rows_that_break_off_leave_the_clips_as_they_were(tmp_path: Path) -> None:
@@ -419,7 +419,7 @@ def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
     assert collected.dances == {"x": 1}
     frame = pd.read_csv(path)
     assert list(frame["song"]) == ["a", "b", "c"]
-    assert list(frame["error"].fillna("")) == ["a: damaged", "b: damaged", ""]
+    assert list(frame["error"].fillna("")) == ["ValueError: a: damaged", "ValueError: b: damaged", ""]
 
 
 # What is refused
