@@ -227,7 +227,15 @@ def test_the_interval_of_ten_songs_by_hand() -> None:
 
 def rows_of(values: Mapping[tuple[str, str, str], float], measure: str = "harmony") -> pd.DataFrame:
     """Rows of dances, as `clip_row` gives them, of (system, song, seed) -> value."""
-    common = {"error": "", "kind": "generated", "skeleton": "s", "fps": 30.0, "joints": 1, "beats": "tracked", "dance": ""}
+    common = {
+        "error": "",
+        "kind": "generated",
+        "skeleton": "s",
+        "fps": 30.0,
+        "joints": 1,
+        "beats": "tracked",
+        "dance": "",
+    }
     return pd.DataFrame(
         [
             {"key": f"{place}", "system": place[0], "song": place[1], "seed": place[2], **common, measure: value}
