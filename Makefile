@@ -26,10 +26,10 @@ $(STAMP): pyproject.toml constraints.txt
 	    $(BIN)/python -c '' 2>/dev/null || uv venv --quiet --clear --python "$$(command -v $(PYTHON))" $(VENV); \
 	    links=$$($(PYTHON) -m pip config get global.find-links 2>/dev/null || true); \
 	    for link in $$links $$PIP_FIND_LINKS; do set -- "$$@" --find-links "$$link"; done; \
-	    uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" -e '.[lab,train,dev]' -c constraints.txt; \
+	    uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" -e '.[lab,train,cluster,dev]' -c constraints.txt; \
 	else \
 	    $(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV); \
-	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[lab,train,dev]' -c constraints.txt; \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[lab,train,cluster,dev]' -c constraints.txt; \
 	fi
 	@echo "Compiling librosa's beat tracker (half a minute) ..."
 	@# By one process, before several run at once: numba's cache breaks for good when two fill it together.

@@ -40,7 +40,7 @@ def test_tempo_steadiness_and_one_are_printed_and_written(song: Path):
     line, rest = result.output.split("\n", 1)
     assert re.fullmatch(r'(89\.9|90\.[01]) bpm, steady \(100% of tracked beats .*\); "one" known, 3 beats a bar', line)
     assert rest == f"wrote {out}\n"
-    assert out.read_text().startswith(f"# song.wav: {line}\n")
+    assert out.read_text().startswith(f"# written by harmolab: song.wav: {line}\n")
     annotation = load_annotation(out)
     np.testing.assert_allclose(annotation.times, 2 / 3 * np.arange(30)[-annotation.times.size :], atol=0.02)
     near = np.abs(annotation.times - 14.0).argmin()
@@ -68,7 +68,7 @@ def test_written_beats_are_read_again_and_clicks_lie_on_them(song: Path):
     ("options", "fault"),
     [
         (("--out", "song.wav"), "is an input here"),
-        (("--out", "diary.beats"), "is there and no beat annotation"),
+        (("--out", "diary.beats"), "is there already, and not of harmolab"),
         (("--clicks", "song.wav"), "is an input here"),
         (("--beats", "b.beats", "--out", "b.beats"), "is an input here"),
         (("--one", 3.0), "say how long the bars are with --dance"),
@@ -137,7 +137,7 @@ def test_taps_are_saved_as_beats_of_the_whole_song(song: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize(
-    ("name", "fault"), [("x.txt", "beats are written as .beats"), ("no/x.beats", "no such folder")]
+    ("name", "fault"), [("x.txt", "a file of beats is written as .beats"), ("no/x.beats", "no such folder")]
 )
 def test_a_place_that_cannot_be_written_is_refused_before_anyone_taps(
     song: Path, monkeypatch: pytest.MonkeyPatch, name: str, fault: str

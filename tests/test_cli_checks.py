@@ -22,7 +22,7 @@ from harmolab.cli import app
 from harmolab.cli.common import printable
 from harmolab.cli.comparing import print_comparison
 from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.files import keep_arrays
+from harmolab.io.files import is_own_file, keep_arrays
 from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.render.video import retime_files
 from tests.builders import called, planted_dance, still, write_dance, write_song
@@ -170,6 +170,69 @@ def test_an_output_needs_a_folder_and_is_none(words: tuple[str, ...]):
     assert line(run(*command, name)) == f"{name}: is a folder; name a file in it"
 
 
+WRITERS = {
+    "play": ("--out", "x.html"),
+    "explain": ("--out", "x.html"),
+    "retime": ("--out", "x.npz"),
+    "render": ("--seconds", 1, "--height", 120, "--out", "x.webm"),
+    "score": ("--plot", "x.png"),
+}
+
+
+@pytest.mark.parametrize("command", [*WRITERS, "retime x.bvh", "render x.mp4"])
+def test_a_file_of_others_is_written_over_by_force_only(pair: tuple[Any, ...], command: str):
+    command, _, name = command.partition(" ")
+    *options, out = WRITERS[command]
+    words = (command, *pair, *options, name or out)
+    Path(name or out).write_text("precious")
+    message = f"{name or out}: is there already, and not of harmolab; choose another name, or replace it with --force"
+    assert line(run(*words)) == message
+    assert Path(name or out).read_text() == "precious"
+    for force in ("--force",), ():  # what harmolab wrote it may write over
+        result = run(*words, *force)
+        assert result.exit_code == 0, result.output
+    assert is_own_file(name or out)
+
+
+def test_beats_and_clicks_of_others_are_written_over_by_force_only(pair: tuple[Any, ...]):
+    words = ("beats", pair[0], *pair[2:], "--out", "x.beats", "--clicks", "x.wav")
+    Path("x.beats").write_text("# tapped by hand\n1.0\n2.0\n")
+    assert line(run(*words)).startswith("x.beats: is there already, and not of harmolab")
+    Path("x.wav").write_text("precious")
+    assert run(*words, "--force").exit_code == 0
+    assert run(*words).exit_code == 0
+    assert is_own_file("x.beats") and is_own_file("x.wav")
+
+
+def test_files_named_after_the_song_are_not_written_over_either():
+    soundfile.write("song.wav", np.zeros(22050), 22050)
+    Path("song_dance.mp4").write_text("precious")
+    assert line(run("dance", "song.wav")).startswith("song_dance.mp4: is there already, and not of harmolab")
+    Path("song_performance.html").write_text("precious")
+    assert line(run("perform", "song.wav", "--instrument", "piano")).startswith("song_performance.html: is there")
+
+
+def test_the_files_of_other_programs_are_told_from_ours(tmp_path: Path):
+    contents = {
+        "a.html": "<title>my notes on harmolab</title>",
+        "a.bvh": "HIERARCHY\nROOT hip\n{\n\tOFFSET 0 0 0\n\tEnd Site\n\t{\n\t\tOFFSET 0 1 0\n\t}\n}\n",
+        "a.json": '{"beats_s": [1.0]}',
+        "empty": "",
+    }
+    for name, content in contents.items():
+        Path(name).write_text(content)
+    assert not any(map(is_own_file, [*contents, "nothing"]))
+
+
+def test_a_study_is_made_in_an_empty_folder(corpus: Path):
+    Path("mine").mkdir()
+    Path("mine/key.json").write_text("{}")
+    Path("mine/letter.txt").write_text("precious")
+    message = "mine: holds letter.txt, which is not of harmolab; name an empty or a new folder"
+    assert line(run("study", "make", corpus, "mine", "--n", 2, "--seconds", 4)) == message
+    assert Path("mine/key.json").read_text() == "{}"
+
+
 def test_a_report_is_no_file():
     Path("page").write_text("precious")
     Path("nb").mkdir()
@@ -182,7 +245,7 @@ def test_a_report_is_no_file():
 @pytest.mark.parametrize("content", ["{}", "[1]", "precious", '{"beats_s": [1.0], "dance": "waltz"}', ""])
 def test_learning_takes_the_place_of_patterns_only(corpus: Path, content: str):
     Path("x.json").write_text(content)
-    message = "x.json: exists, and holds no patterns of `harmolab learn`; choose another name"
+    message = "x.json: is there already, and not of harmolab; choose another name, or replace it with --force"
     assert line(run("learn", corpus, "--out", "x.json")) == message
     assert Path("x.json").read_text() == content
 
@@ -291,6 +354,7 @@ def test_a_song_without_beats_is_danced_to_with_a_warning(tmp_path: Path):
 
 def test_a_name_with_a_new_line_stays_in_one_line():
     assert line(run("score", "song.wav", "two\nlines.npz")) == r"two\nlines.npz: no such file"
+    assert line(run("report", "--notebooks", "two\nlines")).endswith(r"two\nlines")
     Path("two\nlines.npz").write_text("x")
     message = line(run("score", "song.wav", "two\nlines.npz"))
     assert message.startswith(r"two\nlines.npz: cannot be read") and message.count("lines") == 1

@@ -62,7 +62,7 @@ def conda_packages() -> dict[str, SpecifierSet]:
 
 def test_conda_environment_names_the_same_packages_with_the_same_bounds():
     expected = {}
-    for requirement in requirements("lab", "train", "dev"):
+    for requirement in requirements("lab", "train", "cluster", "dev"):
         name = canonicalize_name(requirement.name)
         expected[CONDA_NAMES.get(name, requirement.name)] = requirement.specifier
     assert conda_packages() == expected

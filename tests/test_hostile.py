@@ -51,6 +51,12 @@ FILES = {
     "flat.npy": 140,
     "walk.bvh": 420,
     "gBR_sBM_cAll_d04_mBR0_ch01.pkl": 420,
+    "amass.npz": 200,
+    "edge.pkl": 250,
+    "bailando.pkl.npy": 200,
+    "dance.json": 120,
+    "lodge.npy": 150,
+    "humanml.npy": 150,
     "skeletons.json": 210,
     "config.json": 140,
     "frames/dance_000000000001_keypoints.json": 180,
@@ -175,6 +181,25 @@ def player_files() -> dict[str, bytes]:
     }
 
 
+def model_files() -> dict[str, bytes]:
+    """A small valid file of every format that models of dance write."""
+    rng = np.random.default_rng(11)
+    pose, way = 0.2 * rng.normal(size=(6, 24, 3)), rng.normal(size=(6, 3)) * 0.1
+    joints = np.linspace(0, 1.7, 24)[None, :, None] * [0.1, 1.0, 0.1] + way[:, None]
+    rows = np.zeros((6, 22, 6))
+    rows[..., 0] = rows[..., 4] = 1.0
+    vectors = np.zeros((6, 263))
+    vectors[:, 4:67] = (joints[:, 1:22] - joints[:, :1] * [1, 0, 1]).reshape(6, 63)
+    return {
+        "amass.npz": saved(np.savez, poses=np.zeros((6, 156)), trans=way, mocap_framerate=120.0, gender="male"),
+        "edge.pkl": pickle.dumps({"smpl_poses": pose.reshape(6, 72), "smpl_trans": way, "full_pose": joints}),
+        "bailando.pkl.npy": saved(np.save, {"pred_position": joints.reshape(6, 72)}, allow_pickle=True),
+        "dance.json": json.dumps({"id": "a", "dance_array": joints.round(3).reshape(6, 72).tolist()}).encode(),
+        "lodge.npy": saved(np.save, np.concatenate([np.ones((6, 4)), way, rows.reshape(6, 132)], axis=1)),
+        "humanml.npy": saved(np.save, vectors),
+    }
+
+
 def valid_files() -> dict[str, bytes]:
     """A small valid file of every format."""
     three, coco = poses(), poses(8, 17)
@@ -212,6 +237,7 @@ def valid_files() -> dict[str, bytes]:
         "song.txt": b"5.0e-01\n1.0e+00\n1.5e+00\n2.0e+00\n",
         "beats.json": json.dumps(annotation()).encode(),
         **player_files(),
+        **model_files(),
     }
 
 
@@ -334,7 +360,8 @@ def arrays_of(path: Path) -> list[np.ndarray]:
         return [*times, track.times, track.strengths, np.array([track.duration])]
     if name == "config.json":
         return [np.array(load_config(path))]
-    motion = load_any_motion(path, fps=30.0 if name.endswith("npy") or name in ("coco.json", "lines.jsonl") else None)
+    has_no_rate = name.endswith("npy") or name in ("coco.json", "lines.jsonl", "edge.pkl", "dance.json")
+    motion = load_any_motion(path, fps=30.0 if has_no_rate else None)
     return [motion.positions, np.array([motion.fps])]
 
 

@@ -134,27 +134,24 @@ def test_text_without_a_beat_is_no_annotation(tmp_path: Path, name: str, text: s
 
 def test_beats_that_were_written_are_read_again(tmp_path: Path):
     save_beats(tmp_path / "song.beats", track([0.5, 1.0, 1.5, 2.0], bar_places=[2, 0, 1, 2]), comment="by\nhand")
-    assert (tmp_path / "song.beats").read_text() == "# by hand\n0.5000 3\n1.0000 1\n1.5000 2\n2.0000 3\n"
+    assert (
+        tmp_path / "song.beats"
+    ).read_text() == "# written by harmolab: by hand\n0.5000 3\n1.0000 1\n1.5000 2\n2.0000 3\n"
     save_beats(tmp_path / "song.beats", track([0.25, 1.0]))
-    assert (tmp_path / "song.beats").read_text() == "0.2500\n1.0000\n"
+    assert (tmp_path / "song.beats").read_text() == "# written by harmolab\n0.2500\n1.0000\n"
     assert load_annotation(tmp_path / "song.beats").meter is None
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "fault"),
-    [
-        ("song.wav", None, "beats are written as .beats"),
-        ("nowhere/song.beats", None, "nowhere: no such folder"),
-        ("song.beats", "my diary", "is there and no beat annotation; it is not written over"),
-        ("song.beats", "", "is there and no beat annotation"),
-    ],
-)
-def test_beats_are_not_written_over_anything_else(tmp_path: Path, name: str, content: str | None, fault: str):
-    if content is not None:
-        write(tmp_path, name, content)
-    with pytest.raises(ValueError, match=fault):
-        save_beats(tmp_path / name, track([0.5, 1.0]))
-    assert content is None or (tmp_path / name).read_text() == content
+def test_beats_are_written_under_a_name_that_says_so(tmp_path: Path):
+    with pytest.raises(ValueError, match=r"song\.wav: beats are written as \.beats"):
+        save_beats(tmp_path / "song.wav", track([0.5, 1.0]))
+
+
+@pytest.mark.parametrize("beats", [[], None])
+def test_an_annotation_must_hold_beats(tmp_path: Path, beats: list[float] | None):
+    path = write(tmp_path, "beats.json", json.dumps({"beats_s": beats, "dance": "waltz"}))
+    with pytest.raises(ValueError, match=r"beats\.json: holds no beats: 'beats_s' is empty"):
+        load_annotation(path)
 
 
 def test_no_beats_are_no_file(tmp_path: Path):

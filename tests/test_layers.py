@@ -70,8 +70,11 @@ LIBRARIES = {
     ),
     "pandas": ("lab", "cli"),
     "jinja2": ("lab.report",),
+    "dask": ("lab.evaluate.engine",),
+    "distributed": ("lab.evaluate.engine",),
+    "pyarrow": ("lab.evaluate.parts",),
 }
-HEAVY = {"torch", "matplotlib", "ipywidgets", "anywidget", "dask"}
+HEAVY = {"torch", "matplotlib", "ipywidgets", "anywidget", "dask", "distributed", "pyarrow"}
 LONGEST_FUNCTION = 60
 LONGEST_MODULE = 350
 

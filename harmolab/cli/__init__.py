@@ -10,9 +10,12 @@ import typer
 from harmolab import __version__
 from harmolab.cli.beats import beats, tap
 from harmolab.cli.checks import CheckedCommand
+from harmolab.cli.common import plain_errors
 from harmolab.cli.comparing import compare, learn
+from harmolab.cli.converting import convert
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
+from harmolab.cli.evaluating import evaluate
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import play
@@ -28,7 +31,10 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
-for command in (score, compare, learn, train, dance, perform, play, render, retime, explain, beats, tap):
+COMMANDS = (
+    score, compare, evaluate, learn, train, dance, perform, play, render, retime, explain, beats, tap, convert,
+)  # fmt: skip
+for command in COMMANDS:
     app.command(cls=CheckedCommand)(command)
 app.add_typer(data_app, name="data")
 app.add_typer(study_app, name="study")
@@ -41,9 +47,11 @@ def report(
     profile: Annotated[Literal["quick", "full"], typer.Option(help="quick (minutes) or full.")] = "quick",
 ) -> None:
     """Run the notebooks and build the offline HTML report."""
-    from harmolab.lab.report.run import main as build
+    from harmolab.lab.report.run import TIMEOUTS, build, print_outcome
 
-    raise typer.Exit(build(["--notebooks", str(notebooks), "--out", str(out), "--profile", profile]))
+    with plain_errors():
+        result = build(notebooks, out, profile=profile, timeout=TIMEOUTS[profile])
+    raise typer.Exit(print_outcome(result))
 
 
 def version(value: bool) -> None:

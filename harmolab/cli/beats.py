@@ -44,12 +44,12 @@ def beats(
     from harmolab.beats.meter import describe_beats
     from harmolab.beats.steady import octave_remark
     from harmolab.io.audio import save_audio
-    from harmolab.io.beats import check_beats_file, save_beats
+    from harmolab.io.beats import save_beats
     from harmolab.io.video_sound import load_sound
 
     with common.plain_errors():
         if out is not None:
-            check_beats_file(out)
+            common.check_out(out, "a file of beats", (".beats",))
         if clicks is not None:
             common.check_out(clicks, "the song with clicks", (".wav",))
         audio = load_sound(song)
@@ -97,7 +97,7 @@ def tap(
     """
     from harmolab.beats.meter import describe_beats
     from harmolab.beats.taps import tapped_beats
-    from harmolab.io.beats import check_beats_file, save_beats
+    from harmolab.io.beats import save_beats
     from harmolab.io.video_sound import load_sound
 
     def save(taps: FloatArray, ones: FloatArray) -> str:
@@ -108,7 +108,7 @@ def tap(
 
     lines: list[str] = []
     with common.plain_errors():
-        check_beats_file(out)
+        common.check_out(out, "a file of beats", (".beats",))
         common.check_pages("harmolab tap")
         from harmolab.lab.listening.tapping import TapServer
 

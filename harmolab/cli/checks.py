@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
 from harmolab.cli.common import plain_errors
-from harmolab.io.files import check_output
+from harmolab.io import files
 
 OUTPUTS = ("out", "plot", "clicks")  # parameters that name what a command writes; every other path is read
+FOLDERS = ("train", "report")  # commands whose output is a folder that they look into themselves
+FORCE = "--force"
 
 
 class CheckedCommand(TyperCommand):
-    """A command that ends with one line for a number that is not finite, or for an output that is an input."""
+    """A command that ends with one line for a number that is not finite, or for an output that is worth keeping.
+
+    An output is worth keeping where it is an input or, without `FORCE`, a file that harmolab did not write.
+    """
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        outputs = [one for one in self.params if one.name in OUTPUTS and one.param_type_name == "option"]
+        if outputs and self.name not in FOLDERS:
+            self.params.append(_force_option())
 
     def invoke(self, ctx: Any) -> Any:
         """Result of the command."""
@@ -25,8 +36,29 @@ class CheckedCommand(TyperCommand):
             check_numbers(ctx)
             for name in OUTPUTS:
                 for out in _paths(ctx.params.get(name)):
-                    check_unread(ctx, out)
+                    check_output(ctx, out)
         return super().invoke(ctx)
+
+
+def _keep(context: typer.Context, value: bool) -> None:
+    """Keeps the option with the call, since the function of a command does not get it."""
+    context.meta[FORCE] = value
+
+
+def _forced(
+    _: Annotated[
+        bool,
+        typer.Option(FORCE, help="Write over files that harmolab did not write.", callback=_keep, expose_value=False),
+    ] = False,
+) -> None:
+    """A command that has the option alone, from which others take it."""
+
+
+def _force_option() -> Any:
+    """The option that lets a command write over files of other programs."""
+    app = typer.Typer(add_completion=False)
+    app.command()(_forced)
+    return typer.main.get_command(app).params[0]
 
 
 def check_numbers(context: typer.Context) -> None:
@@ -37,9 +69,21 @@ def check_numbers(context: typer.Context) -> None:
             raise ValueError(f"{parameter.opts[0]} must be a finite number, got {value}")
 
 
-def check_unread(context: typer.Context, out: Path) -> None:
-    """ValueError where writing `out` would replace what the command reads."""
-    check_output(out, [path for name, value in context.params.items() if name not in OUTPUTS for path in _paths(value)])
+def check_output(context: typer.Context, out: Path) -> None:
+    """ValueError where writing `out` would replace what the command reads or, without `FORCE`, a file of others."""
+    read = [path for name, value in context.params.items() if name not in OUTPUTS for path in _paths(value)]
+    files.check_output(out, read)
+    if context.meta.get(FORCE) is False and out.is_file() and not files.is_own_file(out):
+        raise ValueError(
+            f"{out}: is there already, and not of harmolab; choose another name, or replace it with {FORCE}"
+        )
+
+
+def check_folder(context: typer.Context, folder: Path, names: Container[str]) -> None:
+    """ValueError where a folder to be filled holds more than `names`; with `FORCE` it may."""
+    held = sorted(path.name for path in folder.iterdir() if path.name not in names) if folder.is_dir() else []
+    if held and not context.meta.get(FORCE):
+        raise ValueError(f"{folder}: holds {held[0]}, which is not of harmolab; name an empty or a new folder")
 
 
 def is_told(context: typer.Context, name: str) -> bool:

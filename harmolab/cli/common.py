@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
-MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json")
+MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")
 
 
 def printable(text: str) -> str:
@@ -84,8 +84,8 @@ Song = Annotated[
 _DANCE: Any = typer.Argument(
     metavar="DANCE",
     callback=lambda path: _not(SOUNDS, path),
-    help="The motion: npz, npy, bvh, AIST++ pkl, key points of a pose estimator, or a Tang 2018 folder; to explain "
-    "and retime also a video.",
+    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE), key points, or a Tang 2018 folder; to "
+    "explain and retime also a video.",
 )
 Dance = Annotated[Path, _DANCE]
 DanceOrNone = Annotated[Path | None, _DANCE]

@@ -111,26 +111,9 @@ def learn(
 
     with plain_errors():
         check_out(out, "a file of patterns", (".json",))
-        _check_patterns(out)
         patterns = dance_patterns(corpus, progress=progress, report=left_out)
         save_patterns(out, patterns)
     for name, pattern in patterns.items():
         typer.echo(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
     example = next(iter(patterns))
     typer.echo(f"use them: harmolab score SONG DANCE --pattern {out}" + (f" --dance {example}" if example else ""))
-
-
-def _check_patterns(out: Path) -> None:
-    """ValueError where `out` exists and holds anything but patterns: learning must not take its place."""
-    from harmolab.bar_pattern import load_pattern
-    from harmolab.io.files import read_json, reading
-
-    if not out.exists():
-        return
-    try:
-        with reading(out, "bar patterns") as file:
-            names = list(read_json(file))
-        for name in names or [""]:
-            load_pattern(out, name)
-    except ValueError:
-        raise ValueError(f"{out}: exists, and holds no patterns of `harmolab learn`; choose another name") from None

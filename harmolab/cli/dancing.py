@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.checks import check_unread, is_told
+from harmolab.cli.checks import check_output, is_told
 from harmolab.cli.common import (
     AsJson,
     One,
@@ -119,7 +119,7 @@ def dance(
     with plain_errors():
         files = dance_files(out, song, seed, samples)
         for path in (path for paths in files.values() for path in paths):
-            check_unread(context, path)
+            check_output(context, path)
         _check_harmonise(harmonise)
         dancer = dancer_of(
             context, corpus=corpus, scale=scale, style=style, system=system, weights=weights, dance=dance

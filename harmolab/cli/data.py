@@ -39,8 +39,10 @@ def data_check(
     console = Console()
     console.print(table)
     for finding in findings:
-        for oddity in finding.odd:
-            console.print(printable(f"odd: {_short(finding.path, path)}: {oddity}"), markup=False, highlight=False)
+        for word, sentences in (("read", finding.how), ("odd", finding.odd)):
+            for sentence in sentences:
+                line = printable(f"{word}: {_short(finding.path, path)}: {sentence}")
+                console.print(line, markup=False, highlight=False)
 
 
 def _short(name: str, root: Path) -> str:

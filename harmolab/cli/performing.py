@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from harmolab.cli.checks import check_unread
+from harmolab.cli.checks import check_output
 from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, note, plain_errors, printable, progress, wrote
 from harmolab.cli.dance_files import files_to_write, written
 from harmolab.cli.dancers import TRAIN_HINT
@@ -83,7 +83,7 @@ def perform(
     with plain_errors():
         paths = files_to_write(out, song, "performance", UNASKED)
         for path in paths:
-            check_unread(context, path)
+            check_output(context, path)
         if truth is None and (offset is not None or fps is not None):
             raise ValueError("--offset and --fps are those of --truth; leave them out without it")
         is_avatar = _is_avatar(is_avatar, paths)

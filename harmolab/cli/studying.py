@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harmolab.cli.checks import CheckedCommand
+from harmolab.cli.checks import CheckedCommand, check_folder
 from harmolab.cli.common import AsJson, left_out, plain_errors, progress, serve, show, write_text
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Tables = dict[str, list[dict[str, Any]]]
 
+SUMMARY = "analysis.json"
 ANYONE = "anyone"  # whom the trials in the folder are for; each rater has an order of their own
 
 study_app = typer.Typer(
@@ -34,6 +35,7 @@ Raters = Literal["all", "people", "simulated"]
 
 @study_app.command(cls=CheckedCommand)
 def make(
+    context: typer.Context,
     corpus: Annotated[Path, typer.Argument(help="Folder of sequences (Tang 2018 layout, or ours).")],
     out: Annotated[Path, typer.Argument(help="Folder for the study; `ask` needs nothing else.")],
     kind: Annotated[
@@ -68,7 +70,7 @@ def make(
     Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab study make demo my_study --n 20`
     """
     from harmolab.lab.listening.corpus_study import study_pieces
-    from harmolab.lab.listening.folders import TRIALS_FILE
+    from harmolab.lab.listening.folders import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
 
     with plain_errors():
         if find_spec("jinja2") is None:
@@ -81,6 +83,7 @@ def make(
             )
         if (out / TRIALS_FILE).exists():
             raise ValueError(f"{out}: holds a study already; name another folder")
+        check_folder(context, out, (PAGES, SCORES_FILE, KEY_FILE))  # what a run that was cut off leaves
         pieces = study_pieces(
             corpus, against, wrong=wrong, seconds=seconds, seed=seed, progress=progress, report=left_out
         )
@@ -136,6 +139,7 @@ def ask(
 
 @study_app.command(cls=CheckedCommand)
 def analyse(
+    context: typer.Context,
     study: Annotated[Path, typer.Argument(help="Folder of `harmolab study make`, with answers.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the tables (csv) and analysis.json.")] = None,
     raters: Annotated[Raters, typer.Option(help="Whose answers count; people and simulated raters never mix.")] = "all",
@@ -152,12 +156,17 @@ def analyse(
     from harmolab.lab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
 
     with plain_errors():
-        answers = merge(answer_files(study)).of(raters)
-        key = read_key(study / KEY_FILE)
-        tables = study_tables(answers, key, read_scores(study / SCORES_FILE), seed=seed)
+        files = merge(answer_files(study))
+        key, scores = read_key(study / KEY_FILE), read_scores(study / SCORES_FILE)
+        try:
+            answers = files.of(raters)
+            tables = study_tables(answers, key, scores, seed=seed)
+        except ValueError as error:
+            raise ValueError(f"{study}: {error}") from None
         summary = {"study": answers.answers[0].study, "simulated": answers.simulated, **tables}
         text = json.dumps(plain(summary), indent=2)
         if out is not None:
+            check_folder(context, out, (SUMMARY, *(f"{name}.csv" for name in tables)))
             _save(out, tables, text)
     for note in answers.notes:
         typer.echo(f"harmolab: {note}", err=True)
@@ -175,7 +184,7 @@ def _save(out: Path, tables: Tables, text: str) -> None:
     out.mkdir(parents=True, exist_ok=True)
     for name, rows in tables.items():
         write_text(out / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False).rstrip("\n"))
-    write_text(out / "analysis.json", text)
+    write_text(out / SUMMARY, text)
 
 
 def _print(tables: Tables, answers: Answers, kind: str) -> None:

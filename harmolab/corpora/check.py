@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from harmolab.corpora import tang2018
-from harmolab.corpora.folders import find_recordings, load_any_motion, load_recording
+from harmolab.corpora.folders import find_recordings, load_recording, read_any_motion
 from harmolab.corpora.instruments import Performance
 from harmolab.corpora.performance_files import ABOUT, named_instrument, performance_files
 from harmolab.corpora.performances import find_performances, load_performance
@@ -32,7 +32,7 @@ _MAX_FILES = 10_000
 
 _SOUND = (".wav", ".flac", ".ogg", ".mp3")
 _BEATS = (".beats", ".csv", ".txt")
-_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl")
+_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl", ".c3d")
 _KNOWN = (*_SOUND, *_BEATS, *_MOTION)
 _JSON = ("beats.json", "skeletons.json", "config.json")
 _HEAD = 100_000  # bytes
@@ -58,6 +58,8 @@ class FileSummary:
         Further content: dimensions, format, dance, tempo.
     odd : tuple of str
         One sentence for each odd thing, missing part, or the reason why it cannot be read.
+    how : tuple of str
+        How a motion was read, one sentence each: body, unit, axis that points up, rate, and what of it is guessed.
     """
 
     path: str
@@ -69,6 +71,7 @@ class FileSummary:
     offset: float | None = None
     note: str = ""
     odd: tuple[str, ...] = ()
+    how: tuple[str, ...] = ()
 
 
 def check(path: PathLike) -> list[FileSummary]:
@@ -172,13 +175,13 @@ def _odd_sound(audio: Audio) -> tuple[str, ...]:
 def _beats(path: Path) -> FileSummary:
     """The row of a beat annotation."""
     annotation = load_annotation(path)
-    track = annotation.track(None if annotation.times.size else 1.0)
+    track = annotation.track()
     facts = [annotation.dance] if annotation.dance else []
     facts += [] if annotation.bpm is None else [f"{annotation.bpm:.1f} beats a minute"]
     facts += [] if annotation.meter is None else [f"{annotation.meter} beats a bar"]
     facts += [f"{len(annotation.units)} units"] if annotation.units else []
     steps = np.diff(annotation.times)
-    odd = ["holds no beats"] if not len(track) else []
+    odd = []
     if steps.size and steps.max() > 2.5 * np.median(steps):
         last = annotation.times[int(np.argmax(steps))]
         odd.append(f"no beat for {steps.max():.2f} s after {last:.2f} s, others are {np.median(steps):.2f} s apart")
@@ -188,11 +191,13 @@ def _beats(path: Path) -> FileSummary:
 def _motion(path: Path) -> FileSummary:
     """The row of a motion; one whose file holds no rate is read with a rate that is not shown."""
     try:
-        return _motion_row(path, load_any_motion(path))
+        file, has_rate = read_any_motion(path), True
     except MissingFrameRate:
-        motion = load_any_motion(path, fps=25.0)
-    odd = ("holds no frame rate: pass fps", *_shape_oddities(motion))
-    return replace(_motion_row(path, motion), rate=None, seconds=None, odd=odd)
+        file, has_rate = read_any_motion(path, fps=25.0), False
+    row = _motion_row(path, file.motion)
+    row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes)
+    odd = ("holds no frame rate: pass fps", *_shape_oddities(file.motion))
+    return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
 
 
 def _motion_row(path: Path, motion: Motion) -> FileSummary:

@@ -25,7 +25,8 @@ from harmolab.corpora import tang2018
 from harmolab.io.audio import load_audio
 from harmolab.io.beats import BeatAnnotation, load_annotation
 from harmolab.io.files import PathLike, reading
-from harmolab.io.motion import load_motion, load_offset, motion_part
+from harmolab.io.motion import load_motion, load_offset, motion_part, read_motion
+from harmolab.io.motion_file import MotionFile
 from harmolab.types import BeatTrack, Clip, Motion
 
 _MAX_DEPTH = 4
@@ -239,12 +240,25 @@ def load_any_motion(
     FileNotFoundError, ValueError
         Both name the file.
     """
+    return read_any_motion(path, fps=fps, scale=scale, joints=joints).motion
+
+
+def read_any_motion(
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    scale: float | None = None,
+    joints: tuple[str, ...] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
+) -> MotionFile:
+    """As `load_any_motion`, with the kind of the file and notes on how it was read; parameters of `read_motion`."""
     path = Path(path)
     if path.is_dir() and (path / "skeletons.json").is_file() and not (path / "motion.npz").is_file():
         path = path / "skeletons.json"
     if path.name.endswith("skeletons.json"):
-        return motion_part(tang2018.load_skeletons(path), joints, path)
-    return load_motion(path, fps=fps, scale=scale, joints=joints)
+        return MotionFile(motion_part(tang2018.load_skeletons(path), joints, path), "skeletons of Tang et al.")
+    return read_motion(path, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up)
 
 
 def recording_beats(recording: Recording, beats: str) -> BeatTrack:

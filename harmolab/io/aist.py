@@ -13,6 +13,7 @@ import pickle
 import pickletools
 import re
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -64,18 +65,24 @@ def load_aist(path: PathLike, *, fps: float = AIST_FPS, scale: float = 0.01) -> 
         Both name the file. Anything but arrays of numbers in the pickle is refused, and nothing in it is run.
     """
     with reading(path, "an AIST++ pickle") as file:
-        content = read_array_pickle(file.read_bytes())
-        name = "keypoints3d_optim" if isinstance(content.get("keypoints3d_optim"), np.ndarray) else "keypoints3d"
-        points = content.get(name)
-        if not isinstance(points, np.ndarray):
-            raise ValueError(f"has no array keypoints3d but {sorted(map(str, content))[:8]}; other kinds are not read")
-        if points.ndim != 3 or points.shape[1:] != (17, 3):
-            raise ValueError(f"{name} must have shape (frames, 17, 3), got {points.shape}")
-        return checked_motion(in_metres(points, scale), fps, COCO_17)
+        return aist_motion(read_array_pickle(file.read_bytes()), fps, scale)
+
+
+def aist_motion(content: Mapping[str, Any], fps: float, scale: float) -> Motion:
+    """The motion of a pickle's content, as `load_aist`; call it inside `harmolab.io.files.reading`."""
+    name = "keypoints3d_optim" if isinstance(content.get("keypoints3d_optim"), np.ndarray) else "keypoints3d"
+    points = content.get(name)
+    if not isinstance(points, np.ndarray):
+        raise ValueError(f"has no array keypoints3d but {sorted(map(str, content))[:8]}; other kinds are not read")
+    if points.ndim != 3 or points.shape[1:] != (17, 3):
+        raise ValueError(f"{name} must have shape (frames, 17, 3), got {points.shape}")
+    return checked_motion(in_metres(points, scale), fps, COCO_17)
 
 
 def read_array_pickle(data: bytes) -> dict[str, Any]:
-    """The dictionary of arrays and plain values in a pickle.
+    """The dictionary of arrays and plain values in a pickle; an array alone is called "positions".
+
+    A dictionary in an array, as `numpy.save` writes it, is that dictionary.
 
     Raises
     ------
@@ -86,11 +93,23 @@ def read_array_pickle(data: bytes) -> dict[str, Any]:
         # Python warns about damaged text before the instruction that holds it is refused.
         warnings.simplefilter("ignore")
         _check_instructions(data)
-        content = _ArrayUnpickler(io.BytesIO(data)).load()
+        content = _dictionary(_ArrayUnpickler(io.BytesIO(data)).load())
     if not isinstance(content, dict):
         raise ValueError(f"holds a {type(content).__name__}, not a dictionary of arrays")
     values = {str(name): value for name, value in content.items() if isinstance(name, str)}
     return {name: value.array() if isinstance(value, _Array) else value for name, value in values.items()}
+
+
+def _dictionary(content: Any) -> Any:
+    """The dictionary in an array of one object, or one with an array of numbers; anything else as it is."""
+    if (
+        isinstance(content, _Array)
+        and content.shape == ()
+        and isinstance(content.data, list)
+        and len(content.data) == 1
+    ):
+        return content.data[0]
+    return {"positions": content} if isinstance(content, _Array) else content
 
 
 def _check_instructions(data: bytes) -> None:

@@ -54,6 +54,22 @@ def read_npy(stream: BinaryIO, size: int, *, kinds: str = "fiu") -> NDArray[Any]
     return values.reshape(shape, order="F" if fortran else "C")
 
 
+def npy_pickle(stream: BinaryIO) -> bytes | None:
+    """The pickle that an array of Python objects is written as; None, at the start again, for an array of numbers."""
+    start = stream.tell()
+    _, _, dtype = _npy_header(stream)
+    if dtype != np.dtype(object):
+        stream.seek(start)
+        return None
+    return stream.read()
+
+
+def npz_names(path: Path) -> frozenset[str]:
+    """The names of the arrays of an `.npz`."""
+    with zipfile.ZipFile(path) as archive:
+        return frozenset(name.removesuffix(".npy") for name in archive.namelist())
+
+
 def read_npz(path: Path, members: Mapping[str, str]) -> dict[str, NDArray[Any]]:
     """The arrays of an `.npz` that have these names; call it inside `harmolab.io.files.reading`.
 

@@ -17,7 +17,7 @@ import soundfile
 import soxr
 from numpy.typing import NDArray
 
-from harmolab.io.files import PathLike, atomic_write, reading
+from harmolab.io.files import WRITTEN_BY, PathLike, atomic_write, reading
 from harmolab.types import Audio
 
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
@@ -185,7 +185,9 @@ def wav_bytes(audio: Audio) -> bytes:
     """The content of a WAV file of 16 bits; sound above full scale is turned down as a whole."""
     file = io.BytesIO()
     loudest = max(1.0, float(np.abs(audio.samples).max()))
-    soundfile.write(file, audio.samples / loudest, round(audio.sample_rate), subtype="PCM_16", format="WAV")
+    with soundfile.SoundFile(file, "w", round(audio.sample_rate), 1, "PCM_16", format="WAV") as sound:
+        sound.comment = WRITTEN_BY
+        sound.write(audio.samples / loudest)
     return file.getvalue()
 
 

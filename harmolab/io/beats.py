@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.io.arrays import number_array
-from harmolab.io.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading, write_text
+from harmolab.io.files import MAX_TEXT_BYTES, WRITTEN_BY, PathLike, read_json, read_text, reading, write_text
 from harmolab.types import BeatTrack, FloatArray
 
 # Annotations are not read from a curve; they are good to a millisecond at best.
@@ -178,36 +178,23 @@ def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
     Parameters
     ----------
     path : str or path
-        A file that is there is replaced only where it is a beat annotation itself.
     track : BeatTrack of one beat or more
     comment : str, a first line
 
     Raises
     ------
     ValueError
-        For another suffix, no beats, a folder that is not there, or a file of another kind; names the file.
+        For another suffix or no beats; names the file.
     """
     path = Path(path)
-    check_beats_file(path)
+    if path.suffix.lower() != ".beats":
+        raise ValueError(f"{path}: beats are written as .beats; choose a name that ends so")
     if len(track) == 0:
         raise ValueError(f"{path}: there are no beats to write")
     places = [""] * len(track) if track.bar_places is None else [f" {place + 1}" for place in track.bar_places]
     lines = [f"{time:.4f}{place}" for time, place in zip(track.times, places, strict=True)]
-    write_text(path, "\n".join([f"# {' '.join(comment.split())}"] * bool(comment) + lines) + "\n")
-
-
-def check_beats_file(path: PathLike) -> None:
-    """ValueError that names the file unless beats may be written there: a new .beats file, or one that holds beats."""
-    path = Path(path)
-    if path.suffix.lower() != ".beats":
-        raise ValueError(f"{path}: beats are written as .beats; choose a name that ends so")
-    if not path.resolve().parent.is_dir():
-        raise ValueError(f"{path.parent}: no such folder")
-    if path.exists() or path.is_symlink():
-        try:
-            load_annotation(path)
-        except (FileNotFoundError, ValueError) as error:
-            raise ValueError(f"{path}: is there and no beat annotation; it is not written over ({error})") from None
+    first = ": ".join([WRITTEN_BY, *([" ".join(comment.split())] if comment else [])])
+    write_text(path, "\n".join([f"# {first}", *lines]) + "\n")
 
 
 def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
@@ -267,6 +254,8 @@ def _from_json(path: Path) -> BeatAnnotation:
     content = read_json(path)
     if not isinstance(content, dict) or "beats_s" not in content:
         raise ValueError("has no 'beats_s', the list of beats in seconds")
+    if not content["beats_s"]:
+        raise ValueError("holds no beats: 'beats_s' is empty")
     units = content.get("units") or []
     if not isinstance(units, list):
         raise ValueError("'units' must be a list")

@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from harmolab.io.arrays import checked_motion, in_metres
 from harmolab.io.files import PathLike, read_text, reading
+from harmolab.io.motion_file import MotionFile, ReadingOptions, as_read
 from harmolab.skeletons import ancestors
 from harmolab.types import FloatArray, Motion, Skeleton
 
@@ -30,6 +31,7 @@ _CHANNELS = ("xposition", "yposition", "zposition", "xrotation", "yrotation", "z
 _HEAD = re.compile(r"\s*frames\s*:\s*(\S+)\s+frame\s+time\s*:\s*(\S+)\s", re.IGNORECASE)
 _MAX_BYTES, _MAX_HEAD, _MAX_JOINTS, _MAX_PLACES = 256 * 2**20, 4 * 2**20, 2000, 2**24
 _BLOCK_PLACES = 2**17
+_LARGEST_METRES = 3.0  # extent at rest, in units of the file, that is read as metres
 
 
 @dataclass
@@ -59,6 +61,11 @@ def load_bvh(path: PathLike, *, fps: float | None = None, scale: float | None = 
     FileNotFoundError, ValueError
         Both name the file.
     """
+    return read_bvh(path, ReadingOptions(fps, scale)).motion
+
+
+def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
+    """As `load_bvh`, with notes on unit and axis."""
     with reading(path, "a BVH motion", max_bytes=_MAX_BYTES) as file:
         head, keyword, table = read_text(file).partition("MOTION")
         if not keyword or not head.lstrip()[:9].upper() == "HIERARCHY" or len(head) > _MAX_HEAD:
@@ -67,12 +74,15 @@ def load_bvh(path: PathLike, *, fps: float | None = None, scale: float | None = 
         values, rate = _table(table, sum(len(joint.channels) for joint in joints))
         if len(values) * len(joints) > _MAX_PLACES:
             raise ValueError(f"has {len(values)} frames of {len(joints)} joints; cut it into parts")
-        factor = _guessed_scale(joints) if scale is None else scale
+        factor = _guessed_scale(joints) if options.scale is None else options.scale
+        reason = f"guessed: its rest skeleton {'is' if factor < 1 else 'is not'} larger than {_LARGEST_METRES:g} units"
+        unit = f"{factor:g} m a unit ({reason if options.scale is None else 'as passed'})"
         skeleton = Skeleton(tuple(joint.name for joint in joints), tuple(joint.parent for joint in joints))
         # Angles and offsets out of all bounds end as infinity, which is refused by frame and joint.
         with np.errstate(over="ignore", invalid="ignore"):
             positions = _positions(joints, values)
-        return checked_motion(in_metres(positions, factor), rate if fps is None else fps, skeleton)
+        motion = checked_motion(in_metres(positions, factor), options.rate(rate), skeleton)
+        return as_read(motion, "BVH", options, unit)
 
 
 def _hierarchy(words: list[str]) -> list[_Joint]:
@@ -182,7 +192,7 @@ def _numbers(text: str) -> FloatArray:
 def _guessed_scale(joints: list[_Joint]) -> float:
     """0.01 if the rest skeleton extends over more than 3 units in any direction, else 1."""
     rest = ancestors([joint.parent for joint in joints]) @ np.array([joint.offset for joint in joints])
-    return 0.01 if np.ptp(rest, axis=0).max() > 3 else 1.0
+    return 0.01 if np.ptp(rest, axis=0).max() > _LARGEST_METRES else 1.0
 
 
 def _positions(joints: list[_Joint], values: FloatArray) -> FloatArray:

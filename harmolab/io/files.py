@@ -42,6 +42,13 @@ MAX_JSON_BYTES = 256 * 2**20
 MAX_TEXT_BYTES = 16 * 2**20
 LEFTOVER_SECONDS = 86_400.0  # a file that is written for a day was left by a killed process
 _LEFTOVER = re.compile(r"\..+\.npz\.\d+\.\d+\.tmp")
+WRITTEN_BY = "written by harmolab"  # stands at the begin or the end of files whose format has room for it
+_ENDS = 65_536  # bytes at either end of a file that are searched for it
+# What it is in an .npz and on a page; a file of bar patterns and a BVH of ours are known by what they alone have.
+_OWN = re.compile(
+    rb"""written by harmolab|written_by_harmolab|<meta name="generator" content="harmolab">|"cosines": \["""
+    rb"""|End Site\n\t+\{\n\t+OFFSET 0 0 0\n\t+\}"""
+)
 UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
 
 # RuntimeError stands for RecursionError, NotImplementedError and the errors of libsndfile.
@@ -147,6 +154,16 @@ def check_output(out: PathLike, inputs: Iterable[PathLike]) -> None:
             raise ValueError(f"{out}: is an input here ({path}); choose another name for the output")
         if any(path.resolve() in place.parents for place in places):
             raise ValueError(f"{out}: is there already, inside an input ({path}); choose another name for the output")
+
+
+def is_own_file(path: PathLike) -> bool:
+    """True where a file was written by this package, and not by its user or another program; False without one."""
+    if not Path(path).is_file():
+        return False
+    with Path(path).open("rb") as stream:
+        first = stream.read(_ENDS)
+        stream.seek(max(stream.seek(0, os.SEEK_END) - _ENDS, 0))
+        return bool(_OWN.search(first) or _OWN.search(stream.read()))
 
 
 @contextmanager

@@ -60,23 +60,45 @@ def load_keypoints(
         return _load_folder(path, fps, joints)
     is_array = path.suffix.lower() == ".npy"
     with reading(path, "key points", max_bytes=MAX_BYTES if is_array else MAX_JSON_BYTES):
-        about: dict[str, Any] = {}
-        if is_array:
-            with path.open("rb") as stream:
-                values = read_npy(stream, path.stat().st_size)
-        elif layouts.is_landmarks(content := layouts.json_or_lines(path)):
-            about = content if isinstance(content, dict) else {}
-            values = layouts.landmarks_by_frame(content)
-        else:
-            values = followed_person(layouts.people_by_frame(content))
-        rate = about.get("fps") if fps is None else fps
-        if rate is None:
-            raise MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
-        is_world = about.get("world", False) if world is None else world
-        if not isinstance(is_world, bool):
-            raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
-        ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
-        return keypoints_motion(values, rate, joints=joints, world=is_world, aspect=ratio)
+        if not is_array:
+            return content_motion(layouts.json_or_lines(path), fps=fps, joints=joints, world=world, aspect=aspect)
+        with path.open("rb") as stream:
+            values = read_npy(stream, path.stat().st_size)
+        return _motion(values, {}, fps, joints, world, aspect)
+
+
+def content_motion(
+    content: Any,
+    *,
+    fps: float | None = None,
+    joints: Sequence[str] | None = None,
+    world: bool | None = None,
+    aspect: float | None = None,
+) -> Motion:
+    """The motion of a JSON file's content, as `load_keypoints`; call it inside `harmolab.io.files.reading`."""
+    if layouts.is_landmarks(content):
+        about = content if isinstance(content, dict) else {}
+        return _motion(layouts.landmarks_by_frame(content), about, fps, joints, world, aspect)
+    return _motion(followed_person(layouts.people_by_frame(content)), {}, fps, joints, world, aspect)
+
+
+def _motion(
+    values: NDArray[Any],
+    about: dict[str, Any],
+    fps: float | None,
+    joints: Sequence[str] | None,
+    world: bool | None,
+    aspect: float | None,
+) -> Motion:
+    """The motion of key points, with what the file says about them where the arguments leave it open."""
+    rate = about.get("fps") if fps is None else fps
+    if rate is None:
+        raise MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
+    is_world = about.get("world", False) if world is None else world
+    if not isinstance(is_world, bool):
+        raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
+    ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
+    return keypoints_motion(values, rate, joints=joints, world=is_world, aspect=ratio)
 
 
 def keypoints_motion(

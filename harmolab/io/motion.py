@@ -17,6 +17,7 @@ name            shape and type                      meaning
 ``offset``      one number, optional                seconds, audio time of frame 0 in the song it was made for
 ``detected``    (T, J) bool, optional               False where a joint was not detected and its place is filled in
 ``about``       one string, optional                where the motion comes from, for people
+``written_by_harmolab``  one bool, optional         marks a file that harmolab may write over
 ==============  ==================================  =======================================================
 
 T is at least 2. No value is NaN or infinite. Other arrays in the archive are ignored. Python objects are never read.
@@ -28,16 +29,23 @@ Other formats
 ``.npy``
     (T, J, 3) in metres, or (T, J, 2) and flat (T, 2J) image coordinates; holds no rate, so pass `fps`. 17, 18 or 25
     joints get the names of COCO or OpenPose, and pixels with a confidence behind them are read as such. AIST++ file
-    names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.io.keypoints`.
+    names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.io.keypoints`. 17, 22 and 24
+    joints in space, also flat, and Bailando's dictionaries: `harmolab.io.joint_arrays`. HumanML3D's 263 numbers a
+    frame: `harmolab.io.humanml`. LODGE's and FineDance's vectors: `harmolab.io.smpl_files`.
 ``.json``, ``.jsonl``
     MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
-    Ultralytics and ViTPose write them (`harmolab.io.layouts`). The content tells which.
+    Ultralytics and ViTPose write them (`harmolab.io.layouts`); joints in space. The content tells which.
+``.npz`` with ``poses``, ``.pkl``
+    SMPL parameters as AMASS, AIST++ and EDGE write them (`harmolab.io.smpl_files`); AIST++ keypoints3d
+    (`harmolab.io.aist`); joints in space.
 ``.bvh``
     any skeleton; `harmolab.io.bvh`.
-``.pkl``
-    AIST++ keypoints3d; `harmolab.io.aist`.
+``.c3d``
+    markers; `harmolab.io.c3d`.
 a folder
     OpenPose's JSON files, one a frame; `harmolab.io.keypoints`.
+
+`read_motion` says beside the motion of which kind a file is and how it was read.
 """
 
 from __future__ import annotations
@@ -50,13 +58,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.io.aist import AIST_FPS, is_aist_name, load_aist
-from harmolab.io.arrays import check_joints, checked_motion, in_metres, read_npy, read_npz
-from harmolab.io.bvh import load_bvh
+from harmolab.io.array_files import load_json, load_npy, load_pickle
+from harmolab.io.arrays import check_joints, checked_motion, in_metres, npz_names, read_npz
+from harmolab.io.bvh import read_bvh
 from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.files import MissingFrameRate, PathLike, atomic_write, reading
-from harmolab.io.keypoints import keypoints_motion, load_keypoints
-from harmolab.io.layouts import named_skeleton
+from harmolab.io.c3d import load_c3d
+from harmolab.io.files import WRITTEN_BY, PathLike, atomic_write, reading
+from harmolab.io.keypoints import load_keypoints
+from harmolab.io.motion_file import MotionFile, ReadingOptions, as_read
+from harmolab.io.smpl_files import MEMBERS, is_parameters, parameter_motion
 from harmolab.io.video import is_video
 from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import BoolArray, Motion, Skeleton
@@ -75,26 +85,51 @@ _MOST_SECONDS = 36_000.0  # ten hours: no song begins or ends beyond
 
 
 def load_motion(
-    path: PathLike, *, fps: float | None = None, scale: float | None = None, joints: Sequence[str] | None = None
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    scale: float | None = None,
+    joints: Sequence[str] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
 ) -> Motion:
-    """The movement in a file (`.npz`, `.npy`, `.bvh`, `.pkl`, `.json`) or in a folder of OpenPose JSON files.
+    """The movement in a file (suffixes as above) or in a folder of OpenPose JSON files.
 
     Parameters
     ----------
     path : str or path
     fps : float or None, frames per second
-        Needed where the file holds no rate (`.npy`, OpenPose, COCO); elsewhere it takes the place of the file's.
+        Needed where the file holds no rate (`.npy`, OpenPose, COCO, EDGE); elsewhere it takes the place of the file's.
     scale : float or None
-        Metres in one unit of a 3-D file. None: 1 for `.npz` and `.npy`, 0.01 for AIST++, see `load_bvh` for BVH.
+        Metres in one unit of a 3-D file. None: 1 for `.npz` and `.npy`, 0.01 for AIST++, see `load_bvh` for BVH;
+        joints in space of 17, 22 or 24 by the extent of the body.
     joints : names, optional
         Keep these joints only. For a camera that never sees the legs, since a joint that is never seen is an error.
+    smpl : str or path, optional
+        The user's own SMPL body, for files of SMPL parameters (`harmolab.io.smpl.load_body`).
+    up : "y" or "z", optional
+        The axis of a 3-D file that points up, where it is not what the file, its kind or the body tells.
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file.
     """
-    return motion_part(_load(Path(path), fps, scale, joints), joints, path)
+    return read_motion(path, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up).motion
+
+
+def read_motion(
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    scale: float | None = None,
+    joints: Sequence[str] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
+) -> MotionFile:
+    """As `load_motion`, with the kind of the file and notes on how it was read: units, axes, body, rate."""
+    file = _load(Path(path), ReadingOptions(fps, scale, joints, smpl, up))
+    return file._replace(motion=motion_part(file.motion, joints, path))
 
 
 def motion_part(motion: Motion, joints: Sequence[str] | None, path: PathLike) -> Motion:
@@ -108,67 +143,54 @@ def motion_part(motion: Motion, joints: Sequence[str] | None, path: PathLike) ->
     return Motion(motion.positions[:, keep], motion.fps, skeleton_part(motion.skeleton, keep), motion.valid)
 
 
-def _load(path: Path, fps: float | None, scale: float | None, joints: Sequence[str] | None) -> Motion:
+def _load(path: Path, options: ReadingOptions) -> MotionFile:
     """The motion by the reader of its suffix; those that fill unseen joints leave out all but `joints` before."""
     suffix = path.suffix.lower()
     if path.is_dir() and (path / "motion.npz").is_file():
         path, suffix = path / "motion.npz", ".npz"
     elif path.is_dir() and (path / "skeletons.json").is_file():
         raise ValueError(f"{path}: is a sequence of Tang et al.; read it with harmolab.load_recording")
-    if path.is_dir() or suffix in (".json", ".jsonl"):
-        return load_keypoints(path, fps=fps, joints=joints)
-    if suffix == ".npz":
-        return _load_npz(path, fps, scale)
-    if suffix == ".npy":
-        return _load_npy(path, fps, 1.0 if scale is None else scale, joints)
-    if suffix == ".bvh":
-        return load_bvh(path, fps=fps, scale=scale)
-    if suffix in (".pkl", ".pickle"):
-        return load_aist(path, fps=AIST_FPS if fps is None else fps, scale=0.01 if scale is None else scale)
+    if path.is_dir():
+        return _load_folder(path, options)
+    readers = {".bvh": read_bvh, ".npz": _load_npz, ".npy": load_npy, ".pkl": load_pickle, ".pickle": load_pickle}
+    readers |= {".json": load_json, ".jsonl": load_json, ".c3d": load_c3d}
+    if suffix in readers:
+        return readers[suffix](path, options)
     with reading(path, "a motion", max_bytes=None):
         if is_video(path):
             raise ValueError("is a video, no motion file; `harmolab explain` and `harmolab retime` read videos")
-        raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json")
+        raise ValueError(f"is no motion file that is known ({suffix or 'no suffix'}); .npz .npy .bvh .pkl .json .c3d")
 
 
-def _load_npy(path: PathLike, fps: float | None, scale: float, joints: Sequence[str] | None) -> Motion:
-    """A `.npy` array: (T, J, 3) metres, (T, J, 2) or flat image coordinates, or landmarks with their visibility."""
-    with reading(path, "a .npy array") as file:
-        with file.open("rb") as stream:
-            values = read_npy(stream, file.stat().st_size)
-        if fps is None and not is_aist_name(file):
-            raise MissingFrameRate("holds no frame rate; pass fps, such as --fps 25")
-        rate = AIST_FPS if fps is None else fps
-        if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
-            return keypoints_motion(values, rate, joints=joints)
-        return checked_motion(in_metres(values, scale), rate, named_skeleton(values.shape[1]))
+def _load_folder(folder: Path, options: ReadingOptions) -> MotionFile:
+    """A folder of OpenPose's."""
+    motion = load_keypoints(folder, fps=options.fps, joints=options.joints)
+    try:
+        return as_read(motion, "OpenPose key points", options)
+    except ValueError as error:
+        raise ValueError(f"{folder}: {error}") from None
 
 
-def _has_confidence(values: NDArray[Any]) -> bool:
-    """True where (T, J, 3) is not 3-D but image coordinates with a confidence: pixels beside 0 to 1."""
-    is_pose = named_skeleton(values.shape[1]) is not None and len(values) > 0
-    return bool(
-        is_pose and values[..., 2].min() >= 0 and values[..., 2].max() <= 1 and np.abs(values[..., :2]).max() > 20
-    )
-
-
-def _load_npz(path: PathLike, fps: float | None, scale: float | None) -> Motion:
-    """Our own format, as in the module's docstring."""
+def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
+    """Our own format, as in the module's docstring, or SMPL parameters."""
     with reading(path, "an .npz motion") as file:
+        names = npz_names(file)
+        if "positions" not in names and is_parameters(dict.fromkeys(names)):
+            return parameter_motion(read_npz(file, dict.fromkeys(MEMBERS, "fiu")), file, options)
         arrays = read_npz(file, _MEMBERS)
         for name in ("positions", "fps"):
             if name not in arrays:
                 raise ValueError(f"has no array {name!r}; our .npz needs positions and fps, see harmolab.io.motion")
-        positions, rate = arrays["positions"], arrays["fps"] if fps is None else np.asarray(fps)
+        positions, rate = arrays["positions"], arrays["fps"] if options.fps is None else np.asarray(options.fps)
         units = str(arrays["units"]) if "units" in arrays else "m"
         if rate.size != 1:
             raise ValueError(f"fps must be one number, got shape {rate.shape}")
         if positions.ndim == 3 and positions.shape[2] == 3:
-            if scale is None and units != "m":
+            if options.scale is None and units != "m":
                 raise ValueError(f"has positions in {units[:20]!r}; pass scale, the metres in one of them")
-            positions = positions if scale is None else in_metres(positions, scale)
+            positions = positions if options.scale is None else in_metres(positions, options.scale)
         _offset(arrays)
-        return checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid"))
+        return as_read(checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid")), "npz", options)
 
 
 def load_offset(path: PathLike) -> float | None:
@@ -248,6 +270,7 @@ def save_motion(
     _offset(optional)
     optional |= {} if detected is None else {"detected": np.asarray(detected, bool)}
     optional |= {"about": np.array(about)} if about else {}
+    optional |= {WRITTEN_BY.replace(" ", "_"): np.array(True)}
     suffix = path.suffix.lower()
     if suffix == ".bvh":
         save_bvh(path, motion)

@@ -20,7 +20,7 @@ import numpy as np
 from av.video.reformatter import ColorRange, Colorspace
 from numpy.typing import NDArray
 
-from harmolab.io.files import PathLike, atomic_write, reading
+from harmolab.io.files import WRITTEN_BY, PathLike, atomic_write, reading
 from harmolab.types import Audio
 
 Frame = NDArray[np.uint8]
@@ -274,8 +274,7 @@ def write_video(
         atomic_write(path) as part,
         av.open(f"file:{part}", "w", format=path.suffix[1:].lower(), container_options=coding.container) as container,
     ):
-        if title:
-            container.metadata["title"] = title
+        container.metadata.update({"comment": WRITTEN_BY} | ({"title": title} if title else {}))
         _encode(container, coding, path, map(np.asarray, frames), Fraction(fps).limit_denominator(100_000), audio)
 
 

@@ -1,4 +1,10 @@
 from .evaluate.body_rests import rests_on_beat as rests_on_beat
+from .evaluate.evaluation import Evaluation as Evaluation
+from .evaluate.evaluation import EvaluationSettings as EvaluationSettings
+from .evaluate.evaluation import evaluate_dances as evaluate_dances
+from .evaluate.protocols import PROTOCOLS as PROTOCOLS
+from .evaluate.protocols import Protocol as Protocol
+from .evaluate.protocols import protocol_notes as protocol_notes
 from .experiments.ablated import ablated_dancers as ablated_dancers
 from .experiments.ablated import ablation_table as ablation_table
 from .experiments.ablated import effector_disagreement as effector_disagreement
@@ -386,6 +392,7 @@ from .timing.playing import explain_playing as explain_playing
 from .timing.playing import playing_findings as playing_findings
 from .timing.playing_page import playing_player as playing_player
 from .timing.playing_page import save_playing_page as save_playing_page
+from .widgets.evaluation_page import write_evaluation as write_evaluation
 from .widgets.labs.corpus import corpus_lab as corpus_lab
 from .widgets.labs.detector import detector_lab as detector_lab
 from .widgets.labs.meter import meter_lab as meter_lab

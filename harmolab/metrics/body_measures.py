@@ -7,7 +7,7 @@ Filler frames (`Motion.valid`) count nowhere. A measure that a body or a stretch
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -16,7 +16,7 @@ from scipy.spatial.distance import cdist
 
 from harmolab.kinematics import resample_motion
 from harmolab.metrics.body_points import point_joints
-from harmolab.metrics.quality import foot_skating, jerk, runs, spans, vector_lengths
+from harmolab.metrics.quality import foot_skating, jerk, or_nan, runs, spans, vector_lengths
 from harmolab.skeletons import HIPS, HIPS_AND_SHOULDERS, body_frame, heading, named_joints, side_pairs
 from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 
@@ -85,16 +85,8 @@ def body_measures(motion: Motion) -> dict[str, float]:
     body = body_frame(steady.positions, RATE, steady.skeleton)
     values = _amounts(body, steady) | _legs(body, steady) | _turns(steady)
     values["hands"] = _hand_range(body[steady.valid], steady.skeleton)
-    values |= {name: _or_nan(measure, motion) for name, measure in (("jerk", jerk), ("skating", foot_skating))}
+    values |= {name: or_nan(measure, motion) for name, measure in (("jerk", jerk), ("skating", foot_skating))}
     return {name: float(values[name]) for name in MEASURES if np.isfinite(values.get(name, np.nan))}
-
-
-def _or_nan(measure: Callable[[Motion], float], motion: Motion) -> float:
-    """A measure of `metrics.quality`, NaN where it does not apply."""
-    try:
-        return measure(motion)
-    except ValueError:
-        return np.nan
 
 
 def _amounts(body: FloatArray, motion: Motion) -> dict[str, float]:

@@ -12,6 +12,7 @@ A single number says little: compare with the same number of recorded dance.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -245,6 +246,14 @@ def largest_step(motion: Motion, *, step: float = STEP) -> StepSpeeds:
     """
     speeds = _speeds(motion, step)
     return StepSpeeds(float(speeds.max()), float(np.percentile(speeds, PEAK_PERCENTILE)))
+
+
+def or_nan(measure: Callable[[Motion], float], motion: Motion) -> float:
+    """A measure of a motion; NaN where it raises ValueError: the motion does not have what the measure needs."""
+    try:
+        return measure(motion)
+    except ValueError:
+        return math.nan
 
 
 def _speeds(motion: Motion, step: float) -> FloatArray:

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from harmolab.bar_pattern import fit_of_motion
-from harmolab.harmony import above_chance, harmony_from_hits, score_motion
+from harmolab.harmony import above_chance, score_motion
 from harmolab.io.files import Arrays, cached_arrays, keep_arrays, plain
 from harmolab.kinematics import joint_speed
+from harmolab.lab.evaluate.rows import paper_numbers
 from harmolab.lab.experiments.cheating import half_a_beat_late
 from harmolab.lab.experiments.contestants import RIGHT_SONG, ROWS, Contestant
 from harmolab.lab.experiments.contests import Contest
@@ -41,7 +42,7 @@ MEASURES = (
     "h", "h_chance", "hit_rate", "hit_chance", "above_chance", "late", "n_visual", "n_audio", "pattern", "jerk",
     "skating", "speed",
 )  # fmt: skip
-_PAPER, _VALLEYS = HarmonyParams.paper(), HarmonyParams.valleys()
+_VALLEYS = HarmonyParams.valleys()
 
 
 def clip_measures(motion: Motion, excerpt: Excerpt, pattern: BarPattern | None = None) -> dict[str, float]:
@@ -61,14 +62,13 @@ def clip_measures(motion: Motion, excerpt: Excerpt, pattern: BarPattern | None =
     (m/s^3), skating (m/s), and the mean speed of a joint (m/s)
     """
     music, late = (_within(track, excerpt, motion) for track in (excerpt.beats, half_a_beat_late(excerpt.beats)))
-    paper = score_motion(music, motion, params=_PAPER, n_rotations=0)
+    paper = paper_numbers(music, motion)
     valleys = score_motion(music, motion, params=_VALLEYS, n_rotations=0)
-    expected = paper.chance * float(paper.music.strengths.sum())
     return {
-        "h": paper.harmony,
-        "h_chance": harmony_from_hits(expected, paper.n_audio, paper.n_visual, _PAPER.beta),
-        "hit_rate": paper.hit_rate,
-        "hit_chance": paper.chance,
+        "h": paper["paper_harmony"],
+        "h_chance": paper["paper_harmony_chance"],
+        "hit_rate": paper["paper_hit_rate"],
+        "hit_chance": paper["paper_hit_rate_chance"],
         "above_chance": valleys.harmony_above_chance,
         "late": score_motion(late, motion, params=_VALLEYS, n_rotations=0).harmony_above_chance,
         "n_visual": float(valleys.n_visual),

@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
-from harmolab.io.files import atomic_write, write_json
+from harmolab.io.files import WRITTEN_BY, atomic_write, write_json
 from harmolab.lab.profile import RunProfile
 
 MANIFEST = "manifest.json"
@@ -196,8 +196,8 @@ def write_figure(figure: Figure, path: Path) -> Path:
     suffix = path.suffix.lower().lstrip(".")
     if suffix not in (formats := FigureCanvasBase.get_supported_filetypes()):
         raise ValueError(f"{path}: no picture format {suffix!r}; there are {', '.join(sorted(formats))}")
-    # Without a software tag the same picture is the same bytes, so that git sees no change where there is none.
-    metadata = {"Software": None} if suffix == "png" else None
+    # Without the version of matplotlib the same picture is the same bytes: git sees no change where there is none.
+    metadata = {"Software": WRITTEN_BY} if suffix == "png" else None
     with atomic_write(path) as part:
         figure.savefig(part, format=suffix, bbox_inches="tight", metadata=metadata)
     return path

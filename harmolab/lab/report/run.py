@@ -23,6 +23,8 @@ from harmolab.io.files import atomic_folder, atomic_write
 from harmolab.lab.figures.style import MANIFEST
 from harmolab.lab.report.pages import MARK, NotebookRun, write_pages
 
+TIMEOUTS = {"quick": 300.0, "full": 21600.0}  # seconds a cell may take, by profile
+
 
 @dataclass(frozen=True)
 class Report:
@@ -169,12 +171,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 300, full: 6 hours)")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
     options = parser.parse_args(arguments)
-    options.timeout = options.timeout or {"quick": 300.0, "full": 21600.0}[options.profile]
+    options.timeout = options.timeout or TIMEOUTS[options.profile]
     try:
         report = build(**vars(options))
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    return print_outcome(report)
+
+
+def print_outcome(report: Report) -> int:
+    """Prints which notebooks failed and where the report is; 1 if one did, else 0."""
     for run in report.failures:
         print(f"FAILED {run.path.name} in {run.error}", file=sys.stderr)
     print(f"{len(report.runs) - len(report.failures)} of {len(report.runs)} notebooks ran; open {report.index}")

@@ -1,0 +1,281 @@
+"""One measurement for every task, in this process, in several, or on a cluster: the same table from all of them.
+
+Rows are handed to the client in the order of the tasks and stand in Parquet parts (`harmolab.lab.evaluate.parts`), so
+a run that was stopped goes on where it was. Tasks in flight and rows that wait for an earlier one are bounded, so
+memory does not grow with their number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import platform
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from importlib.metadata import version
+from itertools import count, islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+from uuid import uuid4
+
+from filelock import FileLock, Timeout
+
+from harmolab.io.files import PathLike, Progress, plain, silent, write_json
+from harmolab.lab.evaluate import parts
+from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, PartWriter, Row, check_installed, part_keys
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from distributed import Client
+
+PER_WORKER = 4  # tasks that are submitted at a time: one runs, the others wait so that it never does
+MOST_WAITING = 1024  # rows that are measured, but wait for an earlier one
+TURNS = 256  # rows after which the workers are counted again: a cluster may grow
+SUBMISSIONS = 2  # of a task that kills its worker; dask tries each four times
+CONNECT_SECONDS = 30
+LOCK = ".lock"
+_KILLED = "kills the process that measures it, each time (out of memory, or a fault in compiled code)"
+
+
+class Task(Protocol):
+    """One measurement to be taken: a record that can be sent to another process, with a key of its own."""
+
+    @property
+    def key(self) -> str:
+        """Stable name of the row; no two tasks have the same."""
+
+
+Measure = Callable[[Any], Mapping[str, Any]]
+
+
+def run_rows(
+    tasks: Sequence[Task],
+    measure: Measure,
+    out: PathLike,
+    *,
+    jobs: int = 1,
+    scheduler: str = "",
+    resume: bool = False,
+    force: bool = False,
+    settings: Mapping[str, Any] | None = None,
+    progress: Progress = silent,
+) -> Iterator[pd.DataFrame]:
+    """The table of `measure(task)` for every task, a part at a time, in the order of the tasks' keys.
+
+    Everything is measured when this returns. The table is the same to the last bit for any number of processes if
+    `measure` is a function of its task alone, and numpy has one thread here too (``OMP_NUM_THREADS=1``), as it has in
+    the workers.
+
+    Parameters
+    ----------
+    tasks : in the order of their keys; may be computed on access, since none is kept
+    measure : function of a module (or a `functools.partial` of one), from a task to cells: text, numbers, lists of
+        numbers. An exception becomes a row with a text in the column "error", and so does a task that kills its
+        process again and again.
+    out : folder of the run: ``run.json`` and the Parquet parts
+    jobs : int, worker processes on this machine; 0 measures in this process, without dask
+    scheduler : str, address of a dask scheduler, such as ``tcp://10.0.0.5:8786``, in place of `jobs`; its workers need
+        the same packages and files
+    resume : go on with a run in `out`, or start it where there is none
+    force : begin anew where a run is, or in a folder with other files, which stay
+    settings : JSON-able; all that the rows depend on besides the tasks: a run is resumed with the same only
+    progress : Progress over the rows that are missing
+
+    Returns
+    -------
+    iterator of DataFrame
+        As `harmolab.lab.evaluate.parts.read_rows`.
+
+    Raises
+    ------
+    ValueError
+        For tasks out of order or none, negative jobs, a folder that may not be written to, a run with other settings,
+        tasks or versions, and without the packages of ``harmolab[cluster]``.
+    ConnectionError
+        When the scheduler does not answer, or not any more; what was measured is kept.
+    """
+    check_installed("pyarrow", *(("distributed",) if jobs or scheduler else ()))
+    if jobs < 0:
+        raise ValueError(f"--jobs must be 0 (this process) or a number of processes, got {jobs}")
+    out = Path(out)
+    with _open_folder(out, _manifest(tasks, settings or {}), resume=resume, force=force):
+        done = [_rows_done(out, tasks, number) for number in range(-(-len(tasks) // parts.PART_ROWS))]
+        missing = len(tasks) - sum(done)
+        if missing:
+            with _rows(tasks, measure, _missing(done, len(tasks)), jobs, scheduler) as rows, PartWriter(out) as writer:
+                for _, (index, row) in zip(progress(range(missing), "measured"), rows, strict=True):
+                    writer.add(index, row)
+    return parts.read_rows(out)
+
+
+def _manifest(tasks: Sequence[Task], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """All that the rows of a run follow from; ValueError unless the keys increase from task to task."""
+    digest, last = hashlib.sha256(), None
+    for task in tasks:
+        if last is not None and task.key <= last:
+            raise ValueError(f"tasks must come in the order of their keys, each once; {task.key!r} follows {last!r}")
+        last = task.key
+        digest.update(f"{last}\0".encode())
+    if last is None:
+        raise ValueError("there is nothing to measure")
+    packages = {name: version(name) for name in ("harmolab", "numpy", "scipy")}
+    return plain({
+        "format": FORMAT, "rows": len(tasks), "keys": digest.hexdigest(), "settings": settings,
+        "versions": {"python": platform.python_version(), **packages},
+    })  # fmt: skip
+
+
+@contextmanager
+def _open_folder(out: Path, manifest: Mapping[str, Any], *, resume: bool, force: bool) -> Iterator[None]:
+    """Lock the folder of a run and write its manifest, or compare it with the one that is there."""
+    is_run = _check_folder(out, resume=resume, force=force)
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(out / LOCK, timeout=0):
+            if is_run and not force:
+                _check_same(out / MANIFEST, parts.read_manifest(out), manifest)
+            old = [*out.glob(".*.tmp"), *(out.glob("part-*.parquet") if force else ())]
+            for path in old:
+                path.unlink()
+            if force or not is_run:
+                write_json(out / MANIFEST, manifest)
+            yield
+    except Timeout:
+        raise ValueError(f"{out}: another process is at this run") from None
+
+
+def _check_folder(out: Path, *, resume: bool, force: bool) -> bool:
+    """Is there a run in the folder? ValueError where it may not be written to."""
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out}: is a file; a run needs a folder")
+    held = sorted(path.name for path in out.iterdir() if not path.name.startswith(".")) if out.is_dir() else []
+    is_run = MANIFEST in held
+    if is_run and not (resume or force):
+        raise ValueError(f"{out}: holds a run; go on with it by --resume, or begin anew by --force")
+    if held and not is_run and not force:
+        raise ValueError(f"{out}: holds {held[0]} and no run; choose another folder, or add to it by --force")
+    return is_run
+
+
+def _check_same(path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> None:
+    """ValueError that names every entry in which the manifest of a run differs from that of this one."""
+    before, now = dict(_leaves(old)), dict(_leaves(new))
+    changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    if changed:
+        pairs = ", ".join(f"{name} was {before.get(name)!r:.60} and is {now.get(name)!r:.60}" for name in changed)
+        raise ValueError(f"{path}: the run was begun otherwise: {pairs}; ask for the same, or begin anew by --force")
+
+
+def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """(dotted name, value) of all that stands in nested dictionaries."""
+    if isinstance(entry, Mapping):
+        for key, value in entry.items():
+            yield from _leaves(value, f"{name}.{key}" if name else str(key))
+    else:
+        yield name, entry
+
+
+def _rows_done(out: Path, tasks: Sequence[Task], number: int) -> int:
+    """Rows of a part that are there; 0 for half a file, or rows of other tasks."""
+    keys = part_keys(parts.part_path(out, number))
+    first = number * parts.PART_ROWS
+    expected = [tasks[index].key for index in range(first, min(first + len(keys), len(tasks)))]
+    return len(keys) if keys == expected and len(keys) <= parts.PART_ROWS else 0
+
+
+def _missing(done: Sequence[int], n_tasks: int) -> Iterator[int]:
+    """Numbers of the tasks without a row."""
+    for number, rows in enumerate(done):
+        first = number * parts.PART_ROWS
+        yield from range(first + rows, min(first + parts.PART_ROWS, n_tasks))
+
+
+@contextmanager
+def _rows(
+    tasks: Sequence[Task], measure: Measure, indices: Iterable[int], jobs: int, scheduler: str
+) -> Iterator[Iterator[tuple[int, Row]]]:
+    """An iterator over (index, row) of those tasks, in the order of `indices`."""
+    if scheduler or jobs:
+        with _connected(jobs, scheduler) as client:
+            yield _cluster_rows(client, measure, tasks, indices)
+    else:
+        yield ((index, measured_row(measure, tasks[index])) for index in indices)
+
+
+def measured_row(measure: Measure, task: Task) -> dict[str, Any]:
+    """The row of a task: its key, an empty "error", and what is measured; or its key and what stood in the way."""
+    try:
+        cells = {name: parts.cell(value) for name, value in measure(task).items()}
+    except Exception as error:  # noqa: BLE001  # whatever one clip of a million raises, the others are measured
+        return {KEY: task.key, ERROR: f"{type(error).__name__}: {' '.join(str(error).split())[:400]}"}
+    return {KEY: task.key, ERROR: "", **cells}
+
+
+@contextmanager
+def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
+    """A client of the scheduler, or of one with `jobs` processes on this machine, which ends with the block."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    if scheduler:
+        try:
+            client = Client(scheduler, timeout=CONNECT_SECONDS)
+            client.wait_for_workers(1, timeout=CONNECT_SECONDS)
+        except (OSError, ValueError) as error:
+            fault = " ".join(str(error).split())
+            raise ConnectionError(f"--scheduler {scheduler}: no scheduler with workers answers ({fault})") from None
+        with client:
+            yield client
+        return
+    # A worker holds the task that it runs and no other, so that a task which kills it brings no other into suspicion.
+    one_at_a_time = dask.config.set({"distributed.scheduler.worker-saturation": 1.0})
+    local = partial(LocalCluster, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
+    process = partial(local, threads_per_worker=1, scheduler_kwargs={"dashboard": False})
+    with one_at_a_time, process(n_workers=jobs) as cluster, Client(cluster) as client:
+        # dask gives up on a process that dies while it starts.
+        cluster.adapt(minimum=jobs, maximum=jobs, interval="1s")
+        yield client
+
+
+def _cluster_rows(
+    client: Client, measure: Measure, tasks: Sequence[Task], indices: Iterable[int]
+) -> Iterator[tuple[int, Row]]:
+    """(index, row) of the tasks, in the order of `indices`; a bounded number of them is under way."""
+    from distributed import KilledWorker, as_completed
+
+    remaining = iter(indices)
+    group = f"rows-{uuid4().hex}"  # one name for all: dask then keeps those that wait at the scheduler
+    pool = as_completed(loop=client.loop, with_results=True, raise_errors=False)
+    order: deque[int] = deque()
+    ready: dict[int, Row] = {}
+    deaths: Counter[int] = Counter()
+
+    def submit(index: int) -> None:
+        key = (group, index, deaths[index])
+        pool.add(client.submit(measured_row, measure, tasks[index], key=key))
+
+    for turn in count():
+        if turn % TURNS == 0:
+            window = PER_WORKER * max(sum(client.nthreads().values()), 1)
+        for index in islice(remaining, max(min(window - pool.count(), MOST_WAITING - len(order)), 0)):
+            order.append(index)
+            submit(index)
+        if not order:
+            return
+        future, result = next(pool)
+        index = future.key[1]
+        if isinstance(result, dict):
+            ready[index] = result
+        elif not isinstance(result, tuple):
+            raise ConnectionError("the scheduler is gone; what was measured is kept, go on with --resume")
+        elif not isinstance(result[1], KilledWorker):
+            raise result[1]
+        elif deaths[index] + 1 < SUBMISSIONS:
+            deaths[index] += 1
+            submit(index)
+        else:
+            ready[index] = {KEY: tasks[index].key, ERROR: _KILLED}
+        while order and order[0] in ready:
+            yield order[0], ready.pop(order.popleft())

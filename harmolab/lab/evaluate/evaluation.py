@@ -1,0 +1,321 @@
+"""The evaluation of systems that dance: folders of motions and songs in, the table that says how they do out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, silent, write_json
+from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
+from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
+from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.pairing import (
+    RECORDED,
+    Pair,
+    Pairing,
+    Unpaired,
+    folder_pairs,
+    listed_pairs,
+    songs_in,
+    unused_songs,
+)
+from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion, protocol_of
+from harmolab.lab.evaluate.sets import SetNumber, protocol_sets, set_numbers
+from harmolab.lab.evaluate.summary import (
+    RESAMPLES,
+    Difference,
+    Mean,
+    measure_of,
+    ranks,
+    system_differences,
+    system_means,
+)
+
+MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
+CLIPS, ROWS = "clips.csv", "rows"
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """Settings of an evaluation.
+
+    Parameters
+    ----------
+    systems : name -> folder of its dances
+    music : folder of songs
+    reference : folder of recorded dances
+    pairs : Path of a list of pairs, or None
+    protocol : str, name of a protocol, "" for none
+    fps, scale : as in `RowOptions`
+    pose_net : Path of a pose network, or None for the shipped one
+    resamples, seed : of the intervals
+    """
+
+    systems: Mapping[str, Path]
+    music: Path
+    reference: Path
+    pairs: Path | None = None
+    protocol: str = ""
+    fps: float | None = None
+    scale: float | None = None
+    pose_net: Path | None = None
+    resamples: int = RESAMPLES
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if taken := set(self.systems) & set(CONTROLS):
+            raise ValueError(f"{min(taken)!r} is the name of a row that every table has; call the system otherwise")
+        if not self.systems and self.pairs is None:
+            raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
+        if self.protocol:
+            protocol_of(self.protocol)
+
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """All files and folders that are read."""
+        more = (self.pairs, self.pose_net)
+        return (*self.systems.values(), self.music, self.reference, *(path for path in more if path is not None))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings as JSON holds them."""
+        named = {name: str(value) if isinstance(value, Path) else value for name, value in vars(self).items()}
+        return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
+
+
+class Counts(NamedTuple):
+    """Numbers of the dances of a system that were measured, of their songs, and of their seeds."""
+
+    dances: int
+    songs: int
+    seeds: int
+
+
+class Extreme(NamedTuple):
+    """The best or the worst dance of a system by harmony above chance."""
+
+    pair: Pair
+    harmony: float
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The table of an evaluation and what stands behind it.
+
+    Parameters
+    ----------
+    settings : EvaluationSettings
+    options : RowOptions of the measurement of each dance
+    systems : names of the systems, in the order of the table; the controls come after them
+    controls : names of the controls that there are
+    songs : DataFrame by system and song, means of every measure over dances and seeds
+    means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
+    ranks : measure -> system -> its rank; systems without one are left out
+    counts : system -> how many dances, songs and seeds were measured
+    facts : system -> "fps", "joints", "beats" or "dance" -> how many dances have which value
+    extremes : system -> (worst, best)
+    unpaired : files that have no part in the table, with the reason
+    errors : dances that could not be measured, with the reason
+    """
+
+    settings: EvaluationSettings
+    options: RowOptions
+    systems: tuple[str, ...]
+    controls: tuple[str, ...]
+    songs: pd.DataFrame
+    means: Mapping[tuple[str, str], Mean]
+    differences: Sequence[Difference]
+    sets: Mapping[tuple[str, str], SetNumber]
+    ranks: Mapping[str, Mapping[str, int]]
+    counts: Mapping[str, Counts]
+    facts: Mapping[str, Mapping[str, Counter[str]]]
+    extremes: Mapping[str, tuple[Extreme, Extreme]]
+    unpaired: tuple[Unpaired, ...]
+    errors: tuple[Unpaired, ...]
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """The names of all rows of the table."""
+        return (*self.systems, *self.controls)
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """The measures of single dances that anything was measured of, in the order of the table."""
+        measured = dict.fromkeys(measure for _, measure in self.means)
+        protocol = f"{self.settings.protocol} "
+        return (
+            *(name for name in MEASURES if name in measured),
+            *(name for name in measured if self.settings.protocol and name.startswith(protocol)),
+        )
+
+    @property
+    def set_measures(self) -> tuple[str, ...]:
+        """The measures of sets of dances that there are."""
+        return tuple(dict.fromkeys(measure for _, measure in self.sets))
+
+
+def evaluate_dances(
+    settings: EvaluationSettings,
+    out: PathLike,
+    *,
+    jobs: int = 0,
+    scheduler: str = "",
+    resume: bool = False,
+    force: bool = False,
+    progress: Progress = silent,
+) -> Evaluation:
+    """Every dance measured, and every system compared with the others, with recorded dances and with a held pose.
+
+    Parameters
+    ----------
+    settings : EvaluationSettings
+    out : folder; it gets the settings and clips.csv, a row a dance, and holds what was measured so far
+    jobs, scheduler, resume : as in `run_rows`
+    force : write into a folder that no evaluation wrote; what is in it stays
+    progress : function(iterable, label) -> iterable
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        A folder is missing or nothing in it goes with a song, no dance of a system can be measured, or `out` must not
+        be written to; names the folder or file.
+    """
+    out = Path(out)
+    check_table_folder(out, settings, force=force)
+    pairing = evaluation_pairs(settings)
+    recorded = [pair for pair in pairing.pairs if pair.kind == RECORDED]
+    options = RowOptions(settings.fps, settings.scale, settings.protocol, _pose_net(settings))
+    _check_rates(pairing.pairs, options)
+    options = RowOptions(**{**vars(options), "limits": recorded_limits(recorded, options, progress=progress)})
+    tasks = (*(pair for pair in pairing.pairs if pair.kind != RECORDED), *control_pairs(recorded))
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(
+        out / MARK, {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
+    )
+    parts = run_rows(
+        sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
+        scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), progress=progress,
+    )  # fmt: skip
+    collected = collect(written_parts(parts, out / CLIPS, tasks))
+    return _evaluation(settings, options, tasks, collected, pairing.unpaired)
+
+
+def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) -> None:
+    """ValueError unless a table may be written to `out`: it is no input, nor in a folder of dances, and new or ours."""
+    check_output(out, settings.inputs)
+    for folder in (*settings.systems.values(), settings.reference):
+        if folder.resolve() in out.resolve().parents:
+            raise ValueError(f"{out}: lies in a folder of dances ({folder}); choose another place for the table")
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out}: is a file; name a folder for the table")
+    if out.exists() and any(out.iterdir()) and not (out / MARK).is_file() and not force:
+        raise ValueError(f"{out}: holds files that are no table of harmolab; name a new folder, or pass --force")
+    if not out.resolve().parent.is_dir():
+        raise ValueError(f"{out.parent}: no such folder")
+
+
+def evaluation_pairs(settings: EvaluationSettings) -> Pairing:
+    """The dances of all systems and the recorded ones with their songs; errors as `evaluate_dances`."""
+    songs = songs_in(settings.music)
+    parts = [folder_pairs(RECORDED, settings.reference, songs, kind=RECORDED)]
+    if settings.pairs is None:
+        parts += [folder_pairs(name, folder, songs) for name, folder in settings.systems.items()]
+    else:
+        default = next(iter(settings.systems), "generated")
+        parts.append(listed_pairs(settings.pairs, settings.music, settings.systems, default=default))
+    pairs = tuple(pair for part in parts for pair in part.pairs)
+    if taken := {pair.system for part in parts[1:] for pair in part.pairs} & set(CONTROLS):
+        raise ValueError(f"{settings.pairs}: {min(taken)!r} is the name of a row that every table has")
+    unpaired = tuple(one for part in parts for one in part.unpaired)
+    return Pairing(pairs, (*unpaired, *unused_songs(songs, pairs)))
+
+
+def _pose_net(settings: EvaluationSettings) -> Path | None:
+    """The weights of the pose network: those of the settings, else the shipped ones; None without torch."""
+    if find_spec("torch") is None:
+        return None
+    if settings.pose_net is not None:
+        from harmolab.systems.common.pose_network import load_pose_net
+
+        load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
+        return settings.pose_net
+    spec = find_spec("harmolab.systems.harmogan")
+    return None if spec is None or spec.origin is None else Path(spec.origin).parent / "weights" / "pose_net"
+
+
+def _check_rates(pairs: Iterable[Pair], options: RowOptions) -> None:
+    """The error of the first system whose first dance has no frame rate, before anything is measured."""
+    first: dict[str, Pair] = {}
+    for pair in pairs:
+        first.setdefault(pair.system, pair)
+    for pair in first.values():
+        try:
+            pair_motion(pair, options)
+        except MissingFrameRate:
+            raise
+        except (ValueError, OSError):
+            continue  # one damaged file is a line of the table's errors
+
+
+def _evaluation(
+    settings: EvaluationSettings,
+    options: RowOptions,
+    tasks: tuple[Pair, ...],
+    collected: Collected,
+    unpaired: tuple[Unpaired, ...],
+) -> Evaluation:
+    """The record of what was collected."""
+    by_key = {pair.key: pair for pair in tasks}
+    # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
+    errors = tuple(dict.fromkeys(Unpaired(by_key[key].motion, reason) for key, reason in collected.errors.items()))
+    names = tuple(dict.fromkeys(pair.system for pair in tasks))
+    if lost := [name for name in names if not collected.dances[name]]:
+        first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
+        raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
+    systems = tuple(name for name in names if name not in CONTROLS)
+    songs = collected.song_means
+    differences = system_differences(songs, names, count=settings.resamples, seed=settings.seed)
+    sets = set_numbers(collected.features, seed=settings.seed)
+    if settings.protocol:
+        sets |= protocol_sets(collected.features, settings.protocol)
+    return Evaluation(
+        settings,
+        options,
+        systems,
+        tuple(name for name in names if name in CONTROLS),
+        songs,
+        system_means(songs, count=settings.resamples, seed=settings.seed),
+        differences,
+        sets,
+        {name: ranks(differences, systems, name, better=measure_of(name).better) for name in map(str, songs.columns)},
+        {name: _counts(collected, name) for name in names},
+        collected.facts,
+        _extremes(collected, by_key, (*systems, RECORDED)),
+        tuple(dict.fromkeys(unpaired)),
+        errors,
+    )
+
+
+def _counts(collected: Collected, system: str) -> Counts:
+    groups = collected.sums.loc[system].index
+    songs, seeds = (groups.get_level_values(name).nunique() for name in ("song", "seed"))
+    return Counts(collected.dances[system], songs, seeds)
+
+
+def _extremes(
+    collected: Collected, by_key: Mapping[str, Pair], systems: Iterable[str]
+) -> dict[str, tuple[Extreme, Extreme]]:
+    """The worst and the best dance of each of some systems."""
+    extremes = {}
+    for name in systems:
+        if name in collected.extremes:
+            worst, best = (Extreme(by_key[key], harmony) for harmony, key in collected.extremes[name])
+            extremes[name] = (worst, best)
+    return extremes

@@ -1,0 +1,149 @@
+"""Words about a table: remarks on this one, and the paragraph on how it was made, to paste into a paper."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+
+from harmolab.lab.evaluate.controls import LIMIT_DANCES
+from harmolab.lab.evaluate.evaluation import Evaluation
+from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.rows import FEATURES, OTHER_SONG, PIECE, protocol_of
+from harmolab.lab.evaluate.summary import FEWEST_SONGS, measure_of
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
+
+MUSICAL = (  # of which more must be reached with the own song than with another
+    *("harmony", "harmony_dance", "paper_harmony", "paper_hit_rate"),
+    *("beat_align_motion", "beat_align_music", "beat_hit_rate", "mir_eval_f"),
+)
+FEW = 100  # dances below which a distance of features says little
+
+
+def table_notes(evaluation: Evaluation) -> Iterator[str]:
+    """Remarks that a reader needs beside this table: small samples, missing columns and controls, doubtful harmony."""
+    counts = evaluation.counts
+    if OTHER_SONG not in evaluation.controls:
+        yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
+    if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
+        yield f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more."
+    if deaf := list(_deaf_measures(evaluation)):
+        yield (
+            "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
+            f"may say nothing about the music: {'; '.join(deaf)}."
+        )
+    for name in FEATURES:
+        if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
+            yield f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}."
+    sizes = [one.n for (row, name), one in evaluation.sets.items() if name.startswith("fid_") and row != RECORDED]
+    if sizes and min(sizes) < FEW:
+        yield (
+            f"Fréchet distances rest on {min(sizes)} dances at the least. The bias of small samples is taken "
+            f"off, their chance is not; below about {FEW} dances small differences mean nothing."
+        )
+    for row in evaluation.systems:
+        if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
+            yield (
+                f"Only {likely:.0%} of the dances of {row} move like the recorded dancers: its harmony means little, "
+                "as that of a statue on a turntable does."
+            )
+        if len(evaluation.systems) > 1 and counts[row].songs < FEWEST_SONGS:
+            yield f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}."
+    if "likeness" in evaluation.measures and evaluation.options.limits is None:
+        yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
+    if evaluation.errors:
+        yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
+
+
+def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:
+    """The words of `MUSICAL` measures that are not clearly higher for recorded dances with their own songs."""
+    for one in evaluation.differences:
+        if {one.a, one.b} == {RECORDED, OTHER_SONG} and one.measure in MUSICAL:
+            low = one.low if one.a == RECORDED else -one.high
+            if one.songs >= FEWEST_SONGS and not low > 0:
+                yield measure_of(one.measure).words
+
+
+def _reason(evaluation: Evaluation, name: str) -> str:
+    if name == "pose" and evaluation.options.pose_net is None:
+        return "torch is not installed"
+    if name == "pose":
+        return "the pose network knows other joints (--pose-net names another), or the dances are too few or too short"
+    if name == "kinetic":
+        return "the joints are not those of the recorded dances, or there are fewer than four dances"
+    return "they need joints by name that the body does not have, or there are fewer than four dances"
+
+
+def methods_paragraph(evaluation: Evaluation) -> str:
+    """The way the table was made: data, frame rates, beats, settings, statistics, and the protocol's remarks."""
+    return " ".join([*_data(evaluation), *_measurement(evaluation), *_statistics(evaluation), *_protocol(evaluation)])
+
+
+def _data(evaluation: Evaluation) -> Iterator[str]:
+    counts, facts = evaluation.counts, evaluation.facts
+    yield f"All numbers were computed with harmolab {version('harmolab')}."
+    for row in (*evaluation.systems, RECORDED):
+        seeds = f", {counts[row].seeds} seeds" if counts[row].seeds > 1 else ""
+        yield (
+            f"{row}: {counts[row].dances} dances to {counts[row].songs} songs{seeds}, "
+            f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
+        )
+    beats, dances = (
+        sum((facts[row][name] for row in (*evaluation.systems, RECORDED)), Counter[str]())
+        for name in ("beats", "dance")
+    )
+    yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
+    if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
+        yield (
+            f"Harmony by the bar pattern of the song's dance is that of {_listed(patterns)}; the patterns were learnt "
+            "on recorded dancers, and judge those that they were learnt on too kindly."
+        )
+
+
+def _listed(values: Mapping[str, int]) -> str:
+    """The values of a count, the most frequent first; the numbers beside them where they differ."""
+    ordered = sorted(values.items(), key=lambda item: (-item[1], item[0]))
+    if len(ordered) == 1:
+        return ordered[0][0]
+    return ", ".join(f"{value} ({count})" for value, count in ordered)
+
+
+def _measurement(evaluation: Evaluation) -> Iterator[str]:
+    paper, limits = HarmonyParams.paper(), evaluation.options.limits
+    yield (
+        "Harmony above chance is the recommended score (the percentile rank of the music beats among all moments of "
+        "the movement's shape, expected to rest on the beats or to hit them; 0 is chance, 1 the most there is); a "
+        "dance in which nothing moves has 0. Harmony h and "
+        f"hit rate are in paper mode (reaction delay {paper.reaction_delay:g} s, beta {paper.beta:g}, "
+        f"{paper.fps:g} frames per second, thresholds {paper.audio_threshold:g} and {paper.visual_threshold:g}), each "
+        "beside what as many visual beats at random moments reach."
+    )
+    yield (
+        "Beat alignment, coverage, hit rate and F-measure take the minima of the smoothed joint speed as motion beats, "
+        "with the widths of AIST++ in seconds, so that they do not change with the frame rate."
+    )
+    yield (
+        "Fréchet distances are from the recorded dances, on kinetic and geometric features (those of AIST++, their "
+        f"faults mended) and on the mean features of {PIECE:g} s pieces by a pose network"
+        + (f" ({evaluation.options.pose_net.name})" if evaluation.options.pose_net else "")
+        + ", in units of the recorded dances; the bias of small samples is taken off, and sample sizes stand beside. "
+        "The distance of the recorded dances is that between halves of their songs."
+    )
+    source = "the shipped recordings" if limits is None else f"the recorded dances, {LIMIT_DANCES} of them at most"
+    yield f"A dance moves like recorded dancers where thirteen measures lie within the limits of {source}."
+
+
+def _statistics(evaluation: Evaluation) -> Iterator[str]:
+    settings = evaluation.settings
+    yield (
+        f"Intervals are 95 % by {settings.resamples} resamplings of the songs (seed {settings.seed}), expanded for "
+        "small samples (Hesterberg 2015), with dances to one song and seeds averaged within the song. Differences "
+        "between systems are paired by song; a rank is given only where the interval of a difference excludes 0 over "
+        f"{FEWEST_SONGS} songs or more. The intervals are not corrected for the number of comparisons."
+    )
+
+
+def _protocol(evaluation: Evaluation) -> Iterator[str]:
+    name = evaluation.settings.protocol
+    if name:
+        yield f"Columns called {name} follow the published code of that protocol: {' '.join(protocol_of(name).notes)}"

@@ -1,0 +1,271 @@
+"""Dances and the songs that they are danced to, paired by the names of their files or by a list.
+
+A motion goes with the song of the same name; else with the song whose name stands in the motion's as a word
+("demo_mBR0_seed3.npz" and "mBR0.wav"); else with the only song that has the motion's music id of AIST++. A recording's
+own folder holds its song. What goes with nothing is listed with the reason, and no motion is ever given a song by luck.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from harmolab.corpora.folders import natural, recording_files
+from harmolab.corpora.tang2018 import find_audio
+from harmolab.io.files import PathLike, reading
+from harmolab.io.tables import read_columns
+
+SONGS = (".wav", ".flac", ".ogg", ".mp3")
+MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
+GENERATED, RECORDED = "generated", "recorded"
+_MUSIC_ID = re.compile(r"(?:^|_)(m[A-Z]{2}\d)(?=_|$)")  # of AIST++, as in gBR_sBM_cAll_d04_mBR0_ch01
+
+
+class Song(NamedTuple):
+    """A song: its name, that of its file or of the folder of its recording, and the file."""
+
+    name: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A dance and its song.
+
+    Parameters
+    ----------
+    system : str, name of the row of the table that the dance counts for
+    seed : str, name of the subfolder it lies in, "" without one
+    song : str, name of the song: intervals are drawn over songs
+    motion, music : Path
+    kind : str, "generated", or the name of a control (`harmolab.lab.evaluate.controls`)
+    """
+
+    system: str
+    seed: str
+    song: str
+    motion: Path
+    music: Path
+    kind: str = GENERATED
+
+    @property
+    def key(self) -> str:
+        """The dance's name among all of an evaluation; the same in every run."""
+        return " | ".join((self.system, self.seed, str(self.motion), self.song))
+
+
+class Unpaired(NamedTuple):
+    """A file that has no part in the table, and the reason."""
+
+    file: Path
+    reason: str
+
+
+class Pairing(NamedTuple):
+    """The pairs of some folders, and the files that are left over."""
+
+    pairs: tuple[Pair, ...]
+    unpaired: tuple[Unpaired, ...]
+
+
+def songs_in(folder: PathLike) -> tuple[Song, ...]:
+    """The songs of a folder: its sound files, and the sound of each recording's folder in it.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        There is no such folder, or there is no song in it; names it.
+    """
+    songs = []
+    for path in _entries(folder):
+        if path.is_file() and path.suffix.lower() in SONGS:
+            songs.append(Song(path.stem, path))
+        elif path.is_dir():
+            songs += [Song(path.name, sound) for sound in _own_sound(path)]
+    if not songs:
+        raise ValueError(f"{folder}: holds no song ({', '.join(SONGS)}, or folders with an audio file)")
+    return tuple(songs)
+
+
+def folder_pairs(system: str, folder: PathLike, songs: Sequence[Song], *, kind: str = GENERATED) -> Pairing:
+    """The dances of one system, those of each seed in a subfolder where there are any, with their songs.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        There is no such folder, or nothing in it goes with a song; names it and the first reason.
+    """
+    pairs: list[Pair] = []
+    unpaired: list[Unpaired] = []
+    for seed, motion in _motions(Path(folder), unpaired):
+        song = song_of(motion, songs)
+        if isinstance(song, str):
+            unpaired.append(Unpaired(motion, song))
+        else:
+            pairs.append(Pair(system, seed, song.name, motion, song.path, kind))
+    if not pairs:
+        first = next((f"{one.file.name}: {one.reason}" for one in unpaired), "there is no motion file")
+        raise ValueError(f"{folder}: no dance goes with a song ({first}); --pairs names them in a list")
+    return Pairing(tuple(pairs), tuple(unpaired))
+
+
+def song_of(motion: Path, songs: Sequence[Song]) -> Song | str:
+    """The song that a motion's name asks for, by the first rule of the module that fits; else the reason for none."""
+    name = motion.name if motion.is_dir() else motion.stem
+    for rule in _RULES:
+        matches = rule(name, songs)
+        if len(matches) > 1:
+            return f"goes with {len(matches)} songs: {', '.join(sorted(one.path.name for one in matches[:4]))}"
+        if matches:
+            return matches[0]
+    own = _own_sound(motion) if motion.is_dir() else []
+    return Song(name, own[0]) if own else "no song has its name, or a word of its name"
+
+
+def _same_name(name: str, songs: Sequence[Song]) -> list[Song]:
+    return [song for song in songs if song.name.casefold() == name.casefold()]
+
+
+def _word_of_name(name: str, songs: Sequence[Song]) -> list[Song]:
+    """The songs with most words, of those whose words stand in the name in a row."""
+    words = _words(name)
+    sizes = {song: len(own) for song in songs if (own := _words(song.name)) and _stand_in(own, words)}
+    return [song for song, size in sizes.items() if size == max(sizes.values())]
+
+
+def _same_music_id(name: str, songs: Sequence[Song]) -> list[Song]:
+    number = _MUSIC_ID.search(name)
+    return [song for song in songs if number and number[1] in _MUSIC_ID.findall(song.name)]
+
+
+_RULES: tuple[Callable[[str, Sequence[Song]], list[Song]], ...] = (_same_name, _word_of_name, _same_music_id)
+
+
+def _words(name: str) -> list[str]:
+    return [word for word in re.split(r"[\W_]+", name.casefold()) if word]
+
+
+def _stand_in(words: Sequence[str], others: Sequence[str]) -> bool:
+    """True where `words` stand in `others` one after the other."""
+    return any(others[place : place + len(words)] == words for place in range(len(others) - len(words) + 1))
+
+
+def _motions(folder: Path, unpaired: list[Unpaired]) -> Iterator[tuple[str, Path]]:
+    """(seed, motion) of the motions in a folder and in its subfolders; the other files are added to `unpaired`."""
+    for path in _entries(folder):
+        if is_motion(path):
+            yield "", path
+        elif path.is_dir():
+            inside = _entries(path)
+            yield from ((path.name, motion) for motion in inside if is_motion(motion))
+            unpaired += [Unpaired(one, "is no motion file") for one in inside if not is_motion(one)]
+        else:
+            unpaired.append(Unpaired(path, "is no motion file"))
+
+
+def is_motion(path: Path) -> bool:
+    """True for a file whose suffix is that of a motion, and for the folder of a recording or of OpenPose's frames."""
+    if path.is_dir():
+        parts = ("motion.npz", "skeletons.json")
+        return any((path / part).is_file() for part in parts) or any(path.glob("*_keypoints.json"))
+    return path.suffix.lower() in MOTIONS
+
+
+def listed_pairs(
+    table: PathLike, songs_folder: PathLike | None, systems: Mapping[str, Path], *, default: str = GENERATED
+) -> Pairing:
+    """The pairs of a CSV file with the columns motion and music, and perhaps system and seed.
+
+    Paths are relative to the folder of the system and to that of the songs, else to the folder of the CSV file. Motions
+    in the systems' folders that it does not name are listed.
+
+    Parameters
+    ----------
+    table : str or path
+    songs_folder : str or path, or None
+    systems : name -> folder of the systems that have one
+    default : str, the system where there is no such column
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; ValueError also where none of its pairs is there, or one stands in it twice.
+    """
+    with reading(table, "a list of pairs") as file:
+        columns = read_columns(file, ("motion", "music"))
+        count = len(columns["motion"])
+        names, seeds = columns.get("system", [default] * count), columns.get("seed", [""] * count)
+        pairs: dict[str, Pair] = {}
+        unpaired: list[Unpaired] = []
+        for motion, music, system, seed in zip(columns["motion"], columns["music"], names, seeds, strict=True):
+            dance = _first_there(motion, (systems.get(system), file.parent))
+            song = _first_there(music, (None if songs_folder is None else Path(songs_folder), file.parent))
+            if dance is None or song is None:
+                missing = motion if dance is None else music
+                unpaired.append(Unpaired(Path(motion), f"{missing}: no such file"))
+                continue
+            pair = Pair(system, seed, _song_name(song), dance, song)
+            if pair.key in pairs:
+                raise ValueError(f"names {motion} with {music} twice for one system and seed")
+            pairs[pair.key] = pair
+        if not pairs:
+            raise ValueError(f"names no pair that is there ({unpaired[0].reason if unpaired else 'it has no lines'})")
+    return Pairing(tuple(pairs.values()), (*unpaired, *_unlisted(Path(table), pairs.values(), systems)))
+
+
+def _song_name(song: Path) -> str:
+    """The name of a song's file, of the recording's folder where it lies in one."""
+    return song.parent.name if is_motion(song.parent) else song.stem
+
+
+def _first_there(name: str, folders: Iterable[Path | None]) -> Path | None:
+    """The first path of this name below one of the folders that is there."""
+    places = (folder / name for folder in folders if folder is not None)
+    return next((place for place in places if name and place.exists()), None)
+
+
+def _unlisted(table: Path, pairs: Iterable[Pair], systems: Mapping[str, Path]) -> Iterator[Unpaired]:
+    """The motions of the systems' folders that no line of a list names."""
+    listed = {pair.motion.resolve() for pair in pairs}
+    for folder in systems.values():
+        for _, motion in _motions(folder, []):
+            if motion.resolve() not in listed:
+                yield Unpaired(motion, f"is not in {table.name}")
+
+
+def unused_songs(songs: Iterable[Song], pairs: Iterable[Pair]) -> tuple[Unpaired, ...]:
+    """The songs that no pair has."""
+    used = {pair.music for pair in pairs}
+    return tuple(Unpaired(song.path, "no dance goes with this song") for song in songs if song.path not in used)
+
+
+def dance_of(music: Path) -> str:
+    """The dance of a song, as the recording's folder that it lies in says; "" where that is unknown."""
+    return recording_files(music.parent).dance if is_motion(music.parent) else ""
+
+
+def annotation_of(music: Path) -> Path | None:
+    """The beats that stand beside a song: SONG.beats, or beats.json in a recording's folder; None without."""
+    places = [music.with_suffix(".beats"), *([music.parent / "beats.json"] if is_motion(music.parent) else [])]
+    return next(filter(Path.is_file, places), None)
+
+
+def _entries(folder: PathLike) -> list[Path]:
+    """The content of a folder but for hidden files, dance_2 before dance_10."""
+    folder = Path(folder)
+    if not folder.exists():
+        raise FileNotFoundError(f"{folder}: no such folder")
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: is a file; name the folder it lies in")
+    return sorted((path for path in folder.iterdir() if not path.name.startswith(".")), key=natural)
+
+
+def _own_sound(folder: Path) -> list[Path]:
+    """The sound of a recording's folder; none where it holds none."""
+    try:
+        return [find_audio(folder)]
+    except FileNotFoundError:
+        return []

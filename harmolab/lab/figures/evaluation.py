@@ -1,0 +1,89 @@
+"""Distributions of an evaluation: every song of every row of the table, beside the mean and its interval."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from harmolab.lab.figures.style import COLOURS, styled_axes
+
+SPREAD = 0.22  # half the height of the band of dots, rows
+MOST_DOTS = 300  # of a row; of more songs so many are drawn, evenly through their sorted values
+
+
+class Interval(Protocol):
+    """A mean and the ends of its interval."""
+
+    @property
+    def mean(self) -> float: ...
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+
+
+def draw_distribution(
+    ax: Axes, songs: Mapping[str, ArrayLike], means: Mapping[str, Interval], *, controls: Iterable[str] = ()
+) -> Axes:
+    """A dot a song, a line for the interval and a diamond for the mean; one row a system, controls in grey.
+
+    Parameters
+    ----------
+    ax : Axes
+    songs : row -> (n,) values of its songs
+    means : row -> record with mean, low and high (NaN for no interval)
+    controls : rows that are no systems
+    """
+    grey = set(controls)
+    for place, (name, values) in enumerate(songs.items()):
+        dots = np.sort(np.asarray(values, np.float64))
+        if dots.size > MOST_DOTS:
+            dots = dots[np.linspace(0, dots.size - 1, MOST_DOTS).astype(int)]
+        colour = COLOURS["chance"] if name in grey else COLOURS["visual"]
+        heights = place + SPREAD * _band(dots.size)
+        ax.scatter(dots, heights, s=12, color=colour, alpha=0.55, linewidths=0, gid="song")
+        mean = means.get(name)
+        if mean is not None:
+            if np.isfinite(mean.low):
+                ax.plot([mean.low, mean.high], [place, place], color=COLOURS["ink"], linewidth=2, gid="interval")
+            ax.plot(mean.mean, place, "D", color=COLOURS["ink"], markersize=5, gid="mean")
+    ax.set(yticks=range(len(songs)), yticklabels=[plain_text(name) for name in songs], ylim=(len(songs) - 0.5, -0.5))
+    ax.tick_params(axis="y", length=0)
+    return ax
+
+
+def _band(count: int) -> np.ndarray:
+    """Heights between -1 and 1 that spread neighbours apart, the same every time."""
+    golden: np.ndarray = np.mod(np.arange(count) * 0.6180339887, 1.0) * 2 - 1
+    return golden if count > 1 else np.zeros(count)
+
+
+def plain_text(name: str, longest: int = 24) -> str:
+    """A name as matplotlib prints it: shortened, and no dollar sign begins a formula."""
+    short = name if len(name) <= longest else f"{name[: longest - 1]}…"
+    return "".join(one if one.isprintable() else " " for one in short).replace("$", r"\$")
+
+
+def distributions_figure(panels: Sequence[Mapping[str, Any]], *, columns: int = 3, width: float = 4.0) -> Figure:
+    """`draw_distribution` of several measures.
+
+    Parameters
+    ----------
+    panels : "title", and "songs", "means" and "controls" as in `draw_distribution`, of each measure
+    columns : int, panels in a row
+    width : float, inches of a panel
+    """
+    rows = -(-len(panels) // columns)
+    height = 0.9 + 0.34 * max(len(panel["songs"]) for panel in panels)
+    with styled_axes((width * columns, height * rows), rows, columns) as (figure, axes):
+        for ax in axes[len(panels) :]:
+            ax.set_visible(False)
+        for ax, panel in zip(axes, panels, strict=False):
+            draw_distribution(ax, panel["songs"], panel["means"], controls=panel["controls"])
+            ax.set_title(panel["title"], loc="left", fontsize=10)
+    return figure

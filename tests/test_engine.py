@@ -1,0 +1,330 @@
+"""One table from one process or several, killed or not: every row once, the same to the last bit."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harmolab.io.files import read_json, write_json
+from harmolab.lab.evaluate import engine, parts
+from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.parts import part_path, read_rows
+from tests.tiny_run import Number, Numbers, square
+
+pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
+
+ROOT = Path(__file__).resolve().parents[1]
+COUNT = 300
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "PART_ROWS", 64)
+    monkeypatch.setattr("tests.tiny_run.PAUSE", 0.0)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run of 300 tasks in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts, "PART_ROWS", 64)
+        out = tmp_path_factory.mktemp("runs") / "undisturbed"
+        run_rows(Numbers(COUNT), square, out, jobs=0)
+    return out
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(out.glob("part-*"))}
+
+
+def test_rows_hold_what_is_measured_in_the_order_of_the_keys(undisturbed: Path):
+    frames = list(read_rows(undisturbed))
+    assert [len(frame) for frame in frames] == [64, 64, 64, 64, 44]
+    table = pd.concat(frames, ignore_index=True)
+    assert list(table["key"]) == [f"{number:05d}" for number in range(COUNT)]
+    assert list(table.columns) == ["key", "error", "square", "draw", "name", "features", "beats"]
+    assert all(frame.dtypes.equals(frames[0].dtypes) for frame in frames)
+    fine = table[table["error"] == ""]
+    assert list(fine["square"]) == [number**2 for number in range(COUNT) if number % 50 != 7]
+    np.testing.assert_array_equal(fine["features"][0], np.random.default_rng(0).normal(size=4)[1:])
+    assert list(fine["beats"].isna()) == [number % 3 == 0 for number in range(COUNT) if number % 50 != 7]
+
+
+def test_an_error_is_a_row_and_not_the_end(undisturbed: Path):
+    table = pd.concat(read_rows(undisturbed), ignore_index=True)
+    errors = table[table["error"] != ""]
+    assert list(errors.index) == [7, 57, 107, 157, 207, 257]
+    assert errors["error"][57] == "ValueError: clip 57 holds no motion"
+    assert errors["square"].isna().all()
+
+
+@pytest.mark.parametrize("jobs", [1, 2, pytest.param(4, marks=pytest.mark.slow)])
+def test_any_number_of_processes_writes_the_same_bytes(jobs: int, undisturbed: Path, tmp_path: Path):
+    run_rows(Numbers(COUNT), square, tmp_path / "out", jobs=jobs)
+    assert contents(tmp_path / "out") == contents(undisturbed)
+
+
+class Stopped(Exception):
+    pass
+
+
+def test_a_stopped_run_measures_what_is_missing_and_nothing_else(undisturbed: Path, tmp_path: Path):
+    measured: list[int] = []
+
+    def noted(task: Number) -> dict[str, Any]:
+        measured.append(task.number)
+        return square(task)
+
+    def stopping(items: Iterable[Any], label: str) -> Iterable[Any]:
+        for item in items:
+            if item == 100:
+                raise Stopped
+            yield item
+
+    with pytest.raises(Stopped):
+        run_rows(Numbers(COUNT), noted, tmp_path / "out", jobs=0, progress=stopping)
+    with pytest.raises(ValueError, match=r"holds 100 of 300 rows; go on with --resume"):
+        read_rows(tmp_path / "out")
+    run_rows(Numbers(COUNT), noted, tmp_path / "out", jobs=0, resume=True)
+    assert measured == list(range(COUNT))
+    assert contents(tmp_path / "out") == contents(undisturbed)
+
+
+def test_progress_counts_the_rows_that_are_missing(tmp_path: Path):
+    counts: list[int] = []
+
+    def counting(items: Any, label: str) -> Iterable[Any]:
+        counts.append(len(items))
+        return items
+
+    run_rows(Numbers(100), square, tmp_path, jobs=0, progress=counting)
+    part_path(tmp_path, 1).unlink()
+    run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, progress=counting)
+    assert counts == [100, 36]
+
+
+@pytest.mark.parametrize("fault", ["half", "bytes", "of other tasks", "missing"])
+def test_a_part_that_is_not_whole_is_measured_anew(fault: str, undisturbed: Path, tmp_path: Path):
+    run_rows(Numbers(COUNT), square, tmp_path, jobs=0)
+    part = part_path(tmp_path, 2)
+    data = part.read_bytes()
+    changed = {"half": data[: len(data) // 2], "bytes": b"no Parquet", "of other tasks": contents(tmp_path)[
+        part_path(tmp_path, 1).name
+    ]}  # fmt: skip
+    if fault == "missing":
+        part.unlink()
+    else:
+        part.write_bytes(changed[fault])
+    run_rows(Numbers(COUNT), square, tmp_path, jobs=0, resume=True)
+    assert contents(tmp_path) == contents(undisturbed)
+
+
+def test_a_damaged_part_is_an_error_that_names_the_file(tmp_path: Path):
+    run_rows(Numbers(100), square, tmp_path, jobs=0)
+    data = bytearray(part_path(tmp_path, 1).read_bytes())
+    data[20] ^= 1
+    part_path(tmp_path, 1).write_bytes(data)
+    with pytest.raises(ValueError, match=r"part-0000001\.parquet: "):
+        list(read_rows(tmp_path))
+
+
+def test_a_foreign_folder_is_refused_and_by_force_keeps_its_files(tmp_path: Path):
+    (tmp_path / "diary.txt").write_text("mine")
+    with pytest.raises(ValueError, match=r"holds diary\.txt and no run"):
+        run_rows(Numbers(3), square, tmp_path, jobs=0)
+    with pytest.raises(ValueError, match=r"holds diary\.txt and no run"):
+        run_rows(Numbers(3), square, tmp_path, jobs=0, resume=True)
+    run_rows(Numbers(3), square, tmp_path, jobs=0, force=True)
+    assert (tmp_path / "diary.txt").read_text() == "mine"
+    with pytest.raises(ValueError, match="is a file; a run needs a folder"):
+        run_rows(Numbers(3), square, tmp_path / "diary.txt", jobs=0, force=True)
+
+
+def test_a_run_is_neither_written_over_nor_mixed_with_another(tmp_path: Path):
+    run_rows(Numbers(100), square, tmp_path, jobs=0, settings={"window": 6.0, "limits": {"jerk": 1}})
+    with pytest.raises(ValueError, match="holds a run; go on with it by --resume, or begin anew by --force"):
+        run_rows(Numbers(100), square, tmp_path, jobs=0)
+    with pytest.raises(ValueError, match=r"settings\.limits\.jerk was 1 and is 2, settings\.window was 6\.0 and is 8"):
+        run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": 8.0, "limits": {"jerk": 2}})
+    with pytest.raises(ValueError, match=r"keys was .*rows was 100 and is 99"):
+        run_rows(Numbers(99), square, tmp_path, jobs=0, resume=True, settings={"window": 6.0, "limits": {"jerk": 1}})
+    run_rows(Numbers(3), square, tmp_path, jobs=0, force=True)
+    assert [len(frame) for frame in read_rows(tmp_path)] == [3]
+    assert len(contents(tmp_path)) == 1
+
+
+def test_a_run_of_another_version_is_not_resumed(tmp_path: Path):
+    run_rows(Numbers(3), square, tmp_path, jobs=0)
+    manifest = read_json(tmp_path / "run.json")
+    write_json(tmp_path / "run.json", manifest | {"versions": manifest["versions"] | {"numpy": "1.0"}})
+    with pytest.raises(ValueError, match=r"versions\.numpy was '1\.0' and is"):
+        run_rows(Numbers(3), square, tmp_path, jobs=0, resume=True)
+
+
+def test_two_processes_do_not_write_into_one_run(tmp_path: Path):
+    def second(items: Iterable[Any], label: str) -> Iterable[Any]:
+        with pytest.raises(ValueError, match="another process is at this run"):
+            run_rows(Numbers(3), square, tmp_path, jobs=0, resume=True)
+        return items
+
+    run_rows(Numbers(3), square, tmp_path, jobs=0, progress=second)
+
+
+@pytest.mark.parametrize(
+    ("tasks", "fault"),
+    [
+        ([Number(2), Number(1)], "in the order of their keys, each once; '00001' follows '00002'"),
+        ([Number(1), Number(1)], "'00001' follows '00001'"),
+        ([], "there is nothing to measure"),
+    ],
+)
+def test_tasks_out_of_order_are_refused(tasks: list[Number], fault: str, tmp_path: Path):
+    with pytest.raises(ValueError, match=fault):
+        run_rows(tasks, square, tmp_path / "out", jobs=0)
+    assert not (tmp_path / "out").exists()
+
+
+def test_cells_of_no_known_kind_are_errors_and_mixed_columns_name_the_column(tmp_path: Path):
+    run_rows([Number(1)], lambda task: {"scores": {"a": 1}}, tmp_path / "a", jobs=0)
+    (frame,) = read_rows(tmp_path / "a")
+    assert frame["error"][0] == "ValueError: a table holds text, numbers and lists of numbers, not dict"
+    with pytest.raises(ValueError, match="several kinds in the column 'x'"):
+        run_rows(Numbers(2), lambda task: {"x": "one" if task.number else 1.5}, tmp_path / "b", jobs=0)
+
+
+@pytest.mark.parametrize("package", ["pyarrow", "distributed"])
+def test_without_its_packages_the_engine_says_what_to_install(
+    package: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(parts, "find_spec", lambda name: None if name == package else find(name))
+    with pytest.raises(ValueError, match=rf"this needs {package}; install it with: pip install 'harmolab\[cluster\]'"):
+        run_rows(Numbers(3), square, tmp_path / "out", jobs=1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(engine, "CONNECT_SECONDS", 0.5)
+    with pytest.raises(ConnectionError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"):
+        run_rows(Numbers(3), square, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
+
+
+def started(*arguments: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", *map(str, arguments)]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, cwd=ROOT, env=environment, **pipes)
+
+
+def rows_there(out: Path) -> int:
+    return sum(len(parts.part_keys(path)) for path in out.glob("part-*"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("jobs", "kills"), [(0, 6), (2, 4)])
+def test_a_client_killed_at_random_moments_ends_with_the_same_table(
+    jobs: int, kills: int, undisturbed: Path, tmp_path: Path
+):
+    rng = np.random.default_rng(jobs)
+    moments = []
+    while len(moments) < kills:
+        with started("tests.tiny_run", tmp_path, jobs, COUNT) as client:
+            before, pid = rows_there(tmp_path), int(client.stdout.readline())
+            while rows_there(tmp_path) == before and client.poll() is None:  # it has begun to write
+                time.sleep(0.01)
+            time.sleep(rng.uniform(0.0, 0.2))
+            os.kill(pid, signal.SIGKILL)
+        moments.append(rows_there(tmp_path))
+    assert moments == sorted(moments) and moments[-1] > moments[0]
+    assert contents(tmp_path) != contents(undisturbed)
+    with started("tests.tiny_run", tmp_path, jobs, COUNT) as client:
+        _, errors = client.communicate(timeout=120)
+    assert (client.returncode, errors) == (0, "")
+    assert contents(tmp_path) == contents(undisturbed)
+
+
+def workers_of(pid: int) -> list[int]:
+    """Processes of dask workers that a process has started, by /proc."""
+    children = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(status.read_text().rpartition(")")[2].split()[1])
+            command = (status.parent / "cmdline").read_text()
+        except (OSError, ValueError):
+            continue
+        if parent == pid and "spawn_main" in command:
+            children.append(int(status.parent.name))
+    return children
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes by /proc")
+def test_workers_killed_again_and_again_change_nothing(tmp_path: Path):
+    count, kills, is_over = 600, [0], threading.Event()
+    run_rows(Numbers(count), square, tmp_path / "alone", jobs=0)
+
+    def kill_workers() -> None:
+        while not is_over.wait(5.0):
+            for pid in workers_of(os.getpid())[-1:]:
+                os.kill(pid, signal.SIGKILL)
+                kills[0] += 1
+
+    killer = threading.Thread(target=kill_workers)
+    killer.start()
+    try:
+        run_rows(Numbers(count), slow_square, tmp_path / "killed", jobs=2)
+    finally:
+        is_over.set()
+        killer.join()
+    assert kills[0] >= 2
+    assert contents(tmp_path / "killed") == contents(tmp_path / "alone")
+
+
+def slow_square(task: Number) -> dict[str, Any]:
+    time.sleep(0.05)
+    return square(task)
+
+
+@pytest.mark.slow
+def test_a_task_that_kills_its_worker_each_time_is_an_error_row_and_the_only_one(tmp_path: Path):
+    tasks = [Number(number, deadly=tmp_path if number == 10 else None) for number in range(8, 50)]
+    (frame,) = run_rows(tasks, square, tmp_path / "out", jobs=2)
+    assert list(frame["key"][frame["error"] != ""]) == ["00010"]
+    assert "kills the process" in frame["error"][2]
+    assert len(frame) == 42
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_dies_is_an_error_and_the_run_goes_on_elsewhere(undisturbed: Path, tmp_path: Path):
+    files = tmp_path / "scheduler.json"
+    common = ("--no-dashboard", "--scheduler-file", files)
+    with started("distributed.cli.dask_scheduler", *common, "--host", "127.0.0.1", "--port", 0) as scheduler:
+        while not files.exists() or not files.read_text():
+            time.sleep(0.05)
+        address = json.loads(files.read_text())["address"]
+        with started("distributed.cli.dask_worker", *common[1:], "--nthreads", 1, "--no-dashboard") as worker:
+            with started("tests.tiny_run", tmp_path / "out", 0, COUNT, address) as client:
+                while not rows_there(tmp_path / "out"):
+                    assert client.poll() is None
+                    time.sleep(0.02)
+                scheduler.kill()
+                _, errors = client.communicate(timeout=120)
+            worker.kill()
+    assert client.returncode != 0 and "ConnectionError" in errors
+    assert 0 < rows_there(tmp_path / "out") < COUNT
+    run_rows(Numbers(COUNT), square, tmp_path / "out", jobs=0, resume=True)
+    assert contents(tmp_path / "out") == contents(undisturbed)

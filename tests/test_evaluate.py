@@ -1,0 +1,535 @@
+"""`harmolab evaluate`: planted dancers land where they must, and what is luck is not called a difference."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from harmolab.cli import app
+from harmolab.corpora.synthetic import write_corpus
+from harmolab.io.motion import load_motion, save_motion
+from harmolab.lab.evaluate.collecting import collect, written_parts
+from harmolab.lab.evaluate.controls import control_pairs
+from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
+from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
+from harmolab.lab.evaluate.rows import FROZEN, MEASURES, OTHER_SONG, RowOptions, clip_row
+from harmolab.lab.evaluate.sets import set_numbers
+from harmolab.lab.evaluate.summary import ranks, song_interval, system_differences, system_means
+from harmolab.lab.evaluate.table_files import table_tex
+from harmolab.lab.widgets import evaluation_page
+from harmolab.lab.widgets.evaluation_page import write_evaluation
+from tests.builders import called
+
+run = partial(called, app)
+CLIPS, SECONDS = 7, 12.0
+WILD = "<b>50%_$x</b>"  # a name that HTML, LaTeX and matplotlib could read as commands
+
+
+def dances(corpus: Path, folder: Path) -> Path:
+    """A folder with the motions of a corpus as files, named after its songs."""
+    folder.mkdir(parents=True)
+    for clip in sorted(corpus.glob("clip_*")):
+        save_motion(folder / f"{clip.name}.npz", load_motion(clip / "motion.npz"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven songs with their dancer ("recorded"), the same dancer twice with noise ("on"), and one off the beat."""
+    root = tmp_path_factory.mktemp("planted")
+    common: dict[str, Any] = {"clips": CLIPS, "seconds": SECONDS, "fps": 30.0, "seed": 4}
+    write_corpus(root / "recorded", **common)
+    for seed, noise in (("seed1", 0.001), ("seed2", 0.002)):
+        dances(write_corpus(root / "corpora" / seed, noise=noise, **common), root / "on" / seed)
+    dances(write_corpus(root / "corpora" / "off", jitter=0.25, **common), root / "off")
+    return root
+
+
+def settings(planted: Path, **others: Any) -> EvaluationSettings:
+    systems = {"on the beat": planted / "on", WILD: planted / "off"}
+    more: dict[str, Any] = {
+        "systems": systems,
+        "music": planted / "recorded",
+        "reference": planted / "recorded",
+        "resamples": 1000,
+    }
+    return EvaluationSettings(**(more | others))
+
+
+@pytest.fixture(scope="module")
+def table(planted: Path) -> Evaluation:
+    evaluation = evaluate_dances(settings(planted), planted / "table")
+    write_evaluation(planted / "table", evaluation)
+    return evaluation
+
+
+# Planted answers
+
+
+def test_a_dancer_on_the_beat_beats_one_off_the_beat(table: Evaluation) -> None:
+    for measure in ("harmony", "beat_align_motion", "beat_align_music", "mir_eval_f"):
+        assert table.ranks[measure] == {"on the beat": 1, WILD: 2}
+    assert table.means["on the beat", "harmony"].mean > 0.5
+
+
+def test_a_held_pose_lands_at_zero(table: Evaluation) -> None:
+    for measure in ("harmony", "significant", "paper_harmony", "beat_align_motion", "mir_eval_f", "likeness"):
+        assert table.means[FROZEN, measure].mean == 0
+    assert table.means[FROZEN, "jerk"].mean == pytest.approx(0, abs=1e-9)
+    assert table.means[FROZEN, "freezing"].mean == 1
+    assert table.sets[FROZEN, "fid_kinetic"].value > table.sets["on the beat", "fid_kinetic"].value
+
+
+def test_another_song_is_at_chance_and_the_own_one_is_not(table: Evaluation) -> None:
+    other, own = table.means[OTHER_SONG, "harmony"], table.means[RECORDED, "harmony"]
+    assert other.low < 0.05 and other.high < 0.2
+    assert own.low > 0.5
+    difference = next(one for one in table.differences if {one.a, one.b} == {RECORDED, OTHER_SONG})
+    assert difference.songs == CLIPS
+
+
+def test_controls_have_no_rank(table: Evaluation) -> None:
+    assert {name for ranked in table.ranks.values() for name in ranked} <= set(table.systems)
+    assert table.controls == (RECORDED, OTHER_SONG, FROZEN)
+
+
+def test_subfolders_are_seeds(table: Evaluation) -> None:
+    assert table.counts["on the beat"] == (2 * CLIPS, CLIPS, 2)
+    assert table.counts[WILD] == (CLIPS, CLIPS, 1)
+    assert table.sets["on the beat", "multimodality_kinetic"].value > 0
+    assert (WILD, "multimodality_kinetic") not in table.sets
+
+
+def test_no_other_song_is_the_own_one() -> None:
+    recorded = [Pair(RECORDED, "", song, Path(song), Path(song), RECORDED) for song in "abcde"]
+    others = [pair for pair in control_pairs(recorded) if pair.kind == OTHER_SONG]
+    assert len(others) == 5
+    assert all(pair.motion != pair.music for pair in others)
+    assert [pair.kind for pair in control_pairs(recorded[:1])] == [RECORDED, FROZEN]
+
+
+# Pairs
+
+
+def songs(*names: str) -> list[Song]:
+    return [Song(Path(name).stem, Path(name)) for name in names]
+
+
+@pytest.mark.parametrize(
+    ("motion", "music", "match"),
+    [
+        ("tune.npz", ("tune.wav", "tune_2.wav"), "tune.wav"),
+        ("Tune.npz", ("tune.wav",), "tune.wav"),
+        ("run3_tune_take1.npz", ("tune.wav", "run.wav"), "tune.wav"),
+        ("my tune 2-a.bvh", ("tune 2.wav", "tune.wav"), "tune 2.wav"),
+        ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
+        ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("gLO_sBM_cAll_d13_mBR0_ch02.wav", "x_mLO1_y.wav"), "gLO_sBM"),
+    ],
+)
+def test_a_dance_goes_with_the_song_that_its_name_asks_for(motion: str, music: tuple[str, ...], match: str) -> None:
+    song = song_of(Path(motion), songs(*music))
+    assert isinstance(song, Song) and song.path.name.startswith(match)
+
+
+@pytest.mark.parametrize(
+    ("motion", "music", "reason"),
+    [
+        ("fortune.npz", ("tune.wav",), "no song has its name"),
+        ("tune.npz", ("tune.wav", "tune.mp3"), "2 songs: tune.mp3, tune.wav"),
+        ("a_b.npz", ("a.wav", "b.wav"), "2 songs"),
+    ],
+)
+def test_a_dance_without_a_song_has_the_reason(motion: str, music: tuple[str, ...], reason: str) -> None:
+    answer = song_of(Path(motion), songs(*music))
+    assert isinstance(answer, str) and reason in answer
+
+
+def test_what_does_not_pair_is_listed(tmp_path: Path, planted: Path) -> None:
+    folder = dances(planted / "corpora" / "off", tmp_path / "x")
+    (folder / "clip_0001_cha-cha.npz").rename(folder / "stranger.npz")
+    (folder / "notes.txt").write_text("mine")
+    pairing = folder_pairs("x", folder, songs_in(planted / "recorded"))
+    assert len(pairing.pairs) == CLIPS - 1
+    assert {(one.file.name, one.reason) for one in pairing.unpaired} == {
+        ("stranger.npz", "no song has its name, or a word of its name"),
+        ("notes.txt", "is no motion file"),
+    }
+
+
+def test_a_folder_in_which_nothing_pairs_is_an_error(tmp_path: Path, planted: Path) -> None:
+    (tmp_path / "stranger.npz").touch()
+    with pytest.raises(ValueError, match=r"stranger\.npz: no song has its name.*--pairs"):
+        folder_pairs("x", tmp_path, songs_in(planted / "recorded"))
+
+
+def listed(tmp_path: Path, planted: Path, *lines: str, header: str = "motion,music,system,seed") -> Any:
+    table = tmp_path / "pairs.csv"
+    table.write_text("\n".join([header, *lines]) + "\n")
+    return listed_pairs(table, planted / "recorded", {"x": planted / "off"})
+
+
+def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:
+    line = "clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x,3"
+    pairing = listed(tmp_path, planted, line, "nowhere.npz,clip_0002_jive/audio.wav,x,3")
+    (pair,) = pairing.pairs
+    assert (pair.system, pair.seed, pair.song, pair.motion.name) == (
+        "x",
+        "3",
+        "clip_0002_jive",
+        "clip_0001_cha-cha.npz",
+    )
+    reasons = {one.file.name: one.reason for one in pairing.unpaired}
+    assert reasons["nowhere.npz"] == "nowhere.npz: no such file"
+    assert reasons["clip_0002_jive.npz"] == "is not in pairs.csv"
+
+
+@pytest.mark.parametrize(
+    ("header", "lines", "fault"),
+    [
+        ("motion,song", ["a,b"], "no column music"),
+        ("motion,music", ["nowhere.npz,nowhere.wav"], "names no pair that is there"),
+        ("motion,music,system", ["clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x"] * 2, "twice"),
+    ],
+)
+def test_a_list_that_is_wrong_is_an_error(
+    tmp_path: Path, planted: Path, header: str, lines: list[str], fault: str
+) -> None:
+    with pytest.raises(ValueError, match=f"pairs.csv.*{fault}"):
+        listed(tmp_path, planted, *lines, header=header)
+
+
+# Statistics
+
+
+def test_the_interval_of_two_songs_by_hand() -> None:
+    # Resamplings of 0 and 1 have the means 0, 1/2 and 1 in shares of 1/4, 1/2 and 1/4.
+    assert song_interval(np.array([0.0, 1.0])) == (0.0, 1.0)
+    assert np.isnan(song_interval(np.array([1.0]))).all()
+
+
+def test_the_interval_of_ten_songs_by_hand() -> None:
+    # Five zeros and five ones: ten times the mean is binomial. Student's t of 9 degrees is 2.262, times the root of
+    # 10/9 it is 2.384, beyond which the normal distribution has 0.0086 on either side. P(X <= 0) = 0.001 is less,
+    # P(X <= 1) = 0.011 is more: the interval is 0.1 to 0.9, where the plain one of 0.025 is 0.2 to 0.8.
+    assert song_interval(np.repeat([0.0, 1.0], 5), count=20_000) == (0.1, 0.9)
+
+
+def rows_of(values: Mapping[tuple[str, str, str], float], measure: str = "harmony") -> pd.DataFrame:
+    """Rows of dances, as `clip_row` gives them, of (system, song, seed) -> value."""
+    common = {
+        "error": "",
+        "kind": "generated",
+        "skeleton": "s",
+        "fps": 30.0,
+        "joints": 1,
+        "beats": "tracked",
+        "dance": "",
+    }
+    return pd.DataFrame(
+        [
+            {"key": f"{place}", "system": place[0], "song": place[1], "seed": place[2], **common, measure: value}
+            for place, value in values.items()
+        ]
+    )
+
+
+def test_seeds_are_averaged_within_a_song() -> None:
+    rows = rows_of({("x", "a", "1"): 0.0, ("x", "a", "2"): 2.0, ("x", "b", "1"): 4.0})
+    mean = system_means(collect([rows]).song_means)["x", "harmony"]
+    assert (mean.mean, mean.songs) == (2.5, 2)  # songs have 1 and 4; the mean over dances is 2
+
+
+def test_parts_of_any_size_give_the_same_sums(rng: np.random.Generator) -> None:
+    values = {(system, f"{song}", f"{seed}"): rng.normal() for system in "xy" for song in range(5) for seed in range(2)}
+    rows = rows_of(values).assign(f_kinetic_000=rng.normal(size=20))
+    whole, parts = collect([rows]), collect([rows[place : place + 1] for place in range(20)])
+    pd.testing.assert_frame_equal(whole.song_means, parts.song_means)
+    pd.testing.assert_frame_equal(whole.features["x"], parts.features["x"])
+    assert whole.extremes == parts.extremes
+    assert whole.extremes["x"][1][0] == max(value for (system, *_), value in values.items() if system == "x")
+
+
+def ranks_of(first: np.ndarray, second: np.ndarray, *, better: int = 1) -> dict[str, int]:
+    values = {("x", f"{song}", ""): value for song, value in enumerate(first)}
+    values |= {("y", f"{song}", ""): value for song, value in enumerate(second)}
+    differences = system_differences(collect([rows_of(values)]).song_means, ["x", "y"], count=500)
+    return ranks(differences, ["x", "y"], "harmony", better=better)
+
+
+def test_a_clear_difference_is_a_rank(rng: np.random.Generator) -> None:
+    songs = rng.normal(size=8)  # that songs differ is no matter: differences are paired
+    assert ranks_of(songs + 0.5, songs + rng.normal(0, 0.1, 8)) == {"x": 1, "y": 2}
+    assert ranks_of(songs + 0.5, songs + rng.normal(0, 0.1, 8), better=-1) == {"x": 2, "y": 1}
+    assert ranks_of(songs + 0.5, songs, better=0) == {}
+
+
+def test_systems_of_one_distribution_get_no_rank_but_by_luck(rng: np.random.Generator) -> None:
+    trials = [bool(ranks_of(rng.normal(size=8), rng.normal(size=8))) for _ in range(200)]
+    assert np.mean(trials) < 0.09  # 0.05 is expected; 200 trials have a standard error of 0.015
+
+
+def test_five_songs_give_no_rank() -> None:
+    assert ranks_of(np.ones(5), np.zeros(5)) == {}
+    assert ranks_of(np.ones(6), np.zeros(6)) == {"x": 1, "y": 2}
+
+
+def test_a_third_system_that_is_like_both_has_no_rank() -> None:
+    values = {("x", f"{song}", ""): 1.0 + 0.01 * song for song in range(6)}
+    values |= {("y", f"{song}", ""): 0.01 * song for song in range(6)}
+    values |= {("z", f"{song}", ""): 0.5 + (-1) ** song for song in range(6)}
+    differences = system_differences(collect([rows_of(values)]).song_means, ["x", "y", "z"], count=500)
+    assert ranks(differences, ["x", "y", "z"], "harmony", better=1) == {"x": 1, "y": 2}
+
+
+def feature_rows(system: str, values: np.ndarray, songs: list[str], seeds: list[str]) -> pd.DataFrame:
+    columns = {f"f_kinetic_{place:03d}": column for place, column in enumerate(values.T)}
+    return pd.DataFrame({"key": system, "song": songs, "seed": seeds, "skeleton": "s", **columns})
+
+
+def test_distances_lose_the_bias_of_small_samples(rng: np.random.Generator) -> None:
+    names = [f"{song}" for song in range(60)]
+    both = {name: feature_rows(name, rng.normal(size=(60, 8)), names, [""] * 60) for name in ("x", RECORDED)}
+    number = set_numbers(both)["x", "fid_kinetic"]
+    assert (number.n, number.n_recorded) == (60, 60)
+    assert abs(number.value) < number.raw / 2  # 0 is the truth
+
+
+def test_diversity_is_over_songs_and_multimodality_over_seeds() -> None:
+    recorded = feature_rows(RECORDED, np.array([[-1.0], [1.0]]), ["a", "b"], ["", ""])  # mean 0, spread 1
+    danced = feature_rows("x", np.array([[0.0], [4.0], [1.0], [2.0]]), ["a", "b", "a", "b"], ["1", "1", "2", "2"])
+    numbers = set_numbers({RECORDED: recorded, "x": danced})
+    assert numbers["x", "diversity_kinetic"].value == 2.5  # |0 - 4| and |1 - 2|
+    assert numbers["x", "multimodality_kinetic"].value == 1.5  # |0 - 1| and |4 - 2|
+
+
+# Files
+
+
+def test_all_files_are_there_and_agree(planted: Path, table: Evaluation) -> None:
+    out = planted / "table"
+    content = json.loads((out / "table.json").read_text("utf-8"))
+    frame = pd.read_csv(out / "table.csv").set_index("system")
+    assert list(frame.index) == [row["system"] for row in content["rows"]] == list(table.rows)
+    assert frame.loc["on the beat", "harmony"] == pytest.approx(table.means["on the beat", "harmony"].mean)
+    assert frame.loc[WILD, "harmony_rank"] == 2
+    assert RECORDED not in frame.index[frame["harmony_rank"].notna()]
+    clips = pd.read_csv(out / "clips.csv", keep_default_na=False, na_values={"harmony": ""})
+    assert len(clips) == (2 + 1 + 3) * CLIPS
+    assert set(MEASURES) <= set(clips.columns)
+    assert not [name for name in clips.columns if name.startswith("f_")]
+    by_song = clips[clips["system"] == "on the beat"].groupby("song")["harmony"].mean()
+    assert by_song.mean() == pytest.approx(frame.loc["on the beat", "harmony"])
+
+
+def test_the_methods_name_what_was_done(planted: Path, table: Evaluation) -> None:
+    content = json.loads((planted / "table" / "table.json").read_text("utf-8"))
+    for words in ("14 dances to 7 songs, 2 seeds, 30 frames per second", "annotated for 28", "1000 resamplings"):
+        assert words in content["methods"]
+    assert any("pose" in note for note in content["notes"])  # the planted body is not that of the network
+
+
+def test_latex_is_balanced_and_bold_where_the_rank_allows_it(table: Evaluation) -> None:
+    text = table_tex(table)
+    plain = re.sub(r"\\[{}%&_$#]", "", text)
+    assert plain.count("{") == plain.count("}")
+    for name in ("table*", "tabular"):
+        assert text.count(f"\\begin{{{name}}}") == text.count(f"\\end{{{name}}}") == 1
+    for rule in ("toprule", "bottomrule"):
+        assert text.count(f"\\{rule}") == 1
+    columns = len(re.search(r"\\begin\{tabular\}\{(l[c]+)\}", text)[1])  # type: ignore[index]
+    lines = [line for line in plain.splitlines() if line.endswith(r"\\")]
+    assert len(lines) == 6
+    assert {line.count("&") + 1 for line in lines} == {columns}
+    on_the_beat, off = (next(line for line in lines if line.startswith(name)) for name in ("on the beat", "<b>50"))
+    assert on_the_beat.split("&")[1].strip().startswith(r"\textbf{0.")
+    assert off.split("&")[1].strip().startswith("0.")
+    assert r"<b>50\%\_\$x</b>" in text
+
+
+def test_the_page_needs_no_network_and_escapes_names(planted: Path, table: Evaluation) -> None:
+    page = (planted / "table" / "index.html").read_text("utf-8")
+    assert not re.search(r"(src|href|srcset|action)=[\"']?(https?:)?//", page)
+    assert not re.search(r"url\(|@import|<link\b", page)
+    assert WILD not in page
+    assert "&lt;b&gt;50%_$x&lt;/b&gt;" in page
+    assert page.count("<iframe") == 6  # the best and the worst of two systems and of the recorded dances
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_page_fits_its_window_and_asks_for_nothing(
+    chromium: Any, planted: Path, table: Evaluation, width: int
+) -> None:
+    page = chromium.new_page(viewport={"width": width, "height": 844})
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("request", lambda request: faults.append(request.url) if request.url.startswith("http") else None)
+    page.goto((planted / "table" / "index.html").as_uri())
+    player = page.frames[1]
+    player.wait_for_function("window.harmolabPlayer", timeout=20_000)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate("[...document.images].every(one => one.naturalWidth > 0)")
+    assert faults == []
+
+
+def test_a_fault_while_writing_leaves_the_table_as_it_was(
+    planted: Path, table: Evaluation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = {path: path.read_bytes() for path in (planted / "table").rglob("*.*") if path.is_file()}
+
+    def broken(_: Evaluation) -> str:
+        raise ValueError("planted")
+
+    monkeypatch.setattr(evaluation_page, "table_tex", broken)
+    with pytest.raises(ValueError, match="planted"):
+        write_evaluation(planted / "table", table)
+    assert {path: path.read_bytes() for path in (planted / "table").rglob("*.*") if path.is_file()} == files
+
+
+def test_rows_that_break_off_leave_the_clips_as_they_were(tmp_path: Path) -> None:
+    pair = Pair("x", "", "a", Path("m"), Path("s"))
+    rows = rows_of({("x", "a", ""): 1.0}).assign(key=pair.key)
+
+    def parts() -> Any:
+        yield rows
+        raise ValueError("planted")
+
+    path = tmp_path / "clips.csv"
+    path.write_text("former")
+    with pytest.raises(ValueError, match="planted"):
+        list(written_parts(parts(), path, [pair]))
+    assert [one.read_text() for one in tmp_path.iterdir()] == ["former"]
+
+
+def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
+    pairs = [Pair("x", "", name, Path(name), Path(name)) for name in "abc"]
+    row = rows_of({("x", "c", ""): 1.0}).drop(columns="key")
+
+    def measure(pair: Pair) -> dict[str, Any]:
+        if pair.song != "c":
+            raise ValueError(f"{pair.song}: damaged")
+        return dict(zip(row.columns, row.iloc[0], strict=True))
+
+    path = tmp_path / "clips.csv"
+    collected = collect(written_parts(run_rows(pairs, measure, tmp_path / "rows", jobs=0), path, pairs))
+    assert sorted(collected.errors.values()) == ["ValueError: a: damaged", "ValueError: b: damaged"]
+    assert collected.dances == {"x": 1}
+    frame = pd.read_csv(path)
+    assert list(frame["song"]) == ["a", "b", "c"]
+    assert list(frame["error"].fillna("")) == ["ValueError: a: damaged", "ValueError: b: damaged", ""]
+
+
+# What is refused
+
+
+def test_a_table_is_not_written_over_what_it_is_made_from(planted: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="is an input"):
+        evaluate_dances(settings(planted), planted / "recorded")
+    with pytest.raises(ValueError, match="lies in a folder of dances"):
+        evaluate_dances(settings(planted), planted / "on" / "table")
+    (tmp_path / "thesis.tex").write_text("mine")
+    with pytest.raises(ValueError, match=r"no table of harmolab; .*--force"):
+        evaluate_dances(settings(planted), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    check_table_folder(tmp_path, settings(planted), force=True)
+
+
+def test_a_system_must_not_be_called_like_a_control(planted: Path) -> None:
+    with pytest.raises(ValueError, match="'recorded' is the name of a row"):
+        settings(planted, systems={"recorded": planted / "on"})
+
+
+def rateless(planted: Path, folder: Path) -> Path:
+    """A folder with one planted dance as an array without a frame rate, and without names of joints."""
+    folder.mkdir()
+    np.save(folder / "clip_0001_cha-cha.npy", load_motion(planted / "off" / "clip_0001_cha-cha.npz").positions)
+    return folder
+
+
+def test_a_missing_frame_rate_names_the_option(planted: Path, tmp_path: Path) -> None:
+    folder = rateless(planted, tmp_path / "x")
+    with pytest.raises(ValueError, match=r"clip_0001_cha-cha\.npy.*--fps"):
+        evaluate_dances(settings(planted, systems={"x": folder}), tmp_path / "table")
+    assert not (tmp_path / "table").exists()
+    (pair,) = folder_pairs("x", folder, songs_in(planted / "recorded")).pairs
+    row = clip_row(pair, RowOptions(fps=30.0))
+    assert row["fps"] == 30.0
+    assert np.isnan(row["pfc"]) and np.isnan(row["likeness"])  # which joint is a foot is unknown
+    assert np.isfinite(row["jerk"])
+
+
+class Fake:
+    """A protocol with one number a dance, one feature and one number a set."""
+
+    notes = ("It is planted.",)
+
+    def clip(self, motion: Any, music: Any) -> dict[str, float]:
+        return {"beats": float(len(music))}
+
+    def features(self, motion: Any) -> dict[str, np.ndarray]:
+        return {"frames": np.array([motion.n_frames, 1.0])}
+
+    def sets(self, features: Any, reference: Any) -> dict[str, float]:
+        return {"FID_k": float(features["frames"].mean() - reference["frames"].mean())}
+
+
+def test_a_protocol_adds_its_numbers(planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ValueError, match="no protocol is called 'fake'"):
+        settings(planted, protocol="fake")
+    protocols: Any = SimpleNamespace(PROTOCOLS={"fake": Fake()})
+    monkeypatch.setitem(sys.modules, "harmolab.lab.evaluate.protocols", protocols)
+    some = settings(planted, protocol="fake", systems={"off": planted / "off"})
+    evaluation = evaluate_dances(some, tmp_path / "table")
+    beats = pd.read_csv(tmp_path / "table" / "clips.csv").query("system == 'off'")
+    assert evaluation.means["off", "fake beats"].mean == pytest.approx(beats["music_beats"].mean())
+    assert evaluation.sets["off", "fake FID_k"].value == 0
+    assert "fake beats" in evaluation.measures
+    write_evaluation(tmp_path / "table", evaluation)
+    assert "It is planted." in (tmp_path / "table" / "index.html").read_text("utf-8")
+
+
+# The command
+
+
+def test_the_command_writes_the_table_and_says_where(planted: Path, tmp_path: Path) -> None:
+    out = tmp_path / "table"
+    inputs = ("--music", planted / "recorded", "--reference", planted / "recorded")
+    result = run("evaluate", planted / "off", *inputs, "--out", out, "--resamples", 100)
+    assert result.exit_code == 0, result.output
+    for name in ("index.html", "table.csv", "table.json", "table.tex", "clips.csv"):
+        assert (out / name).is_file()
+        assert f"wrote {out / name}" in result.output.replace("\n", "")
+    assert "frozen pose" in result.output
+    again = run("evaluate", planted / "off", *inputs, "--out", out, "--resamples", 100)
+    assert again.exit_code == 0, "its own table may be written anew"
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        (("--system", "ours"), "write it as NAME=FOLDER"),
+        (("--system", "ours={planted}/on", "--system", "ours={planted}/off"), "there is a system 'ours' already"),
+        ((), "there is nothing to evaluate"),
+        (("--system", "ours={planted}/nowhere"), "nowhere: no such folder"),
+        (("--system", "ours={planted}/on", "--fps", "nan"), "--fps must be a finite number"),
+        (("--system", "ours={planted}/on", "--protocol", "nobody"), "no protocol is called 'nobody'"),
+    ],
+)
+def test_what_cannot_be_is_one_line(planted: Path, tmp_path: Path, options: tuple[str, ...], fault: str) -> None:
+    inputs = ("--music", planted / "recorded", "--reference", planted / "recorded", "--out", tmp_path / "table")
+    result = run("evaluate", *(option.format(planted=planted) for option in options), *inputs)
+    assert result.exit_code == 2
+    assert fault in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "table").exists()

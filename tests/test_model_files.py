@@ -1,0 +1,667 @@
+"""Files of the field's models: SMPL parameters, joints in space, HumanML3D vectors, markers; and `harmolab convert`.
+
+Each answer is worked out by hand or by a second implementation here, in loops, from the published definitions.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import ezc3d
+import numpy as np
+import pytest
+
+import harmolab.io.c3d as c3d_reader
+from harmolab.cli import app
+from harmolab.corpora.check import check
+from harmolab.io.files import MissingFrameRate
+from harmolab.io.layouts import COCO_17
+from harmolab.io.motion import load_motion, read_motion
+from harmolab.io.smpl import SMPL_22, SMPL_24, load_body, neutral_body
+from harmolab.skeletons import standing_height
+from tests.builders import called
+
+AIST = "gBR_sBM_cAll_d04_mBR0_ch02"
+TREE = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]  # of SMPL, as published
+# A body of the test's own, metres, T pose: x is its left, y up, z before it.
+REST = np.array([
+    [0, -0.2, 0], [0.1, -0.3, 0], [-0.1, -0.3, 0], [0, -0.1, 0], [0.1, -0.7, 0], [-0.1, -0.7, 0], [0, 0, 0],
+    [0.1, -1.1, 0], [-0.1, -1.1, 0], [0, 0.1, 0], [0.1, -1.15, 0.1], [-0.1, -1.15, 0.1], [0, 0.3, 0], [0.1, 0.2, 0],
+    [-0.1, 0.2, 0], [0, 0.4, 0.05], [0.2, 0.2, 0], [-0.2, 0.2, 0], [0.5, 0.2, 0], [-0.5, 0.2, 0], [0.75, 0.2, 0],
+    [-0.75, 0.2, 0], [0.85, 0.2, 0], [-0.85, 0.2, 0],
+])  # fmt: skip
+
+
+def rodrigues(vector: np.ndarray) -> np.ndarray:
+    """The matrix of one axis-angle rotation."""
+    angle = math.sqrt(sum(one * one for one in vector))
+    if angle == 0:
+        return np.eye(3)
+    x, y, z = (one / angle for one in vector)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def loop_joints(poses: np.ndarray, root: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """Forward kinematics of (T, 24, 3) axis-angle, joint by joint, frame by frame."""
+    joints = np.zeros((len(poses), 24, 3))
+    for frame, pose in enumerate(poses):
+        worlds: list[np.ndarray] = []
+        for joint, parent in enumerate(TREE):
+            local = rodrigues(pose[joint])
+            worlds.append(local if parent < 0 else worlds[parent] @ local)
+            joints[frame, joint] = (
+                root[frame] if parent < 0 else joints[frame, parent] + worlds[parent] @ offsets[joint]
+            )
+    return joints
+
+
+def dance(frames: int = 12, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Axis-angle (T, 24, 3) of an upright body that moves all limbs, and a way (T, 3), y up."""
+    rng = np.random.default_rng(seed)
+    poses = 0.2 * np.sin(np.linspace(0, 3, frames)[:, None, None] + rng.uniform(0, 6, (24, 3)))
+    way = np.array([0.1, 0.95, -0.2]) + 0.02 * rng.normal(size=(frames, 3)).cumsum(axis=0)
+    return poses, way
+
+
+def to_z_up(joints: np.ndarray) -> np.ndarray:
+    """Places with y up as places with z up: height goes from the second number to the third."""
+    return np.stack([joints[..., 0], -joints[..., 2], joints[..., 1]], axis=-1)
+
+
+def z_up_parameters() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses (T, 72) and translation with z up, and the joints with y up that they stand for."""
+    poses, way = dance()
+    expected = loop_joints(poses, way, neutral_body().body.offsets)
+    quarter = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])  # y to z
+    turned = poses.copy()
+    for frame in range(len(poses)):
+        turned[frame, 0] = rotation_vector(quarter @ rodrigues(poses[frame, 0]))
+    return turned.reshape(-1, 72), to_z_up(way), expected
+
+
+def rotation_vector(matrix: np.ndarray) -> np.ndarray:
+    """The axis-angle of a rotation by less than a half turn."""
+    angle = math.acos((np.trace(matrix) - 1) / 2)
+    axis = [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    return angle / (2 * math.sin(angle)) * np.array(axis)
+
+
+def pickled(path: Path, **content: object) -> Path:
+    path.write_bytes(pickle.dumps(content))
+    return path
+
+
+def saved(path: Path, values: object) -> Path:
+    np.save(path, values, allow_pickle=True)
+    return path
+
+
+# SMPL parameters
+
+
+def test_neutral_body_at_rest_is_an_adult_with_arms_spread(tmp_path: Path):
+    still = {"smpl_poses": np.zeros((3, 72)), "smpl_trans": np.zeros((3, 3)), "smpl_scaling": np.ones(1)}
+    path = pickled(tmp_path / f"{AIST}.pkl", **still)
+    places = dict(zip(SMPL_24.joints, load_motion(path).positions[0], strict=True))
+    # By hand: hip and knee and ankle below each other; 0.06 + 0.13 + 0.316 + 0.248 from the middle to the left wrist.
+    np.testing.assert_allclose(places["left_ankle"], [0.085, -0.07 - 0.417 - 0.418, -0.02])
+    assert places["left_wrist"][0] == pytest.approx(0.754)
+    assert places["right_wrist"][0] == pytest.approx(-0.754)
+    assert places["left_wrist"][1] == pytest.approx(places["left_shoulder"][1])
+    assert places["left_foot"][2] > places["left_ankle"][2]
+    # Drillis and Contini: shoulders 0.818 of 1.70 m, ankles 0.039.
+    assert places["left_shoulder"][1] - places["left_ankle"][1] == pytest.approx((0.818 - 0.039) * 1.70, abs=0.02)
+
+
+def test_amass_is_turned_upright_and_keeps_its_rate(tmp_path: Path):
+    poses, way, expected = z_up_parameters()
+    for width, rate in ((156, "mocap_framerate"), (165, "mocap_frame_rate"), (72, "mocap_framerate")):
+        values = np.concatenate([poses[:, :66], np.full((12, width - 66), 0.3)], axis=1)
+        np.savez(tmp_path / "walk.npz", poses=values, trans=way, betas=np.zeros(16), gender="male", **{rate: 120.0})
+        motion, kind, notes = read_motion(tmp_path / "walk.npz")
+        assert (motion.fps, motion.skeleton, kind) == (120, SMPL_24, "AMASS SMPL parameters")
+        np.testing.assert_allclose(motion.positions[:, :22], expected[:, :22], atol=1e-9)
+        assert any("neutral skeleton" in note for note in notes)
+        assert "z up (as AMASS writes), turned to y up" in notes
+
+
+def test_a_bent_elbow_is_where_a_hand_calculation_puts_it(tmp_path: Path):
+    poses = np.zeros((2, 24, 3))
+    poses[:, 18, 1] = -math.pi / 2  # the left elbow about y: what pointed left points forward
+    poses[1, 0, 1] = math.pi / 2  # and the whole body about y: forward becomes left
+    np.savez(tmp_path / "arm.npz", poses=poses.reshape(2, 72), trans=np.zeros((2, 3)), mocap_framerate=60.0)
+    offsets = neutral_body().body.offsets
+    places = load_motion(tmp_path / "arm.npz", up="y").positions
+    elbow, wrist = places[:, 18], places[:, 20]
+    np.testing.assert_allclose(wrist[0] - elbow[0], [0, 0, offsets[20, 0]], atol=1e-12)
+    np.testing.assert_allclose(wrist[1] - elbow[1], [offsets[20, 0], 0, 0], atol=1e-12)
+
+
+def test_aist_recordings_have_60_frames_a_second_and_are_scaled(tmp_path: Path):
+    poses, way = dance()
+    content = {"smpl_poses": poses.reshape(-1, 72), "smpl_trans": way * 93.8, "smpl_scaling": np.array([93.8])}
+    motion, kind, notes = read_motion(pickled(tmp_path / f"{AIST}.pkl", **content))
+    assert (motion.fps, kind) == (60, "AIST++ SMPL parameters")
+    np.testing.assert_allclose(motion.positions, loop_joints(poses, way, neutral_body().body.offsets), atol=1e-9)
+    assert "60 frames a second (AIST++)" in notes
+    with pytest.raises(MissingFrameRate, match=r"other\.pkl: holds no frame rate; pass fps, such as --fps 25"):
+        load_motion(pickled(tmp_path / "other.pkl", **content))
+    generated = {name: content[name] for name in ("smpl_poses", "smpl_trans")}
+    with pytest.raises(MissingFrameRate):  # a generator's dance to the same song
+        load_motion(pickled(tmp_path / f"{AIST}.pkl", **generated))
+
+
+def test_edge_joints_are_as_edge_placed_them_and_its_rate_is_asked_for(tmp_path: Path):
+    poses, way, _ = z_up_parameters()
+    joints = np.random.default_rng(2).normal(size=(12, 24, 3))
+    path = pickled(tmp_path / "test_song.pkl", smpl_poses=poses, smpl_trans=way, full_pose=joints.astype(np.float32))
+    with pytest.raises(MissingFrameRate, match=r"--fps 25 \(EDGE's own settings make 30\)"):
+        load_motion(path)
+    motion, kind, notes = read_motion(path, fps=30)
+    assert (motion.fps, kind) == (30, "EDGE's joints")
+    np.testing.assert_allclose(to_z_up(motion.positions), joints, atol=1e-6)
+    assert notes == ("joints of full_pose", "z up (as EDGE writes), turned to y up")
+
+
+def test_parameters_of_unknown_origin_stand_as_their_body_does(tmp_path: Path):
+    poses, way, expected = z_up_parameters()
+    for content, up in (((poses, way), "z"), ((dance()[0].reshape(-1, 72), dance()[1]), "y")):
+        path = pickled(tmp_path / "dance.pkl", smpl_poses=content[0], smpl_trans=content[1])
+        motion, _, notes = read_motion(path, fps=30)
+        np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
+        assert any(note.startswith(f"{up} up (guessed: the head is") for note in notes)
+    lying = pickled(
+        tmp_path / "lying.pkl", smpl_poses=np.tile([0, 0, math.pi / 2] + [0] * 69, (3, 1)), smpl_trans=way[:3]
+    )
+    with pytest.raises(ValueError, match=r"lying\.pkl: does not tell which axis points up.* --up z"):
+        load_motion(lying, fps=30)
+    assert load_motion(lying, fps=30, up="y").n_frames == 3
+
+
+def first_two_rows(poses: np.ndarray) -> np.ndarray:
+    """(T, J, 6) of axis-angle (T, J, 3): the first two rows of each matrix, one behind the other."""
+    return np.array([[rodrigues(one)[:2].ravel() for one in frame] for frame in poses])
+
+
+def test_six_numbers_and_axis_angle_are_the_same_rotation(tmp_path: Path):
+    poses, way = dance()
+    expected = loop_joints(poses, way, neutral_body().body.offsets)
+    rows = first_two_rows(poses) * 1.7  # a network's rows are not of length 1
+    for values in (rows, rows.reshape(12, 144), poses):
+        motion = load_motion(pickled(tmp_path / "six.pkl", smpl_poses=values, smpl_trans=way), fps=30)
+        np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(("width", "contacts", "joints"), [(139, 4, 22), (135, 0, 22), (319, 4, 52), (315, 0, 52)])
+def test_vectors_of_lodge_and_finedance_are_read(tmp_path: Path, width: int, contacts: int, joints: int):
+    poses, way = dance()
+    rows = np.zeros((12, joints, 6))
+    rows[..., 0] = rows[..., 4] = 1.0
+    rows[:, :22] = first_two_rows(poses[:, :22])
+    values = np.concatenate([np.ones((12, contacts)), way, rows.reshape(12, -1)], axis=1)
+    assert values.shape[1] == width
+    motion = load_motion(saved(tmp_path / "dance.npy", values), fps=30)
+    np.testing.assert_allclose(
+        motion.positions[:, :22], loop_joints(poses, way, neutral_body().body.offsets)[:, :22], atol=1e-9
+    )
+    with pytest.raises(MissingFrameRate):
+        load_motion(tmp_path / "dance.npy")
+
+
+# The user's own body
+
+
+def tree_of(parents: list[int]) -> np.ndarray:
+    """kintree_table as SMPL's files have it: parents in unsigned numbers, and the joints' own numbers."""
+    return np.array([parents, range(len(parents))], np.int64).astype(np.uint32)
+
+
+@pytest.mark.parametrize("how", ["J", "J_regressor"])
+def test_a_body_of_ones_own_takes_the_place_of_the_neutral_one(tmp_path: Path, how: str):
+    poses, way = dance()
+    arrays = {"J": REST}
+    if how == "J_regressor":
+        template = np.random.default_rng(3).normal(size=(60, 3))
+        arrays = {"J_regressor": REST @ np.linalg.pinv(template), "v_template": template}
+    np.savez(tmp_path / "smpl.npz", kintree_table=tree_of(TREE), **arrays)
+    path = pickled(tmp_path / "d.pkl", smpl_poses=poses.reshape(-1, 72), smpl_trans=way, smpl_scaling=np.ones(1))
+    motion, _, notes = read_motion(path, fps=60, smpl=tmp_path / "smpl.npz")
+    offsets = REST - REST[[0, *TREE[1:]]]
+    np.testing.assert_allclose(motion.positions, loop_joints(poses, way + REST[0], offsets), atol=1e-9)
+    assert any("smpl.npz" in note for note in notes)
+
+
+def test_edge_with_a_body_of_ones_own_is_posed_anew(tmp_path: Path):
+    poses, way, _ = z_up_parameters()
+    np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
+    path = pickled(tmp_path / "edge.pkl", smpl_poses=poses, smpl_trans=way, full_pose=np.zeros((12, 24, 3)))
+    places = to_z_up(load_motion(path, fps=30, smpl=tmp_path / "smpl.npz").positions)
+    np.testing.assert_allclose(places[:, 0], way + REST[0], atol=1e-9)
+    assert np.linalg.norm(places[:, 4] - places[:, 1], axis=1) == pytest.approx(0.4)  # its thigh
+
+
+def test_a_body_with_fingers_gives_22_joints(tmp_path: Path):
+    rest = np.concatenate([REST[:22], np.full((30, 3), 0.1)])
+    np.savez(tmp_path / "smplh.npz", J=rest, kintree_table=tree_of([*TREE[:22], *[20] * 15, *[21] * 15]))
+    assert load_body(tmp_path / "smplh.npz").body.skeleton == SMPL_22
+
+
+@pytest.mark.parametrize(
+    ("arrays", "fault"),
+    [
+        ({"kintree_table": tree_of(TREE)}, "has no array J, and no J_regressor and no v_template"),
+        ({"J": REST}, "kintree_table must be"),
+        ({"J": REST, "kintree_table": tree_of([-1, *range(23)])}, "another tree of joints"),
+        ({"J": REST * 100, "kintree_table": tree_of(TREE)}, "make no body in metres"),
+        ({"J": REST * np.nan, "kintree_table": tree_of(TREE)}, "make no body in metres"),
+        ({"J": REST[:7], "kintree_table": tree_of(TREE[:7])}, "24, 52 or 55 joints"),
+        ({"J_regressor": np.ones((24, 9)), "v_template": np.ones((8, 3))}, "does not fit v_template"),
+    ],
+)
+def test_a_file_that_holds_no_smpl_body_is_refused(tmp_path: Path, arrays: dict[str, Any], fault: str):
+    np.savez(tmp_path / "body.npz", **arrays)
+    with pytest.raises(ValueError, match=rf"body\.npz: .*{fault}"):
+        load_body(tmp_path / "body.npz")
+
+
+def test_a_pickled_body_is_refused_with_the_way_to_convert_it(tmp_path: Path):
+    path = pickled(tmp_path / "SMPL_NEUTRAL.pkl", J=REST)
+    with pytest.raises(ValueError, match=r"SMPL_NEUTRAL\.pkl: is no \.npz.*numpy\.savez\('smpl\.npz'"):
+        load_body(path)
+
+
+def test_a_body_is_refused_for_files_without_parameters(tmp_path: Path):
+    np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
+    path = saved(tmp_path / "joints.npy", np.tile(REST, (4, 1, 1)))
+    with pytest.raises(ValueError, match=r"joints\.npy: holds no SMPL parameters; leave out smpl"):
+        load_motion(path, fps=30, smpl=tmp_path / "smpl.npz")
+
+
+# Joints in space
+
+
+def moving_joints() -> np.ndarray:
+    """(12, 24, 3) joints, metres, y up."""
+    poses, way = dance()
+    return loop_joints(poses, way, REST - REST[[0, *TREE[1:]]])
+
+
+@pytest.mark.parametrize(
+    "name", ["array.npy", "flat.npy", "bailando.pkl.npy", "dance.json", "bare.json", "flat.pkl", "bare.pkl"]
+)
+def test_24_joints_are_read_from_arrays_json_and_pickles(tmp_path: Path, name: str):
+    joints, path = moving_joints(), tmp_path / name
+    flat = joints.reshape(12, 72)
+    contents: dict[str, Any] = {
+        "array.npy": joints, "flat.npy": flat, "bailando.pkl.npy": {"pred_position": flat},
+        "dance.json": {"id": "x", "music_array": [[0.5]], "dance_array": flat.tolist()}, "bare.json": joints.tolist(),
+        "flat.pkl": {"pred_position": flat}, "bare.pkl": joints,
+    }  # fmt: skip
+    if path.suffix == ".npy":
+        np.save(path, contents[name])
+    else:
+        path.write_bytes(pickle.dumps(contents[name]) if path.suffix == ".pkl" else json.dumps(contents[name]).encode())
+    with pytest.raises(MissingFrameRate, match="--fps 25"):
+        load_motion(path)
+    motion, kind, notes = read_motion(path, fps=60)
+    assert (motion.skeleton, motion.fps, kind) == (SMPL_24, 60, "24 joints of SMPL")
+    np.testing.assert_allclose(motion.positions, joints, atol=1e-12)
+    assert notes[0].startswith("metres (guessed: the body extends over 1.")
+    assert notes[1].startswith("y up (guessed: the head is 1.")
+
+
+def test_rate_in_a_json_file_of_joints_is_taken(tmp_path: Path):
+    path = tmp_path / "dance.json"
+    path.write_text(json.dumps({"fps": 50, "pred_position": moving_joints().tolist()}))
+    assert [load_motion(path).fps, load_motion(path, fps=25).fps] == [50, 25]
+    path.write_text(json.dumps({"fps": "fast", "pred_position": moving_joints().tolist()}))
+    with pytest.raises(ValueError, match=r"dance\.json: "):
+        load_motion(path)
+
+
+def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
+    np.savez(tmp_path / "own.npz", positions=to_z_up(moving_joints()), fps=30.0)
+    np.testing.assert_allclose(load_motion(tmp_path / "own.npz", up="z").positions, moving_joints())
+    np.savez(tmp_path / "flat.npz", positions=moving_joints()[..., :2], fps=30.0)
+    with pytest.raises(ValueError, match=r"flat\.npz: holds image coordinates, in which y points down; leave out up"):
+        load_motion(tmp_path / "flat.npz", up="z")
+    with pytest.raises(ValueError, match="up must be y or z"):
+        load_motion(tmp_path / "own.npz", up="x")
+    bvh = tmp_path / "walk.bvh"
+    assert called(app, "convert", tmp_path / "own.npz", bvh).exit_code == 2  # no bones
+    bvh.write_text(
+        "HIERARCHY\nROOT hip { OFFSET 0 0 0 CHANNELS 3 Xposition Yposition Zposition\n"
+        "JOINT top { OFFSET 0 0 100 CHANNELS 0 } }\nMOTION\nFrames: 2\nFrame Time: 0.1\n0 0 0\n0 0 50\n"
+    )
+    motion, _, notes = read_motion(bvh, up="z")
+    assert notes == (
+        "0.01 m a unit (guessed: its rest skeleton is larger than 3 units)",
+        "z up (as passed), turned to y up",
+    )
+    places = motion.positions
+    np.testing.assert_allclose(places, [[[0, 0, 0], [0, 1, 0]], [[0, 0.5, 0], [0, 1.5, 0]]], atol=1e-12)
+    np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
+    with pytest.raises(ValueError, match=r"walk\.bvh: holds no SMPL parameters"):
+        load_motion(bvh, smpl=tmp_path / "smpl.npz")
+
+
+def test_bailando_file_with_an_aist_name_has_its_rate(tmp_path: Path):
+    np.save(tmp_path / f"{AIST}.pkl.npy", {"pred_position": moving_joints().reshape(12, 72)})
+    assert load_motion(tmp_path / f"{AIST}.pkl.npy").fps == 60
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("centimetres", 100.0), ("millimetres", 1000.0)])
+def test_units_and_axis_are_guessed_from_the_body_and_said(tmp_path: Path, unit: str, factor: float):
+    joints = moving_joints()
+    motion, _, notes = read_motion(saved(tmp_path / "d.npy", to_z_up(joints) * factor), fps=60)
+    np.testing.assert_allclose(motion.positions, joints, atol=1e-9)
+    assert notes[0].startswith(f"{unit} (guessed")
+    assert notes[1].startswith("z up (guessed")
+    passed = load_motion(tmp_path / "d.npy", fps=60, scale=1 / factor, up="y").positions
+    np.testing.assert_allclose(passed, to_z_up(joints), atol=1e-9)
+    with pytest.raises(ValueError, match=r"d\.npy: .*pass scale"):
+        load_motion(saved(tmp_path / "d.npy", joints * 1e6), fps=60)
+
+
+def test_17_joints_in_space_are_told_from_points_in_a_picture(tmp_path: Path):
+    joints = np.zeros((5, 17, 3))
+    for name, place in {"nose": (0, 1.6, 0.1), "left_hip": (0.1, 0.9, 0), "left_knee": (0.1, 0.5, 0)}.items():
+        joints[:, COCO_17.joints.index(name)] = place
+    joints[:, 0, 0] += np.arange(5) * 0.01
+    for shape in ((5, 17, 3), (5, 51)):
+        motion = load_motion(saved(tmp_path / "d.npy", joints.reshape(shape)), fps=60)
+        assert motion.skeleton == COCO_17
+        np.testing.assert_allclose(motion.positions, joints)
+    for size in ([640, 480, 1], [1, 1, 1]):
+        points = np.random.default_rng(1).uniform(0.1, 1, (5, 17, 3)) * size
+        motion = load_motion(saved(tmp_path / "d.npy", points.reshape(5, 51)), fps=60)
+        np.testing.assert_allclose(motion.positions, points[..., :2])
+
+
+def test_rotations_in_the_place_of_joints_are_noticed(tmp_path: Path):
+    poses = np.random.default_rng(1).normal(size=(40, 72)) * np.linspace(0, 1, 40)[:, None]
+    with pytest.raises(ValueError, match=r"d\.npy: holds no joints: the thigh changes its length"):
+        load_motion(saved(tmp_path / "d.npy", poses), fps=60)
+
+
+# HumanML3D
+
+
+def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Hamilton's product of two quaternions w, x, y, z."""
+    w, v = p[0] * q[0] - p[1:] @ q[1:], p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])
+    return np.array([w, *v])
+
+
+def inverse(q: np.ndarray) -> np.ndarray:
+    return q * [1, -1, -1, -1]
+
+
+def rotated(q: np.ndarray, point: np.ndarray) -> np.ndarray:
+    return product(product(q, np.array([0.0, *point])), inverse(q))[1:]
+
+
+def humanml_vectors(joints: np.ndarray, headings: np.ndarray) -> np.ndarray:
+    """(T - 1, 263) vectors of joints (T, 22, 3) that face `headings` (T), radians from +z towards +x."""
+    into = [np.array([math.cos(-angle / 2), 0, math.sin(-angle / 2), 0]) for angle in headings]  # world to body
+    vectors = np.full((len(joints) - 1, 263), 7.0)  # what is not looked at is nonsense here
+    for frame, vector in enumerate(vectors):
+        turn = product(into[frame + 1], inverse(into[frame]))
+        vector[0] = math.asin(turn[2])
+        vector[1:3] = rotated(into[frame + 1], joints[frame + 1, 0] - joints[frame, 0])[[0, 2]]
+        vector[3] = joints[frame, 0, 1]
+        for joint in range(1, 22):
+            place = joints[frame, joint] - joints[frame, 0] * [1, 0, 1]
+            vector[1 + 3 * joint : 4 + 3 * joint] = rotated(into[frame], place)
+    return vectors
+
+
+def test_humanml_vectors_give_back_the_joints_they_were_made_of(tmp_path: Path):
+    headings = 0.9 * np.sin(np.linspace(0, 4, 30))
+    poses, _ = dance(30)
+    poses[:, 0] = np.stack([headings * 0, headings, headings * 0], axis=1)
+    way = np.stack([np.sin(np.linspace(0, 2, 30)), 0.95 + 0.05 * np.cos(headings), np.linspace(0, 1.5, 30)], axis=1)
+    way[:, [0, 2]] -= way[0, [0, 2]]
+    joints = loop_joints(poses, way, REST - REST[[0, *TREE[1:]]])[:, :22]
+    path = saved(tmp_path / "012314.npy", humanml_vectors(joints, headings).astype(np.float32))
+    with pytest.raises(MissingFrameRate, match="--fps 20 for HumanML3D's own"):
+        load_motion(path)
+    motion, kind, _ = read_motion(path, fps=20)
+    assert (motion.skeleton, motion.fps, kind) == (SMPL_22, 20, "HumanML3D vectors")
+    np.testing.assert_allclose(motion.positions, joints[:-1], atol=1e-5)
+
+
+def test_normalised_humanml_vectors_are_refused(tmp_path: Path):
+    for values in (np.zeros((9, 263)), np.full((9, 263), 50.0) * np.arange(263)):
+        with pytest.raises(ValueError, match=r"v\.npy: .*multiply by Std\.npy and add Mean\.npy"):
+            load_motion(saved(tmp_path / "v.npy", values), fps=20)
+
+
+# c3d
+
+
+def markers(path: Path, points: np.ndarray, names: tuple[str, ...], **parameters: Any) -> Path:
+    """A c3d file of points (T, J, 3) that ezc3d writes."""
+    content = ezc3d.c3d()
+    about = {"RATE": [120.0], "LABELS": names, "UNITS": ["mm"], **parameters}
+    for name, value in about.items():
+        if name in content["parameters"]["POINT"]:
+            content["parameters"]["POINT"][name]["value"] = value
+        else:
+            content.add_parameter("POINT", name, value)
+    content["data"]["points"] = np.concatenate([points, np.ones((*points.shape[:2], 1))], axis=2).transpose(2, 1, 0)
+    content.write(str(path))
+    return path
+
+
+def suit() -> np.ndarray:
+    """(20, 4, 3) markers of two temples and two toes, millimetres, z up."""
+    points = np.array([[80, 0, 1650], [-80, 0, 1650], [120, 100, 30], [-120, 100, 30]], float)
+    return points + np.random.default_rng(5).normal(size=(20, 4, 3)).cumsum(axis=0)
+
+
+NAMES = ("LFHD", "RFHD", "LTOE", "RTOE")
+
+
+def test_markers_are_metres_at_the_rate_of_their_file(tmp_path: Path):
+    motion, kind, notes = read_motion(markers(tmp_path / "walk.c3d", suit(), NAMES))
+    assert (motion.fps, motion.skeleton.joints, kind) == (120, NAMES, "c3d markers")
+    np.testing.assert_allclose(to_z_up(motion.positions), suit() / 1000, atol=1e-6)
+    assert motion.valid.all()
+    assert notes[0] == "in mm (POINT:UNITS)"
+    assert notes[1].startswith("z up (guessed: the head is 1.6")
+
+
+def test_the_screen_of_a_c3d_file_tells_which_axis_points_up(tmp_path: Path):
+    path = markers(tmp_path / "d.c3d", suit(), ("a", "b", "c", "d"), X_SCREEN=["+X"], Y_SCREEN=["+Z"])
+    motion, _, notes = read_motion(path)
+    np.testing.assert_allclose(to_z_up(motion.positions), suit() / 1000, atol=1e-6)
+    assert notes[1] == "z up (POINT:Y_SCREEN of the file), turned to y up"
+    with pytest.raises(ValueError, match=r"n\.c3d: does not tell which axis points up"):
+        load_motion(markers(tmp_path / "n.c3d", suit(), ("a", "b", "c", "d")))
+    np.testing.assert_allclose(load_motion(tmp_path / "n.c3d", up="y").positions, suit() / 1000, atol=1e-6)
+
+
+def test_a_missing_marker_is_filled_in_and_its_frame_marked(tmp_path: Path):
+    points = suit()
+    points[4:6, 0] = np.nan
+    motion = load_motion(markers(tmp_path / "gap.c3d", points, NAMES))
+    assert np.flatnonzero(~motion.valid).tolist() == [4, 5]
+    places = to_z_up(motion.positions)[:, 0] * 1000
+    np.testing.assert_allclose(places[4], points[3, 0] + (points[6, 0] - points[3, 0]) / 3, atol=1e-3)
+    points[:, 1] = np.nan
+    with pytest.raises(ValueError, match=r"never\.c3d: never shows RFHD; keep the other joints only"):
+        load_motion(markers(tmp_path / "never.c3d", points, NAMES))
+    part = load_motion(tmp_path / "never.c3d", joints=["LFHD", "LTOE"])
+    assert part.skeleton.joints == ("LFHD", "LTOE")
+
+
+@pytest.mark.data
+def test_a_recorded_dancer_in_markers_stands_upright(data_root: Path):
+    motion, _, notes = read_motion(data_root / "extra" / "choreonet" / "mm_tg_03_1.c3d")
+    assert (motion.positions.shape, motion.fps) == ((574, 41, 3), 80)
+    assert notes[1].startswith("z up (guessed: the head is 1.55 m from the feet")
+    assert 1.5 < standing_height(motion.positions) < 2.0
+
+
+def test_unknown_units_of_a_c3d_file_need_a_scale(tmp_path: Path):
+    path = markers(tmp_path / "feet.c3d", suit(), NAMES, UNITS=["furlong"])
+    with pytest.raises(ValueError, match=r"feet\.c3d: has points in 'furlong'; pass scale"):
+        load_motion(path)
+    assert standing_height(load_motion(path, scale=0.001).positions) == pytest.approx(1.62, abs=0.05)
+
+
+def test_without_its_library_c3d_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = markers(tmp_path / "walk.c3d", suit(), NAMES)
+    monkeypatch.setattr(c3d_reader, "find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r"walk\.c3d: to read c3d, install ezc3d: pip install 'harmolab\[c3d\]'"):
+        load_motion(path)
+
+
+def test_damaged_c3d_gives_a_finite_motion_or_an_error_and_never_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(c3d_reader, "SECONDS", 1.5)
+    valid = markers(tmp_path / "walk.c3d", suit(), NAMES).read_bytes()
+    rng, faults = np.random.default_rng(8), 0
+    for _ in range(25):
+        data = bytearray(valid)
+        for place in rng.integers(len(data) if rng.random() < 0.5 else 700, size=4):
+            data[place] = rng.integers(256)
+        (tmp_path / "bad.c3d").write_bytes(data[: rng.integers(1, len(data)) if rng.random() < 0.3 else None])
+        try:
+            assert np.isfinite(load_motion(tmp_path / "bad.c3d").positions).all()
+        except ValueError as error:
+            faults += 1
+            assert str(error).startswith(str(tmp_path / "bad.c3d"))
+    assert faults > 0
+
+
+# Hostile content
+
+
+def parameters(**changes: Any) -> dict[str, Any]:
+    poses, way = dance()
+    return {"smpl_poses": poses.reshape(-1, 72), "smpl_trans": way, "smpl_scaling": np.ones(1)} | changes
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (parameters(smpl_poses=np.zeros((12, 71))), r"smpl_poses must be axis-angle .*got shape \(12, 71\)"),
+        (parameters(smpl_poses=np.zeros((12, 24, 4))), "smpl_poses must be axis-angle"),
+        (parameters(smpl_poses=np.zeros(72)), "smpl_poses must be axis-angle"),
+        (parameters(smpl_poses=np.full((12, 72), np.nan)), "smpl_poses holds NaN or infinity at frame 0, joint 0"),
+        (parameters(smpl_poses=np.full((12, 72), 170.0)), "angles up to 170 radians; are these degrees"),
+        (parameters(smpl_poses=np.zeros((12, 144))), "rows span no plane"),
+        (parameters(smpl_poses=np.zeros((11, 72))), "rotations of 11 frames and a translation of 12"),
+        (parameters(smpl_poses=np.zeros((0, 72)), smpl_trans=np.zeros((0, 3))), ""),
+        (parameters(smpl_poses=np.zeros((1, 72)), smpl_trans=np.zeros((1, 3))), "at least two frames"),
+        (parameters(smpl_trans=np.full((12, 3), np.inf)), "NaN or infinity at frame 0"),
+        (parameters(smpl_trans=np.full((12, 3), 1e300)), ""),
+        (parameters(smpl_trans=np.zeros((12, 2))), r"translation must have shape \(T, 3\), got \(12, 2\)"),
+        (parameters(smpl_scaling=np.zeros(1)), "smpl_scaling must lie between"),
+        (parameters(smpl_scaling=np.ones(2)), "smpl_scaling must be one number"),
+        (parameters(smpl_trans="none"), "has no array smpl_trans of numbers"),
+        ({"smpl_poses": np.zeros((12, 72))}, "has no array smpl_trans"),
+        ({"full_pose": np.zeros((12, 23, 3))}, r"full_pose must have shape \(T, 24, 3\)"),
+        ({"full_pose": np.full((12, 24, 3), np.nan)}, "NaN or infinity"),
+        ({"pred_position": np.zeros((12, 70))}, r"joints must have shape"),
+        ({"pred_position": [[1, 2], [3]]}, "joints must be numbers"),
+        ({"pred_position": np.full((12, 72), np.inf)}, "NaN or infinity at frame 0"),
+        ({"anything": np.zeros(3)}, "has no array keypoints3d"),
+    ],
+)  # fmt: skip
+def test_parameters_that_make_no_motion_are_refused_by_name(tmp_path: Path, content: dict[str, Any], fault: str):
+    with pytest.raises(ValueError, match=rf"bad\.pkl: .*{fault}"):
+        load_motion(pickled(tmp_path / "bad.pkl", **content), fps=30)
+
+
+class Call:
+    """Pickles to a call."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return open, (str(self.path), "w")
+
+
+def test_objects_in_an_array_file_are_refused_and_run_nothing(tmp_path: Path):
+    for content in (Call(tmp_path / "ran"), {"pred_position": Call(tmp_path / "ran")}, [Call(tmp_path / "ran")]):
+        path = saved(tmp_path / "evil.npy", np.array(content, dtype=object))
+        with pytest.raises(ValueError, match=r"evil\.npy"):
+            load_motion(path, fps=30)
+        np.savez(tmp_path / "evil.npz", poses=np.array([content], dtype=object), trans=np.zeros((2, 3)))
+        with pytest.raises(ValueError, match=r"evil\.npz"):
+            load_motion(tmp_path / "evil.npz", fps=30)
+    assert not (tmp_path / "ran").exists()
+
+
+# What the commands say
+
+
+def test_check_says_what_each_file_of_a_folder_is_and_how_it_was_read(tmp_path: Path):
+    way = dance()[1]
+    pickled(tmp_path / f"{AIST}.pkl", **parameters(smpl_trans=way * 90, smpl_scaling=np.array([90.0])))
+    markers(tmp_path / "suit.c3d", suit(), NAMES)
+    saved(tmp_path / "joints.npy", to_z_up(moving_joints()) * 100)
+    rows = {Path(row.path).name: row for row in check(tmp_path)}
+    aist, capture, joints = rows[f"{AIST}.pkl"], rows["suit.c3d"], rows["joints.npy"]
+    assert (aist.kind, aist.rate, aist.joints, aist.note) == ("motion", 60, 24, "3-D, AIST++ SMPL parameters")
+    assert "translation divided by smpl_scaling, 90" in aist.how
+    assert (capture.rate, capture.note, capture.how[0]) == (120, "3-D, c3d markers", "in mm (POINT:UNITS)")
+    assert (joints.rate, joints.odd[0]) == (None, "holds no frame rate: pass fps")
+    assert joints.how[0].startswith("centimetres (guessed")
+    printed = called(app, "data", "check", tmp_path).stdout
+    assert "read: joints.npy: z up (guessed" in " ".join(printed.split())
+
+
+def test_convert_writes_what_it_read_and_says_how(tmp_path: Path):
+    poses, way, expected = z_up_parameters()
+    source = pickled(tmp_path / "edge.pkl", smpl_poses=poses, smpl_trans=way, full_pose=to_z_up(expected))
+    result = called(app, "convert", source, tmp_path / "dance.npz", "--fps", "30")
+    assert result.exit_code == 0
+    said = " ".join(result.stdout.split())
+    assert "EDGE's joints, 12 frames of 24 joints at 30 a second read: joints of full_pose" in said
+    assert "read: z up (as EDGE writes), turned to y up" in said
+    motion = load_motion(tmp_path / "dance.npz")
+    np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
+    assert called(app, "convert", tmp_path / "dance.npz", tmp_path / "dance.bvh").exit_code == 0
+    back = load_motion(tmp_path / "dance.bvh")
+    order = [back.skeleton.joints.index(name) for name in motion.skeleton.joints]
+    np.testing.assert_allclose(back.positions[:, order], expected, atol=1e-3)
+
+
+def test_convert_takes_a_body_and_an_axis(tmp_path: Path):
+    poses, way = dance()
+    np.savez(tmp_path / "smpl.npz", J=REST, kintree_table=tree_of(TREE))
+    source = pickled(tmp_path / "d.pkl", smpl_poses=poses.reshape(-1, 72), smpl_trans=way)
+    options = ("--fps", "30", "--smpl", tmp_path / "smpl.npz", "--up", "y", "--joints", "left_hip,left_knee")
+    assert called(app, "convert", source, tmp_path / "out.npz", *options).exit_code == 0
+    motion = load_motion(tmp_path / "out.npz")
+    assert motion.skeleton.joints == ("left_hip", "left_knee")
+    np.testing.assert_allclose(np.linalg.norm(np.diff(motion.positions, axis=1), axis=2), 0.4, atol=1e-9)
+
+
+def test_convert_overwrites_nothing_unasked(tmp_path: Path):
+    source = saved(tmp_path / "joints.npy", moving_joints())
+    taken = tmp_path / "taken.npz"
+    taken.write_bytes(b"of somebody else")
+    np.savez(tmp_path / "own.npz", positions=moving_joints(), fps=30.0)
+    for arguments, fault in (
+        ((source, taken, "--fps", "30"), "taken.npz: is there already; --force writes over it"),
+        ((tmp_path / "own.npz", tmp_path / "own.npz", "--force"), "is an input here"),
+        ((source, tmp_path / "out.npy", "--fps", "30"), "a motion is written as .npz, .bvh"),
+        ((source, tmp_path / "out.npz"), "joints.npy: holds no frame rate; pass fps, such as --fps 25"),
+        ((source, tmp_path / "none" / "out.npz", "--fps", "30"), "no such folder"),
+    ):
+        result = called(app, "convert", *arguments)
+        assert (result.exit_code, fault in " ".join(result.stderr.split())) == (2, True), result.stderr
+    assert taken.read_bytes() == b"of somebody else"
+    assert not (tmp_path / "out.npz").exists()
+    assert called(app, "convert", source, taken, "--fps", "30", "--force").exit_code == 0
+    assert load_motion(taken).n_frames == 12
