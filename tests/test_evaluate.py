@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,13 +15,24 @@ import pytest
 
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
+from harmolab.harmony import music_and_motion
 from harmolab.io.motion import load_motion, save_motion
+from harmolab.lab.evaluate import rows
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
 from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
+from harmolab.lab.evaluate.methods import table_notes
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
-from harmolab.lab.evaluate.rows import FROZEN, MEASURES, OTHER_SONG, RowOptions, clip_row
+from harmolab.lab.evaluate.rows import (
+    FROZEN,
+    MEASURES,
+    OTHER_SONG,
+    RowOptions,
+    clip_row,
+    pair_clip,
+    protocol_numbers,
+)
 from harmolab.lab.evaluate.sets import set_numbers
 from harmolab.lab.evaluate.summary import ranks, song_interval, system_differences, system_means
 from harmolab.lab.evaluate.table_files import table_tex
@@ -430,6 +439,19 @@ def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
     assert list(frame["error"].fillna("")) == ["ValueError: a: damaged", "ValueError: b: damaged", ""]
 
 
+def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Path) -> None:
+    pair = folder_pairs("x", planted / "recorded", songs_in(planted / "recorded")).pairs[0]
+    row = clip_row(pair, RowOptions(protocol="aist++"))
+    assert row["harmony"] > 0 and not any(name.startswith("aist++") for name in row)
+    assert protocol_numbers(*music_and_motion(pair_clip(pair, RowOptions())), "aist++") == ({}, {})
+
+
+def test_a_protocol_without_numbers_is_a_remark(planted: Path, tmp_path: Path) -> None:
+    some = settings(planted, protocol="bailando", systems={"off": planted / "off"})
+    notes = list(table_notes(evaluate_dances(some, tmp_path / "table")))
+    assert any(note.startswith("No dance has numbers of bailando") for note in notes)
+
+
 # What is refused
 
 
@@ -487,8 +509,7 @@ class Fake:
 def test_a_protocol_adds_its_numbers(planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="no protocol is called 'fake'"):
         settings(planted, protocol="fake")
-    protocols: Any = SimpleNamespace(PROTOCOLS={"fake": Fake()})
-    monkeypatch.setitem(sys.modules, "harmolab.lab.evaluate.protocols", protocols)
+    monkeypatch.setattr(rows, "PROTOCOLS", {"fake": Fake()})
     some = settings(planted, protocol="fake", systems={"off": planted / "off"})
     evaluation = evaluate_dances(some, tmp_path / "table")
     beats = pd.read_csv(tmp_path / "table" / "clips.csv").query("system == 'off'")
@@ -505,13 +526,13 @@ def test_a_protocol_adds_its_numbers(planted: Path, tmp_path: Path, monkeypatch:
 def test_the_command_writes_the_table_and_says_where(planted: Path, tmp_path: Path) -> None:
     out = tmp_path / "table"
     inputs = ("--music", planted / "recorded", "--reference", planted / "recorded")
-    result = run("evaluate", planted / "off", *inputs, "--out", out, "--resamples", 100)
+    result = run("evaluate", planted / "off", *inputs, "--out", out, "--resamples", 100, "--jobs", 0)
     assert result.exit_code == 0, result.output
     for name in ("index.html", "table.csv", "table.json", "table.tex", "clips.csv"):
         assert (out / name).is_file()
         assert f"wrote {out / name}" in result.output.replace("\n", "")
     assert "frozen pose" in result.output
-    again = run("evaluate", planted / "off", *inputs, "--out", out, "--resamples", 100)
+    again = run("evaluate", planted / "off", *inputs, "--out", out, "--resamples", 100, "--jobs", 0)
     assert again.exit_code == 0, "its own table may be written anew"
 
 

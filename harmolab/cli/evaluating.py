@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -47,7 +48,9 @@ def evaluate(
     ] = None,
     resamples: Annotated[int, typer.Option(help="Resamplings of the songs behind each interval.", min=100)] = 4000,
     seed: Annotated[int, typer.Option(help="Seed of the resampling.", min=0)] = 0,
-    jobs: Annotated[int, typer.Option(help="Processes; 0 measures in this one.", min=0)] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(help="Processes (default: one a core); 0 measures in this one.", min=0)
+    ] = None,
     scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler.")] = "",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Write into a folder that holds other files.")] = False,
@@ -77,7 +80,13 @@ def evaluate(
             scale=scale, pose_net=pose_net, resamples=resamples, seed=seed,
         )  # fmt: skip
         evaluation = evaluate_dances(
-            settings, out, jobs=jobs, scheduler=scheduler, resume=resume, force=force, progress=progress
+            settings,
+            out,
+            jobs=(os.cpu_count() or 1) if jobs is None else jobs,
+            scheduler=scheduler,
+            resume=resume,
+            force=force,
+            progress=progress,
         )
         from harmolab.lab.widgets.evaluation_page import write_evaluation
 

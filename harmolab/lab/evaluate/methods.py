@@ -22,7 +22,10 @@ FEW = 100  # dances below which a distance of features says little
 
 def table_notes(evaluation: Evaluation) -> Iterator[str]:
     """Remarks that a reader needs beside this table: small samples, missing columns and controls, doubtful harmony."""
-    counts = evaluation.counts
+    counts, protocol = evaluation.counts, evaluation.settings.protocol
+    columns = (*evaluation.measures, *evaluation.set_measures)
+    if protocol and not any(name.startswith(f"{protocol} ") for name in columns):
+        yield f"No dance has numbers of {protocol}: they are of joints that these bodies do not have by name."
     if OTHER_SONG not in evaluation.controls:
         yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):

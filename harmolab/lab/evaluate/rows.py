@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +18,7 @@ from harmolab.harmony import harmony_from_hits, music_and_motion, score_motion
 from harmolab.io.files import MissingFrameRate, plain
 from harmolab.io.video_sound import load_sound
 from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of
+from harmolab.lab.evaluate.protocols import PROTOCOLS, Protocol
 from harmolab.metrics.beats import beat_align, beat_coverage, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.metrics.body_measures import MEASURES as BODY_MEASURES
 from harmolab.metrics.geometric import geometric_features
@@ -127,14 +127,25 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     numbers |= _likeness(motion, clip.dance, options)
     features = motion_features(motion, options)
     if options.protocol:
-        protocol = protocol_of(options.protocol)
-        numbers |= {f"{options.protocol} {name}": value for name, value in protocol.clip(motion, music).items()}
-        features |= {f"{options.protocol} {name}": vector for name, vector in protocol.features(motion).items()}
+        own, vectors = protocol_numbers(music, motion, options.protocol)
+        numbers, features = numbers | own, features | vectors
     columns = {f"f_{name}_{place:03d}": float(x) for name, row in features.items() for place, x in enumerate(row)}
     return about | numbers | columns
 
 
-def protocol_of(name: str) -> Any:
+def protocol_numbers(music: BeatTrack, motion: Motion, name: str) -> tuple[dict[str, float], dict[str, FloatArray]]:
+    """The numbers and features of a protocol, "NAME PFC" and so on; none where the body lacks the joints it takes."""
+    protocol = protocol_of(name)
+    try:
+        numbers, features = protocol.clip(motion, music), protocol.features(motion)
+    except ValueError:
+        return {}, {}
+    return {f"{name} {key}": value for key, value in numbers.items()}, {
+        f"{name} {key}": vector for key, vector in features.items()
+    }
+
+
+def protocol_of(name: str) -> Protocol:
     """A protocol of `harmolab.lab.evaluate.protocols` by its name.
 
     Raises
@@ -142,13 +153,9 @@ def protocol_of(name: str) -> Any:
     ValueError
         There is no such protocol; names those that there are.
     """
-    try:
-        protocols = import_module("harmolab.lab.evaluate.protocols").PROTOCOLS
-    except ModuleNotFoundError:
-        protocols = {}
-    if name not in protocols:
-        raise ValueError(f"no protocol is called {name!r}; there are: {', '.join(protocols) or 'none'}")
-    return protocols[name]
+    if name not in PROTOCOLS:
+        raise ValueError(f"no protocol is called {name!r}; there are: {', '.join(PROTOCOLS)}")
+    return PROTOCOLS[name]
 
 
 def pair_clip(pair: Pair, options: RowOptions) -> Clip:
