@@ -106,13 +106,18 @@ class Meter:
             workers = [megabytes(pid) for pid in children(os.getpid())]
             self.samples.append((self.rows, megabytes(os.getpid()), max(workers, default=0.0)))
 
-    def slopes(self) -> tuple[float, float]:
-        """Bytes that client and largest worker grow by with each row, fitted from `WARM` rows on; NaN before."""
+    def slope(self, side: int) -> tuple[float, float]:
+        """Bytes that the client (1) or the largest worker (2) grows by with each row, and its standard error.
+
+        Fitted to the means of ten stretches from `WARM` rows on, since neighbouring samples are alike; NaN where there
+        are too few of them.
+        """
         warm = np.array([sample for sample in self.samples if sample[0] >= WARM])
-        if len(warm) < 3:
+        if len(warm) < 20:
             return float("nan"), float("nan")
-        client, worker = (float(np.polyfit(warm[:, 0], warm[:, side], 1)[0]) * 2**20 for side in (1, 2))
-        return client, worker
+        means = np.array([part.mean(axis=0) for part in np.array_split(warm, 10)])
+        fit, variance = np.polyfit(means[:, 0], means[:, side], 1, cov=True)
+        return float(fit[0]) * 2**20, float(np.sqrt(variance[0, 0])) * 2**20
 
 
 def megabytes(pid: int) -> float:
@@ -160,7 +165,7 @@ def measure(count: int = N_CLIPS, jobs: int = 2) -> dict[str, float]:
         begun = time.perf_counter()
         run_rows(PlantedClips(count), clip_scores, out, jobs=jobs, progress=meter)
         seconds = time.perf_counter() - begun
-        client, worker = meter.slopes()
+        client, worker = meter.slope(1), meter.slope(2)
         results = second_stage(out)
         size = sum(path.stat().st_size for path in out.glob("part-*"))
     return {
@@ -169,8 +174,10 @@ def measure(count: int = N_CLIPS, jobs: int = 2) -> dict[str, float]:
         "clips a second, with start and end": count / seconds,
         "client, peak memory (MB)": max(sample[1] for sample in meter.samples),
         "largest worker, peak memory (MB)": max(sample[2] for sample in meter.samples),
-        f"client, growth from {WARM} rows on (bytes a row)": client,
-        f"largest worker, growth from {WARM} rows on (bytes a row)": worker,
+        f"client, growth from {WARM} rows on (bytes a row)": client[0],
+        "its standard error": client[1],
+        f"largest worker, growth from {WARM} rows on (bytes a row)": worker[0],
+        "the same of it": worker[1],
         "table (bytes a row)": size / count,
         **results,
     }
