@@ -28,9 +28,9 @@ from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, PartWriter
 
 if TYPE_CHECKING:
     import pandas as pd
-    from distributed import Client
+    from distributed import Client, Scheduler
 
-PER_WORKER = 4  # tasks that are submitted at a time: one runs, the others wait so that it never does
+PER_WORKER = 4  # tasks under way for each: one runs, the others wait, so that it never does
 MOST_WAITING = 1024  # rows that are measured, but wait for an earlier one
 TURNS = 256  # rows after which the workers are counted again: a cluster may grow
 SUBMISSIONS = 2  # of a task that kills its worker; dask tries each four times
@@ -213,6 +213,28 @@ def measured_row(measure: Measure, task: Task) -> dict[str, Any]:
     return {KEY: task.key, ERROR: "", **cells}
 
 
+def _worker_row(measure: Measure, task: Task) -> dict[str, Any]:
+    _forget_keys()
+    return measured_row(measure, task)
+
+
+def _forget_keys() -> None:
+    """Empty a cache of dask in which each process holds 100,000 names of tasks, long after these are done."""
+    from dask.utils import key_split
+
+    if key_split.cache_info().currsize > MOST_WAITING:
+        key_split.cache_clear()
+
+
+def _threads(dask_scheduler: Scheduler) -> int:
+    """Tasks that run at a time. Lets the scheduler forget what it keeps of every task that there was."""
+    _forget_keys()
+    for span in getattr(dask_scheduler.extensions.get("spans"), "spans", {}).values():
+        if metadata := getattr(span, "_metadata", None):
+            metadata["collections"].clear()
+    return sum(worker.nthreads for worker in dask_scheduler.workers.values())
+
+
 @contextmanager
 def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
     """A client of the scheduler, or of one with `jobs` processes on this machine, which ends with the block."""
@@ -229,11 +251,16 @@ def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
         with client:
             yield client
         return
-    # A worker holds the task that it runs and no other, so that a task which kills it brings no other into suspicion.
-    one_at_a_time = dask.config.set({"distributed.scheduler.worker-saturation": 1.0})
+    config = {
+        # A worker holds the task that it runs and no other: one that kills it brings no other into suspicion.
+        "distributed.scheduler.worker-saturation": 1.0,
+        # dask has every array of 128 kB given back to the system at once, which doubles the time of a clip.
+        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 64 * 2**20,
+        "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * 2**20,
+    }
     local = partial(LocalCluster, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
     process = partial(local, threads_per_worker=1, scheduler_kwargs={"dashboard": False})
-    with one_at_a_time, process(n_workers=jobs) as cluster, Client(cluster) as client:
+    with dask.config.set(config), process(n_workers=jobs) as cluster, Client(cluster) as client:
         # dask gives up on a process that dies while it starts.
         cluster.adapt(minimum=jobs, maximum=jobs, interval="1s")
         yield client
@@ -254,11 +281,11 @@ def _cluster_rows(
 
     def submit(index: int) -> None:
         key = (group, index, deaths[index])
-        pool.add(client.submit(measured_row, measure, tasks[index], key=key))
+        pool.add(client.submit(_worker_row, measure, tasks[index], key=key))
 
     for turn in count():
         if turn % TURNS == 0:
-            window = PER_WORKER * max(sum(client.nthreads().values()), 1)
+            window = PER_WORKER * max(client.run_on_scheduler(_threads), 1)
         for index in islice(remaining, max(min(window - pool.count(), MOST_WAITING - len(order)), 0)):
             order.append(index)
             submit(index)

@@ -109,7 +109,7 @@ def _table(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
 
 
 def read_manifest(folder: PathLike) -> dict[str, Any]:
-    """The manifest of a run, beside its parts: rows, digest of their keys, versions, settings.
+    """The manifest of a run beside its parts: number of rows, digest of their keys, versions, settings.
 
     Raises
     ------

@@ -1,0 +1,188 @@
+"""Many clips through the engine: clips a second, memory of client and workers, bytes a row, and the second stage.
+
+    python -m benchmarks.bench_scale [N] [JOBS]
+
+Each task makes a synthetic dance from its seed, on beats that are known (as cached ones are), and scores it with its
+music and with the same music half a beat late. Memory is read while it runs; its slope is fitted from 1,000 rows on,
+when every library is loaded and every buffer has its size.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harmolab.corpora.synthetic import synthetic_motion
+from harmolab.harmony import score_motion
+from harmolab.io.files import PathLike
+from harmolab.lab.evaluate.body_rests import later
+from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.parts import read_rows
+from harmolab.lab.evaluate.statistics import FeatureMoments, ScoreHistogram, SongBootstrap, streamed_frechet
+from harmolab.metrics.kinetic import kinetic_features
+from harmolab.metrics.quality import foot_skating, jerk
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack
+
+N_CLIPS, N_SONGS, SECONDS, WARM = 2000, 100, 12.0, 1000  # the recommended score asks for 16 beats
+
+
+@dataclass(frozen=True)
+class PlantedClip:
+    """A dance by its seed, to one of 100 songs that differ in tempo."""
+
+    seed: int
+
+    @property
+    def key(self) -> str:
+        return f"clip-{self.seed:010d}"
+
+    @property
+    def song(self) -> str:
+        return f"song-{self.seed % N_SONGS:03d}"
+
+
+@dataclass(frozen=True)
+class PlantedClips(Sequence[PlantedClip]):
+    """Tasks that are made when they are asked for."""
+
+    count: int
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, index: Any) -> Any:
+        if not 0 <= index < self.count:
+            raise IndexError(index)
+        return PlantedClip(index)
+
+
+def clip_scores(task: PlantedClip) -> dict[str, Any]:
+    """A row: harmony with true and late music, the paper's, two measures of quality, 63 kinetic features."""
+    times = np.arange(0.2, SECONDS, 60 / (90 + task.seed % N_SONGS))
+    music = BeatTrack(times, np.ones(times.size), 30.0, SECONDS)
+    motion = synthetic_motion(times, times[::4], dance="cha-cha", seconds=SECONDS, fps=30.0, seed=task.seed)
+    score = score_motion(music, motion)
+    return {
+        "song": task.song,
+        "harmony above chance": score.harmony_above_chance,
+        "p value": score.p_value,
+        "late": score_motion(later(music, 0.5), motion, n_rotations=0).harmony_above_chance,
+        "paper: harmony": score_motion(music, motion, params=HarmonyParams.paper(), n_rotations=0).harmony,
+        "jerk": jerk(motion),
+        "foot skating": foot_skating(motion),
+        "kinetic": kinetic_features(motion),
+    }
+
+
+@dataclass
+class Meter:
+    """Progress that counts rows, while a thread notes the memory of this process and of its children by /proc."""
+
+    rows: int = 0
+    samples: list[tuple[int, float, float]] = field(default_factory=list)  # rows, client, largest worker; MB
+    _is_over: threading.Event = field(default_factory=threading.Event)
+
+    def __call__(self, items: Iterable[Any], label: str) -> Iterator[Any]:
+        watch = threading.Thread(target=self._watch, daemon=True)
+        watch.start()
+        for item in items:
+            yield item
+            self.rows += 1
+        self._is_over.set()
+        watch.join()
+
+    def _watch(self) -> None:
+        while not self._is_over.wait(0.5):
+            workers = [megabytes(pid) for pid in children(os.getpid())]
+            self.samples.append((self.rows, megabytes(os.getpid()), max(workers, default=0.0)))
+
+    def slope(self, side: int) -> tuple[float, float]:
+        """Bytes that the client (1) or the largest worker (2) grows by with each row, and its standard error.
+
+        Fitted to the means of ten stretches from `WARM` rows on, since neighbouring samples are alike; NaN where there
+        are too few of them.
+        """
+        warm = np.array([sample for sample in self.samples if sample[0] >= WARM])
+        if len(warm) < 20:
+            return float("nan"), float("nan")
+        means = np.array([part.mean(axis=0) for part in np.array_split(warm, 10)])
+        fit, variance = np.polyfit(means[:, 0], means[:, side], 1, cov=True)
+        return float(fit[0]) * 2**20, float(np.sqrt(variance[0, 0])) * 2**20
+
+
+def megabytes(pid: int) -> float:
+    """Resident memory of a process; 0 when it is over."""
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+    except OSError:
+        return 0.0
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process has started."""
+    return [int(child) for path in Path(f"/proc/{pid}/task").glob("*/children") for child in path.read_text().split()]
+
+
+def second_stage(out: PathLike) -> dict[str, float]:
+    """AUC, FID and an interval in one pass over the parts; the reference of the FID is every second clip."""
+    histogram, bootstrap = ScoreHistogram(-1.0, 1.0), SongBootstrap(2)
+    sides = FeatureMoments(), FeatureMoments()
+    begun = time.perf_counter()
+    for frame in read_rows(out):
+        if (frame["error"] != "").any():
+            raise ValueError(f"{frame['error'].max()}")
+        histogram.add(frame["harmony above chance"], frame["late"])
+        bootstrap.add(frame["song"].tolist(), frame[["harmony above chance", "late"]].to_numpy())
+        features = np.stack(frame["kinetic"].tolist())
+        for side, moments in enumerate(sides):
+            moments.add(frame["key"].tolist()[side::2], features[side::2])
+    low, high = bootstrap.intervals()[0]
+    return {
+        "second stage: seconds": time.perf_counter() - begun,
+        "AUC of true against late music": histogram.auc()[0],
+        "harmony above chance": float(bootstrap.means[0]),
+        "its interval over songs, low": float(low),
+        "its interval over songs, high": float(high),
+        "FID of one half against the other, bias off": streamed_frechet(*sides).value,
+        "the same, bias left in": streamed_frechet(*sides).raw,
+    }
+
+
+def measure(count: int = N_CLIPS, jobs: int = 2) -> dict[str, float]:
+    """All figures of this file."""
+    with tempfile.TemporaryDirectory() as name:
+        out, meter = Path(name) / "rows", Meter()
+        begun = time.perf_counter()
+        run_rows(PlantedClips(count), clip_scores, out, jobs=jobs, progress=meter)
+        seconds = time.perf_counter() - begun
+        client, worker = meter.slope(1), meter.slope(2)
+        results = second_stage(out)
+        size = sum(path.stat().st_size for path in out.glob("part-*"))
+    return {
+        "clips": count,
+        "worker processes": jobs,
+        "clips a second, with start and end": count / seconds,
+        "client, peak memory (MB)": max(sample[1] for sample in meter.samples),
+        "largest worker, peak memory (MB)": max(sample[2] for sample in meter.samples),
+        f"client, growth from {WARM} rows on (bytes a row)": client[0],
+        "its standard error": client[1],
+        f"largest worker, growth from {WARM} rows on (bytes a row)": worker[0],
+        "the same of it": worker[1],
+        "table (bytes a row)": size / count,
+        **results,
+    }
+
+
+if __name__ == "__main__":
+    for label, value in measure(*map(int, sys.argv[1:])).items():
+        print(f"{label:60} {value:12.5g}")
