@@ -78,6 +78,22 @@ def test_any_number_of_processes_writes_the_same_bytes(jobs: int, undisturbed: P
     assert contents(tmp_path / "out") == contents(undisturbed)
 
 
+def worker_settings(task: Number) -> dict[str, Any]:
+    import dask
+
+    names = ("OMP_NUM_THREADS", "MALLOC_TRIM_THRESHOLD_")
+    return {name: os.environ[name] for name in names} | {
+        "profile": dask.config.get("distributed.worker.profile.enabled")
+    }
+
+
+def test_workers_have_one_thread_keep_their_arrays_and_no_samples_of_their_stack(tmp_path: Path):
+    (frame,) = run_rows(Numbers(1), worker_settings, tmp_path, jobs=1)
+    assert frame["error"][0] == ""
+    row = frame.iloc[0]
+    assert (row["OMP_NUM_THREADS"], row["MALLOC_TRIM_THRESHOLD_"], bool(row["profile"])) == ("1", "67108864", False)
+
+
 class Stopped(Exception):
     pass
 

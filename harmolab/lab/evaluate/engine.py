@@ -257,6 +257,8 @@ def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
         # dask has every array of 128 kB given back to the system at once, which doubles the time of a clip.
         "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 64 * 2**20,
         "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * 2**20,
+        # A worker would keep a thousand seconds of samples of its stack: 13 kB for each row.
+        "distributed.worker.profile.enabled": False,
     }
     local = partial(LocalCluster, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
     process = partial(local, threads_per_worker=1, scheduler_kwargs={"dashboard": False})
