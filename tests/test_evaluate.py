@@ -24,6 +24,7 @@ from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.methods import table_notes
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
+from harmolab.lab.evaluate.parts import part_rows, write_part
 from harmolab.lab.evaluate.rows import (
     FROZEN,
     MEASURES,
@@ -443,7 +444,22 @@ def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Pat
     pair = folder_pairs("x", planted / "recorded", songs_in(planted / "recorded")).pairs[0]
     row = clip_row(pair, RowOptions(protocol="aist++"))
     assert row["harmony"] > 0 and not any(name.startswith("aist++") for name in row)
-    assert protocol_numbers(*music_and_motion(pair_clip(pair, RowOptions())), "aist++") == ({}, {})
+    *numbers, remark = protocol_numbers(*music_and_motion(pair_clip(pair, RowOptions())), "aist++")
+    assert numbers == [{}, {}] and remark.startswith("No numbers: the published code takes SMPL's joints; none is")
+
+
+def test_measured_rows_of_a_run_that_was_cut_off_are_not_thrown_away(planted: Path, tmp_path: Path) -> None:
+    out, some = tmp_path / "table", settings(planted, systems={"off": planted / "off"})
+    evaluate_dances(some, out)
+    whole = (out / "clips.csv").read_bytes()
+    part = out / "rows" / "part-0000000.parquet"
+    write_part(part, part_rows(part)[:5])
+    before = part.read_bytes()
+    with pytest.raises(ValueError, match=r"holds 5 of 28 rows; go on with --resume"):
+        evaluate_dances(some, out)
+    assert part.read_bytes() == before
+    evaluate_dances(some, out, resume=True)
+    assert (out / "clips.csv").read_bytes() == whole
 
 
 def test_a_protocol_without_numbers_is_a_remark(planted: Path, tmp_path: Path) -> None:
@@ -505,6 +521,9 @@ class Fake:
     def sets(self, features: Any, reference: Any) -> dict[str, float]:
         return {"FID_k": float(features["frames"].mean() - reference["frames"].mean())}
 
+    def remarks(self, motion: Any, scores: Any) -> tuple[str, ...]:
+        return (f"Planted at {motion.fps:g}.",)
+
 
 def test_a_protocol_adds_its_numbers(planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ValueError, match="no protocol is called 'fake'"):
@@ -517,7 +536,8 @@ def test_a_protocol_adds_its_numbers(planted: Path, tmp_path: Path, monkeypatch:
     assert evaluation.sets["off", "fake FID_k"].value == 0
     assert "fake beats" in evaluation.measures
     write_evaluation(tmp_path / "table", evaluation)
-    assert "It is planted." in (tmp_path / "table" / "index.html").read_text("utf-8")
+    page = (tmp_path / "table" / "index.html").read_text("utf-8")
+    assert "It is planted." in page and f"off, {CLIPS} dances: Planted at 30." in page
 
 
 # The command

@@ -53,7 +53,9 @@ def evaluate(
     ] = None,
     scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler.")] = "",
     resume: Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Write into a folder that holds other files.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder that holds other files; begin anew what was cut off.")
+    ] = False,
 ) -> None:
     """A table of dances by the field's measures, with controls and intervals, that can be published.
 

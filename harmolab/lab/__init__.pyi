@@ -4,7 +4,6 @@ from .evaluate.evaluation import EvaluationSettings as EvaluationSettings
 from .evaluate.evaluation import evaluate_dances as evaluate_dances
 from .evaluate.protocols import PROTOCOLS as PROTOCOLS
 from .evaluate.protocols import Protocol as Protocol
-from .evaluate.protocols import protocol_notes as protocol_notes
 from .experiments.ablated import ablated_dancers as ablated_dancers
 from .experiments.ablated import ablation_table as ablation_table
 from .experiments.ablated import effector_disagreement as effector_disagreement

@@ -20,7 +20,7 @@ from harmolab.lab.evaluate.rows import OTHER_SONG
 
 FEATURE_DANCES = 5000  # of a system, of which the features are kept
 GROUP = ["system", "song", "seed"]
-FACTS = ("fps", "joints", "beats", "dance")  # of which values are counted
+FACTS = ("fps", "joints", "beats", "dance", "remarks")  # of which values are counted, where a row has them
 # Columns of which no mean is taken.
 ABOUT = (
     *("key", *GROUP, "motion", "music", "kind", "skeleton", "error", *FACTS),
@@ -67,7 +67,7 @@ class Collected:
     def _add_system(self, system: str, rows: pd.DataFrame) -> None:
         self.dances[system] += len(rows)
         facts = self.facts.setdefault(system, {name: Counter() for name in FACTS})
-        for name in FACTS:
+        for name in (name for name in FACTS if name in rows):
             facts[name].update(_text(value) for value in rows[name])
         scored = rows.dropna(subset="harmony")
         if len(scored):
@@ -125,20 +125,10 @@ def written_parts(parts: Iterable[pd.DataFrame], path: Path, pairs: Iterable[Pai
     """
     about = {pair.key: {"system": pair.system, "seed": pair.seed, "song": pair.song} for pair in pairs}
     with atomic_write(path) as part_file, part_file.open("w", encoding="utf-8", newline="") as stream:
-        columns: list[str] = []
-        failed: list[pd.DataFrame] = []
-        for part in parts:
+        for number, part in enumerate(parts):
             rows = _named(part, about)
-            if not columns and "system" not in part:  # nothing was measured so far: its columns are not known
-                failed.append(rows)
-            elif not columns:
-                columns = [*_plain_columns(rows), *([] if "error" in rows else ["error"])]
-                pd.concat([*failed, rows]).reindex(columns=columns).to_csv(stream, index=False)
-            else:
-                rows.reindex(columns=columns).to_csv(stream, index=False, header=False)
+            rows[_plain_columns(rows)].to_csv(stream, index=False, header=not number)
             yield part
-        if not columns and failed:
-            pd.concat(failed).to_csv(stream, index=False)
 
 
 def _plain_columns(rows: pd.DataFrame) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -27,6 +27,7 @@ from harmolab.lab.evaluate.pairing import (
     songs_in,
     unused_songs,
 )
+from harmolab.lab.evaluate.parts import MANIFEST, read_rows
 from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion, protocol_of
 from harmolab.lab.evaluate.sets import SetNumber, protocol_sets, set_numbers
 from harmolab.lab.evaluate.summary import (
@@ -178,7 +179,7 @@ def evaluate_dances(
     settings : EvaluationSettings
     out : folder; it gets the settings and clips.csv, a row a dance, and holds what was measured so far
     jobs, scheduler, resume : as in `run_rows`
-    force : write into a folder that no evaluation wrote; what is in it stays
+    force : write into a folder that no evaluation wrote, where its files stay; begin a run anew that was cut off
     progress : function(iterable, label) -> iterable
 
     Raises
@@ -189,11 +190,13 @@ def evaluate_dances(
     """
     out = Path(out)
     check_table_folder(out, settings, force=force)
+    if (out / ROWS / MANIFEST).is_file() and not (resume or force):
+        read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
     pairing = evaluation_pairs(settings)
     recorded = [pair for pair in pairing.pairs if pair.kind == RECORDED]
     options = RowOptions(settings.fps, settings.scale, settings.protocol, _pose_net(settings))
     _check_rates(pairing.pairs, options)
-    options = RowOptions(**{**vars(options), "limits": recorded_limits(recorded, options, progress=progress)})
+    options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
     tasks = (*(pair for pair in pairing.pairs if pair.kind != RECORDED), *control_pairs(recorded))
     out.mkdir(parents=True, exist_ok=True)
     write_json(

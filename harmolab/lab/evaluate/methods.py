@@ -150,3 +150,6 @@ def _protocol(evaluation: Evaluation) -> Iterator[str]:
     name = evaluation.settings.protocol
     if name:
         yield f"Columns called {name} follow the published code of that protocol: {' '.join(protocol_of(name).notes)}"
+        for row in (*evaluation.systems, RECORDED):
+            remarks = {text: count for text, count in evaluation.facts[row]["remarks"].items() if text}
+            yield from (f"{row}, {count} dances: {text}" for text, count in remarks.items())

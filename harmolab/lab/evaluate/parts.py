@@ -152,7 +152,7 @@ def _common_schema(folder: Path, paths: Sequence[Path], count: int) -> pyarrow.S
             schema = pyarrow.unify_schemas([schema, file.schema_arrow], promote_options="permissive")
             rows += file.metadata.num_rows
     if rows != count:
-        raise ValueError(f"{folder}: holds {rows} of {count} rows; go on with --resume")
+        raise ValueError(f"{folder}: holds {rows} of {count} rows; go on with --resume, or begin anew with --force")
     return schema
 
 

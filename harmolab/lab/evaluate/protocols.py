@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -73,26 +73,6 @@ class Protocol:
         }
         nan = [f"{name} is NaN: {_UNDEFINED[name]}" for name, value in scores.items() if math.isnan(value)]
         return (*(line for line, holds in lines.items() if holds), *nan)
-
-
-def protocol_notes(names: Iterable[str] | None = None) -> str:
-    """Conventions and known faults of protocols as Markdown, for a methods paragraph; of all when left out.
-
-    Raises
-    ------
-    ValueError
-        If there is no protocol of a name.
-    """
-    names = list(PROTOCOLS if names is None else names)
-    unknown = [name for name in names if name not in PROTOCOLS]
-    if unknown:
-        raise ValueError(f"no protocol is called {', '.join(unknown)}; there are {', '.join(PROTOCOLS)}")
-    return "\n\n".join(_markdown(name, PROTOCOLS[name]) for name in names) + "\n"
-
-
-def _markdown(name: str, protocol: Protocol) -> str:
-    head = f"**Protocol {name}** ({protocol.source}; constants for {protocol.fps:g} frames per second)"
-    return "\n".join([head, "", *(f"- {note}" for note in protocol.notes)])
 
 
 def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:

@@ -102,10 +102,10 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     Returns
     -------
     dict : system, seed, song, motion, music, kind; fps, joints, skeleton (a hash of the joints' names), beats
-        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown); `MEASURES`;
-        p_value, harmony_low, harmony_high and level of the recommended score, p_value_dance of that by the dance's
-        pattern; the numbers of the protocol; f_NAME_000 and so on, the features of the dance by name. NaN for what this
-        motion does not have.
+        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown), remarks (of the
+        protocol); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score, p_value_dance of
+        that by the dance's pattern; the numbers of the protocol; f_NAME_000 and so on, the features of the dance by
+        name. NaN for what this motion does not have.
 
     Raises
     ------
@@ -127,22 +127,26 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     numbers |= _likeness(motion, clip.dance, options)
     features = motion_features(motion, options)
     if options.protocol:
-        own, vectors = protocol_numbers(music, motion, options.protocol)
+        own, vectors, about["remarks"] = protocol_numbers(music, motion, options.protocol)
         numbers, features = numbers | own, features | vectors
     columns = {f"f_{name}_{place:03d}": float(x) for name, row in features.items() for place, x in enumerate(row)}
     return about | numbers | columns
 
 
-def protocol_numbers(music: BeatTrack, motion: Motion, name: str) -> tuple[dict[str, float], dict[str, FloatArray]]:
-    """The numbers and features of a protocol, "NAME PFC" and so on; none where the body lacks the joints it takes."""
+def protocol_numbers(
+    music: BeatTrack, motion: Motion, name: str
+) -> tuple[dict[str, float], dict[str, FloatArray], str]:
+    """The numbers and features of a protocol, "NAME PFC" and so on, and its remarks on this dance.
+
+    There are none where the body lacks the joints that it takes, and the remark says so.
+    """
     protocol = protocol_of(name)
     try:
         numbers, features = protocol.clip(motion, music), protocol.features(motion)
-    except ValueError:
-        return {}, {}
-    return {f"{name} {key}": value for key, value in numbers.items()}, {
-        f"{name} {key}": vector for key, vector in features.items()
-    }
+    except ValueError as error:
+        return {}, {}, f"No numbers: {error}."
+    named = ({f"{name} {key}": value for key, value in part.items()} for part in (numbers, features))
+    return *named, " ".join(protocol.remarks(motion, numbers))  # type: ignore[return-value]
 
 
 def protocol_of(name: str) -> Protocol:
