@@ -116,7 +116,8 @@ class Evaluation:
     options : RowOptions of the measurement of each dance
     systems : names of the systems, in the order of the table; the controls come after them
     controls : names of the controls that there are
-    songs : DataFrame by system and song, means of every measure over dances and seeds
+    songs : DataFrame by system and song, means of every measure over dances and seeds; by group of songs where there
+        are more than `MOST_SONGS`
     means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
     ranks : measure -> system -> its rank; systems without one are left out
     counts : system -> how many dances, songs and seeds were measured
@@ -279,7 +280,8 @@ def _evaluation(
     # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
     errors = tuple(dict.fromkeys(Unpaired(by_key[key].motion, reason) for key, reason in collected.errors.items()))
     names = tuple(dict.fromkeys(pair.system for pair in tasks))
-    if lost := [name for name in names if not collected.dances[name]]:
+    counts = {name: _counts(name, tasks, collected.errors) for name in names}
+    if lost := [name for name in names if not counts[name].dances]:
         first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
     systems = tuple(name for name in names if name not in CONTROLS)
@@ -298,7 +300,7 @@ def _evaluation(
         differences,
         sets,
         {name: ranks(differences, systems, name, better=measure_of(name).better) for name in map(str, songs.columns)},
-        {name: _counts(collected, name) for name in names},
+        counts,
         collected.facts,
         _extremes(collected, by_key, (*systems, RECORDED)),
         tuple(dict.fromkeys(unpaired)),
@@ -306,10 +308,9 @@ def _evaluation(
     )
 
 
-def _counts(collected: Collected, system: str) -> Counts:
-    groups = collected.sums.loc[system].index
-    songs, seeds = (groups.get_level_values(name).nunique() for name in ("song", "seed"))
-    return Counts(collected.dances[system], songs, seeds)
+def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str]) -> Counts:
+    measured = [pair for pair in tasks if pair.system == system and pair.key not in errors]
+    return Counts(len(measured), len({pair.song for pair in measured}), len({pair.seed for pair in measured}))
 
 
 def _extremes(

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 
+from harmolab.lab.evaluate.collecting import FEATURE_DANCES, MOST_SONGS
 from harmolab.lab.evaluate.controls import LIMIT_DANCES
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.pairing import RECORDED
@@ -144,6 +145,10 @@ def _statistics(evaluation: Evaluation) -> Iterator[str]:
         "between systems are paired by song; a rank is given only where the interval of a difference excludes 0 over "
         f"{FEWEST_SONGS} songs or more. The intervals are not corrected for the number of comparisons."
     )
+    if max(count.songs for count in evaluation.counts.values()) > MOST_SONGS:
+        yield f"Here {MOST_SONGS} groups of songs, drawn by name, stand for the songs, since there are more of them."
+    if max(count.dances for count in evaluation.counts.values()) > FEATURE_DANCES:
+        yield f"Distances and diversity are of {FEATURE_DANCES} dances of a system at most, drawn by name."
 
 
 def _protocol(evaluation: Evaluation) -> Iterator[str]:
