@@ -340,7 +340,7 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
     )
     motion, _, notes = read_motion(bvh, up="z")
     assert notes == (
-        "0.01 m a unit (guessed: its rest skeleton is larger than 3 units)",
+        "0.01 m a unit (guessed: its rest skeleton is larger than 3 units; --scale overrules it)",
         "z up (as passed), turned to y up",
     )
     places = motion.positions

@@ -31,7 +31,7 @@ Other formats
     joints get the names of COCO or OpenPose, and pixels with a confidence behind them are read as such. AIST++ file
     names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.io.keypoints`. 17, 22 and 24
     joints in space, also flat, and Bailando's dictionaries: `harmolab.io.joint_arrays`. HumanML3D's 263 numbers a
-    frame: `harmolab.io.humanml`. LODGE's and FineDance's vectors: `harmolab.io.smpl_files`.
+    frame: `harmolab.io.humanml`. FACT's, LODGE's and FineDance's vectors: `harmolab.io.smpl_files`.
 ``.json``, ``.jsonl``
     MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
     Ultralytics and ViTPose write them (`harmolab.io.layouts`); joints in space. The content tells which.
@@ -43,7 +43,7 @@ Other formats
 ``.c3d``
     markers; `harmolab.io.c3d`.
 a folder
-    OpenPose's JSON files, one a frame; `harmolab.io.keypoints`.
+    OpenPose's JSON files, one a frame; `harmolab.io.keypoints`. Bailando's ``jsons_original``: `harmolab.io.joint_arrays`.
 
 `read_motion` says beside the motion of which kind a file is and how it was read.
 """
@@ -64,7 +64,8 @@ from harmolab.io.bvh import read_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.c3d import load_c3d
 from harmolab.io.files import WRITTEN_BY, PathLike, atomic_write, reading
-from harmolab.io.keypoints import load_keypoints
+from harmolab.io.joint_arrays import frame_motion
+from harmolab.io.keypoints import BAILANDO_END, frame_files, load_keypoints
 from harmolab.io.motion_file import MotionFile, ReadingOptions, as_read
 from harmolab.io.smpl_files import MEMBERS, is_parameters, parameter_motion
 from harmolab.io.video import is_video
@@ -163,7 +164,9 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
 
 
 def _load_folder(folder: Path, options: ReadingOptions) -> MotionFile:
-    """A folder of OpenPose's."""
+    """A folder of OpenPose's, or of Bailando's joints in space."""
+    if (files := frame_files(folder))[0].name.endswith(BAILANDO_END):
+        return frame_motion(folder, files, options)
     motion = load_keypoints(folder, fps=options.fps, joints=options.joints)
     try:
         return as_read(motion, "OpenPose key points", options)
