@@ -43,7 +43,8 @@ Other formats
 ``.c3d``
     markers; `harmolab.io.c3d`.
 a folder
-    OpenPose's JSON files, one a frame; `harmolab.io.keypoints`. Bailando's ``jsons_original``: `harmolab.io.joint_arrays`.
+    JSON files, one a frame: OpenPose's (`harmolab.io.keypoints`), or Bailando's ``jsons_original``
+    (`harmolab.io.joint_arrays`).
 
 `read_motion` says beside the motion of which kind a file is and how it was read.
 """
@@ -127,9 +128,13 @@ def read_motion(
     joints: Sequence[str] | None = None,
     smpl: PathLike | None = None,
     up: str = "",
+    as_defaults: bool = False,
 ) -> MotionFile:
-    """As `load_motion`, with the kind of the file and notes on how it was read: units, axes, body, rate."""
-    file = _load(Path(path), ReadingOptions(fps, scale, joints, smpl, up))
+    """As `load_motion`, with the kind of the file and notes on how it was read: units, axes, body, rate.
+
+    With `as_defaults`, `fps`, `smpl` and `up` count only where the file leaves them open.
+    """
+    file = _load(Path(path), ReadingOptions(fps, scale, joints, smpl, up, as_defaults))
     return file._replace(motion=motion_part(file.motion, joints, path))
 
 
@@ -184,16 +189,17 @@ def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
         for name in ("positions", "fps"):
             if name not in arrays:
                 raise ValueError(f"has no array {name!r}; our .npz needs positions and fps, see harmolab.io.motion")
-        positions, rate = arrays["positions"], arrays["fps"] if options.fps is None else np.asarray(options.fps)
+        positions, own_rate = arrays["positions"], arrays["fps"]
         units = str(arrays["units"]) if "units" in arrays else "m"
-        if rate.size != 1:
-            raise ValueError(f"fps must be one number, got shape {rate.shape}")
+        if own_rate.size != 1:
+            raise ValueError(f"fps must be one number, got shape {own_rate.shape}")
+        rate = options.rate(own_rate.item())
         if positions.ndim == 3 and positions.shape[2] == 3:
             if options.scale is None and units != "m":
                 raise ValueError(f"has positions in {units[:20]!r}; pass scale, the metres in one of them")
             positions = positions if options.scale is None else in_metres(positions, options.scale)
         _offset(arrays)
-        return as_read(checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid")), "npz", options)
+        return as_read(checked_motion(positions, rate, _skeleton(arrays), arrays.get("valid")), "npz", options)
 
 
 def load_offset(path: PathLike) -> float | None:
