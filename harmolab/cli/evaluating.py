@@ -63,7 +63,7 @@ def evaluate(
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
     own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
-    every kind that `harmolab convert` reads; rate, SMPL body and axis of the options are for files that leave them open.
+    every kind that `harmolab convert` reads; --fps, --smpl and --up count for files that leave these open.
 
     Recorded dances, the same with another song, and a pose that is held are always rows. A system has a rank only where
     it differs from another one beyond luck, song by song.

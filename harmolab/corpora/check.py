@@ -137,7 +137,7 @@ def _loose(root: Path, recordings: set[Path]) -> list[Path]:
 
 def _file(path: Path) -> FileSummary:
     """The row of one file, or of a folder of frames."""
-    suffix = path.suffix.lower()
+    suffix = "" if path.is_dir() else path.suffix.lower()
     if suffix in _SOUND:
         return _sound(path)
     if path.name == "config.json":

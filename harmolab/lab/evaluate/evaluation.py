@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, silent, write_json
+from harmolab.io.motion_file import ReadingOptions
+from harmolab.io.smpl import load_body
 from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
 from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
 from harmolab.lab.evaluate.engine import run_rows
@@ -78,6 +80,7 @@ class EvaluationSettings:
             raise ValueError(f"{min(taken)!r} is the name of a row that every table has; call the system otherwise")
         if not self.systems and self.pairs is None:
             raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
+        ReadingOptions(up=self.up)  # an error for another axis
         if self.protocol:
             protocol_of(self.protocol)
 
@@ -196,6 +199,8 @@ def evaluate_dances(
         read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
     pairing = evaluation_pairs(settings)
     recorded = [pair for pair in pairing.pairs if pair.kind == RECORDED]
+    if settings.smpl is not None:
+        load_body(settings.smpl)  # a damaged file is an error now, not in every row
     options = RowOptions(
         settings.fps, settings.scale, settings.protocol, _pose_net(settings), smpl=settings.smpl, up=settings.up
     )

@@ -36,7 +36,6 @@ FEATURES = ("kinetic", "geometric", "pose")  # kinds of features of a dance as a
 PIECE = 2.0  # seconds of a dance that the pose network sees at once; a dance is the mean of its pieces
 ALPHA = 0.05  # a dance whose p-value is at most this is in harmony beyond luck
 SONGS_KEPT = 2  # songs that a process holds, as dances to one song come in a row
-_FILES = ("pose_net", "smpl")  # options that name a file
 BODY = ("hands", "steps", "turns", "nearest")  # measures of likeness that are columns of their own
 Row = dict[str, float | int | str]
 
@@ -98,8 +97,7 @@ class RowOptions:
 
     def to_dict(self) -> dict[str, Any]:
         """The settings as JSON holds them."""
-        files = {name: "" if path is None else str(path) for name, path in vars(self).items() if name in _FILES}
-        return {**plain(replace(self, **dict.fromkeys(_FILES))), **files}
+        return {**plain(self), "pose_net": str(self.pose_net or ""), "smpl": str(self.smpl or "")}
 
 
 def clip_row(pair: Pair, options: RowOptions) -> Row:
@@ -109,9 +107,9 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     -------
     dict : system, seed, song, motion, music, kind; fps, joints, skeleton (a hash of the joints' names), beats
         ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in
-        short, on how the motion was read), remarks (of the protocol); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score, p_value_dance of
-        that by the dance's pattern; the numbers of the protocol; f_NAME_000 and so on, the features of the dance by
-        name. NaN for what this motion does not have.
+        short, on how the motion was read), remarks (of the protocol); `MEASURES`; p_value, harmony_low, harmony_high
+        and level of the recommended score, p_value_dance of that by the dance's pattern; the numbers of the protocol;
+        f_NAME_000 and so on, the features of the dance by name. NaN for what this motion does not have.
 
     Raises
     ------
