@@ -87,7 +87,7 @@ Song = Annotated[
 _DANCE: Any = typer.Argument(
     metavar="DANCE",
     callback=lambda path: _not(SOUNDS, path),
-    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE), key points, or a Tang 2018 folder; to "
+    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE), key points, or a Tang 2018 folder; to "
     "explain and retime also a video.",
 )
 Dance = Annotated[Path, _DANCE]

@@ -59,9 +59,10 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
     with reading(path, "key points", max_bytes=MAX_JSON_BYTES) as file:
         content = json_or_lines(file)
         values = None if is_landmarks(content) else positions_in(content)
-        if values is None:
-            return as_read(content_motion(content, fps=options.fps, joints=options.joints), "key points", options)
         own = content.get("fps") if isinstance(content, dict) else None
+        if values is None:
+            rate = own if options.as_defaults and own is not None else options.fps
+            return as_read(content_motion(content, fps=rate, joints=options.joints), "key points", options)
         return _joint_motion(values, file, options, own)
 
 

@@ -192,16 +192,15 @@ def _number(content: Mapping[str, Any], name: str) -> float:
 
 def _rate(content: Mapping[str, Any], path: PathLike, options: ReadingOptions) -> tuple[float, tuple[str, ...]]:
     """Frames per second, and a sentence on where they are from unless they were passed."""
-    if options.fps is not None:
-        return options.fps, ()
-    name = next((name for name in _RATES if name in content), None)
-    if name is not None:
+    own, reason = None, ""
+    if (name := next((name for name in _RATES if name in content), None)) is not None:
         own, reason = _number(content, name), f"{name} of the file"
-    else:
-        # A generator may name its dances as AIST++ does, and run at another rate; the scaling is AIST++'s own.
-        is_own = is_aist_name(path) and "smpl_scaling" in content
-        own, reason = options.rate(AIST_FPS if is_own else None, _EDGE_HINT if "full_pose" in content else ""), "AIST++"
-    return own, (f"{own:g} frames a second ({reason})",)
+    # A generator may name its dances as AIST++ does, and run at another rate; the scaling is AIST++'s own.
+    elif is_aist_name(path) and "smpl_scaling" in content:
+        own, reason = AIST_FPS, "AIST++"
+    rate = options.rate(own, _EDGE_HINT if "full_pose" in content else "")
+    is_own = own is not None and (options.fps is None or options.as_defaults)
+    return rate, (f"{rate:g} frames a second ({reason})",) if is_own else ()
 
 
 def _metres(content: Mapping[str, Any], translation: NDArray[Any], options: ReadingOptions) -> tuple[FloatArray, str]:
