@@ -143,3 +143,17 @@ def test_score_says_in_one_line_what_was_assumed(aist: Path, tmp_path: Path) -> 
     for options in (("dance.npz",), ("dance.npy", "--fps", 60, "--scale", 1, "--up", "y")):
         result = run("score", song, tmp_path / options[0], *options[1:], "--json")
         assert (result.exit_code, result.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("command", "more"),
+    [("explain", ("--out", "{}/x.html")), ("play", ("--out", "{}/x.html", "--seconds", 2)),
+     ("render", ("--out", "{}/x.mp4", "--seconds", 1, "--height", 120, "--no-marks"))],
+)  # fmt: skip
+def test_other_commands_say_it_too(aist: Path, tmp_path: Path, command: str, more: tuple[object, ...]) -> None:
+    recorded = next((aist / "motions").glob("*_mBR0_ch01.pkl"))
+    options = [str(option).format(tmp_path) for option in more]
+    result = run(command, aist / "songs" / "mBR0.wav", recorded, *options)
+    assert result.exit_code == 0, result.output
+    said = [line for line in result.stderr.splitlines() if "read as joints of harmolab's neutral skeleton" in line]
+    assert len(said) == 1

@@ -498,9 +498,42 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
         load_motion(bvh, smpl=tmp_path / "smpl.npz")
 
 
-def test_bailando_file_with_an_aist_name_has_its_rate(tmp_path: Path):
+def test_bailando_file_with_an_aist_name_has_its_rate_unless_one_is_passed(tmp_path: Path):
     np.save(tmp_path / f"{AIST}.pkl.npy", {"pred_position": moving_joints().reshape(12, 72)})
-    assert load_motion(tmp_path / f"{AIST}.pkl.npy").fps == 60
+    motion, _, notes = read = read_motion(tmp_path / f"{AIST}.pkl.npy")
+    assert (motion.fps, notes[-1].startswith("60 frames a second (assumed: it is named")) == (60, True)
+    assert [one.brief for one in read.assumptions] == [
+        "unit guessed: metres", "axis guessed: y up", "60 frames a second assumed by the name",
+    ]  # fmt: skip
+    for as_defaults in (True, False):
+        read = read_motion(tmp_path / f"{AIST}.pkl.npy", fps=30, scale=1.0, up="y", as_defaults=as_defaults)
+        assert (read.motion.fps, read.assumptions) == (30, ())
+
+
+def test_what_bare_joints_do_not_tell_is_assumed_aloud(tmp_path: Path):
+    path = saved(tmp_path / "d.npy", np.random.default_rng(1).normal(size=(5, 21, 3)))
+    assert [one.brief for one in read_motion(path, fps=30).assumptions] == [
+        "unit assumed: metres",
+        "axis assumed: y up",
+    ]
+    read = read_motion(path, fps=30, scale=0.5, up="y")
+    assert (read.assumptions, read.notes) == ((), ("0.5 m a unit (as passed)", "y up (as passed)"))
+
+
+def test_options_as_defaults_leave_alone_what_a_file_tells(tmp_path: Path):
+    np.savez(tmp_path / "own.npz", positions=moving_joints(), fps=50.0)
+    (tmp_path / "marks.json").write_text(json.dumps({"fps": 50, "frames": [[dict.fromkeys("xyz", 0.5)] * 33] * 4}))
+    z_up, way, expected = z_up_parameters()
+    np.savez(tmp_path / "walk.npz", poses=z_up, trans=way, mocap_framerate=50.0)
+    for name in ("own.npz", "marks.json", "walk.npz"):
+        default, passed = (read_motion(tmp_path / name, fps=30, as_defaults=one).motion.fps for one in (True, False))
+        assert (default, passed) == (50, 30)
+    np.testing.assert_allclose(
+        read_motion(tmp_path / "own.npz", up="z", as_defaults=True).motion.positions, moving_joints()
+    )
+    np.testing.assert_allclose(read_motion(tmp_path / "walk.npz", up="y", as_defaults=True).motion.positions, expected)
+    bare = saved(tmp_path / "bare.npy", to_z_up(moving_joints()))
+    np.testing.assert_allclose(read_motion(bare, fps=30, up="z", as_defaults=True).motion.positions, moving_joints())
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("centimetres", 100.0), ("millimetres", 1000.0)])

@@ -87,8 +87,8 @@ Song = Annotated[
 _DANCE: Any = typer.Argument(
     metavar="DANCE",
     callback=lambda path: _not(SOUNDS, path),
-    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE), key points, or a Tang 2018 folder; to "
-    "explain and retime also a video.",
+    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE), key points, or a Tang "
+    "2018 folder; to explain and retime also a video.",
 )
 Dance = Annotated[Path, _DANCE]
 DanceOrNone = Annotated[Path | None, _DANCE]

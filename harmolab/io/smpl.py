@@ -76,8 +76,8 @@ def neutral_body() -> SmplBody:
 
 
 class RestJoints(NamedTuple):
-    """Joints at rest of an SMPL file, metres: (J, 3) of its mean body, and by how much each number of a shape moves them
-    (J, 3, S), S is 0 where the file does not tell.
+    """Joints at rest of an SMPL file, metres: (J, 3) of its mean body, and by how much each of S numbers of a shape
+    moves them, (J, 3, S); S is 0 where the file does not tell.
     """
 
     mean: FloatArray
