@@ -110,7 +110,7 @@ def load_body(path: PathLike, betas: FloatArray | None = None) -> SmplBody:
                 "**{name: numpy.array(m[name]) for name in ('v_template', 'shapedirs')})"
             )
         rest = _rest_joints(file, file.stat().st_mtime_ns)
-    joints, note = _shaped(rest, betas, file.name)
+        joints, note = _shaped(rest, betas, file.name)
     count = len(joints) if len(joints) == len(SMPL_24.joints) else SHARED
     skeleton = skeleton_part(SMPL_24, range(count))
     offsets = joints[:count] - joints[[0, *skeleton.parents[1:]]]
@@ -128,7 +128,7 @@ def _shaped(rest: RestJoints, betas: FloatArray | None, name: str) -> tuple[Floa
     with np.errstate(over="ignore", invalid="ignore"):
         joints = rest.mean + rest.by_shape[:, :, :count] @ betas[:count]
     if not _is_body(joints):
-        raise ValueError(f"betas up to {np.abs(betas).max():.3g} make no body in metres of {name}")
+        raise ValueError(f"is made no body in metres by betas up to {np.abs(betas).max():.3g}")
     return joints, f"joints of the body in {name} shaped by {count} of {len(betas)} betas"
 
 
