@@ -11,7 +11,14 @@ from pathlib import Path
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import with_one
 from harmolab.corpora import folders
-from harmolab.corpora.folders import Problem, find_recordings, iter_recordings, load_any_motion, recorded_offset
+from harmolab.corpora.folders import (
+    Problem,
+    ReadingReport,
+    find_recordings,
+    iter_recordings,
+    load_any_motion,
+    recorded_offset,
+)
 from harmolab.harmony import score_clip
 from harmolab.io.audio import resampled
 from harmolab.io.beats import load_annotation
@@ -73,7 +80,10 @@ def load_clip(
     fps: float | None = None,
     scale: float | None = None,
     joints: tuple[str, ...] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
     sample_rate: float | None = TRACKED_AT,
+    report: ReadingReport = lambda path, file: None,
 ) -> Clip:
     """A song and a motion as a clip with its music beats, read or tracked once.
 
@@ -87,10 +97,11 @@ def load_clip(
     beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
     one : float, seconds, audio time of any beat on which a bar begins; the dance tells how long the bars are
     track : bool; False leaves the clip without beats where none are annotated
-    fps, scale, joints : as in `load_motion`, for a motion that is read
+    fps, scale, joints, smpl, up : as in `load_motion`, for a motion that is read
     sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
         The beats are the same at every rate. A sound file is decoded once; a video's sound twice unless the rate is
         22,050 Hz, since another resampler brings it there.
+    report : function(path, MotionFile), called with how a motion file was read
 
     Raises
     ------
@@ -104,7 +115,11 @@ def load_clip(
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
     if offset is None:
         offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
-    movement = motion if isinstance(motion, Motion) else load_any_motion(motion, fps=fps, scale=scale, joints=joints)
+    movement = (
+        motion
+        if isinstance(motion, Motion)
+        else load_any_motion(motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report)
+    )
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)

@@ -22,7 +22,8 @@ from harmolab.lab.evaluate.rows import OTHER_SONG
 FEATURE_DANCES = 5000  # of a system, of which the features are kept
 MOST_SONGS = 5000  # more of them are put together in so many groups
 GROUP = ["system", "song", "seed"]
-FACTS = ("fps", "joints", "beats", "dance", "remarks")  # of which values are counted, where a row has them
+# Of which values are counted, where a row has them.
+FACTS = ("fps", "joints", "beats", "dance", "assumptions", "remarks")
 # Columns of which no mean is taken.
 ABOUT = (
     *("key", *GROUP, "motion", "music", "kind", "skeleton", "error", *FACTS),

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, silent, write_json
+from harmolab.io.motion_file import ReadingOptions
+from harmolab.io.smpl import load_body
 from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
 from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
 from harmolab.lab.evaluate.engine import run_rows
@@ -55,7 +57,7 @@ class EvaluationSettings:
     reference : folder of recorded dances
     pairs : Path of a list of pairs, or None
     protocol : str, name of a protocol, "" for none
-    fps, scale : as in `RowOptions`
+    fps, scale, smpl, up : as in `RowOptions`
     pose_net : Path of a pose network, or None for the shipped one
     resamples, seed : of the intervals
     """
@@ -70,19 +72,22 @@ class EvaluationSettings:
     pose_net: Path | None = None
     resamples: int = RESAMPLES
     seed: int = 0
+    smpl: Path | None = None
+    up: str = ""
 
     def __post_init__(self) -> None:
         if taken := set(self.systems) & set(CONTROLS):
             raise ValueError(f"{min(taken)!r} is the name of a row that every table has; call the system otherwise")
         if not self.systems and self.pairs is None:
             raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
+        ReadingOptions(up=self.up)  # an error for another axis
         if self.protocol:
             protocol_of(self.protocol)
 
     @property
     def inputs(self) -> tuple[Path, ...]:
         """All files and folders that are read."""
-        more = (self.pairs, self.pose_net)
+        more = (self.pairs, self.pose_net, self.smpl)
         return (*self.systems.values(), self.music, self.reference, *(path for path in more if path is not None))
 
     def to_dict(self) -> dict[str, Any]:
@@ -121,7 +126,7 @@ class Evaluation:
     means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
     ranks : measure -> system -> its rank; systems without one are left out
     counts : system -> how many dances, songs and seeds were measured
-    facts : system -> "fps", "joints", "beats" or "dance" -> how many dances have which value
+    facts : system -> each of `harmolab.lab.evaluate.collecting.FACTS` -> how many dances have which value
     extremes : system -> (worst, best)
     unpaired : files that have no part in the table, with the reason
     errors : dances that could not be measured, with the reason
@@ -195,7 +200,11 @@ def evaluate_dances(
         read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
     pairing = evaluation_pairs(settings)
     recorded = [pair for pair in pairing.pairs if pair.kind == RECORDED]
-    options = RowOptions(settings.fps, settings.scale, settings.protocol, _pose_net(settings))
+    if settings.smpl is not None:
+        load_body(settings.smpl)  # a damaged file is an error now, not in every row
+    options = RowOptions(
+        settings.fps, settings.scale, settings.protocol, _pose_net(settings), smpl=settings.smpl, up=settings.up
+    )
     _check_rates(pairing.pairs, options)
     options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
     tasks = (*(pair for pair in pairing.pairs if pair.kind != RECORDED), *control_pairs(recorded))

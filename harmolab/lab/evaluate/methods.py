@@ -55,6 +55,7 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
             yield f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}."
     if "likeness" in evaluation.measures and evaluation.options.limits is None:
         yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
+    yield from _assumptions(evaluation)
     if evaluation.errors:
         yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
 
@@ -96,12 +97,21 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
         sum((facts[row][name] for row in (*evaluation.systems, RECORDED)), Counter[str]())
         for name in ("beats", "dance")
     )
+    yield from _assumptions(evaluation)
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
     if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
         yield (
             f"Harmony by the bar pattern of the song's dance is that of {_listed(patterns)}; the patterns were learnt "
             "on recorded dancers, and judge those that they were learnt on too kindly."
         )
+
+
+def _assumptions(evaluation: Evaluation) -> Iterator[str]:
+    """A sentence for each row on what was guessed or assumed when its dances were read; none where nothing was."""
+    for row in (*evaluation.systems, RECORDED):
+        if counts := {text: count for text, count in evaluation.facts[row]["assumptions"].items() if text}:
+            dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
+            yield f"Assumptions in reading {row} (dances): {dances}."
 
 
 def _listed(values: Mapping[str, int]) -> str:
