@@ -87,7 +87,7 @@ def _value(kind: Any, content: Any, arrays: Arrays) -> Any:
         return content
     if NoneType in kinds:
         return _value(next(one for one in kinds if one is not NoneType), content, arrays)
-    if origin is np.ndarray:
+    if np.ndarray in (kind, origin):
         return arrays[content]
     if is_dataclass(kind):
         hints = get_type_hints(kind)
