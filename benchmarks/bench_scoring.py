@@ -71,7 +71,7 @@ def measure_recommended() -> dict[str, float]:
 
 def measure_band() -> dict[str, float]:
     """One null corpus of `compare`: patterns and lags learnt anew, every score of 175 clips."""
-    options = RecordingOptions("annotated", 6.0, (), judged=False)
+    options = RecordingOptions("annotated", 6.0, (), other_music=True, judged=False)
     clips = [clip for number in range(N_SEQUENCES) for clip in recording_scores(sequence(number), options).clips]
     patterns = {name: learn_patterns(clips, score=name) for name in FITTED}
     table = score_table(clips, patterns, usable_clips(clips), None, None)
