@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import webbrowser
 from collections.abc import Iterable, Iterator
@@ -141,6 +142,22 @@ class Axis(StrEnum):
 Up = Annotated[Axis | None, typer.Option(help="Axis of a 3-D file that points up (default: as its kind or body says).")]
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without `harmolab[cluster]`).", min=0),
+]
+Scheduler = Annotated[str, typer.Option(help="Address of a Dask scheduler.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Write into a folder that holds other files; begin anew what was cut off.")
+]
+
+
+def processes(jobs: int | None) -> int:
+    """The number of processes of `Jobs`."""
+    if jobs is None:
+        jobs = (os.cpu_count() or 1) if find_spec("distributed") and find_spec("pyarrow") else 0
+    return jobs
 
 
 def recommended(pattern: Path | None, dance: str) -> HarmonyParams:

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import Fps, Scale, Smpl, Up, check_pages, note, plain_errors, printable, progress, wrote
+from harmolab.cli.common import (
+    Force,
+    Fps,
+    Jobs,
+    Resume,
+    Scale,
+    Scheduler,
+    Smpl,
+    Up,
+    check_pages,
+    note,
+    plain_errors,
+    printable,
+    processes,
+    progress,
+    wrote,
+)
 
 if TYPE_CHECKING:
     from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
@@ -50,14 +65,10 @@ def evaluate(
     ] = None,
     resamples: Annotated[int, typer.Option(help="Resamplings of the songs behind each interval.", min=100)] = 4000,
     seed: Annotated[int, typer.Option(help="Seed of the resampling.", min=0)] = 0,
-    jobs: Annotated[
-        int | None, typer.Option(help="Processes (default: one a core); 0 measures in this one.", min=0)
-    ] = None,
-    scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler.")] = "",
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Write into a folder that holds other files; begin anew what was cut off.")
-    ] = False,
+    jobs: Jobs = None,
+    scheduler: Scheduler = "",
+    resume: Resume = False,
+    force: Force = False,
 ) -> None:
     """A table of dances by the field's measures, with controls and intervals, that can be published.
 
@@ -91,7 +102,7 @@ def evaluate(
         evaluation = evaluate_dances(
             settings,
             out,
-            jobs=(os.cpu_count() or 1) if jobs is None else jobs,
+            jobs=processes(jobs),
             scheduler=scheduler,
             resume=resume,
             force=force,

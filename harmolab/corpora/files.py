@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -14,6 +14,7 @@ from harmolab.corpora import folders
 from harmolab.corpora.folders import (
     Problem,
     ReadingReport,
+    RecordingFolders,
     find_recordings,
     iter_recordings,
     load_any_motion,
@@ -192,15 +193,28 @@ def corpus_recordings(
     if not isinstance(corpus, str | os.PathLike):
         yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
         return
-    if not find_recordings(corpus).folders:
-        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    recording_folders(corpus)
     names = set()
     for item in progress(iter_recordings(corpus), Path(corpus).name):
         if isinstance(item, Problem):
             report(item)
         else:
-            names.add(item.clip.dance or "unknown")
+            names.add(item.clip.dance)
             if not dances or item.clip.dance in dances:
                 yield item
+    check_dances(corpus, dances, names)
+
+
+def recording_folders(corpus: PathLike) -> RecordingFolders:
+    """The folders of recordings at or below a folder; ValueError without one, else errors as `find_recordings`."""
+    complete = find_recordings(corpus)
+    if not complete.folders:
+        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    return complete
+
+
+def check_dances(corpus: PathLike, dances: Sequence[str], names: Set[str]) -> None:
+    """ValueError where dances are asked for, and none of them is among the names of a corpus's dances."""
     if dances and names.isdisjoint(dances):
-        raise ValueError(f"{corpus}: holds no {' or '.join(dances)}; its dances: {', '.join(sorted(names)) or 'none'}")
+        others = ", ".join(sorted(name or "unknown" for name in names)) or "none"
+        raise ValueError(f"{corpus}: holds no {' or '.join(dances)}; its dances: {others}")
