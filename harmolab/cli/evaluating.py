@@ -150,7 +150,7 @@ def _print(evaluation: Evaluation) -> None:
     table = Table(title="means over songs (rank), by columns of table.csv")
     table.add_column("", no_wrap=True)
     for name in evaluation.rows:
-        table.add_column(escape(printable(name)))
+        table.add_column(escape(printable(name)), overflow="fold")
     for count in ("dances", "songs", "seeds"):
         table.add_row(count, *(str(record[count]) for record in records))
     for name in KEY:
