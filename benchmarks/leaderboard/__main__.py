@@ -29,7 +29,9 @@ from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.evaluate.collecting import collect
 from harmolab.lab.evaluate.controls import CONTROLS
 from harmolab.lab.evaluate.evaluation import CLIPS, MARK
-from harmolab.lab.evaluate.rows import MEASURES
+from harmolab.lab.evaluate.methods import MUSICAL
+from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.rows import MEASURES, OTHER_SONG
 from harmolab.lab.evaluate.summary import measure_of, ranks, system_differences, system_means
 from harmolab.significance import auc, bootstrap_interval_of
 
@@ -38,7 +40,6 @@ ROWS, PAGE = Path(__file__).parent / "rows", ROOT / "docs" / "leaderboard.md"
 ROW, EVIDENCE = "row.json", "evidence.csv"
 ABOUT = ("title", "by", "synthetic", "data", "licence", "obtain", "note", "commands")
 NAMES = ("system", "seed", "song", "kind", "dance", "beats", "fps", "joints")  # of a dance, beside its measures
-ROUNDING = 0.002  # of an AUC, by the four digits that evidence is written with
 
 
 def window_table(result: CorpusResult) -> pd.DataFrame:
@@ -68,15 +69,19 @@ def compare_numbers(windows: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
 
 
 def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Mean over songs, interval and rank of each measure of each system, from the evidence."""
+    """Mean over songs, interval and rank of each measure of each system, from the evidence.
+
+    "deaf" are the measures of music by which recorded dances are not better than the same with another song.
+    """
     part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
     songs = collect([part]).song_means
     options = {"count": settings["resamples"], "seed": settings["seed"]}
-    names = list(dict.fromkeys(dances["system"]))
-    systems = [name for name in names if name not in CONTROLS]
+    present = dict.fromkeys(dances["system"])
+    systems = [name for name in present if name not in CONTROLS]
+    names = [*systems, *(name for name in CONTROLS if name in present)]
     means, differences = system_means(songs, **options), system_differences(songs, names, **options)
-    numbers: dict[str, Any] = {}
-    for name in (*systems, *(name for name in CONTROLS if name in names)):
+    numbers: dict[str, dict[str, Any]] = {}
+    for name in names:
         own = dances[dances["system"] == name]
         numbers[name] = {"dances": len(own), "songs": own["song"].nunique()}
         for measure in TABLE_MEASURES:
@@ -84,7 +89,10 @@ def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
                 mean, low, high, _ = means[name, measure]
                 places = ranks(differences, systems, measure, better=measure_of(measure).better)
                 numbers[name][measure] = {"mean": mean, "interval": [low, high], "rank": places.get(name)}
-    return numbers
+    pair = (RECORDED, OTHER_SONG)
+    clear = {one.measure for one in differences if (one.a, one.b) == pair and one.is_clear and one.low > 0}
+    deaf = {*MUSICAL, "significant"} - clear
+    return {"systems": numbers, "deaf": [name for name in TABLE_MEASURES if name in deaf]}
 
 
 NUMBERS = {"compare": compare_numbers, "evaluate": evaluate_numbers}
@@ -143,7 +151,7 @@ def write_evaluate_row(name: str, table: Path) -> None:
     with reading(table / MARK, "an evaluation") as path:
         settings = read_json(path)["settings"]
     clips = pd.read_csv(table / CLIPS, dtype={"seed": str, "dance": str})
-    if (failed := clips["error"].notna().sum()) if "error" in clips else 0:
+    if failed := int(clips["error"].notna().sum()):
         raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
     dances = clips[[column for column in (*NAMES, *MEASURES) if column in clips]]
     folders = {key: Path(settings[key]).name for key in ("music", "reference")}
@@ -160,8 +168,7 @@ def write_evaluate_row(name: str, table: Path) -> None:
 def read_evidence(folder: Path) -> pd.DataFrame:
     """The evidence of a row; what stands for no seed or no dance is an empty text."""
     evidence = pd.read_csv(folder / EVIDENCE, dtype={"seed": str, "dance": str, "recording": str, "song": str})
-    texts = [name for name in evidence if evidence[name].dtype == object]
-    return evidence.fillna(dict.fromkeys([*texts, *({"seed", "dance"} & set(evidence))], ""))
+    return evidence.fillna(dict.fromkeys(evidence.select_dtypes(exclude="number"), ""))
 
 
 def load_row(folder: Path) -> dict[str, Any]:
@@ -191,7 +198,7 @@ def _about(folder: Path) -> dict[str, Any]:
     """What people wrote about a row; errors as `load_row`."""
     about = _content(folder).get("about", {})
     if missing := [name for name in ABOUT if name not in about]:
-        raise ValueError(f"{folder / ROW}: \"about\" lacks {', '.join(missing)}")
+        raise ValueError(f'{folder / ROW}: "about" lacks {", ".join(missing)}')
     return {name: about[name] for name in ABOUT}
 
 
