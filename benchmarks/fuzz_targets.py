@@ -22,6 +22,9 @@ from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.video import video_frames, write_video
 from harmolab.io.video_sound import load_sound
 from harmolab.lab.compare.windows import dance_patterns
+from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.pairing import listed_pairs
+from harmolab.lab.evaluate.parts import read_rows
 from harmolab.lab.listening.answers import merge
 from harmolab.lab.listening.folders import answer_files, answer_log, read_key, read_page, read_scores, read_trials
 from harmolab.lab.listening.raters import SimulatedRater
@@ -36,6 +39,7 @@ from harmolab.systems.harmogan.params import ModelParams
 from harmolab.types import Audio, Skeleton
 from tests.builders import called
 from tests.test_hostile import arrays_of, arrays_of_performance, valid_files
+from tests.tiny_run import Numbers, square
 
 
 class Target(NamedTuple):
@@ -60,12 +64,13 @@ class Target(NamedTuple):
 
 
 GROUPS = {"sound": "sound", "song": "beats", "beats": "beats", "config": "motion"}
+ROWS = 12  # of a run
 MUSICIANS = ("players", "wholebody", "holistic", "hands", "train_all", "set", "pianist", "notes")
 
 
 def all_targets() -> list[Target]:
     """Every reader with its valid files; the same at every call."""
-    return [*_single_files(), *_folders(), *_videos(), *_patterns(), *_studies(), *_weights()]
+    return [*_single_files(), *_folders(), *_videos(), *_patterns(), *_studies(), *_weights(), *_evaluations()]
 
 
 def _single_files() -> Iterator[Target]:
@@ -260,3 +265,32 @@ def _state(folder: Path) -> list[np.ndarray]:
 def _takes(folder: Path) -> list[np.ndarray]:
     takes = load_takes(folder).takes
     return [array for take in takes for array in (take.motion.positions, take.beats)]
+
+
+def _evaluations() -> Iterator[Target]:
+    """A list of pairs, and the rows of a run: read as a whole, and gone on with."""
+    lines = ("motion,music,system,seed", "a.npz,songs/tune.wav,ours,1", 'b.bvh,"songs/other tune.wav",ours,2')
+    files = dict.fromkeys(("dances/a.npz", "dances/b.bvh", "songs/tune.wav", "songs/other tune.wav"), b"")
+    files["pairs.csv"] = "\n".join(lines).encode()
+    yield Target("pairs.csv", "evaluate", files, ("pairs.csv",), _pairs)
+    files = _made(lambda folder: run_rows(Numbers(ROWS), square, folder / "rows", jobs=0))
+    full = tuple(name for name, content in files.items() if content)  # a lock is empty
+    yield Target("rows", "evaluate", files, full, _rows)
+    yield Target("resumed rows", "evaluate", files, full, _resumed)
+
+
+def _pairs(folder: Path) -> list[np.ndarray]:
+    listed_pairs(folder / "pairs.csv", folder, {"ours": folder / "dances"}, default="ours")
+    return []
+
+
+def _rows(folder: Path) -> list[np.ndarray]:
+    for part in read_rows(folder / "rows"):
+        part.select_dtypes("number").sum()
+    return []
+
+
+def _resumed(folder: Path) -> list[np.ndarray]:
+    for part in run_rows(Numbers(ROWS), square, folder / "rows", jobs=0, resume=True):
+        part.select_dtypes("number").sum()
+    return []

@@ -31,6 +31,7 @@ import torch
 
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
+from harmolab.lab.evaluate import parts
 from harmolab.lab.listening.answers import merge
 from harmolab.lab.listening.folders import TRIALS_FILE, answer_files, answer_log, read_key, read_trials
 from harmolab.lab.listening.raters import SimulatedRater
@@ -82,7 +83,9 @@ def jobs(data: Path) -> list[Job]:
 
     def compare(folder: Path) -> None:
         os.environ["HARMOLAB_CACHE"] = str(folder / "cache")  # a kill may come while beats are kept
-        text = said("compare", corpus, "--beats", "tracked", "--rotations", 20, "--json")
+        parts.FLUSH_SECONDS = 0.0  # every row counts, so that there is something to go on with
+        rows = ("--out", folder / "rows", "--resume", "--jobs", 2)
+        text = said("compare", corpus, "--beats", "tracked", "--rotations", 20, *rows, "--json")
         (folder / "compare.json").write_text(text)
 
     def train(folder: Path) -> None:

@@ -204,7 +204,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: str, *names: str) -> dict[s
 
 
 def test_compare_json_has_every_promised_score(corpus: Path) -> None:
-    result = run("compare", corpus, "--rotations", 40, "--json")
+    result = run("compare", corpus, "--rotations", 40, "--json", "--jobs", 0)
     summary = json.loads(result.stdout)
     assert {"corpus", "window", "null", "beats", "n", "scores"} <= set(summary)
     assert (summary["window"], summary["null"], summary["beats"], summary["n"]) == (6.0, "lagged", "annotated", 21)
@@ -217,14 +217,16 @@ def test_compare_json_has_every_promised_score(corpus: Path) -> None:
 
 
 def test_compare_fits_on_another_corpus_and_says_so(corpus: Path) -> None:
-    result = run("compare", corpus, "--fit-on", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--json")
+    result = run(
+        "compare", corpus, "--fit-on", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--json", "--jobs", 0
+    )
     summary = json.loads(result.stdout)
     assert summary["fitted_on"].startswith("6 sequences of another corpus")
     assert set(summary["scores"]["recommended"]["by_dance"]) == {"R", "W"}
 
 
 def test_compare_against_other_songs_and_tracked_beats(corpus: Path) -> None:
-    result = run("compare", corpus, "--null", "other", "--beats", "tracked", "--rotations", 20)
+    result = run("compare", corpus, "--null", "other", "--beats", "tracked", "--rotations", 20, "--jobs", 0)
     assert result.exit_code == 0, result.output
     assert "tracked beats, other music" in " ".join(result.stdout.split())
 
@@ -236,7 +238,7 @@ def test_compare_of_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
 
 
 def test_compare_tells_how_many_recordings_reach_each_verdict(corpus: Path) -> None:
-    result = run("compare", corpus, "--dances", "rumba,waltz", "--rotations", 20)
+    result = run("compare", corpus, "--dances", "rumba,waltz", "--rotations", 20, "--jobs", 0)
     lines = [line.replace("│", " ").split() for line in result.stdout.splitlines()]
     # Six seconds hold fewer than 16 beats: no verdict on any of the six.
     assert ["true", "6", "0", "0", "0", "0"] in lines
@@ -245,7 +247,7 @@ def test_compare_tells_how_many_recordings_reach_each_verdict(corpus: Path) -> N
 
 def test_compare_gives_the_verdict_of_score(tmp_path: Path) -> None:
     root = write_corpus(tmp_path / "long", clips=7, seconds=20.0, fps=30.0, seed=3)
-    command = ("compare", root, "--dances", "jive,samba", "--rotations", 20, "--json")
+    command = ("compare", root, "--dances", "jive,samba", "--rotations", 20, "--jobs", 0, "--json")
     rows = json.loads(run(*command).stdout)["recordings"]
     assert [row["dance"] for row in rows] == ["jive", "samba"]
     for row in rows:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import soundfile
 from typer import Typer
+from typer.main import get_command
 from typer.models import ArgumentInfo
 from typer.testing import Result
 
@@ -334,7 +335,7 @@ def test_a_video_is_sent_to_the_command_that_reads_videos():
 
 
 def test_a_dance_that_no_recording_dances_gets_the_list_of_those_there_are(corpus: Path):
-    message = line(run("compare", corpus, "--dances", "polka"))
+    message = line(run("compare", corpus, "--dances", "polka", "--jobs", 0))
     assert message == f"{corpus}: holds no polka; its dances: cha-cha, jive"
 
 
@@ -398,3 +399,14 @@ def test_a_slow_motion_that_would_become_too_many_frames_is_refused_before_it_is
     assert line(run("explain", song, "long.npz", *pair[2:])).startswith(
         "long.npz: 500000 frames of 4 joints at 1 fps would be 50000000 frames at 100 fps, too many"
     )
+
+
+def commands(group: Any) -> Iterator[Any]:
+    for command in group.commands.values():
+        yield from commands(command) if hasattr(command, "commands") else [command]
+
+
+def test_no_command_has_an_option_twice() -> None:
+    for command in commands(get_command(app)):
+        names = [name for one in command.params for name in (*one.opts, *one.secondary_opts)]
+        assert len(names) == len(set(names)), command.name

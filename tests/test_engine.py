@@ -21,7 +21,7 @@ import pytest
 from harmolab.io.files import read_json, write_json
 from harmolab.lab.evaluate import engine, parts
 from harmolab.lab.evaluate.engine import run_rows
-from harmolab.lab.evaluate.parts import part_path, read_rows
+from harmolab.lab.evaluate.parts import MANIFEST, part_path, read_rows
 from tests.tiny_run import Number, Numbers, square
 
 pytest.importorskip("distributed")
@@ -344,3 +344,11 @@ def test_a_scheduler_that_dies_is_an_error_and_the_run_goes_on_elsewhere(undistu
     assert 0 < rows_there(tmp_path / "out") < COUNT
     run_rows(Numbers(COUNT), square, tmp_path / "out", jobs=0, resume=True)
     assert contents(tmp_path / "out") == contents(undisturbed)
+
+
+def test_a_manifest_of_too_many_rows_is_an_error_at_once(tmp_path: Path) -> None:
+    run_rows(Numbers(5), square, tmp_path / "rows", jobs=0)
+    manifest = tmp_path / "rows" / MANIFEST
+    manifest.write_text(manifest.read_text().replace('"rows": 5', f'"rows": {10**15}'))
+    with pytest.raises(ValueError, match=f"rows: holds 5 of {10**15} rows"):
+        read_rows(tmp_path / "rows")

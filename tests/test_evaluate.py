@@ -17,7 +17,7 @@ from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.harmony import music_and_motion
 from harmolab.io.motion import load_motion, save_motion
-from harmolab.lab.evaluate import rows
+from harmolab.lab.evaluate import collecting, rows
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
 from harmolab.lab.evaluate.engine import run_rows
@@ -270,6 +270,24 @@ def test_parts_of_any_size_give_the_same_sums(rng: np.random.Generator) -> None:
     assert whole.extremes["x"][1][0] == max(value for (system, *_), value in values.items() if system == "x")
 
 
+def test_more_songs_than_are_kept_become_groups(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    songs = rng.normal(size=600)
+    values = {("x", f"{song}", ""): value for song, value in enumerate(songs)}
+    values |= {("y", f"{song}", ""): value + 1 for song, value in enumerate(songs)}
+    rows = rows_of(values)
+    single = system_means(collect([rows]).song_means)["x", "harmony"]
+    monkeypatch.setattr(collecting, "MOST_SONGS", 200)
+    whole, parts = (collect(rows[place : place + size] for place in range(0, 1200, size)) for size in (1200, 100))
+    pd.testing.assert_frame_equal(whole.song_means, parts.song_means)
+    assert len(whole.song_means.loc["x"]) <= 200 and whole.is_grouped
+    assert whole.counts.loc["x"]["harmony"].sum() == 600
+    grouped = system_means(whole.song_means)["x", "harmony"]
+    assert grouped.mean == pytest.approx(single.mean, abs=0.05)
+    assert grouped.high - grouped.low == pytest.approx(single.high - single.low, rel=0.2)
+    (difference,) = system_differences(whole.song_means, ["x", "y"])
+    assert (difference.low, difference.high) == pytest.approx((-1, -1))  # the groups are paired as the songs are
+
+
 def ranks_of(first: np.ndarray, second: np.ndarray, *, better: int = 1) -> dict[str, int]:
     values = {("x", f"{song}", ""): value for song, value in enumerate(first)}
     values |= {("y", f"{song}", ""): value for song, value in enumerate(second)}
@@ -434,7 +452,7 @@ def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
     path = tmp_path / "clips.csv"
     collected = collect(written_parts(run_rows(pairs, measure, tmp_path / "rows", jobs=0), path, pairs))
     assert sorted(collected.errors.values()) == ["ValueError: a: damaged", "ValueError: b: damaged"]
-    assert collected.dances == {"x": 1}
+    assert collected.counts["harmony"].tolist() == [1]
     frame = pd.read_csv(path)
     assert list(frame["song"]) == ["a", "b", "c"]
     assert list(frame["error"].fillna("")) == ["ValueError: a: damaged", "ValueError: b: damaged", ""]

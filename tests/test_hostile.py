@@ -34,6 +34,7 @@ from harmolab.io.keypoints import load_keypoints
 from harmolab.io.motion import load_motion
 from harmolab.io.notes import load_notes
 from harmolab.io.player_keypoints import load_player_points
+from harmolab.io.smpl import SMPL_24, load_body
 from harmolab.types import Audio, BeatTrack, Motion, Skeleton
 
 SEED = int(os.environ.get("HARMOLAB_HOSTILE_SEED", "1"))
@@ -56,6 +57,9 @@ FILES = {
     "bailando.pkl.npy": 200,
     "dance.json": 120,
     "lodge.npy": 150,
+    "fact.npy": 100,
+    "smpl.npz": 150,
+    "bailando/ep000010_frame000001_kps.json": 150,
     "humanml.npy": 150,
     "skeletons.json": 210,
     "config.json": 140,
@@ -181,6 +185,13 @@ def player_files() -> dict[str, bytes]:
     }
 
 
+def smpl_body(joints: np.ndarray) -> dict[str, np.ndarray]:
+    """The arrays of an SMPL file whose points are its joints (24, 3), with three numbers of shape."""
+    directions = np.random.default_rng(12).normal(size=(24, 3, 3)) * 0.01
+    tree = np.array([SMPL_24.parents, range(24)])
+    return {"J_regressor": np.eye(24), "v_template": joints, "shapedirs": directions, "kintree_table": tree}
+
+
 def model_files() -> dict[str, bytes]:
     """A small valid file of every format that models of dance write."""
     rng = np.random.default_rng(11)
@@ -191,12 +202,19 @@ def model_files() -> dict[str, bytes]:
     vectors = np.zeros((6, 263))
     vectors[:, 4:67] = (joints[:, 1:22] - joints[:, :1] * [1, 0, 1]).reshape(6, 63)
     return {
-        "amass.npz": saved(np.savez, poses=np.zeros((6, 156)), trans=way, mocap_framerate=120.0, gender="male"),
+        "amass.npz": saved(
+            np.savez, poses=np.zeros((6, 156)), trans=way, betas=np.ones(16), mocap_framerate=120.0, gender="male"
+        ),
         "edge.pkl": pickle.dumps({"smpl_poses": pose.reshape(6, 72), "smpl_trans": way, "full_pose": joints}),
         "bailando.pkl.npy": saved(np.save, {"pred_position": joints.reshape(6, 72)}, allow_pickle=True),
         "dance.json": json.dumps({"id": "a", "dance_array": joints.round(3).reshape(6, 72).tolist()}).encode(),
         "lodge.npy": saved(np.save, np.concatenate([np.ones((6, 4)), way, rows.reshape(6, 132)], axis=1)),
         "humanml.npy": saved(np.save, vectors),
+        "fact.npy": saved(
+            np.save, np.concatenate([np.zeros((6, 6)), way, np.tile(np.eye(3).ravel(), (6, 24))], axis=1)
+        ),
+        "smpl.npz": saved(np.savez, **smpl_body(joints[0])),
+        "bailando/ep000010_frame000001_kps.json": json.dumps({"3d_pose": joints[0].round(3).tolist()}).encode(),
     }
 
 
@@ -346,6 +364,11 @@ def arrays_of(path: Path) -> list[np.ndarray]:
     name = path.name
     if name in PLAYER_ARRAYS or path.parent.name in PLAYER_ARRAYS:
         return PLAYER_ARRAYS[name if name in PLAYER_ARRAYS else path.parent.name](path)
+    if name == "smpl.npz":
+        body = load_body(path, np.array([0.5, -1.0]))
+        return [body.body.offsets, body.pelvis]
+    if path.parent.name == "bailando":
+        return [load_motion(path.parent, fps=60.0).positions]
     if path.parent.name == "frames":
         motion = load_keypoints(path.parent, fps=25)
         return [motion.positions]
@@ -383,7 +406,7 @@ def test_damaged_file_gives_a_finite_result_or_an_error_with_its_name(name: str,
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(valid)
-    if path.parent.name in ("frames", "players"):
+    if path.parent.name in ("frames", "players", "bailando"):
         (path.parent / path.name.replace("1_", "0_")).write_bytes(valid)
     if path.parent.name == "set":
         for part in ("set/clip_001.npz", "set/clips.csv"):

@@ -36,7 +36,7 @@ ROW = {room: number for number, rooms in enumerate(ROWS) for room in rooms}
 INSIDE = {
     "lab": {
         "profile": set(),
-        "compare": set(),
+        "compare": {"evaluate"},
         "evaluate": set(),
         "figures": {"profile"},
         "report": {"figures"},

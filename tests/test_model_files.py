@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import pickle
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from harmolab.io.files import MissingFrameRate
 from harmolab.io.layouts import COCO_17
 from harmolab.io.motion import load_motion, read_motion
 from harmolab.io.smpl import SMPL_22, SMPL_24, load_body, neutral_body
+from harmolab.lab.evaluate.pairing import Song, folder_pairs
 from harmolab.skeletons import standing_height
 from tests.builders import called
 
@@ -188,11 +190,17 @@ def first_two_rows(poses: np.ndarray) -> np.ndarray:
     return np.array([[rodrigues(one)[:2].ravel() for one in frame] for frame in poses])
 
 
-def test_six_numbers_and_axis_angle_are_the_same_rotation(tmp_path: Path):
+def matrices(poses: np.ndarray) -> np.ndarray:
+    """(T, J, 9) of axis-angle (T, J, 3): each matrix row by row."""
+    return np.array([[rodrigues(one).ravel() for one in frame] for frame in poses])
+
+
+def test_six_numbers_nine_and_axis_angle_are_the_same_rotation(tmp_path: Path):
     poses, way = dance()
     expected = loop_joints(poses, way, neutral_body().body.offsets)
     rows = first_two_rows(poses) * 1.7  # a network's rows are not of length 1
-    for values in (rows, rows.reshape(12, 144), poses):
+    nine = matrices(poses) * 1.1  # nor are its matrices
+    for values in (rows, rows.reshape(12, 144), nine, nine.reshape(12, 216), poses):
         motion = load_motion(pickled(tmp_path / "six.pkl", smpl_poses=values, smpl_trans=way), fps=30)
         np.testing.assert_allclose(motion.positions, expected, atol=1e-9)
 
@@ -211,6 +219,60 @@ def test_vectors_of_lodge_and_finedance_are_read(tmp_path: Path, width: int, con
     )
     with pytest.raises(MissingFrameRate):
         load_motion(tmp_path / "dance.npy")
+
+
+def fact_vectors(poses: np.ndarray, way: np.ndarray, fault: np.ndarray | float = 0.0) -> np.ndarray:
+    """(T, 225) as FACT writes them: six zeros, the translation, 24 matrices."""
+    nine = matrices(poses) + fault
+    return np.concatenate([np.zeros((len(way), 6)), way, nine.reshape(len(way), 216)], axis=1).astype(np.float32)
+
+
+def test_vectors_of_fact_are_read_and_its_seed_is_a_remark(tmp_path: Path):
+    poses, way = dance()
+    expected = loop_joints(poses, way, neutral_body().body.offsets)
+    path = saved(tmp_path / "mBR0.npy", fact_vectors(poses, way))
+    with pytest.raises(MissingFrameRate, match=r"mBR0\.npy: .*--fps 25 \(FACT's own settings make 60\)"):
+        load_motion(path)
+    motion, kind, notes = read_motion(path, fps=60)
+    assert (kind, motion.fps, motion.skeleton) == ("SMPL vectors of FACT", 60, SMPL_24)
+    np.testing.assert_allclose(motion.positions, expected, atol=1e-5)
+    assert "y up (as FACT writes)" in notes
+    assert any("the first 120 too, which are recorded" in note for note in notes)
+    without = read_motion(saved(tmp_path / "plain.npy", fact_vectors(poses, way)[:, 6:]), fps=60)
+    assert without.kind == "SMPL vectors"
+    np.testing.assert_allclose(without.motion.positions, expected, atol=1e-5)
+
+
+def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """The orthogonal factor of a matrix near a rotation, by Newton's iteration (Higham 1986)."""
+    for _ in range(50):
+        matrix = (matrix + np.linalg.inv(matrix).T) / 2
+    return matrix
+
+
+def test_a_matrix_that_is_no_rotation_is_taken_for_the_nearest_one(tmp_path: Path):
+    poses, way = dance(3)
+    fault = np.random.default_rng(9).normal(size=(3, 24, 9)) * 0.05
+    nearest = [[nearest_rotation(one.reshape(3, 3)) for one in frame] for frame in matrices(poses) + fault]
+    axis_angle = np.array([[rotation_vector(one) for one in frame] for frame in nearest])
+    motion = load_motion(saved(tmp_path / "d.npy", fact_vectors(poses, way, fault)), fps=60)
+    expected = loop_joints(axis_angle, way, neutral_body().body.offsets)
+    np.testing.assert_allclose(motion.positions, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("values", "fault"),
+    [
+        (np.zeros((4, 225)), "the vectors holds no rotation matrices: half of them are 1.7 or more from any rotation"),
+        (np.random.default_rng(1).normal(size=(4, 225)), "holds no rotation matrices"),
+        (np.full((4, 225), 1e300), "holds no rotation matrices"),
+        (np.full((4, 225), np.nan), "the vectors holds NaN or infinity at frame 0, joint 0"),
+        (np.zeros((0, 225)), ""),
+    ],
+)
+def test_vectors_that_hold_no_matrices_are_refused_by_name(tmp_path: Path, values: np.ndarray, fault: str):
+    with pytest.raises(ValueError, match=rf"bad\.npy: .*{fault}"):
+        load_motion(saved(tmp_path / "bad.npy", values), fps=60)
 
 
 # The user's own body
@@ -245,6 +307,79 @@ def test_edge_with_a_body_of_ones_own_is_posed_anew(tmp_path: Path):
     assert np.linalg.norm(places[:, 4] - places[:, 1], axis=1) == pytest.approx(0.4)  # its thigh
 
 
+def shaped_body(path: Path, directions: np.ndarray) -> Path:
+    """An SMPL file of 60 points from which the joints of `REST` follow, with directions (60, 3, S) of its shape."""
+    template = np.random.default_rng(3).normal(size=(60, 3))
+    regressor = REST @ np.linalg.pinv(template)
+    np.savez(path, J_regressor=regressor, v_template=template, shapedirs=directions, kintree_table=tree_of(TREE))
+    return path
+
+
+def test_betas_shape_the_joints_at_rest(tmp_path: Path):
+    poses, way, _ = z_up_parameters()
+    directions, betas = np.random.default_rng(4).normal(size=(60, 3, 2)) * 0.2, np.array([0.8, -1.1, 5.0])
+    body = shaped_body(tmp_path / "smpl.npz", directions)
+    with np.load(body) as arrays:
+        regressor, template = arrays["J_regressor"], arrays["v_template"]
+    rest = np.zeros((24, 3))  # in loops: joints of the points that the first two betas move
+    for joint in range(24):
+        for point in range(60):
+            moved = template[point] + 0.8 * directions[point, :, 0] - 1.1 * directions[point, :, 1]
+            rest[joint] += regressor[joint, point] * moved
+    assert np.abs(rest - REST).max() > 0.01
+    np.savez(tmp_path / "walk.npz", poses=poses, trans=way, betas=betas, gender="male", mocap_framerate=120.0)
+    motion, _, notes = read_motion(tmp_path / "walk.npz", smpl=body)
+    places = to_z_up(motion.positions)
+    expected = loop_joints(poses.reshape(-1, 24, 3), way + rest[0], rest - rest[[0, *TREE[1:]]])
+    np.testing.assert_allclose(places, expected, atol=1e-9)
+    assert "joints of the body in smpl.npz shaped by 2 of 3 betas" in notes
+    mean = pickled(tmp_path / "mean.pkl", smpl_poses=poses, smpl_trans=way, betas=np.zeros((1, 10)))
+    assert "joints of the mean body in smpl.npz" in read_motion(mean, fps=30, smpl=body).notes
+
+
+def test_betas_that_cannot_be_used_are_said_to_be_left_out(tmp_path: Path):
+    poses, way, expected = z_up_parameters()
+    np.savez(tmp_path / "walk.npz", poses=poses, trans=way, betas=np.ones(16), mocap_framerate=120.0)
+    np.savez(tmp_path / "joints.npz", J=REST, kintree_table=tree_of(TREE))
+    neutral, own = (read_motion(tmp_path / "walk.npz", smpl=body) for body in (None, tmp_path / "joints.npz"))
+    np.testing.assert_allclose(neutral.motion.positions, expected, atol=1e-9)
+    assert [one.brief for one in neutral.assumptions] == [
+        "joints of harmolab's neutral skeleton, not SMPL's, betas left out"
+    ]
+    assert [one.brief for one in own.assumptions] == ["betas left out"]
+    assert "joints.npz; betas are left out, since it has no J_regressor with shapedirs" in own.assumptions[0]
+
+
+@pytest.mark.parametrize(
+    ("betas", "fault"),
+    [
+        (np.ones((12, 10)), r"betas must be the shape of one body, \(S,\) or \(1, S\), got shape \(12, 10\)"),
+        (np.float64(1), "betas must be the shape of one body"),
+        (np.full(10, np.nan), "betas hold NaN or infinity"),
+        (np.full(10, 1e6), r"smpl\.npz: is made no body in metres by betas up to 1e\+06"),
+        (np.full(10, 1e300), "no body in metres"),
+    ],
+)
+def test_betas_that_are_no_shape_are_refused_by_name(tmp_path: Path, betas: np.ndarray, fault: str):
+    body = shaped_body(tmp_path / "smpl.npz", np.ones((60, 3, 2)) * np.arange(60)[:, None, None])
+    np.savez(tmp_path / "w.npz", poses=np.zeros((3, 72)), trans=np.zeros((3, 3)), betas=betas, mocap_framerate=60.0)
+    with pytest.raises(ValueError, match=rf"w\.npz: .*{fault}"):
+        load_motion(tmp_path / "w.npz", smpl=body)
+
+
+def test_a_missing_body_is_named_and_not_the_motion(tmp_path: Path):
+    np.savez(tmp_path / "w.npz", poses=np.zeros((3, 72)), trans=np.zeros((3, 3)), mocap_framerate=60.0)
+    with pytest.raises(FileNotFoundError, match=r"smpl\.npz: no such file"):
+        load_motion(tmp_path / "w.npz", smpl=tmp_path / "smpl.npz")
+
+
+def test_a_body_that_was_replaced_is_read_anew(tmp_path: Path):
+    for factor, stamp in ((1.0, 1), (1.1, 2)):
+        np.savez(tmp_path / "smpl.npz", J=REST * factor, kintree_table=tree_of(TREE))
+        os.utime(tmp_path / "smpl.npz", (stamp, stamp))
+        np.testing.assert_allclose(load_body(tmp_path / "smpl.npz").pelvis, REST[0] * factor)
+
+
 def test_a_body_with_fingers_gives_22_joints(tmp_path: Path):
     rest = np.concatenate([REST[:22], np.full((30, 3), 0.1)])
     np.savez(tmp_path / "smplh.npz", J=rest, kintree_table=tree_of([*TREE[:22], *[20] * 15, *[21] * 15]))
@@ -261,6 +396,19 @@ def test_a_body_with_fingers_gives_22_joints(tmp_path: Path):
         ({"J": REST * np.nan, "kintree_table": tree_of(TREE)}, "make no body in metres"),
         ({"J": REST[:7], "kintree_table": tree_of(TREE[:7])}, "24, 52 or 55 joints"),
         ({"J_regressor": np.ones((24, 9)), "v_template": np.ones((8, 3))}, "does not fit v_template"),
+        (
+            {"J": REST, "kintree_table": tree_of(TREE), "J_regressor": np.ones((24, 9)), "shapedirs": np.ones((8, 3))},
+            r"shapedirs \(8, 3\) do not fit J_regressor \(24, 9\)",
+        ),
+        (
+            {
+                "J": REST,
+                "kintree_table": tree_of(TREE),
+                "J_regressor": np.ones((24, 9)),
+                "shapedirs": np.full((9, 3, 2), np.nan),
+            },
+            "shapedirs hold NaN or infinity",
+        ),
     ],
 )
 def test_a_file_that_holds_no_smpl_body_is_refused(tmp_path: Path, arrays: dict[str, Any], fault: str):
@@ -340,7 +488,7 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
     )
     motion, _, notes = read_motion(bvh, up="z")
     assert notes == (
-        "0.01 m a unit (guessed: its rest skeleton is larger than 3 units)",
+        "0.01 m a unit (guessed: its rest skeleton is larger than 3 units; --scale overrules it)",
         "z up (as passed), turned to y up",
     )
     places = motion.positions
@@ -350,9 +498,42 @@ def test_axis_of_our_own_files_can_be_passed_where_there_is_one(tmp_path: Path):
         load_motion(bvh, smpl=tmp_path / "smpl.npz")
 
 
-def test_bailando_file_with_an_aist_name_has_its_rate(tmp_path: Path):
+def test_bailando_file_with_an_aist_name_has_its_rate_unless_one_is_passed(tmp_path: Path):
     np.save(tmp_path / f"{AIST}.pkl.npy", {"pred_position": moving_joints().reshape(12, 72)})
-    assert load_motion(tmp_path / f"{AIST}.pkl.npy").fps == 60
+    motion, _, notes = read = read_motion(tmp_path / f"{AIST}.pkl.npy")
+    assert (motion.fps, notes[-1].startswith("60 frames a second (assumed: it is named")) == (60, True)
+    assert [one.brief for one in read.assumptions] == [
+        "unit guessed: metres", "axis guessed: y up", "60 frames a second assumed by the name",
+    ]  # fmt: skip
+    for as_defaults in (True, False):
+        read = read_motion(tmp_path / f"{AIST}.pkl.npy", fps=30, scale=1.0, up="y", as_defaults=as_defaults)
+        assert (read.motion.fps, read.assumptions) == (30, ())
+
+
+def test_what_bare_joints_do_not_tell_is_assumed_aloud(tmp_path: Path):
+    path = saved(tmp_path / "d.npy", np.random.default_rng(1).normal(size=(5, 21, 3)))
+    assert [one.brief for one in read_motion(path, fps=30).assumptions] == [
+        "unit assumed: metres",
+        "axis assumed: y up",
+    ]
+    read = read_motion(path, fps=30, scale=0.5, up="y")
+    assert (read.assumptions, read.notes) == ((), ("0.5 m a unit (as passed)", "y up (as passed)"))
+
+
+def test_options_as_defaults_leave_alone_what_a_file_tells(tmp_path: Path):
+    np.savez(tmp_path / "own.npz", positions=moving_joints(), fps=50.0)
+    (tmp_path / "marks.json").write_text(json.dumps({"fps": 50, "frames": [[dict.fromkeys("xyz", 0.5)] * 33] * 4}))
+    z_up, way, expected = z_up_parameters()
+    np.savez(tmp_path / "walk.npz", poses=z_up, trans=way, mocap_framerate=50.0)
+    for name in ("own.npz", "marks.json", "walk.npz"):
+        default, passed = (read_motion(tmp_path / name, fps=30, as_defaults=one).motion.fps for one in (True, False))
+        assert (default, passed) == (50, 30)
+    np.testing.assert_allclose(
+        read_motion(tmp_path / "own.npz", up="z", as_defaults=True).motion.positions, moving_joints()
+    )
+    np.testing.assert_allclose(read_motion(tmp_path / "walk.npz", up="y", as_defaults=True).motion.positions, expected)
+    bare = saved(tmp_path / "bare.npy", to_z_up(moving_joints()))
+    np.testing.assert_allclose(read_motion(bare, fps=30, up="z", as_defaults=True).motion.positions, moving_joints())
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("centimetres", 100.0), ("millimetres", 1000.0)])
@@ -368,11 +549,28 @@ def test_units_and_axis_are_guessed_from_the_body_and_said(tmp_path: Path, unit:
         load_motion(saved(tmp_path / "d.npy", joints * 1e6), fps=60)
 
 
-def test_17_joints_in_space_are_told_from_points_in_a_picture(tmp_path: Path):
+def seventeen_joints() -> np.ndarray:
+    """(5, 17, 3) joints of COCO, metres, y up; most lie in the origin."""
     joints = np.zeros((5, 17, 3))
     for name, place in {"nose": (0, 1.6, 0.1), "left_hip": (0.1, 0.9, 0), "left_knee": (0.1, 0.5, 0)}.items():
         joints[:, COCO_17.joints.index(name)] = place
     joints[:, 0, 0] += np.arange(5) * 0.01
+    return joints
+
+
+def test_17_joints_are_read_from_json_and_pickles(tmp_path: Path):
+    joints = seventeen_joints()
+    (tmp_path / "d.json").write_text(json.dumps({"fps": 60, "positions": joints.reshape(5, 51).tolist()}))
+    pickled(tmp_path / "d.pkl", positions=joints)
+    pickled(tmp_path / f"{AIST}.pkl", keypoints3d=joints * 100)
+    for name, fps in (("d.json", None), ("d.pkl", 60), (f"{AIST}.pkl", None)):
+        motion = load_motion(tmp_path / name, fps=fps)
+        assert (motion.skeleton, motion.fps) == (COCO_17, 60)
+        np.testing.assert_allclose(motion.positions, joints)
+
+
+def test_17_joints_in_space_are_told_from_points_in_a_picture(tmp_path: Path):
+    joints = seventeen_joints()
     for shape in ((5, 17, 3), (5, 51)):
         motion = load_motion(saved(tmp_path / "d.npy", joints.reshape(shape)), fps=60)
         assert motion.skeleton == COCO_17
@@ -381,6 +579,45 @@ def test_17_joints_in_space_are_told_from_points_in_a_picture(tmp_path: Path):
         points = np.random.default_rng(1).uniform(0.1, 1, (5, 17, 3)) * size
         motion = load_motion(saved(tmp_path / "d.npy", points.reshape(5, 51)), fps=60)
         np.testing.assert_allclose(motion.positions, points[..., :2])
+
+
+def bailando_frames(folder: Path, joints: np.ndarray, key: str = "3d_pose") -> Path:
+    """A folder as Bailando writes it, one file a frame."""
+    folder.mkdir(parents=True)
+    for number, frame in enumerate(joints):
+        (folder / f"ep000010_frame{number:06d}_kps.json").write_text(json.dumps({key: frame.tolist()}))
+    return folder
+
+
+def test_frames_of_bailando_are_one_dance(tmp_path: Path):
+    folder = bailando_frames(tmp_path / "jsons_original" / "ep000010" / f"{AIST}.json", moving_joints())
+    with pytest.raises(MissingFrameRate, match=rf"{AIST}\.json: .*--fps 25 \(Bailando's settings make 60\)"):
+        load_motion(folder)
+    motion, kind, notes = read_motion(folder, fps=60)
+    assert (motion.skeleton, motion.fps, kind) == (SMPL_24, 60, "Bailando's frames, 24 joints of SMPL")
+    np.testing.assert_allclose(motion.positions, moving_joints(), atol=1e-12)
+    assert notes[0].startswith("metres (guessed")
+    (row,) = check(folder.parent)
+    assert (row.kind, row.frames, row.note) == ("motion", 12, f"3-D, {kind}")
+    songs = [Song("mBR0", Path("mBR0.wav"))]
+    assert [pair.song for pair in folder_pairs("bailando", folder.parent, songs).pairs] == ["mBR0"]
+
+
+def test_frames_of_bailando_that_hold_no_dance_are_refused_by_name(tmp_path: Path):
+    drawn = bailando_frames(tmp_path / "drawn", moving_joints(), key="people")
+    with pytest.raises(
+        ValueError, match=r"frame000000_kps\.json: has no 3d_pose; Bailando's drawings in jsons are not"
+    ):
+        load_motion(drawn, fps=60)
+    short = bailando_frames(tmp_path / "short", moving_joints()[:, :23])
+    with pytest.raises(ValueError, match=r"frame000000_kps\.json: 3d_pose must have shape \(24, 3\), got \(23, 3\)"):
+        load_motion(short, fps=60)
+    still = bailando_frames(tmp_path / "one", moving_joints()[:1])
+    with pytest.raises(ValueError, match=r"one: joints must have shape"):
+        load_motion(still, fps=60)
+    (still / "ep000010_frame000002_kps.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"one: frame 1 is missing between 0 and 2"):
+        load_motion(still, fps=60)
 
 
 def test_rotations_in_the_place_of_joints_are_noticed(tmp_path: Path):

@@ -592,6 +592,6 @@ def test_the_toy_is_judged_by_the_score_of_all(danced: Path):
 
 
 def test_the_toy_is_compared_as_all_dancers_are(danced: Path):
-    content = json.loads(command("compare", danced, "--window", 0, "--rotations", 20, "--json").stdout)
+    content = json.loads(command("compare", danced, "--window", 0, "--rotations", 20, "--jobs", 0, "--json").stdout)
     assert content["n_sequences"] == 8
     assert all(0 <= scores["auc"] <= 1 for scores in content["scores"].values())

@@ -26,8 +26,8 @@ class CheckedCommand(TyperCommand):
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
-        outputs = [one for one in self.params if one.name in OUTPUTS and one.param_type_name == "option"]
-        if outputs and self.name not in FOLDERS:
+        writes = any(one.name in OUTPUTS and one.param_type_name == "option" for one in self.params)
+        if writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params):
             self.params.append(_force_option())
 
     def invoke(self, ctx: Any) -> Any:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import webbrowser
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -14,6 +16,8 @@ import typer
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
+    from harmolab.io.files import PathLike
+    from harmolab.io.motion_file import MotionFile
     from harmolab.lab.listening.local_page import LocalPage
     from harmolab.params import HarmonyParams
     from harmolab.types import BeatTrack
@@ -84,8 +88,8 @@ Song = Annotated[
 _DANCE: Any = typer.Argument(
     metavar="DANCE",
     callback=lambda path: _not(SOUNDS, path),
-    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE), key points, or a Tang 2018 folder; to "
-    "explain and retime also a video.",
+    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE), key points, or a Tang "
+    "2018 folder; to explain and retime also a video.",
 )
 Dance = Annotated[Path, _DANCE]
 DanceOrNone = Annotated[Path | None, _DANCE]
@@ -123,8 +127,37 @@ Scale = Annotated[
 Joints = Annotated[
     str, typer.Option(help="Keep these joints only, as in: left_wrist,right_wrist (a camera that sees no legs).")
 ]
+Smpl = Annotated[
+    Path | None, typer.Option(help="Your own SMPL body, npz, for SMPL parameters (default: a neutral skeleton).")
+]
+
+
+class Axis(StrEnum):
+    """Axis of a motion file that points up."""
+
+    y = "y"
+    z = "z"
+
+
+Up = Annotated[Axis | None, typer.Option(help="Axis of a 3-D file that points up (default: as its kind or body says).")]
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Jobs = Annotated[
+    int | None,
+    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without `harmolab[cluster]`).", min=0),
+]
+Scheduler = Annotated[str, typer.Option(help="Address of a Dask scheduler.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Write into a folder that holds other files; begin anew what was cut off.")
+]
+
+
+def processes(jobs: int | None) -> int:
+    """The number of processes of `Jobs`."""
+    if jobs is None:
+        jobs = (os.cpu_count() or 1) if find_spec("distributed") and find_spec("pyarrow") else 0
+    return jobs
 
 
 def recommended(pattern: Path | None, dance: str) -> HarmonyParams:
@@ -147,6 +180,12 @@ def print_music(beats: BeatTrack) -> None:
     from harmolab.beats.meter import describe_beats
 
     typer.echo(f"music: {describe_beats(beats)}")
+
+
+def note_assumptions(path: PathLike, file: MotionFile) -> None:
+    """A line on what was guessed or assumed when a motion file was read; none where nothing was."""
+    if file.assumptions:
+        note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harmolab.cli.common import AsJson, check_out, left_out, names_in, plain_errors, progress, show
+from harmolab.cli.common import (
+    AsJson,
+    Force,
+    Jobs,
+    Resume,
+    Scheduler,
+    check_out,
+    left_out,
+    names_in,
+    plain_errors,
+    processes,
+    progress,
+    show,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,6 +53,13 @@ def compare(
     dances: Annotated[str, typer.Option(help="Only these dances, such as cha-cha,rumba.")] = "",
     rotations: Annotated[int, typer.Option(help="Null corpora behind each chance band.", min=20)] = 400,
     seed: Annotated[int, typer.Option(help="Seed of rotations and resampling.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder that keeps what is measured of each recording, for --resume.")
+    ] = None,
+    jobs: Jobs = None,
+    scheduler: Scheduler = "",
+    resume: Resume = False,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Which score tells true music from wrong?
@@ -50,13 +70,19 @@ def compare(
     score`; --json has them one by one.
 
     Example: `harmolab data synth demo --clips 70 && harmolab compare demo`
+
+    Example of a large corpus, called again after it was cut off: `harmolab compare demo --out rows --resume`
     """
     from harmolab.lab.compare.auc import compare as run
+    from harmolab.lab.compare.rows import Processes
 
     with plain_errors():
+        if resume and out is None:
+            raise ValueError("--resume goes on with the rows in a folder; name it by --out")
         result = run(
             corpus, dances=names_in(dances), window=window or None, null=null.value, fit_on=fit_on,
             beats=beats.value if beats else None, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
+            processes=Processes(processes(jobs), scheduler, out, resume, force),
         )  # fmt: skip
     if as_json:
         typer.echo(json.dumps(result.summary, indent=2))

@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Fps, Joints, Scale
-
-
-class Up(StrEnum):
-    """Axis of a file that points up."""
-
-    y = "y"
-    z = "z"
+from harmolab.cli.common import Fps, Joints, Scale, Smpl, Up
 
 
 def convert(
@@ -24,18 +16,17 @@ def convert(
         Path,
         typer.Argument(
             metavar="A",
-            help="The motion: SMPL parameters (AMASS npz, AIST++ or EDGE pkl, LODGE npy), joints (npy, json, pkl), "
-            "HumanML3D npy, c3d, bvh, npz, key points of a pose estimator, or a Tang 2018 folder.",
+            help="The motion: SMPL parameters (AMASS npz, AIST++ or EDGE pkl, FACT or LODGE npy), joints (npy, json, "
+            "pkl, Bailando's jsons_original), HumanML3D npy, c3d, bvh, npz, key points of a pose estimator, or a Tang "
+            "2018 folder.",
         ),
     ],
     out: Annotated[Path, typer.Argument(metavar="B", help="The file to write, npz or bvh.")],
     fps: Fps = None,
     scale: Scale = None,
     joints: Joints = "",
-    smpl: Annotated[
-        Path | None, typer.Option(help="Your own SMPL body, npz, for SMPL parameters (default: a neutral skeleton).")
-    ] = None,
-    up: Annotated[Up | None, typer.Option(help="Axis of A that points up (default: as its kind or body says).")] = None,
+    smpl: Smpl = None,
+    up: Up = None,
     force: Annotated[bool, typer.Option("--force", help="Write over B where it is there already.")] = False,
 ) -> None:
     """Turn a motion file of any kind into npz or BVH, in metres with y up, and say what it is and how it was read.
@@ -50,7 +41,7 @@ def convert(
         if out.exists() and not force:
             raise ValueError(f"{out}: is there already; --force writes over it")
         read = read_any_motion(
-            motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up.value if up else ""
+            motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or ""
         )
         about = f"converted from {motion.name}: {'; '.join((read.kind, *read.notes))}"
         save_motion(out, read.motion, offset=recorded_offset(motion), about=about)

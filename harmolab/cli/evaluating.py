@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harmolab.cli.common import Fps, Scale, check_pages, note, plain_errors, printable, progress, wrote
+from harmolab.cli.common import (
+    Force,
+    Fps,
+    Jobs,
+    Resume,
+    Scale,
+    Scheduler,
+    Smpl,
+    Up,
+    check_pages,
+    note,
+    plain_errors,
+    printable,
+    processes,
+    progress,
+    wrote,
+)
 
 if TYPE_CHECKING:
     from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
@@ -43,24 +58,23 @@ def evaluate(
     protocol: Annotated[str, typer.Option(help="Also the numbers of a published code: aist++, edge, bailando.")] = "",
     fps: Fps = None,
     scale: Scale = None,
+    smpl: Smpl = None,
+    up: Up = None,
     pose_net: Annotated[
         Path | None, typer.Option(help="Pose network of `harmolab train`, for FID (default: the shipped one).")
     ] = None,
     resamples: Annotated[int, typer.Option(help="Resamplings of the songs behind each interval.", min=100)] = 4000,
     seed: Annotated[int, typer.Option(help="Seed of the resampling.", min=0)] = 0,
-    jobs: Annotated[
-        int | None, typer.Option(help="Processes (default: one a core); 0 measures in this one.", min=0)
-    ] = None,
-    scheduler: Annotated[str, typer.Option(help="Address of a Dask scheduler.")] = "",
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")] = False,
-    force: Annotated[
-        bool, typer.Option("--force", help="Write into a folder that holds other files; begin anew what was cut off.")
-    ] = False,
+    jobs: Jobs = None,
+    scheduler: Scheduler = "",
+    resume: Resume = False,
+    force: Force = False,
 ) -> None:
     """A table of dances by the field's measures, with controls and intervals, that can be published.
 
     A dance goes with the song of its name (`mBR0.npz` and `mBR0.wav`), or with the song whose name is a word of its
-    own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed.
+    own (`run3_mBR0_take1.npz`, `gBR_sBM_cAll_d04_mBR0_ch01.pkl`). What goes with nothing is listed. Motions are of
+    every kind that `harmolab convert` reads; --fps, --smpl and --up count for files that leave these open.
 
     Recorded dances, the same with another song, and a pose that is held are always rows. A system has a rank only where
     it differs from another one beyond luck, song by song.
@@ -69,6 +83,10 @@ def evaluate(
 
     Example: `harmolab evaluate --system ours=runs/ours --system theirs=runs/theirs --music songs --reference recorded
     --out table`
+
+    AIST++ as it is: `harmolab evaluate generated --music songs --reference motions --out table`, where `songs` holds
+    `mBR0.wav` and so on, and `motions` the pickles of AIST++, `gBR_sBM_cAll_d04_mBR0_ch01.pkl` and so on, at 60 frames
+    a second; `generated` has the same names, or `mBR0.pkl`.
 
     Example of a corpus that is there at once: `harmolab data synth demo --clips 14 --seconds 20 && harmolab evaluate
     demo --music demo --reference demo --out table`
@@ -79,12 +97,12 @@ def evaluate(
         check_pages("--out")
         settings = _settings(
             generated, system or [], music=music, reference=reference, pairs=pairs, protocol=protocol, fps=fps,
-            scale=scale, pose_net=pose_net, resamples=resamples, seed=seed,
+            scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
         )  # fmt: skip
         evaluation = evaluate_dances(
             settings,
             out,
-            jobs=(os.cpu_count() or 1) if jobs is None else jobs,
+            jobs=processes(jobs),
             scheduler=scheduler,
             resume=resume,
             force=force,

@@ -11,9 +11,9 @@ import typer
 from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.checks import is_told
-from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Song
+from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Smpl, Song, Up
 
-FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints")
+FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 
 
 def explain(
@@ -38,6 +38,8 @@ def explain(
     fps: Fps = None,
     scale: Scale = None,
     joints: Joints = "",
+    smpl: Smpl = None,
+    up: Up = None,
     instrument: Annotated[
         Literal["piano", "violin"] | None,
         typer.Option(
@@ -76,8 +78,9 @@ def explain(
             common.check_out(out, "the page", common.PAGES)
         params = common.recommended(pattern, dance)
         performance = load_performance(
-            motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, progress=common.progress
-        )
+            motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
+            report=common.note_assumptions, progress=common.progress,
+        )  # fmt: skip
         with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
             result = explain_performance(
                 song,

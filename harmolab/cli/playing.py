@@ -4,12 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Seconds, Song, Start
+from harmolab.cli.common import (
+    Beats,
+    Dance,
+    DanceName,
+    Fps,
+    Offset,
+    One,
+    PatternFile,
+    Scale,
+    Seconds,
+    Smpl,
+    Song,
+    Start,
+    Up,
+)
 
 
 def play(
@@ -30,6 +44,8 @@ def play(
     pattern: PatternFile = None,
     fps: Fps = None,
     scale: Scale = None,
+    smpl: Smpl = None,
+    up: Up = None,
 ) -> None:
     """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
 
@@ -45,14 +61,17 @@ def play(
     with common.plain_errors():
         common.check_out(out, "the player", common.PAGES)
         params = common.recommended(pattern, dance)
+        reading: dict[str, Any] = {
+            "fps": fps, "scale": scale, "smpl": smpl, "up": up or "", "report": common.note_assumptions
+        }  # fmt: skip
         with common.finding_beats():
             clip = load_clip(
-                song, motion, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
+                song, motion, offset=offset, dance=dance, beats=beats, one=one, sample_rate=None, **reading
             )
         clips = [clip]
         if other is not None:
             begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
-            movement, name = load_any_motion(other, fps=fps, scale=scale), other.stem or other.name
+            movement, name = load_any_motion(other, **reading), other.stem or other.name
             clips.append(replace(clip, name=name, motion=movement, offset=begins))
         title = f"{clip.name} to {song.name}"
         player_of(clips, start=start, seconds=seconds, title=title, params=params).save(out)

@@ -19,7 +19,9 @@ from harmolab.cli.common import (
     PatternFile,
     Scale,
     Seconds,
+    Smpl,
     Song,
+    Up,
     show,
 )
 
@@ -49,6 +51,8 @@ def render(
     fps: Fps = None,
     scale: Scale = None,
     joints: Joints = "",
+    smpl: Smpl = None,
+    up: Up = None,
 ) -> None:
     """Write a video of a motion with its music: a stick figure on a floor, or a skeleton over the dancer's own video.
 
@@ -70,11 +74,12 @@ def render(
     with common.plain_errors():
         common.check_out(out, "a video", common.VIDEOS_OUT)
         params = common.recommended(pattern, dance)
-        movement = load_points(motion, fps=fps, joints=names) if over else motion
+        report = common.note_assumptions
+        movement = load_points(motion, fps=fps, joints=names, report=report) if over else motion
         with common.finding_beats():
             clip = load_clip(
                 song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, track=marks, fps=fps,
-                scale=scale, joints=names, sample_rate=None,
+                scale=scale, joints=names, smpl=smpl, up=up or "", sample_rate=None, report=report,
             )  # fmt: skip
         write_dance(
             out, clip, over=over, marks=marks, rate=rate, height=height, params=params, progress=common.progress

@@ -23,7 +23,9 @@ from harmolab.cli.common import (
     PatternFile,
     Scale,
     Seconds,
+    Smpl,
     Song,
+    Up,
     show,
 )
 
@@ -69,6 +71,8 @@ def score(
     one: One = None,
     pattern: PatternFile = None,
     joints: Joints = "",
+    smpl: Smpl = None,
+    up: Up = None,
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
     clock: Annotated[float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.")] = 1.0,
     as_json: common.AsJson = False,
@@ -113,7 +117,7 @@ def score(
         with common.finding_beats():
             clip = load_clip(
                 song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps, scale=scale,
-                joints=names,
+                joints=names, smpl=smpl, up=up or "", report=common.note_assumptions,
             )  # fmt: skip
         music, movement = music_and_motion(clip, clock=clock)
         scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}

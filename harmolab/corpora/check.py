@@ -20,6 +20,7 @@ from harmolab.corpora.performances import find_performances, load_performance
 from harmolab.io.audio import audio_info, load_audio
 from harmolab.io.beats import load_annotation
 from harmolab.io.files import MissingFrameRate, PathLike
+from harmolab.io.keypoints import FRAME_ENDS
 from harmolab.io.player_points import BODY, SIDES, hand_joints
 from harmolab.types import Audio, Motion
 
@@ -119,14 +120,14 @@ def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
 
 
 def _loose(root: Path, recordings: set[Path]) -> list[Path]:
-    """Files that can be read below `root`, outside of the folders of recordings, and folders of OpenPose files."""
+    """Files that can be read below `root`, outside of the folders of recordings, and folders of frames."""
     loose: list[Path] = []
     for name, below, files in os.walk(root):
         folder = Path(name)
         below[:] = sorted(child for child in below if not child.startswith("."))
         if folder in recordings:
             continue
-        if any(file.endswith("_keypoints.json") for file in files):
+        if any(file.endswith(FRAME_ENDS) for file in files):
             loose.append(folder)
         loose += [folder / file for file in sorted(files) if file in _JSON or Path(file).suffix.lower() in _KNOWN]
         if len(loose) > _MAX_FILES:
@@ -135,8 +136,8 @@ def _loose(root: Path, recordings: set[Path]) -> list[Path]:
 
 
 def _file(path: Path) -> FileSummary:
-    """The row of one file, or of a folder of OpenPose files."""
-    suffix = path.suffix.lower()
+    """The row of one file, or of a folder of frames."""
+    suffix = "" if path.is_dir() else path.suffix.lower()
     if suffix in _SOUND:
         return _sound(path)
     if path.name == "config.json":

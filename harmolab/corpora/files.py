@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -11,7 +11,15 @@ from pathlib import Path
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import with_one
 from harmolab.corpora import folders
-from harmolab.corpora.folders import Problem, find_recordings, iter_recordings, load_any_motion, recorded_offset
+from harmolab.corpora.folders import (
+    Problem,
+    ReadingReport,
+    RecordingFolders,
+    find_recordings,
+    iter_recordings,
+    load_any_motion,
+    recorded_offset,
+)
 from harmolab.harmony import score_clip
 from harmolab.io.audio import resampled
 from harmolab.io.beats import load_annotation
@@ -73,7 +81,10 @@ def load_clip(
     fps: float | None = None,
     scale: float | None = None,
     joints: tuple[str, ...] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
     sample_rate: float | None = TRACKED_AT,
+    report: ReadingReport = lambda path, file: None,
 ) -> Clip:
     """A song and a motion as a clip with its music beats, read or tracked once.
 
@@ -87,10 +98,11 @@ def load_clip(
     beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
     one : float, seconds, audio time of any beat on which a bar begins; the dance tells how long the bars are
     track : bool; False leaves the clip without beats where none are annotated
-    fps, scale, joints : as in `load_motion`, for a motion that is read
+    fps, scale, joints, smpl, up : as in `load_motion`, for a motion that is read
     sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
         The beats are the same at every rate. A sound file is decoded once; a video's sound twice unless the rate is
         22,050 Hz, since another resampler brings it there.
+    report : function(path, MotionFile), called with how a motion file was read
 
     Raises
     ------
@@ -104,7 +116,11 @@ def load_clip(
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
     if offset is None:
         offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
-    movement = motion if isinstance(motion, Motion) else load_any_motion(motion, fps=fps, scale=scale, joints=joints)
+    movement = (
+        motion
+        if isinstance(motion, Motion)
+        else load_any_motion(motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report)
+    )
     if seconds is not None:
         movement = movement.span(0.0, seconds)
     audio = load_sound(song, sample_rate=sample_rate)
@@ -177,15 +193,28 @@ def corpus_recordings(
     if not isinstance(corpus, str | os.PathLike):
         yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
         return
-    if not find_recordings(corpus).folders:
-        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    recording_folders(corpus)
     names = set()
     for item in progress(iter_recordings(corpus), Path(corpus).name):
         if isinstance(item, Problem):
             report(item)
         else:
-            names.add(item.clip.dance or "unknown")
+            names.add(item.clip.dance)
             if not dances or item.clip.dance in dances:
                 yield item
+    check_dances(corpus, dances, names)
+
+
+def recording_folders(corpus: PathLike) -> RecordingFolders:
+    """The folders of recordings at or below a folder; ValueError without one, else errors as `find_recordings`."""
+    complete = find_recordings(corpus)
+    if not complete.folders:
+        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    return complete
+
+
+def check_dances(corpus: PathLike, dances: Sequence[str], names: Set[str]) -> None:
+    """ValueError where dances are asked for, and none of them is among the names of a corpus's dances."""
     if dances and names.isdisjoint(dances):
-        raise ValueError(f"{corpus}: holds no {' or '.join(dances)}; its dances: {', '.join(sorted(names)) or 'none'}")
+        others = ", ".join(sorted(name or "unknown" for name in names)) or "none"
+        raise ValueError(f"{corpus}: holds no {' or '.join(dances)}; its dances: {others}")

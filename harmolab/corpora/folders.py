@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +29,7 @@ from harmolab.io.motion import load_motion, load_offset, motion_part, read_motio
 from harmolab.io.motion_file import MotionFile
 from harmolab.types import BeatTrack, Clip, Motion
 
+ReadingReport = Callable[[PathLike, MotionFile], object]  # called with a file's path and how it was read
 _MAX_DEPTH = 4
 _PARTS = ("skeletons.json", "config.json", "motion.npz")
 
@@ -229,18 +230,31 @@ def recorded_offset(path: PathLike) -> float | None:
 
 
 def load_any_motion(
-    path: PathLike, *, fps: float | None = None, scale: float | None = None, joints: tuple[str, ...] | None = None
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    scale: float | None = None,
+    joints: tuple[str, ...] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
+    report: ReadingReport = lambda path, file: None,
 ) -> Motion:
     """The motion in any file that `load_motion` reads, in a recording's folder, or in a skeletons.json.
 
-    Parameters are those of `load_motion`; `fps` and `scale` are for the files that it reads.
+    Parameters
+    ----------
+    path : str or path
+    fps, scale, joints, smpl, up : as in `load_motion`, for the files that it reads
+    report : function(path, MotionFile), called with how the file was read
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file.
     """
-    return read_any_motion(path, fps=fps, scale=scale, joints=joints).motion
+    file = read_any_motion(path, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up)
+    report(path, file)
+    return file.motion
 
 
 def read_any_motion(
@@ -251,6 +265,7 @@ def read_any_motion(
     joints: tuple[str, ...] | None = None,
     smpl: PathLike | None = None,
     up: str = "",
+    as_defaults: bool = False,
 ) -> MotionFile:
     """As `load_any_motion`, with the kind of the file and notes on how it was read; parameters of `read_motion`."""
     path = Path(path)
@@ -258,7 +273,7 @@ def read_any_motion(
         path = path / "skeletons.json"
     if path.name.endswith("skeletons.json"):
         return MotionFile(motion_part(tang2018.load_skeletons(path), joints, path), "skeletons of Tang et al.")
-    return read_motion(path, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up)
+    return read_motion(path, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, as_defaults=as_defaults)
 
 
 def recording_beats(recording: Recording, beats: str) -> BeatTrack:

@@ -15,8 +15,14 @@ from harmolab.io.humanml import WIDTH, humanml_motion
 from harmolab.io.joint_arrays import is_joints, joint_motion, positions_in
 from harmolab.io.keypoints import content_motion, keypoints_motion
 from harmolab.io.layouts import is_landmarks, json_or_lines, named_skeleton
-from harmolab.io.motion_file import MotionFile, ReadingOptions, as_read
+from harmolab.io.motion_file import Assumption, MotionFile, ReadingOptions, as_read
 from harmolab.io.smpl_files import VECTORS, is_parameters, parameter_motion, vector_motion
+
+_NAMED = Assumption(
+    f"{AIST_FPS:g} frames a second (assumed: it is named as AIST++'s recordings are; --fps overrules it)",
+    f"{AIST_FPS:g} frames a second assumed by the name",
+)
+_METRES = Assumption("metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres")
 
 
 def load_pickle(path: PathLike, options: ReadingOptions) -> MotionFile:
@@ -33,7 +39,19 @@ def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions
         scale = 0.01 if options.scale is None else options.scale
         motion = aist_motion(content, options.rate(AIST_FPS), scale)
         return as_read(motion, "AIST++ key points", options, f"{scale:g} m a unit, {motion.fps:g} frames a second")
-    return joint_motion(values, options, AIST_FPS if is_aist_name(file) else None)
+    return _joint_motion(values, file, options)
+
+
+def _joint_motion(values: Any, file: Path, options: ReadingOptions, own_fps: float | None = None) -> MotionFile:
+    """Joints in space at the rate that their file tells, else at that of its name."""
+    rate, notes = (own_fps, ()) if own_fps is not None else _named_rate(file, options)
+    read = joint_motion(values, options, rate)
+    return read._replace(notes=(*read.notes, *notes))
+
+
+def _named_rate(file: Path, options: ReadingOptions) -> tuple[float | None, tuple[Assumption, ...]]:
+    """The rate of a file by its name, unless one is passed, and the note on it."""
+    return (AIST_FPS, (_NAMED,)) if options.fps is None and is_aist_name(file) else (None, ())
 
 
 def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
@@ -41,10 +59,11 @@ def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
     with reading(path, "key points", max_bytes=MAX_JSON_BYTES) as file:
         content = json_or_lines(file)
         values = None if is_landmarks(content) else positions_in(content)
-        if values is None:
-            return as_read(content_motion(content, fps=options.fps, joints=options.joints), "key points", options)
         own = content.get("fps") if isinstance(content, dict) else None
-        return joint_motion(values, options, AIST_FPS if own is None and is_aist_name(file) else own)
+        if values is None:
+            rate = own if options.as_defaults and own is not None else options.fps
+            return as_read(content_motion(content, fps=rate, joints=options.joints), "key points", options)
+        return _joint_motion(values, file, options, own)
 
 
 def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
@@ -59,13 +78,16 @@ def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
             return humanml_motion(values, options)
         if width in VECTORS:
             return vector_motion(values, options)
-        rate = options.rate(AIST_FPS if is_aist_name(file) else None)
         if is_joints(values.shape) and not _has_confidence(values):
-            return joint_motion(values, options, rate)
+            return _joint_motion(values, file, options)
+        named, notes = _named_rate(file, options)
+        rate = options.rate(named)
         if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
-            return as_read(keypoints_motion(values, rate, joints=options.joints), "key points", options)
+            return as_read(keypoints_motion(values, rate, joints=options.joints), "key points", options, *notes)
+        unit = _METRES if options.scale is None else f"{options.scale:g} m a unit (as passed)"
         places = in_metres(values, 1.0 if options.scale is None else options.scale)
-        return as_read(checked_motion(places, rate, named_skeleton(values.shape[1])), "joints", options)
+        motion = checked_motion(places, rate, named_skeleton(values.shape[1]))
+        return as_read(motion, "joints", options, unit, *notes, is_open=True)
 
 
 def _has_confidence(values: NDArray[Any]) -> bool:

@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from harmolab.io.arrays import checked_motion, in_metres
 from harmolab.io.files import PathLike, read_text, reading
-from harmolab.io.motion_file import MotionFile, ReadingOptions, as_read
+from harmolab.io.motion_file import Assumption, MotionFile, ReadingOptions, as_read
 from harmolab.skeletons import ancestors
 from harmolab.types import FloatArray, Motion, Skeleton
 
@@ -75,14 +75,19 @@ def read_bvh(path: PathLike, options: ReadingOptions) -> MotionFile:
         if len(values) * len(joints) > _MAX_PLACES:
             raise ValueError(f"has {len(values)} frames of {len(joints)} joints; cut it into parts")
         factor = _guessed_scale(joints) if options.scale is None else options.scale
-        reason = f"guessed: its rest skeleton {'is' if factor < 1 else 'is not'} larger than {_LARGEST_METRES:g} units"
-        unit = f"{factor:g} m a unit ({reason if options.scale is None else 'as passed'})"
+        unit = f"{factor:g} m a unit (as passed)"
+        if options.scale is None:
+            size = f"{'is' if factor < 1 else 'is not'} larger than {_LARGEST_METRES:g} units"
+            unit = Assumption(
+                f"{factor:g} m a unit (guessed: its rest skeleton {size}; --scale overrules it)",
+                f"unit guessed: {factor:g} m",
+            )
         skeleton = Skeleton(tuple(joint.name for joint in joints), tuple(joint.parent for joint in joints))
         # Angles and offsets out of all bounds end as infinity, which is refused by frame and joint.
         with np.errstate(over="ignore", invalid="ignore"):
             positions = _positions(joints, values)
         motion = checked_motion(in_metres(positions, factor), options.rate(rate), skeleton)
-        return as_read(motion, "BVH", options, unit)
+        return as_read(motion, "BVH", options, unit, is_open=True)
 
 
 def _hierarchy(words: list[str]) -> list[_Joint]:

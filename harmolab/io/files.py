@@ -90,7 +90,9 @@ def reading(path: PathLike, what: str, *, max_bytes: int | None = MAX_BYTES) -> 
     try:
         _check_file(Path(path), max_bytes)
         yield Path(path)
-    except FileNotFoundError:
+    except FileNotFoundError as error:
+        if error.errno is None:  # of another file that the block read, which it names
+            raise
         raise FileNotFoundError(f"{path}: no such file") from None
     except MemoryError as error:
         raise ValueError(f"{path}: needs more memory than this machine has; read a part of it") from error

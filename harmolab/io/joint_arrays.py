@@ -2,18 +2,24 @@
 
 Bailando writes 24 joints under ``pred_position``, in an array file that holds a pickled dictionary, and its training
 data as JSON with ``dance_array``; AIST++ has 17 joints. None of them tells its unit or the axis that points up.
+
+Bailando's folders of JSON files, one a frame: those of ``jsons_original`` hold joints in space under ``3d_pose`` and
+are read. Those of ``jsons`` are drawings, in OpenPose's layout but upside down and with left and right exchanged; they
+are refused, since the same dances lie in ``pkl``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harmolab.io.arrays import checked_motion, in_metres
+from harmolab.io.arrays import checked_motion, in_metres, number_array
+from harmolab.io.files import MAX_TEXT_BYTES, MissingFrameRate, read_json, reading
 from harmolab.io.layouts import COCO_17, MAX_FRAMES
-from harmolab.io.motion_file import MotionFile, ReadingOptions, guessed_up, metre_factor
+from harmolab.io.motion_file import Assumption, MotionFile, ReadingOptions, guessed_up, metre_factor
 from harmolab.io.smpl import SMPL_22, SMPL_24
 from harmolab.types import FloatArray, Skeleton
 
@@ -21,6 +27,7 @@ SKELETONS = {len(skeleton.joints): skeleton for skeleton in (COCO_17, SMPL_22, S
 KEYS = ("pred_position", "dance_array", "keypoints3d_optim", "keypoints3d", "positions")
 # Standard deviation over mean of a thigh's length, above which these are no joints: rotations have the same shape.
 _STRETCH = 0.5
+_FRAME_KEY = "3d_pose"
 
 
 def positions_in(content: Any) -> Any:
@@ -75,12 +82,43 @@ def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = N
     return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up))
 
 
+def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -> MotionFile:
+    """The motion of Bailando's files of a frame, in their order.
+
+    Raises
+    ------
+    MissingFrameRate, ValueError
+        As `joint_motion`, or a file holds no joints in space; names the folder, or the file.
+    """
+    if len(files) > MAX_FRAMES:
+        raise ValueError(f"{folder}: has {len(files)} frames, more than the {MAX_FRAMES} allowed; cut it into parts")
+    if options.fps is None:
+        raise MissingFrameRate(
+            f"{folder}: holds no frame rate; pass fps, such as --fps 25 (Bailando's settings make 60)"
+        )
+    frames = []
+    for path in files:
+        with reading(path, "a frame of Bailando", max_bytes=MAX_TEXT_BYTES) as file:
+            content = read_json(file)
+            if not isinstance(content, dict) or _FRAME_KEY not in content:
+                raise ValueError(
+                    f"has no {_FRAME_KEY}; Bailando's drawings in jsons are not read: name the array of this dance in "
+                    "its folder pkl, or its folder in jsons_original"
+                )
+            frames.append(number_array(content[_FRAME_KEY], _FRAME_KEY, (len(SMPL_24.joints), 3)))
+    try:
+        return joint_motion(np.stack(frames), options, kind="Bailando's frames, 24 joints of SMPL")
+    except ValueError as error:
+        raise ValueError(f"{folder}: {error}") from None
+
+
 def _upright(places: FloatArray, skeleton: Skeleton, options: ReadingOptions) -> tuple[FloatArray, str]:
-    """Places with y up and a sentence; y where the body does not tell, as in our own files."""
+    """Places with y up and a sentence; y where the body does not tell, as in files of our own."""
     try:
         return guessed_up(places, skeleton.joints, options)
     except ValueError:
-        return places, "y up (as in our own files: the body lies, or turns over; --up overrules it)"
+        reason = "assumed: the body lies, or turns over, and does not tell; --up overrules it"
+        return places, Assumption(f"y up ({reason})", "axis assumed: y up")
 
 
 def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:

@@ -30,6 +30,8 @@ from harmolab.types import BoolArray, FloatArray, Motion, Skeleton
 SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
 _PERSON_BYTES = 64 * 2**20
 _LANDMARKS = len(MEDIAPIPE_33.joints)
+BAILANDO_END = "_kps.json"
+FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one frame
 
 
 def load_keypoints(

@@ -31,7 +31,7 @@ Other formats
     joints get the names of COCO or OpenPose, and pixels with a confidence behind them are read as such. AIST++ file
     names bring their 60 fps. (T, 33, 4) is read as MediaPipe landmarks. See `harmolab.io.keypoints`. 17, 22 and 24
     joints in space, also flat, and Bailando's dictionaries: `harmolab.io.joint_arrays`. HumanML3D's 263 numbers a
-    frame: `harmolab.io.humanml`. LODGE's and FineDance's vectors: `harmolab.io.smpl_files`.
+    frame: `harmolab.io.humanml`. FACT's, LODGE's and FineDance's vectors: `harmolab.io.smpl_files`.
 ``.json``, ``.jsonl``
     MediaPipe's landmarks or COCO-17 key points of a whole video, as AlphaPose, Detectron2, MMPose, OpenPifPaf,
     Ultralytics and ViTPose write them (`harmolab.io.layouts`); joints in space. The content tells which.
@@ -43,7 +43,8 @@ Other formats
 ``.c3d``
     markers; `harmolab.io.c3d`.
 a folder
-    OpenPose's JSON files, one a frame; `harmolab.io.keypoints`.
+    JSON files, one a frame: OpenPose's (`harmolab.io.keypoints`), or Bailando's ``jsons_original``
+    (`harmolab.io.joint_arrays`).
 
 `read_motion` says beside the motion of which kind a file is and how it was read.
 """
@@ -64,7 +65,8 @@ from harmolab.io.bvh import read_bvh
 from harmolab.io.bvh_writer import save_bvh
 from harmolab.io.c3d import load_c3d
 from harmolab.io.files import WRITTEN_BY, PathLike, atomic_write, reading
-from harmolab.io.keypoints import load_keypoints
+from harmolab.io.joint_arrays import frame_motion
+from harmolab.io.keypoints import BAILANDO_END, frame_files, load_keypoints
 from harmolab.io.motion_file import MotionFile, ReadingOptions, as_read
 from harmolab.io.smpl_files import MEMBERS, is_parameters, parameter_motion
 from harmolab.io.video import is_video
@@ -126,9 +128,13 @@ def read_motion(
     joints: Sequence[str] | None = None,
     smpl: PathLike | None = None,
     up: str = "",
+    as_defaults: bool = False,
 ) -> MotionFile:
-    """As `load_motion`, with the kind of the file and notes on how it was read: units, axes, body, rate."""
-    file = _load(Path(path), ReadingOptions(fps, scale, joints, smpl, up))
+    """As `load_motion`, with the kind of the file and notes on how it was read: units, axes, body, rate.
+
+    With `as_defaults`, `fps`, `smpl` and `up` count only where the file leaves them open.
+    """
+    file = _load(Path(path), ReadingOptions(fps, scale, joints, smpl, up, as_defaults))
     return file._replace(motion=motion_part(file.motion, joints, path))
 
 
@@ -163,7 +169,9 @@ def _load(path: Path, options: ReadingOptions) -> MotionFile:
 
 
 def _load_folder(folder: Path, options: ReadingOptions) -> MotionFile:
-    """A folder of OpenPose's."""
+    """A folder of OpenPose's, or of Bailando's joints in space."""
+    if (files := frame_files(folder))[0].name.endswith(BAILANDO_END):
+        return frame_motion(folder, files, options)
     motion = load_keypoints(folder, fps=options.fps, joints=options.joints)
     try:
         return as_read(motion, "OpenPose key points", options)
@@ -181,16 +189,17 @@ def _load_npz(path: PathLike, options: ReadingOptions) -> MotionFile:
         for name in ("positions", "fps"):
             if name not in arrays:
                 raise ValueError(f"has no array {name!r}; our .npz needs positions and fps, see harmolab.io.motion")
-        positions, rate = arrays["positions"], arrays["fps"] if options.fps is None else np.asarray(options.fps)
+        positions, own_rate = arrays["positions"], arrays["fps"]
         units = str(arrays["units"]) if "units" in arrays else "m"
-        if rate.size != 1:
-            raise ValueError(f"fps must be one number, got shape {rate.shape}")
+        if own_rate.size != 1:
+            raise ValueError(f"fps must be one number, got shape {own_rate.shape}")
+        rate = options.rate(own_rate.item())
         if positions.ndim == 3 and positions.shape[2] == 3:
             if options.scale is None and units != "m":
                 raise ValueError(f"has positions in {units[:20]!r}; pass scale, the metres in one of them")
             positions = positions if options.scale is None else in_metres(positions, options.scale)
         _offset(arrays)
-        return as_read(checked_motion(positions, rate.item(), _skeleton(arrays), arrays.get("valid")), "npz", options)
+        return as_read(checked_motion(positions, rate, _skeleton(arrays), arrays.get("valid")), "npz", options)
 
 
 def load_offset(path: PathLike) -> float | None:

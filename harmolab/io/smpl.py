@@ -7,6 +7,7 @@ not part of this package: without a file of the user's own, joints lie on a skel
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from harmolab.io.arrays import read_npz
 from harmolab.io.files import PathLike, reading
 from harmolab.io.layouts import MAX_FRAMES
-from harmolab.rotations import Body, forward_kinematics
+from harmolab.io.motion_file import Assumption
+from harmolab.rotations import Body, alignment, forward_kinematics
 from harmolab.skeletons import skeleton_part
 from harmolab.types import FloatArray, Skeleton
 
@@ -38,10 +40,16 @@ _ROOTS = (-1, 2**32 - 1)  # SMPL's files write the root's parent, -1, into unsig
 _MOST_RADIANS = 100.0
 _HEIGHTS = (0.5, 3.0)  # metres that a body at rest may extend over
 _BLOCK = 4096  # frames whose rotations are in memory at once
+_LARGEST_FAULT = 0.5  # distance of a matrix from its nearest rotation (Frobenius), median, above which it is none
+BODIES_KEPT = 4  # files of bodies whose joints a process keeps
 
 _MIDDLE = ((0, 0, 0), (0, 0.11, -0.01), (0, 0.13, 0), (0, 0.06, 0.01), (0, 0.21, -0.01), (0, 0.10, 0.03))
 _LEG = ((0.085, -0.07, 0), (0, -0.417, 0), (0, -0.418, -0.02), (0, -0.055, 0.13))
 _ARM = ((0.06, 0.10, -0.01), (0.13, 0.02, 0), (0.316, 0, 0), (0.248, 0, 0), (0.09, 0, 0))
+_NEUTRAL = Assumption(
+    "joints of harmolab's neutral skeleton, an average adult that is not SMPL's; --smpl FILE takes your own body",
+    "joints of harmolab's neutral skeleton, not SMPL's",
+)
 
 
 class SmplBody(NamedTuple):
@@ -64,17 +72,29 @@ def neutral_body() -> SmplBody:
     for limb, joints in ((_LEG, (1, 4, 7, 10)), (_ARM, (13, 16, 18, 20, 22))):
         offsets[list(joints)] = limb
         offsets[[joint + 1 for joint in joints]] = np.array(limb) * [-1, 1, 1]
-    note = "joints of harmolab's neutral skeleton, an average adult that is not SMPL's; --smpl FILE takes your own body"
-    return SmplBody(Body(SMPL_24, offsets), np.zeros(3), note)
+    return SmplBody(Body(SMPL_24, offsets), np.zeros(3), _NEUTRAL)
 
 
-def load_body(path: PathLike) -> SmplBody:
-    """The mean body of the user's own SMPL, SMPL-H or SMPL-X file; of the latter two, 22 joints without hands.
+class RestJoints(NamedTuple):
+    """Joints at rest of an SMPL file, metres: (J, 3) of its mean body, and by how much each of S numbers of a shape
+    moves them, (J, 3, S); S is 0 where the file does not tell.
+    """
+
+    mean: FloatArray
+    by_shape: FloatArray
+
+
+def load_body(path: PathLike, betas: FloatArray | None = None) -> SmplBody:
+    """The body of the user's own SMPL, SMPL-H or SMPL-X file; of the latter two, 22 joints without hands.
 
     Parameters
     ----------
     path : str or path of an `.npz`
         ``kintree_table`` (2, J), and the joints ``J`` (J, 3), or ``J_regressor`` (J, V) and ``v_template`` (V, 3).
+    betas : (S,) array, the shape of a body; None for the mean one
+        It moves the joints at rest by ``J_regressor @ shapedirs @ betas``, with ``shapedirs`` (V, 3, at least S) of the
+        file (Loper et al. 2015, Eqs. 8 and 10); numbers that the file has no directions for are left out. Betas belong
+        to the model of a gender: name the file of the same.
 
     Raises
     ------
@@ -86,26 +106,67 @@ def load_body(path: PathLike) -> SmplBody:
             raise ValueError(
                 "is no .npz; SMPL's pickles run code when they are read. Where you trust yours and chumpy is "
                 "installed, convert it once: m = pickle.load(open(name, 'rb'), encoding='latin1'); "
-                "numpy.savez('smpl.npz', J=numpy.array(m['J']), kintree_table=m['kintree_table'])"
+                "numpy.savez('smpl.npz', J_regressor=m['J_regressor'].toarray(), kintree_table=m['kintree_table'], "
+                "**{name: numpy.array(m[name]) for name in ('v_template', 'shapedirs')})"
             )
-        members = ("J", "J_regressor", "v_template", "kintree_table")
-        arrays = read_npz(file, dict.fromkeys(members, "fiu"))
-        joints = _rest_joints(arrays)
-        count = len(joints) if len(joints) == len(SMPL_24.joints) else SHARED
-        skeleton = skeleton_part(SMPL_24, range(count))
-        tree = arrays.get("kintree_table", np.zeros((0, 0)))
-        if tree.ndim != 2 or len(tree) != 2 or tree.shape[1] != len(joints) or tree[0, 0] not in _ROOTS:
-            raise ValueError(f"kintree_table must be (2, {len(joints)}) with a root first, got shape {tree.shape}")
-        if tuple(tree[0, 1:count].tolist()) != skeleton.parents[1:]:
-            raise ValueError("has another tree of joints than SMPL")
-        parents = np.array((0, *skeleton.parents[1:]))
-        offsets = joints[:count] - joints[parents]
-        note = f"joints of the mean body in {file.name}; betas are left out"
-        return SmplBody(Body(skeleton, offsets), joints[0], note)
+        rest = _rest_joints(file, file.stat().st_mtime_ns)
+        joints, note = _shaped(rest, betas, file.name)
+    count = len(joints) if len(joints) == len(SMPL_24.joints) else SHARED
+    skeleton = skeleton_part(SMPL_24, range(count))
+    offsets = joints[:count] - joints[[0, *skeleton.parents[1:]]]
+    return SmplBody(Body(skeleton, offsets), joints[0], note)
 
 
-def _rest_joints(arrays: dict[str, NDArray[Any]]) -> FloatArray:
-    """(J, 3) joints at rest, metres, of the arrays in a body's file."""
+def _shaped(rest: RestJoints, betas: FloatArray | None, name: str) -> tuple[FloatArray, str]:
+    """Joints at rest (J, 3) of a body with these betas, and a sentence on it; `name` is that of the SMPL file."""
+    if betas is None or not betas.any():
+        return rest.mean, f"joints of the mean body in {name}"
+    count = min(len(betas), rest.by_shape.shape[2])
+    if not count:
+        reason = "betas are left out, since it has no J_regressor with shapedirs"
+        return rest.mean, Assumption(f"joints of the mean body in {name}; {reason}", "betas left out")
+    with np.errstate(over="ignore", invalid="ignore"):
+        joints = rest.mean + rest.by_shape[:, :, :count] @ betas[:count]
+    if not _is_body(joints):
+        raise ValueError(f"is made no body in metres by betas up to {np.abs(betas).max():.3g}")
+    return joints, f"joints of the body in {name} shaped by {count} of {len(betas)} betas"
+
+
+@lru_cache(maxsize=BODIES_KEPT)
+def _rest_joints(file: Path, _: int) -> RestJoints:
+    """The joints at rest of an SMPL file; the second argument, its time of change, keeps them up to date.
+
+    ValueError for another tree than SMPL's, or arrays that do not fit.
+    """
+    members = ("J", "J_regressor", "v_template", "shapedirs", "kintree_table")
+    arrays = read_npz(file, dict.fromkeys(members, "fiu"))
+    joints = _mean_joints(arrays)
+    count = len(joints) if len(joints) == len(SMPL_24.joints) else SHARED
+    tree = arrays.get("kintree_table", np.zeros((0, 0)))
+    if tree.ndim != 2 or len(tree) != 2 or tree.shape[1] != len(joints) or tree[0, 0] not in _ROOTS:
+        raise ValueError(f"kintree_table must be (2, {len(joints)}) with a root first, got shape {tree.shape}")
+    if tuple(tree[0, 1:count].tolist()) != SMPL_24.parents[1:count]:
+        raise ValueError("has another tree of joints than SMPL")
+    regressor, directions = arrays.get("J_regressor"), arrays.get("shapedirs")
+    if regressor is None or directions is None:
+        return RestJoints(joints, np.zeros((len(joints), 3, 0)))
+    fits = regressor.ndim == 2 and len(regressor) == len(joints) and directions.ndim == 3
+    if not fits or directions.shape[:2] != (regressor.shape[1], 3):
+        raise ValueError(f"shapedirs {directions.shape} do not fit J_regressor {regressor.shape}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        by_shape = np.tensordot(regressor.astype(np.float64), directions.astype(np.float64), axes=1)
+    if not np.isfinite(by_shape).all():
+        raise ValueError("shapedirs hold NaN or infinity")
+    return RestJoints(joints, by_shape)
+
+
+def _is_body(joints: FloatArray) -> bool:
+    """True for joints at rest of a size that bodies have."""
+    return bool(np.isfinite(joints).all() and _HEIGHTS[0] <= np.ptp(joints, axis=0).max() <= _HEIGHTS[1])
+
+
+def _mean_joints(arrays: dict[str, NDArray[Any]]) -> FloatArray:
+    """(J, 3) joints at rest, metres, of the mean body in the arrays of a file."""
     joints = arrays.get("J")
     if joints is None:
         if missing := {"J_regressor", "v_template"} - arrays.keys():
@@ -117,7 +178,7 @@ def _rest_joints(arrays: dict[str, NDArray[Any]]) -> FloatArray:
             joints = regressor.astype(np.float64) @ template.astype(np.float64)
     if joints.ndim != 2 or joints.shape[1] != 3 or len(joints) not in _COUNTS:
         raise ValueError(f"must have 24, 52 or 55 joints (J, 3), got shape {joints.shape}")
-    if not (np.isfinite(joints).all() and _HEIGHTS[0] <= np.ptp(joints, axis=0).max() <= _HEIGHTS[1]):
+    if not _is_body(joints):
         raise ValueError("has joints that make no body in metres")
     return joints.astype(np.float64)
 
@@ -127,23 +188,25 @@ def rotation_matrices(values: NDArray[Any], name: str) -> tuple[FloatArray, str]
 
     Parameters
     ----------
-    values : (T, J, 3) axis-angle in radians, or (T, J, 6) 6-D rotations (Zhou et al. 2019), both also flat
+    values : (T, J, 3) axis-angle in radians, (T, J, 6) 6-D rotations (Zhou et al. 2019), or (T, J, 9), all also flat
         J is 22, 24, 52 or 55. The six numbers are the first two rows of the matrix, as PyTorch3D has them, and with it
-        EDGE and LODGE; they are made orthonormal. Fingers, jaw and eyes are left out.
+        EDGE and LODGE; they are made orthonormal. Nine are a matrix row by row, of which the nearest rotation is taken,
+        as FACT's authors do. Fingers, jaw and eyes are left out.
     name : of the array, for messages
 
     Raises
     ------
     ValueError
-        Another shape, a number that is not finite, an angle beyond all turns, a row of length 0.
+        Another shape, a number that is not finite, an angle beyond all turns, a row of length 0, matrices that are far
+        from rotations.
     """
-    sizes = {count * size: (count, size) for count in _COUNTS for size in (3, 6)}
+    sizes = {count * size: (count, size) for count in _COUNTS for size in (3, 6, 9)}
     width = values.shape[1] if values.ndim == 2 else 0
     count, size = values.shape[1:] if values.ndim == 3 else sizes.get(width, (0, 0))
-    if count not in _COUNTS or size not in (3, 6):
+    if count not in _COUNTS or size not in (3, 6, 9):
         raise ValueError(
-            f"{name} must be axis-angle (T, J, 3) or 6-D (T, J, 6), also flat, of 22, 24, 52 or 55 joints, "
-            f"got shape {values.shape}"
+            f"{name} must be axis-angle (T, J, 3), 6-D (T, J, 6) or matrices (T, J, 9), also flat, of 22, 24, 52 or 55 "
+            f"joints, got shape {values.shape}"
         )
     if len(values) > MAX_FRAMES:
         raise ValueError(f"has {len(values)} frames, more than the {MAX_FRAMES} allowed; cut it into parts")
@@ -157,6 +220,9 @@ def rotation_matrices(values: NDArray[Any], name: str) -> tuple[FloatArray, str]
     if size == 6:
         turns[:, :kept] = _from_rows(numbers, name)
         return turns, f"6-D rotations of {count} joints, read as the first two rows of each matrix"
+    if size == 9:
+        turns[:, :kept] = _from_matrices(numbers, name)
+        return turns, f"rotation matrices of {count} joints, row by row"
     if np.abs(numbers).max(initial=0.0) > _MOST_RADIANS:
         largest = np.abs(numbers).max()
         raise ValueError(f"{name} holds angles up to {largest:.3g} radians; are these degrees, or positions?")
@@ -175,6 +241,18 @@ def _from_rows(numbers: FloatArray, name: str) -> FloatArray:
     return np.stack([first, second, np.cross(first, second)], axis=-2)
 
 
+def _from_matrices(numbers: FloatArray, name: str) -> FloatArray:
+    """Rotations (T, J, 3, 3) nearest to matrices (T, J, 9), of which no number is NaN."""
+    matrices = numbers.reshape(-1, 3, 3)
+    # Numbers out of all bounds would stop the decomposition; the distance refuses them.
+    turns = alignment(np.eye(3), np.clip(matrices, -_MOST_RADIANS, _MOST_RADIANS).swapaxes(1, 2))
+    with np.errstate(over="ignore"):
+        fault = float(np.median(np.linalg.norm(matrices - turns, axis=(1, 2)))) if len(matrices) else 0.0
+    if fault > _LARGEST_FAULT:
+        raise ValueError(f"{name} holds no rotation matrices: half of them are {fault:.2g} or more from any rotation")
+    return turns.reshape(*numbers.shape[:2], 3, 3)
+
+
 def posed(turns: FloatArray, translation: FloatArray, body: SmplBody) -> FloatArray:
     """Positions (T, J, 3), metres, of a body turned by (T, 24, 3, 3) and moved by a translation (T, 3)."""
     count = len(body.body.skeleton.joints)
@@ -184,6 +262,11 @@ def posed(turns: FloatArray, translation: FloatArray, body: SmplBody) -> FloatAr
     return np.concatenate(parts) if parts else np.zeros((0, count, 3))
 
 
-def body_for(path: PathLike | None) -> SmplBody:
-    """The body of the user's own file, or the neutral one where there is none."""
-    return neutral_body() if path is None else load_body(Path(path))
+def body_for(path: PathLike | None, betas: FloatArray | None = None) -> SmplBody:
+    """The body of the user's own file with these betas; the neutral one, which has no shapes, where there is none."""
+    if path is not None:
+        return load_body(Path(path), betas)
+    if betas is None or not betas.any():
+        return neutral_body()
+    note = Assumption(f"{_NEUTRAL}; betas are left out", f"{_NEUTRAL.brief}, betas left out")
+    return neutral_body()._replace(note=note)

@@ -1,4 +1,5 @@
 from .evaluate.body_rests import rests_on_beat as rests_on_beat
+from .evaluate.engine import run_rows as run_rows
 from .evaluate.evaluation import Evaluation as Evaluation
 from .evaluate.evaluation import EvaluationSettings as EvaluationSettings
 from .evaluate.evaluation import evaluate_dances as evaluate_dances

@@ -14,66 +14,6 @@ from harmolab.types import FloatArray
 SPLITS = 10
 
 
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """Of a set of features all that a Frechet distance needs, of a size that does not grow with the set.
-
-    ``a + b`` are the moments of both sets together (Chan et al. 1983; the factors by one more triangulation, so that
-    no covariance is squared).
-
-    Parameters
-    ----------
-    size : int, rows of the set
-    mean : (d,) array
-    factor : (k, d) array, triangular: factor^T factor is the scatter matrix, the sum of squares about the mean
-    """
-
-    size: int
-    mean: FloatArray
-    factor: FloatArray
-
-    @classmethod
-    def of(cls, features: FloatArray) -> Moments:
-        """The moments of (n, d) features, n and d at least 1."""
-        mean = features.mean(axis=0)
-        return cls(len(features), mean, _triangle(features - mean))
-
-    def __add__(self, other: Moments) -> Moments:
-        size, shift = self.size + other.size, other.mean - self.mean
-        between = shift * np.sqrt(self.size * other.size / size)
-        factor = _triangle(np.vstack([self.factor, other.factor, between]))
-        return Moments(size, self.mean + shift * (other.size / size), factor)
-
-    def standardised(self, reference: Moments) -> Moments:
-        """The moments of the features as `standardise` brings them into units of the reference."""
-        spread = np.sqrt((reference.factor**2).sum(axis=0) / reference.size)
-        unit = np.where(spread <= 1e-12 * np.abs(reference.mean), 1.0, spread)
-        return Moments(self.size, (self.mean - reference.mean) / unit, self.factor / unit)
-
-
-def _triangle(rows: FloatArray) -> FloatArray:
-    """The triangular R with R^T R = rows^T rows."""
-    return np.asarray(np.linalg.qr(rows, mode="r"))
-
-
-def moments_distance(a: Moments, b: Moments) -> float:
-    """Frechet distance of two sets by their moments, as `frechet_distance` gives it under ``raw``.
-
-    Raises
-    ------
-    ValueError
-        For different columns, or a set of fewer than two rows.
-    """
-    if a.mean.shape != b.mean.shape:
-        raise ValueError(f"both sets must have the same features, got {a.mean.size} and {b.mean.size}")
-    if min(a.size, b.size) < 2:
-        raise ValueError(f"each set must have at least 2 rows, got {a.size} and {b.size}")
-    factors = [side.factor / np.sqrt(side.size - 1) for side in (a, b)]
-    spread = sum(float((factor**2).sum()) for factor in factors)
-    common = float(np.linalg.svd(factors[0] @ factors[1].T, compute_uv=False).sum())
-    return max(float(((a.mean - b.mean) ** 2).sum()) + spread - 2 * common, 0.0)
-
-
 @dataclass(frozen=True)
 class FrechetResult:
     """A Frechet distance and the sample sizes it rests on.
@@ -213,7 +153,12 @@ def _checked(features: ArrayLike, name: str, least: int) -> FloatArray:
 
 
 def _distance(a: FloatArray, b: FloatArray) -> float:
-    return moments_distance(Moments.of(a), Moments.of(b))
+    means = a.mean(axis=0), b.mean(axis=0)
+    pairs = zip((a, b), means, strict=True)
+    factors = [np.linalg.qr(side - mean, mode="r") / np.sqrt(len(side) - 1) for side, mean in pairs]
+    spread = sum(float((factor**2).sum()) for factor in factors)
+    common = float(np.linalg.svd(factors[0] @ factors[1].T, compute_uv=False).sum())
+    return max(float(((means[0] - means[1]) ** 2).sum()) + spread - 2 * common, 0.0)
 
 
 def _own_bias(sample: FloatArray, rng: np.random.Generator) -> float:

@@ -9,24 +9,22 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from harmolab.corpora import folders
-from harmolab.corpora.files import corpus_recordings
-from harmolab.io.files import PathLike, Progress, plain, silent
+from harmolab.io.files import Progress, plain, silent
 from harmolab.lab.compare.fits import TENTHS
+from harmolab.lab.compare.rows import THIS_PROCESS, Corpus, Processes, RecordingOptions, corpus_scores
 from harmolab.lab.compare.scores import Scores, ScoreTable, other_music, score_table
-from harmolab.lab.compare.verdicts import RecordingVerdict, recording_verdict, verdict_summary
-from harmolab.lab.compare.windows import CLIP_SECONDS, FITTED, BeatClip, cut_clips, learn_patterns, usable_clips
+from harmolab.lab.compare.verdicts import verdict_summary
+from harmolab.lab.compare.windows import CLIP_SECONDS, FITTED, BeatClip, learn_patterns, usable_clips
 from harmolab.params import DANCES, BarPattern
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
-
-Corpus = PathLike | Iterable[folders.Recording]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +61,7 @@ def compare(
     fit_on: Corpus | None = None,
     n_rotations: int = 400,
     seed: int = 0,
+    processes: Processes = THIS_PROCESS,
     progress: Progress = silent,
     report: Callable[[folders.Problem], object] = lambda problem: None,
 ) -> CorpusResult:
@@ -71,7 +70,7 @@ def compare(
     Parameters
     ----------
     recordings : str or path of a folder of recordings, or the recordings
-        Read one at a time; only their beats and speed curves are kept.
+        Read one at a time; only what `RecordingScores` holds is kept.
     corpus : str, its name in the summary; the path when left out
     dances : names; only recordings of these, of all when empty
     window : float, seconds; None judges whole recordings
@@ -80,42 +79,43 @@ def compare(
     fit_on : corpus to fit patterns and lags on; None fits inside `recordings`, on other figures
     n_rotations : int, null corpora behind each chance band, and resamplings behind each interval; 0: neither
     seed : int
-    progress, report : as in `corpus_recordings`; progress also over the clips that are scored and the null corpora
+    processes : Processes that read and score the recordings of a folder, for the same result to the last bit
+    progress, report : as in `corpus_recordings`; progress also over the null corpora
+        A folder that cannot be scored, such as one without the annotated beats that are asked for, is reported, too.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        Without recordings, or when annotated beats are asked for and missing; for a window that is not positive.
+        Without recordings that can be scored, for a window that is not positive, and as `run_rows`.
     """
     beats = beats or _common_beats(recordings, fit_on)
     if window is not None and not 0 < window < float("inf"):
         raise ValueError(f"window must be a positive number of seconds, or None for whole sequences; got {window}")
-    clips: list[BeatClip] = []
-    verdicts: list[RecordingVerdict] = []
-    for recording in corpus_recordings(recordings, dances, progress=progress, report=report):
-        cut = cut_clips(recording, beats, window)
-        clips += cut
-        verdicts.append(recording_verdict(recording, beats, cut, seed=seed + len(verdicts)))
+    options = RecordingOptions(beats, window, tuple(dances), null == "other")
+    recorded = list(corpus_scores(recordings, options, processes, progress=progress, report=report))
+    clips = [clip for scores in recorded for clip in scores.clips]
     if not clips:
         raise ValueError("no sequence to compare")
     fit_clips = None
     if fit_on is not None:
-        others = corpus_recordings(fit_on, dances, progress=progress, report=report)
-        fit_clips = [clip for recording in others for clip in cut_clips(recording, beats, window)]
+        options = RecordingOptions(beats, window, tuple(dances), judged=False)
+        others = corpus_scores(fit_on, options, processes.below("fit_on"), progress=progress, report=report)
+        fit_clips = [clip for scores in others for clip in scores.clips]
         if not fit_clips:
             raise ValueError("no sequence to fit on")
     usable = usable_clips(clips, fit_clips)
     patterns = {name: learn_patterns(clips, fit_clips, score=name) for name in FITTED}
     music = other_music(clips, seed) if null == "other" else None
-    table = score_table(clips, patterns, usable, fit_clips, music, progress)
+    table = score_table(clips, patterns, usable, fit_clips, music)
     result = _summarise(clips, table, n_rotations, seed, progress)
     learnt = patterns["recommended"]
+    verdicts = [scores.verdict for scores in recorded if scores.verdict is not None]
     summary = {
         "corpus": corpus or (str(recordings) if isinstance(recordings, str | os.PathLike) else ""),
         "window": window if window is not None else "whole", "null": null, "beats": beats,
         "n": len(result.dances), "n_sequences": len(set(result.sequences)), "fitted_on": _fit_note(clips, fit_clips),
         "n_parts": len(clips), "unfitted_parts": sum(pattern == BarPattern.stop_on_the_beat() for pattern in learnt),
-        "seed": seed, **result.summary, **verdict_summary(verdicts, fit_clips or clips, fit_clips is None),
+        "seed": seed, **result.summary, **verdict_summary(verdicts, fit_clips or clips, fit_clips is None, seed),
     }  # fmt: skip
     fitted: dict[str, list[BarPattern]] = {}
     shifts: dict[str, list[float]] = {}

@@ -6,12 +6,11 @@ music of each clip begins somewhere else: patterns and lags are learnt on it ane
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harmolab.io.files import Progress
 from harmolab.lab.compare.batch import BeatBatch, rescore
 from harmolab.lab.compare.fits import TENTHS, FitBatch, Lessons, coefficients, cycle_curve
 from harmolab.lab.compare.windows import FITTED, BeatClip
@@ -22,6 +21,29 @@ from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray
 LAGS = (3, 4, 5, 6, 7)  # tenths of a beat: what "lagged music" means
 N_OTHERS = 5  # stretches of other music for the "other" null
 Scores = tuple[FloatArray, FloatArray]  # (n,) with true and (n, K) with wrong music
+
+
+@dataclass(frozen=True, eq=False)
+class ScoredClip(BeatClip):
+    """A clip with all that follows from it and its own music.
+
+    Parameters
+    ----------
+    hits : dict from score name to (10 cycle,) array, at lags of 0, .1, .2 ... beat
+    curves : dict from the names of `FITTED` to its `cycle_curve`
+    """
+
+    hits: Mapping[str, FloatArray]
+    curves: Mapping[str, FloatArray]
+
+
+def scored_clip(clip: BeatClip, *, other_music: bool) -> ScoredClip:
+    """The clip scored with its own music; without what only other music needs, its movement, where there is none."""
+    own = clip.music()
+    curves = {name: cycle_curve(*signal, own, clip.cycle) for name, signal in clip.speeds.items()}
+    hits = hit_scores(clip, shifted_music(clip))
+    kept = clip if other_music else replace(clip, visual={}, speeds={})
+    return ScoredClip(**vars(kept), hits=hits, curves=curves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,16 +240,15 @@ def other_music(clips: Sequence[BeatClip], seed: int) -> list[list[BeatTrack]]:
     return [stretches(clip) for clip in clips]
 
 
-def hit_table(pairs: Iterable[tuple[BeatClip, Sequence[BeatTrack]]]) -> dict[str, FloatArray]:
-    """Every score by hits of clips, each against its music: name -> (n, K) array, 0 behind a shorter list."""
-    rows = [hit_scores(clip, music) for clip, music in pairs]
+def hit_table(rows: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
+    """Every score by hits of n clips, each against up to K tracks: name -> (n, K) array, 0 behind a shorter row."""
     longest = max(row["paper"].size for row in rows)
     return {name: np.array([np.pad(row[name], (0, longest - row[name].size)) for row in rows]) for name in rows[0]}
 
 
 def fitted_score(
     name: str,
-    clips: Sequence[BeatClip],
+    clips: Sequence[ScoredClip],
     patterns: Sequence[BarPattern],
     usable: BoolArray | None,
     others: Sequence[Sequence[BeatTrack]] | None,
@@ -242,8 +263,8 @@ def fitted_score(
     """
     cycles = np.array([clip.cycle for clip in clips])
 
-    def batch(numbers: IntArray, music: Sequence[Sequence[BeatTrack]], cycle: int) -> FitBatch:
-        rows = [(clips[i].speeds[name], track) for i in numbers.tolist() for track in music[i]]
+    def with_others(numbers: list[int], music: Sequence[Sequence[BeatTrack]], cycle: int) -> FitBatch:
+        rows = [(clips[i].speeds[name], track) for i in numbers for track in music[i]]
         return FitBatch.of([cycle_curve(times, speed, track, cycle) for (times, speed), track in rows], cycle)
 
     parts = []
@@ -252,8 +273,8 @@ def fitted_score(
         parts.append(
             PatternScores(
                 numbers,
-                batch(numbers, [[clip.music()] for clip in clips], cycle),
-                None if others is None else batch(numbers, others, cycle),
+                FitBatch.of([clips[i].curves[name] for i in numbers.tolist()], cycle),
+                None if others is None else with_others(numbers.tolist(), others, cycle),
                 np.array([coefficients(patterns[i], cycle) for i in numbers.tolist()]),
                 None if usable is None else _lessons(name, clips, numbers, usable, cycle),
             )
@@ -268,34 +289,31 @@ def _lessons(name: str, clips: Sequence[BeatClip], numbers: IntArray, usable: Bo
 
 
 def score_table(
-    clips: Sequence[BeatClip],
+    clips: Sequence[ScoredClip],
     patterns: dict[str, list[BarPattern]],
     usable: BoolArray,
-    fit_clips: Sequence[BeatClip] | None,
+    fit_clips: Sequence[ScoredClip] | None,
     others: Sequence[Sequence[BeatTrack]] | None,
-    progress: Progress,
 ) -> ScoreTable:
     """The scores of all clips.
 
     Parameters
     ----------
-    clips : n BeatClips
+    clips : n ScoredClips
     patterns : dict from the names of `FITTED` to n patterns
     usable : (n, m) bool array of `usable_clips`
-    fit_clips : m BeatClips of another corpus to fit on, None for the corpus itself
+    fit_clips : m ScoredClips of another corpus to fit on, None for the corpus itself
     others : n lists of `other_music`, None for lagged music
     """
-    hits = hit_table((clip, shifted_music(clip)) for clip in progress(clips, "scoring"))
-    other_hits = {} if others is None else hit_table(zip(clips, others, strict=True))
-    peaks, source = hits["peaks"], clips
-    if fit_clips is not None:
-        peaks, source = hit_table((clip, shifted_music(clip)) for clip in fit_clips)["peaks"], fit_clips
+    hits = hit_table([clip.hits for clip in clips])
+    source = clips if fit_clips is None else fit_clips
+    peaks = hit_table([clip.hits for clip in source])["peaks"]
     folded = peaks.reshape(len(peaks), -1, TENTHS).sum(axis=1) / np.array([[clip.cycle] for clip in source])
     inside = usable if fit_clips is None else None
     return ScoreTable(
         np.array([TENTHS * clip.cycle for clip in clips]),
         hits,
-        other_hits,
+        {} if others is None else hit_table([hit_scores(*pair) for pair in zip(clips, others, strict=True)]),
         {name: fitted_score(name, clips, patterns[name], inside, others) for name in FITTED},
         PeakLags(folded, usable, fit_clips is None),
     )

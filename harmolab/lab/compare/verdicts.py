@@ -12,67 +12,62 @@ from harmolab.bar_pattern import fit_pattern
 from harmolab.corpora import folders
 from harmolab.corpora.folders import recording_beats
 from harmolab.harmony import music_and_motion
+from harmolab.io.files import plain
 from harmolab.lab.compare.fits import TENTHS
 from harmolab.lab.compare.scores import LAGS
 from harmolab.lab.compare.windows import BeatClip, usable
 from harmolab.params import DANCE_PATTERNS
 from harmolab.shape_speed import ShapeSpeed, shape_speed
 from harmolab.types import BeatTrack
-from harmolab.verdict.judge import Judgement, judge
+from harmolab.verdict.judge import judge
 
 N_LEVELS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class RecordingVerdict:
-    """A recording as `harmolab score` judges it, and what it takes to judge it again by another pattern.
+    """A recording as `harmolab score` judges it, and what it takes to judge it again.
 
     Parameters
     ----------
-    clip : BeatClip, the first clip of the recording, with the figures of all
-    judgement : Judgement with true music
-    lagged_level : int, level with the music 0.3-0.7 beat late
+    clip : BeatClip, the first clip of the recording, with the figures of all and no movement
+    row : dict, the verdict with true music for JSON
     shape : ShapeSpeed of the motion; its energy is that of all joints together
-    tracks : the true and the lagged beats
+    music : BeatTrack, the true beats
     """
 
     clip: BeatClip
-    name: str
-    judgement: Judgement
-    lagged_level: int
+    row: dict[str, Any]
     shape: ShapeSpeed
-    tracks: tuple[BeatTrack, BeatTrack]
+    music: BeatTrack
 
-    @property
-    def row(self) -> dict[str, Any]:
-        """The verdict for JSON."""
-        judgement = self.judgement
-        numbers = {"harmony_above_chance": judgement.harmony_above_chance, "p_value": judgement.p_value}
-        return {"name": self.name, "dance": self.clip.dance, **judgement.to_dict(), **numbers}
+    def lagged(self, seed: int) -> BeatTrack:
+        """The music one random lag of 0.3-0.7 beat later."""
+        lag = int(np.random.default_rng(seed).choice(LAGS)) / TENTHS
+        return _later(self.music, lag * self.clip.period)
 
 
-def recording_verdict(
-    recording: folders.Recording, beats: str, clips: Sequence[BeatClip], *, seed: int = 0
-) -> RecordingVerdict:
-    """The verdict on a whole recording as `score_clip` judges it, and on the same music one random lag later.
+def recording_verdict(recording: folders.Recording, beats: str, clips: Sequence[BeatClip]) -> RecordingVerdict:
+    """The verdict on a whole recording as `score_clip` judges it.
 
     Parameters
     ----------
     recording : Recording with a motion
     beats : "annotated" or "tracked"
     clips : its clips
-    seed : int, of the lag
     """
     clip = recording.clip
     if beats == "tracked" or clip.beats is None:
         clip = replace(clip, beats=recording_beats(recording, beats))
-    lag = int(np.random.default_rng(seed).choice(LAGS)) / TENTHS * clips[0].period
     music, motion = music_and_motion(clip)
-    shape, tracks = shape_speed(motion), (music, _later(music, lag))
-    true, lagged = (judge(shape, track, pattern=DANCE_PATTERNS.get(clip.dance)) for track in tracks)
+    shape = shape_speed(motion)
+    judgement = judge(shape, music, pattern=DANCE_PATTERNS.get(clip.dance))
+    numbers = {"harmony_above_chance": judgement.harmony_above_chance, "p_value": judgement.p_value}
+    row = {"name": clip.name, "dance": clip.dance, **judgement.to_dict(), **numbers}
     figures = frozenset[str]().union(*(one.figures for one in clips))
+    first = replace(clips[0], figures=figures, visual={}, speeds={}, sums={})
     slim = replace(shape, energy=shape.energy.mean(axis=1, keepdims=True))
-    return RecordingVerdict(replace(clips[0], figures=figures), clip.name, true, lagged.level, slim, tracks)
+    return RecordingVerdict(first, plain(row), slim, music)
 
 
 def _later(track: BeatTrack, seconds: float) -> BeatTrack:
@@ -83,21 +78,19 @@ def _later(track: BeatTrack, seconds: float) -> BeatTrack:
 
 
 def verdict_summary(
-    verdicts: Sequence[RecordingVerdict], fit_clips: Sequence[BeatClip], is_inside: bool
+    verdicts: Sequence[RecordingVerdict], fit_clips: Sequence[BeatClip], is_inside: bool, seed: int
 ) -> dict[str, Any]:
     """ "recordings", one row each, and "levels": how many recordings reach each level.
 
     The levels "true" and "lagged" are by the patterns that ship, as in `harmolab score`. Those with "learnt" are by a
     pattern learnt on other figures of `fit_clips`, in other recordings if these are the corpus; recordings for which
-    there is none are left out.
+    there is none are left out. Recording i has the lag that `seed` + i draws.
     """
-    levels: dict[str, list[int]] = {
-        "true": [verdict.judgement.level for verdict in verdicts],
-        "lagged": [verdict.lagged_level for verdict in verdicts],
-        "true, learnt": [],
-        "lagged, learnt": [],
-    }
-    for verdict in verdicts:
+    levels: dict[str, list[int]] = {name: [] for name in ("true", "lagged", "true, learnt", "lagged, learnt")}
+    for number, verdict in enumerate(verdicts):
+        lagged = verdict.lagged(seed + number)
+        levels["true"].append(verdict.row["level"])
+        levels["lagged"].append(judge(verdict.shape, lagged, pattern=DANCE_PATTERNS.get(verdict.clip.dance)).level)
         sums = [
             clip.sums["recommended"]
             for clip in fit_clips
@@ -105,7 +98,7 @@ def verdict_summary(
         ]
         if sums:
             pattern = replace(fit_pattern(sums), dance=verdict.clip.dance)
-            for name, track in zip(("true, learnt", "lagged, learnt"), verdict.tracks, strict=True):
+            for name, track in (("true, learnt", verdict.music), ("lagged, learnt", lagged)):
                 levels[name].append(judge(verdict.shape, track, pattern=pattern).level)
     counts = {name: np.bincount(np.array(row, np.int64), minlength=N_LEVELS).tolist() for name, row in levels.items()}
     return {"recordings": [verdict.row for verdict in verdicts], "levels": counts}

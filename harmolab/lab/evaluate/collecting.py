@@ -1,7 +1,8 @@
 """The rows of dances brought together as they come: what a table needs of them, in memory that does not grow with them.
 
-Of the measures only sums by system, song and seed are kept; of the features those of a limited number of dances of each
-system, drawn by a hash of their names, so that neither order nor number of processes changes which.
+Of the measures only sums by system, song and seed are kept, beyond `MOST_SONGS` songs by groups of songs; of the
+features those of a limited number of dances of each system. Groups and dances are drawn by a hash of their names, so
+that neither order nor number of processes changes which.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.rows import OTHER_SONG
 
 FEATURE_DANCES = 5000  # of a system, of which the features are kept
+MOST_SONGS = 5000  # more of them are put together in so many groups
 GROUP = ["system", "song", "seed"]
-FACTS = ("fps", "joints", "beats", "dance", "remarks")  # of which values are counted, where a row has them
+# Of which values are counted, where a row has them.
+FACTS = ("fps", "joints", "beats", "dance", "assumptions", "remarks")
 # Columns of which no mean is taken.
 ABOUT = (
     *("key", *GROUP, "motion", "music", "kind", "skeleton", "error", *FACTS),
@@ -40,7 +43,7 @@ class Collected:
     extremes : system -> ((harmony, key) of its worst dance, the same of its best); systems without a harmony lack
     facts : system -> each of `FACTS` -> how many dances have which value
     errors : key -> the reason why a dance was not measured
-    dances : system -> number of dances that were measured
+    is_grouped : True where groups stand for songs in `sums` and `counts`
     """
 
     sums: pd.DataFrame = field(default_factory=pd.DataFrame)
@@ -49,7 +52,7 @@ class Collected:
     extremes: dict[str, tuple[tuple[float, str], tuple[float, str]]] = field(default_factory=dict)
     facts: dict[str, dict[str, Counter[str]]] = field(default_factory=dict)
     errors: dict[str, str] = field(default_factory=dict)
-    dances: Counter[str] = field(default_factory=Counter)
+    is_grouped: bool = False
 
     def add(self, part: pd.DataFrame) -> None:
         """Take in the rows of a part."""
@@ -58,14 +61,19 @@ class Collected:
         self.errors |= dict(zip(failed["key"], failed["error"], strict=True))
         if part.empty:
             return
-        numbers = part[[*GROUP, *measure_columns(part)]].groupby(GROUP)
-        self.sums = _added(self.sums, numbers.sum())
-        self.counts = _added(self.counts, numbers.count())
+        self._add_numbers(part[[*GROUP, *measure_columns(part)]])
         for system, rows in part.groupby("system"):
             self._add_system(str(system), rows)
 
+    def _add_numbers(self, rows: pd.DataFrame) -> None:
+        numbers = (_song_groups(rows) if self.is_grouped else rows).groupby(GROUP)
+        self.sums, self.counts = _added(self.sums, numbers.sum()), _added(self.counts, numbers.count())
+        if not self.is_grouped and self.sums.index.unique("song").size > MOST_SONGS:
+            self.is_grouped = True
+            tables = (_song_groups(table.reset_index()) for table in (self.sums, self.counts))
+            self.sums, self.counts = (table.groupby(GROUP).sum() for table in tables)
+
     def _add_system(self, system: str, rows: pd.DataFrame) -> None:
-        self.dances[system] += len(rows)
         facts = self.facts.setdefault(system, {name: Counter() for name in FACTS})
         for name in (name for name in FACTS if name in rows):
             facts[name].update(_text(value) for value in rows[name])
@@ -82,6 +90,12 @@ class Collected:
     def song_means(self) -> pd.DataFrame:
         """Means of every measure by system and song: over the dances of a seed, then over the seeds."""
         return (self.sums / self.counts).groupby(["system", "song"]).mean()
+
+
+def _song_groups(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with a group by its name instead of each song."""
+    groups = pd.util.hash_array(rows["song"].to_numpy(object)) % MOST_SONGS
+    return rows.assign(song=[f"group {group}" for group in groups])
 
 
 def _text(value: float | int | str) -> str:

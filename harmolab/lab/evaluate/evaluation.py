@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, silent, write_json
+from harmolab.io.motion_file import ReadingOptions
+from harmolab.io.smpl import load_body
 from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
 from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
 from harmolab.lab.evaluate.engine import run_rows
@@ -55,7 +57,7 @@ class EvaluationSettings:
     reference : folder of recorded dances
     pairs : Path of a list of pairs, or None
     protocol : str, name of a protocol, "" for none
-    fps, scale : as in `RowOptions`
+    fps, scale, smpl, up : as in `RowOptions`
     pose_net : Path of a pose network, or None for the shipped one
     resamples, seed : of the intervals
     """
@@ -70,19 +72,22 @@ class EvaluationSettings:
     pose_net: Path | None = None
     resamples: int = RESAMPLES
     seed: int = 0
+    smpl: Path | None = None
+    up: str = ""
 
     def __post_init__(self) -> None:
         if taken := set(self.systems) & set(CONTROLS):
             raise ValueError(f"{min(taken)!r} is the name of a row that every table has; call the system otherwise")
         if not self.systems and self.pairs is None:
             raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
+        ReadingOptions(up=self.up)  # an error for another axis
         if self.protocol:
             protocol_of(self.protocol)
 
     @property
     def inputs(self) -> tuple[Path, ...]:
         """All files and folders that are read."""
-        more = (self.pairs, self.pose_net)
+        more = (self.pairs, self.pose_net, self.smpl)
         return (*self.systems.values(), self.music, self.reference, *(path for path in more if path is not None))
 
     def to_dict(self) -> dict[str, Any]:
@@ -116,11 +121,12 @@ class Evaluation:
     options : RowOptions of the measurement of each dance
     systems : names of the systems, in the order of the table; the controls come after them
     controls : names of the controls that there are
-    songs : DataFrame by system and song, means of every measure over dances and seeds
+    songs : DataFrame by system and song, means of every measure over dances and seeds; by group of songs where there
+        are more than `MOST_SONGS`
     means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
     ranks : measure -> system -> its rank; systems without one are left out
     counts : system -> how many dances, songs and seeds were measured
-    facts : system -> "fps", "joints", "beats" or "dance" -> how many dances have which value
+    facts : system -> each of `harmolab.lab.evaluate.collecting.FACTS` -> how many dances have which value
     extremes : system -> (worst, best)
     unpaired : files that have no part in the table, with the reason
     errors : dances that could not be measured, with the reason
@@ -194,7 +200,11 @@ def evaluate_dances(
         read_rows(out / ROWS)  # an error for a run that was cut off: what it measured is not thrown away unasked
     pairing = evaluation_pairs(settings)
     recorded = [pair for pair in pairing.pairs if pair.kind == RECORDED]
-    options = RowOptions(settings.fps, settings.scale, settings.protocol, _pose_net(settings))
+    if settings.smpl is not None:
+        load_body(settings.smpl)  # a damaged file is an error now, not in every row
+    options = RowOptions(
+        settings.fps, settings.scale, settings.protocol, _pose_net(settings), smpl=settings.smpl, up=settings.up
+    )
     _check_rates(pairing.pairs, options)
     options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
     tasks = (*(pair for pair in pairing.pairs if pair.kind != RECORDED), *control_pairs(recorded))
@@ -279,7 +289,8 @@ def _evaluation(
     # A recorded dance that cannot be measured fails in the rows of all controls, with the same words.
     errors = tuple(dict.fromkeys(Unpaired(by_key[key].motion, reason) for key, reason in collected.errors.items()))
     names = tuple(dict.fromkeys(pair.system for pair in tasks))
-    if lost := [name for name in names if not collected.dances[name]]:
+    counts = {name: _counts(name, tasks, collected.errors) for name in names}
+    if lost := [name for name in names if not counts[name].dances]:
         first = next(reason for key, reason in collected.errors.items() if by_key[key].system == lost[0])
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
     systems = tuple(name for name in names if name not in CONTROLS)
@@ -298,7 +309,7 @@ def _evaluation(
         differences,
         sets,
         {name: ranks(differences, systems, name, better=measure_of(name).better) for name in map(str, songs.columns)},
-        {name: _counts(collected, name) for name in names},
+        counts,
         collected.facts,
         _extremes(collected, by_key, (*systems, RECORDED)),
         tuple(dict.fromkeys(unpaired)),
@@ -306,10 +317,9 @@ def _evaluation(
     )
 
 
-def _counts(collected: Collected, system: str) -> Counts:
-    groups = collected.sums.loc[system].index
-    songs, seeds = (groups.get_level_values(name).nunique() for name in ("song", "seed"))
-    return Counts(collected.dances[system], songs, seeds)
+def _counts(system: str, tasks: Iterable[Pair], errors: Mapping[str, str]) -> Counts:
+    measured = [pair for pair in tasks if pair.system == system and pair.key not in errors]
+    return Counts(len(measured), len({pair.song for pair in measured}), len({pair.seed for pair in measured}))
 
 
 def _extremes(

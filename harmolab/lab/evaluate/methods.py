@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 
+from harmolab.lab.evaluate.collecting import FEATURE_DANCES, MOST_SONGS
 from harmolab.lab.evaluate.controls import LIMIT_DANCES
 from harmolab.lab.evaluate.evaluation import Evaluation
 from harmolab.lab.evaluate.pairing import RECORDED
@@ -54,6 +55,7 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
             yield f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}."
     if "likeness" in evaluation.measures and evaluation.options.limits is None:
         yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
+    yield from _assumptions(evaluation)
     if evaluation.errors:
         yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
 
@@ -95,12 +97,21 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
         sum((facts[row][name] for row in (*evaluation.systems, RECORDED)), Counter[str]())
         for name in ("beats", "dance")
     )
+    yield from _assumptions(evaluation)
     yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
     if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
         yield (
             f"Harmony by the bar pattern of the song's dance is that of {_listed(patterns)}; the patterns were learnt "
             "on recorded dancers, and judge those that they were learnt on too kindly."
         )
+
+
+def _assumptions(evaluation: Evaluation) -> Iterator[str]:
+    """A sentence for each row on what was guessed or assumed when its dances were read; none where nothing was."""
+    for row in (*evaluation.systems, RECORDED):
+        if counts := {text: count for text, count in evaluation.facts[row]["assumptions"].items() if text}:
+            dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
+            yield f"Assumptions in reading {row} (dances): {dances}."
 
 
 def _listed(values: Mapping[str, int]) -> str:
@@ -144,6 +155,10 @@ def _statistics(evaluation: Evaluation) -> Iterator[str]:
         "between systems are paired by song; a rank is given only where the interval of a difference excludes 0 over "
         f"{FEWEST_SONGS} songs or more. The intervals are not corrected for the number of comparisons."
     )
+    if max(count.songs for count in evaluation.counts.values()) > MOST_SONGS:
+        yield f"Here {MOST_SONGS} groups of songs, drawn by name, stand for the songs, since there are more of them."
+    if max(count.dances for count in evaluation.counts.values()) > FEATURE_DANCES:
+        yield f"Distances and diversity are of {FEATURE_DANCES} dances of a system at most, drawn by name."
 
 
 def _protocol(evaluation: Evaluation) -> Iterator[str]:

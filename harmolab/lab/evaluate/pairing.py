@@ -16,6 +16,7 @@ from typing import NamedTuple
 from harmolab.corpora.folders import natural, recording_files
 from harmolab.corpora.tang2018 import find_audio
 from harmolab.io.files import PathLike, reading
+from harmolab.io.keypoints import FRAME_ENDS
 from harmolab.io.tables import read_columns
 
 SONGS = (".wav", ".flac", ".ogg", ".mp3")
@@ -167,10 +168,12 @@ def _motions(folder: Path, unpaired: list[Unpaired]) -> Iterator[tuple[str, Path
 
 
 def is_motion(path: Path) -> bool:
-    """True for a file whose suffix is that of a motion, and for the folder of a recording or of OpenPose's frames."""
+    """True for a file whose suffix is that of a motion, and for the folder of a recording or of frames."""
     if path.is_dir():
         parts = ("motion.npz", "skeletons.json")
-        return any((path / part).is_file() for part in parts) or any(path.glob("*_keypoints.json"))
+        return any((path / part).is_file() for part in parts) or any(
+            one.name.endswith(FRAME_ENDS) for one in path.iterdir()
+        )
     return path.suffix.lower() in MOTIONS
 
 

@@ -137,7 +137,7 @@ def read_rows(folder: PathLike) -> Iterator[pd.DataFrame]:
     check_installed("pyarrow")
     folder = Path(folder)
     count = read_manifest(folder)["rows"]
-    paths = [part_path(folder, number) for number in range(-(-count // PART_ROWS))]
+    paths = sorted(folder.glob("part-*.parquet"))
     schema = _common_schema(folder, paths, count)
     return (_frame(path, schema) for path in paths)
 
@@ -147,7 +147,7 @@ def _common_schema(folder: Path, paths: Sequence[Path], count: int) -> pyarrow.S
     import pyarrow.parquet
 
     schema, rows = pyarrow.schema([]), 0
-    for path in filter(Path.exists, paths):
+    for path in paths:
         with reading(path, _WHAT), pyarrow.parquet.ParquetFile(path) as file:
             schema = pyarrow.unify_schemas([schema, file.schema_arrow], promote_options="permissive")
             rows += file.metadata.num_rows

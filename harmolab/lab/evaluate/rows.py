@@ -13,9 +13,10 @@ import numpy as np
 
 from harmolab.beats.visual import visual_beats
 from harmolab.corpora.files import song_beats
-from harmolab.corpora.folders import load_any_motion, recorded_offset
+from harmolab.corpora.folders import read_any_motion, recorded_offset
 from harmolab.harmony import harmony_from_hits, music_and_motion, score_motion
-from harmolab.io.files import MissingFrameRate, plain
+from harmolab.io.files import plain
+from harmolab.io.motion_file import MotionFile
 from harmolab.io.video_sound import load_sound
 from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of
 from harmolab.lab.evaluate.protocols import PROTOCOLS, Protocol
@@ -79,7 +80,8 @@ class RowOptions:
     Parameters
     ----------
     fps : float or None, hertz, of files that hold no rate
-    scale : float or None, as in `harmolab.io.motion.load_motion`
+    scale, smpl : as in `harmolab.io.motion.load_motion`; `smpl` for files of SMPL parameters only
+    up : str, the axis that points up in files that leave it open, "" to have it guessed
     protocol : str, name in `harmolab.lab.evaluate.protocols.PROTOCOLS`, "" for none
     pose_net : Path or None, weights of the pose network; None leaves its features out
     limits : LikenessLimits of the recorded dancers; the shipped ones when left out
@@ -90,10 +92,12 @@ class RowOptions:
     protocol: str = ""
     pose_net: Path | None = None
     limits: LikenessLimits | None = None
+    smpl: Path | None = None
+    up: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """The settings as JSON holds them."""
-        return {**plain(self), "pose_net": "" if self.pose_net is None else str(self.pose_net)}
+        return {**plain(self), "pose_net": str(self.pose_net or ""), "smpl": str(self.smpl or "")}
 
 
 def clip_row(pair: Pair, options: RowOptions) -> Row:
@@ -102,17 +106,18 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     Returns
     -------
     dict : system, seed, song, motion, music, kind; fps, joints, skeleton (a hash of the joints' names), beats
-        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown), remarks (of the
-        protocol); `MEASURES`; p_value, harmony_low, harmony_high and level of the recommended score, p_value_dance of
-        that by the dance's pattern; the numbers of the protocol; f_NAME_000 and so on, the features of the dance by
-        name. NaN for what this motion does not have.
+        ("annotated" or "tracked"), music_beats (their number), dance (of the song, "" where unknown), assumptions (in
+        short, on how the motion was read), remarks (of the protocol); `MEASURES`; p_value, harmony_low, harmony_high
+        and level of the recommended score, p_value_dance of that by the dance's pattern; the numbers of the protocol;
+        f_NAME_000 and so on, the features of the dance by name. NaN for what this motion does not have.
 
     Raises
     ------
     FileNotFoundError, ValueError
         Motion or song cannot be read, or they do not overlap; names the file.
     """
-    clip = pair_clip(pair, options)
+    file = _pair_file(pair, options)
+    clip = _clip(pair, file.motion)
     music, motion = music_and_motion(clip)
     joints = motion.skeleton.joints
     about: Row = {
@@ -120,7 +125,7 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
         "music": str(pair.music), "kind": pair.kind, "fps": motion.fps, "joints": len(joints),
         "skeleton": hashlib.sha256(" ".join(joints).encode()).hexdigest()[:8],
         "beats": "annotated" if annotation_of(pair.music) else "tracked", "music_beats": len(music),
-        "dance": clip.dance,
+        "dance": clip.dance, "assumptions": ", ".join(one.brief for one in file.assumptions),
     }  # fmt: skip
     numbers = {"seconds": motion.duration, **_harmony(music, motion, clip.dance), **paper_numbers(music, motion)}
     numbers |= _beat_numbers(music, motion) | {name: or_nan(measure, motion) for name, measure in QUALITY.items()}
@@ -168,8 +173,12 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
     A motion begins where its file or its recording says, else with the song. To another song than its own it begins
     there too, or earlier, so that it ends with a song that is shorter.
     """
+    return _clip(pair, pair_motion(pair, options))
+
+
+def _clip(pair: Pair, motion: Motion) -> Clip:
+    """As `pair_clip`, of a motion that was read."""
     song = _song(pair.music, pair.music.stat().st_mtime_ns)
-    motion = pair_motion(pair, options)
     offset = recorded_offset(pair.motion) or 0.0
     if pair.kind == OTHER_SONG:
         offset = min(offset, max(0.0, song.audio.duration - motion.duration))
@@ -181,17 +190,21 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
 
 def pair_motion(pair: Pair, options: RowOptions) -> Motion:
     """The motion of a pair; of the control "frozen pose" its middle frame, held. Errors as `clip_row`."""
-    try:
-        motion = load_any_motion(pair.motion, scale=options.scale)
-    except MissingFrameRate:
-        if options.fps is None:
-            raise
-        motion = load_any_motion(pair.motion, fps=options.fps, scale=options.scale)
+    return _pair_file(pair, options).motion
+
+
+def _pair_file(pair: Pair, options: RowOptions) -> MotionFile:
+    """As `pair_motion`, with notes on how the file was read."""
+    file = read_any_motion(
+        pair.motion, fps=options.fps, scale=options.scale, smpl=options.smpl, up=options.up, as_defaults=True
+    )
     if pair.kind != FROZEN:
-        return motion
+        return file
+    motion = file.motion
     frames = np.flatnonzero(motion.valid)
     middle = frames[len(frames) // 2] if len(frames) else 0
-    return replace(motion, positions=np.repeat(motion.positions[middle : middle + 1], motion.n_frames, axis=0))
+    held = np.repeat(motion.positions[middle : middle + 1], motion.n_frames, axis=0)
+    return file._replace(motion=replace(motion, positions=held))
 
 
 @lru_cache(maxsize=SONGS_KEPT)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harmolab.corpora.folders import load_any_motion
+from harmolab.corpora.folders import ReadingReport, load_any_motion
 from harmolab.io.files import PathLike
 from harmolab.io.keypoints import load_keypoints
 from harmolab.io.layouts import COCO_17, OPENPOSE_18, OPENPOSE_25
@@ -27,7 +27,13 @@ LEAST_INSIDE = 0.5  # share of the points that must lie in the picture
 IN_SPACE = "is movement in space; over a video go points of its pictures (OpenPose, COCO, MediaPipe)"
 
 
-def load_points(path: PathLike, *, fps: float | None = None, joints: tuple[str, ...] | None = None) -> Motion:
+def load_points(
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    joints: tuple[str, ...] | None = None,
+    report: ReadingReport = lambda path, file: None,
+) -> Motion:
     """A dancer's points in a picture, from a file of key points or landmarks.
 
     Parameters
@@ -38,6 +44,7 @@ def load_points(path: PathLike, *, fps: float | None = None, joints: tuple[str, 
     joints : names to keep, optional
         When left out, eyes and ears of COCO and OpenPose go where they were not always seen: a turn of the head hides
         one, and the whole frame would count as not valid.
+    report : function(path, MotionFile), called with how the file was read
 
     Returns
     -------
@@ -48,7 +55,7 @@ def load_points(path: PathLike, *, fps: float | None = None, joints: tuple[str, 
     FileNotFoundError, ValueError
         Both name the file; a motion in space is an error.
     """
-    motion = load_any_motion(path, fps=fps, joints=joints)
+    motion = load_any_motion(path, fps=fps, joints=joints, report=report)
     if motion.positions.shape[2] != 2:
         raise ValueError(f"{path}: {IN_SPACE}")
     if Path(path).suffix.lower() == ".json":

@@ -16,7 +16,7 @@ from typing import Any, Literal, cast
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import describe_beats
 from harmolab.corpora.files import load_clip
-from harmolab.corpora.folders import load_any_motion, recorded_offset
+from harmolab.corpora.folders import ReadingReport, load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, Progress, plain, silent
 from harmolab.io.video import is_video, video_frames
@@ -117,6 +117,9 @@ def load_performance(
     fps: float | None = None,
     scale: float | None = None,
     joints: Sequence[str] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
+    report: ReadingReport = lambda path, file: None,
     progress: Progress = silent,
 ) -> Performance:
     """A motion file, a folder, or a video (by its suffix) with its sound.
@@ -124,7 +127,8 @@ def load_performance(
     Parameters
     ----------
     path : str or path
-    fps, scale, joints : see `harmolab.io.motion.load_motion`; not for a video
+    fps, scale, joints, smpl, up : see `harmolab.io.motion.load_motion`; not for a video
+    report : function(path, MotionFile), called with how a motion file was read
     progress : function(iterable, label) -> iterable
 
     Raises
@@ -143,7 +147,8 @@ def load_performance(
         with suppress(ValueError):  # none, or none that can be read: the movement has to do
             sound = video_sound(path)
         return Performance(path, motion, True, sound)
-    motion = load_any_motion(path, fps=fps, scale=scale, joints=None if joints is None else tuple(joints))
+    names = None if joints is None else tuple(joints)
+    motion = load_any_motion(path, fps=fps, scale=scale, joints=names, smpl=smpl, up=up, report=report)
     return Performance(path, motion, start=recorded_offset(path))
 
 
