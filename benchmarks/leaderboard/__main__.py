@@ -135,6 +135,8 @@ def write_compare_row(name: str, corpus: Path) -> None:
     summary = result.summary
     settings = {key: summary[key] for key in ("window", "null", "beats", "seed", "fitted_on")} | {"rotations": 400}
     windows = window_table(result)
+    if windows["recording"].nunique() != summary["n_sequences"]:
+        raise ValueError(f"{corpus}: some recordings have the same name; intervals need one name for each")
     exact = compare_numbers(windows, settings)
     if any(abs(exact[score]["auc"] - summary["scores"][score]["auc"]) > 1e-9 for score in SCORES):
         raise ValueError(f"{corpus}: the AUC of the windows is not that of `harmolab compare`")
