@@ -1,0 +1,1 @@
+"""The leaderboard: rows of measured numbers, each beside the evidence that it follows from."""

@@ -1,0 +1,239 @@
+"""The leaderboard, `docs/leaderboard.md`, made from the files in `benchmarks/leaderboard/rows`.
+
+    python -m benchmarks.leaderboard                        # checks every row and writes the page
+    python -m benchmarks.leaderboard compare NAME CORPUS    # measures a corpus and writes the row NAME
+    python -m benchmarks.leaderboard evaluate NAME TABLE    # takes a row from a folder of `harmolab evaluate --out`
+
+A row is a folder: `row.json`, of which people write "about" and the commands above write "measured", and
+`evidence.csv`, the score of every window or dance. The numbers of a row are computed from its evidence, as it is
+written; a row whose numbers do not follow from it is an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import hashlib
+import subprocess
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.leaderboard.page import SCORES, TABLE_MEASURES, page
+from harmolab.io.files import PathLike, plain, read_json, reading, write_json, write_text
+from harmolab.lab.compare.auc import CorpusResult, compare
+from harmolab.lab.evaluate.collecting import collect
+from harmolab.lab.evaluate.controls import CONTROLS
+from harmolab.lab.evaluate.evaluation import CLIPS, MARK
+from harmolab.lab.evaluate.methods import MUSICAL
+from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.rows import MEASURES, OTHER_SONG
+from harmolab.lab.evaluate.summary import measure_of, ranks, system_differences, system_means
+from harmolab.significance import auc, bootstrap_interval_of
+
+ROOT = Path(__file__).resolve().parents[2]
+ROWS, PAGE = Path(__file__).parent / "rows", ROOT / "docs" / "leaderboard.md"
+ROW, EVIDENCE = "row.json", "evidence.csv"
+ABOUT = ("title", "by", "synthetic", "data", "licence", "obtain", "note", "commands")
+NAMES = ("system", "seed", "song", "kind", "dance", "beats", "fps", "joints")  # of a dance, beside its measures
+
+
+def window_table(result: CorpusResult) -> pd.DataFrame:
+    """The evidence of a comparison: a line a window, with its recording and every score with true and wrong music."""
+    columns: dict[str, Any] = {"recording": [Path(name).name for name in result.sequences], "dance": result.dances}
+    for score in SCORES:
+        columns[f"{score} true"] = result.true[score]
+        columns |= {f"{score} wrong {k}": wrong for k, wrong in enumerate(result.wrong[score].T, 1)}
+    return pd.DataFrame(columns)
+
+
+def compare_numbers(windows: pd.DataFrame, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The AUC of each score and its interval over recordings, from the evidence."""
+    members = list(windows.groupby("recording", sort=False).indices.values())
+    numbers = {}
+    for score in SCORES:
+        true = windows[f"{score} true"].to_numpy()
+        wrong = windows[[name for name in windows if name.startswith(f"{score} wrong ")]].to_numpy()
+
+        def auc_of(places: Sequence[int], true: Any = true, wrong: Any = wrong) -> float:
+            index = np.concatenate([members[place] for place in places])
+            return auc(true[index], wrong[index])
+
+        interval = bootstrap_interval_of(auc_of, len(members), count=settings["rotations"], seed=settings["seed"])
+        numbers[score] = {"auc": auc(true, wrong), "interval": interval}
+    return numbers
+
+
+def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Mean over songs, interval and rank of each measure of each system, from the evidence.
+
+    "deaf" are the measures of music by which recorded dances are not better than the same with another song.
+    """
+    part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
+    songs = collect([part]).song_means
+    options = {"count": settings["resamples"], "seed": settings["seed"]}
+    present = dict.fromkeys(dances["system"])
+    systems = [name for name in present if name not in CONTROLS]
+    names = [*systems, *(name for name in CONTROLS if name in present)]
+    means, differences = system_means(songs, **options), system_differences(songs, names, **options)
+    numbers: dict[str, dict[str, Any]] = {}
+    for name in names:
+        own = dances[dances["system"] == name]
+        numbers[name] = {"dances": len(own), "songs": own["song"].nunique()}
+        for measure in TABLE_MEASURES:
+            if (name, measure) in means:
+                mean, low, high, _ = means[name, measure]
+                places = ranks(differences, systems, measure, better=measure_of(measure).better)
+                numbers[name][measure] = {"mean": mean, "interval": [low, high], "rank": places.get(name)}
+    pair = (RECORDED, OTHER_SONG)
+    clear = {one.measure for one in differences if (one.a, one.b) == pair and one.is_clear and one.low > 0}
+    deaf = {*MUSICAL, "significant"} - clear
+    return {"systems": numbers, "deaf": [name for name in TABLE_MEASURES if name in deaf]}
+
+
+NUMBERS = {"compare": compare_numbers, "evaluate": evaluate_numbers}
+
+
+def digest(paths: Iterable[PathLike]) -> str:
+    """SHA-256 over the names and bytes of some files and of all files in some folders, whatever lies above them."""
+    total = hashlib.sha256()
+    for top in sorted(map(Path, set(paths)), key=lambda path: (path.parent.name, path.name)):
+        for path in sorted(top.rglob("*")) if top.is_dir() else [top]:
+            if path.is_file():
+                name = path.relative_to(top.parent).as_posix()
+                total.update(f"{name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return total.hexdigest()
+
+
+def code_commit() -> str:
+    """The last commit that changed the package; ValueError where it differs from what would run now."""
+    if subprocess.run(["git", "status", "--porcelain", "--", "harmolab"], cwd=ROOT, capture_output=True).stdout:
+        raise ValueError("harmolab/ differs from its last commit: commit it first, so that the row can name a commit")
+    command = ["git", "log", "-1", "--format=%H", "--", "harmolab"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def write_row(name: str, kind: str, command: str, evidence: pd.DataFrame, digits: str, **measured: Any) -> None:
+    """Write evidence and measured part of a row; "about" stays as it is."""
+    folder = ROWS / name
+    about = _about(folder)
+    write_text(folder / EVIDENCE, evidence.to_csv(index=False, float_format=digits, lineterminator="\n"))
+    numbers = NUMBERS[kind](read_evidence(folder), measured["settings"])
+    code = {"version": version("harmolab"), "commit": code_commit(), "date": datetime.date.today().isoformat()}
+    measured = {"kind": kind, "command": command, "harmolab": code, **measured, "numbers": numbers}
+    write_json(folder / ROW, {"about": about, "measured": measured})
+
+
+def write_compare_row(name: str, corpus: Path) -> None:
+    """Measure a corpus by `compare` with its default settings, and write the row."""
+    _about(ROWS / name)  # an error now, not after an hour
+    result = compare(corpus)
+    summary = result.summary
+    settings = {key: summary[key] for key in ("window", "null", "beats", "seed", "fitted_on")} | {"rotations": 400}
+    windows = window_table(result)
+    if windows["recording"].nunique() != summary["n_sequences"]:
+        raise ValueError(f"{corpus}: some recordings have the same name; intervals need one name for each")
+    exact = compare_numbers(windows, settings)
+    if any(abs(exact[score]["auc"] - summary["scores"][score]["auc"]) > 1e-9 for score in SCORES):
+        raise ValueError(f"{corpus}: the AUC of the windows is not that of `harmolab compare`")
+    write_row(
+        name, "compare", f"harmolab compare {corpus.name} --beats {settings['beats']} --rotations 400 --seed 0",
+        windows, "%.4g", settings=settings, digest=digest(result.sequences),
+        recordings=sorted(set(windows["recording"])), windows=len(windows),
+        chance_band={score: summary["scores"][score]["chance_band"] for score in SCORES},
+    )  # fmt: skip
+
+
+def write_evaluate_row(name: str, table: Path) -> None:
+    """Write a row from what `harmolab evaluate` left in a folder."""
+    with reading(table / MARK, "an evaluation") as path:
+        settings = read_json(path)["settings"]
+    clips = pd.read_csv(table / CLIPS, dtype={"seed": str, "dance": str})
+    if failed := int(clips["error"].notna().sum()):
+        raise ValueError(f"{table / CLIPS}: {failed} dances could not be measured; a row is of whole sets")
+    dances = clips[[column for column in (*NAMES, *MEASURES) if column in clips]]
+    folders = {key: Path(settings[key]).name for key in ("music", "reference")}
+    systems = " ".join(f"--system {system}={Path(folder).name}" for system, folder in settings["systems"].items())
+    options = {key: settings[key] for key in ("protocol", "fps", "scale", "resamples", "seed")}
+    given = " ".join(f"--{key} {value}" for key, value in options.items() if value not in (None, ""))
+    command = f"harmolab evaluate {systems} --music {folders['music']} --reference {folders['reference']} {given}"
+    write_row(
+        name, "evaluate", f"{command} --out table", dances, "%.6g", settings=options,
+        digest=digest([*clips["motion"], *clips["music"]]), recordings=sorted(set(dances["song"])),
+    )  # fmt: skip
+
+
+def read_evidence(folder: Path) -> pd.DataFrame:
+    """The evidence of a row; what stands for no seed or no dance is an empty text."""
+    evidence = pd.read_csv(folder / EVIDENCE, dtype={"seed": str, "dance": str, "recording": str, "song": str})
+    return evidence.fillna(dict.fromkeys(evidence.select_dtypes(exclude="number"), ""))
+
+
+def load_row(folder: Path) -> dict[str, Any]:
+    """A row with its name, its numbers computed anew.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        A file or a field is missing, or the numbers do not follow from the evidence; names the row.
+    """
+    about = _about(folder)
+    measured = _content(folder).get("measured")
+    if measured is None:
+        raise ValueError(f"{folder / ROW}: holds nothing measured yet; run python -m benchmarks.leaderboard --help")
+    numbers = plain(NUMBERS[measured["kind"]](read_evidence(folder), measured["settings"]))
+    if not _is_close(numbers, measured["numbers"]):
+        raise ValueError(f"{folder / ROW}: its numbers do not follow from {EVIDENCE}; make the row anew")
+    return {"name": folder.name, "about": about, **measured}
+
+
+def _content(folder: Path) -> Any:
+    with reading(folder / ROW, "a row of the leaderboard") as path:
+        return read_json(path)
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    """What people wrote about a row; errors as `load_row`."""
+    about = _content(folder).get("about", {})
+    if missing := [name for name in ABOUT if name not in about]:
+        raise ValueError(f'{folder / ROW}: "about" lacks {", ".join(missing)}')
+    return {name: about[name] for name in ABOUT}
+
+
+def _is_close(a: Any, b: Any) -> bool:
+    """Whether two contents of JSON are the same but for the last digits of their numbers."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(_is_close(a[key], b[key]) for key in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(_is_close, a, b))
+    if isinstance(a, float) or isinstance(b, float):
+        return None not in (a, b) and bool(np.isclose(a, b, rtol=1e-9, atol=1e-9))
+    return bool(a == b)
+
+
+def load_rows(folder: Path = ROWS) -> list[dict[str, Any]]:
+    """All rows by name; errors as `load_row`."""
+    return [load_row(path.parent) for path in sorted(folder.glob(f"*/{ROW}"))]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Write a row, or the page."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.leaderboard", description=__doc__)
+    commands = parser.add_subparsers(dest="kind")
+    for kind, what in (("compare", "corpus"), ("evaluate", "table")):
+        command = commands.add_parser(kind)
+        command.add_argument("name", help="folder in benchmarks/leaderboard/rows, with its row.json")
+        command.add_argument("folder", type=Path, metavar=what)
+    options = parser.parse_args(arguments)
+    if options.kind:
+        write = write_compare_row if options.kind == "compare" else write_evaluate_row
+        write(options.name, options.folder)
+    write_text(PAGE, page(load_rows()))
+
+
+if __name__ == "__main__":
+    main()
