@@ -15,7 +15,6 @@ import pytest
 
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
-from harmolab.harmony import music_and_motion
 from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.evaluate import rows
 from harmolab.lab.evaluate.collecting import collect, written_parts
@@ -444,7 +443,7 @@ def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Pat
     pair = folder_pairs("x", planted / "recorded", songs_in(planted / "recorded")).pairs[0]
     row = clip_row(pair, RowOptions(protocol="aist++"))
     assert row["harmony"] > 0 and not any(name.startswith("aist++") for name in row)
-    *numbers, remark = protocol_numbers(*music_and_motion(pair_clip(pair, RowOptions())), "aist++")
+    *numbers, remark = protocol_numbers(pair_clip(pair, RowOptions()), pair, "aist++")
     assert numbers == [{}, {}] and remark.startswith("No numbers: the published code takes SMPL's joints; none is")
 
 
@@ -511,6 +510,7 @@ class Fake:
     """A protocol with one number a dance, one feature and one number a set."""
 
     notes = ("It is planted.",)
+    music_beats = None
 
     def clip(self, motion: Any, music: Any) -> dict[str, float]:
         return {"beats": float(len(music))}
