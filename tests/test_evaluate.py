@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -17,6 +18,7 @@ import pytest
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.motion import load_motion, save_motion
+from harmolab.lab.evaluate import evaluation as evaluation_module
 from harmolab.lab.evaluate import rows
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
@@ -525,6 +527,50 @@ def test_measured_rows_of_a_run_that_was_cut_off_are_not_thrown_away(planted: Pa
     assert part.read_bytes() == before
     evaluate_dances(some, out, resume=True)
     assert (out / "clips.csv").read_bytes() == whole
+
+
+def test_files_that_changed_are_measured_anew(planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, music = tmp_path / "off", tmp_path / "music"
+    shutil.copytree(planted / "off", folder)
+    music.mkdir()
+    for clip in sorted((planted / "recorded").glob("clip_*")):
+        shutil.copyfile(clip / "audio.wav", music / f"{clip.name}.wav")
+    measured: list[str] = []
+
+    def counted(pair: Pair, options: RowOptions) -> dict[str, Any]:
+        measured.append(f"{pair.system} {pair.song}")
+        return clip_row(pair, options)
+
+    monkeypatch.setattr(evaluation_module, "clip_row", counted)
+    some = settings(planted, systems={"off": folder}, music=music)
+
+    def resumed() -> list[str]:
+        measured.clear()
+        evaluate_dances(some, tmp_path / "table", resume=True)
+        return list(measured)
+
+    whole = resumed()
+    assert len(whole) == 4 * CLIPS and resumed() == []
+    last = sorted(folder.iterdir())[-1]
+    save_motion(last, load_motion(sorted(folder.iterdir())[0]))
+    position = whole.index(f"off {last.stem}")
+    assert resumed() == whole[position:]
+    (music / f"{last.stem}.beats").write_text("1\n2\n3\n4\n")
+    first = next(place for place, name in enumerate(whole) if name.endswith(last.stem))
+    assert resumed() == whole[first:]
+    clips = pd.read_csv(tmp_path / "table" / "clips.csv").query(f"song == '{last.stem}' and system == 'off'")
+    assert list(clips["music_beats"]) == [4] and list(clips["beats"]) == ["annotated"]
+
+
+def test_a_run_with_other_recorded_dances_is_not_resumed(planted: Path, tmp_path: Path) -> None:
+    recorded = shutil.copytree(planted / "recorded", tmp_path / "recorded")
+    some = settings(planted, systems={"off": planted / "off"}, reference=recorded)
+    evaluate_dances(some, tmp_path / "table")
+    changed = sorted(recorded.iterdir())[0] / "motion.npz"
+    motion = load_motion(changed)
+    save_motion(changed, replace(motion, positions=motion.positions * [1.0, 1.3, 1.0]))
+    with pytest.raises(ValueError, match=r"recorded: the recorded dances have changed since .*--force"):
+        evaluate_dances(some, tmp_path / "table", resume=True)
 
 
 def test_a_protocol_without_numbers_is_a_remark(planted: Path, tmp_path: Path) -> None:

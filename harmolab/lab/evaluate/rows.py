@@ -17,7 +17,7 @@ from harmolab.corpora.folders import load_any_motion, recorded_offset
 from harmolab.harmony import harmony_from_hits, music_and_motion, score_motion
 from harmolab.io.files import MissingFrameRate, plain
 from harmolab.io.video_sound import load_sound
-from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of
+from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of, input_stamp
 from harmolab.lab.evaluate.protocols import PROTOCOLS, Protocol
 from harmolab.lab.evaluate.published_music import published_music_and_motion
 from harmolab.metrics.beats import beat_align, beat_coverage, beat_hit_rate, kinematic_params, mir_eval_scores
@@ -168,7 +168,7 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
     A motion begins where its file or its recording says, else with the song. To another song than its own it begins
     there too, or earlier, so that it ends with a song that is shorter.
     """
-    song = _song(pair.music, pair.music.stat().st_mtime_ns)
+    song = _song(pair.music, input_stamp(pair.music))
     motion = pair_motion(pair, options)
     offset = recorded_offset(pair.motion) or 0.0
     if pair.kind == OTHER_SONG:
@@ -195,8 +195,8 @@ def pair_motion(pair: Pair, options: RowOptions) -> Motion:
 
 
 @lru_cache(maxsize=SONGS_KEPT)
-def _song(music: Path, _: int) -> Clip:
-    """A song and its beats, as a clip without motion; the second argument, its time of change, keeps it up to date."""
+def _song(music: Path, _: str) -> Clip:
+    """A song and its beats, as a clip without motion; the second argument, its stamp, keeps it up to date."""
     audio, annotation = load_sound(music), annotation_of(music)
     beats = song_beats(audio, beats=annotation)
     if annotation is not None and not len(beats):
