@@ -218,8 +218,8 @@ def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions)
     """ValueError where a run was begun with other recorded dances, from the limits of which all of its rows follow."""
     if not (rows / MANIFEST).is_file():
         return
-    former, now = read_manifest(rows)["settings"], plain(options.to_dict())
-    if former != now and {**former, "limits": None} == {**now, "limits": None}:
+    former, now = read_manifest(rows).get("settings"), plain(options.to_dict())
+    if isinstance(former, dict) and former != now and {**former, "limits": None} == {**now, "limits": None}:
         raise ValueError(
             f"{settings.reference}: the recorded dances have changed since {rows} was begun, and the likeness of every "
             "dance with them; begin anew by --force, without --resume"
