@@ -31,7 +31,7 @@ class CheckedCommand(TyperCommand):
             self.params.append(_force_option())
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """What is left of the arguments; one line for a value that an option does not take."""
+        """The remaining arguments; ends with one line for a value that an option does not take."""
         try:
             return super().parse_args(ctx, args)
         except typer.BadParameter as error:
