@@ -73,7 +73,7 @@ def commands(group: Typer, *names: str) -> Iterator[tuple[tuple[str, ...], Calla
 def float_options(words: tuple[str, ...], function: Callable[..., None]) -> Iterator[tuple[str, ...]]:
     """Calls of a command, with all that it cannot do without, that end in an option for any number.
 
-    Numbers with a range are left out: typer itself refuses NaN there.
+    Numbers with a range are left out: typer itself refuses NaN there (`test_a_value_beyond_its_range_is_one_line`).
     """
     hints = {name: get_args(hint) for name, hint in get_type_hints(function, include_extras=True).items()}
     needed = [
@@ -102,6 +102,24 @@ def test_the_options_below_are_those_of_nearly_all_commands():
 @pytest.mark.parametrize("words", FLOATS, ids=" ".join)
 def test_no_option_takes_a_number_that_is_none(words: tuple[str, ...]):
     assert line(run(*words, "nan")) == f"{words[-1]} must be a finite number, got nan"
+
+
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        (("compare", "x", "--window"), "nan"),
+        (("compare", "x", "--window"), "-1"),
+        (("compare", "x", "--rotations"), "3"),
+        (("compare", "x", "--null"), "nobody"),
+        (("score", "song.wav", "dance.npz", "--clock"), "1e9"),
+        (("score", "song.wav", "dance.npz", "--clock"), "nan"),
+        (("score", "song.wav", "dance.npz", "--clock"), "0"),
+        (("render", "song.wav", "dance.npz", "--out", "x.mp4", "--rate"), "nan"),
+        (("data", "synth", "x", "--clips"), "0"),
+    ],
+)
+def test_a_value_beyond_its_range_is_one_line(words: tuple[str, ...], value: str):
+    assert line(run(*words, value)).startswith(f"Invalid value for '{words[-1]}': ")
 
 
 def test_infinity_is_no_number_of_seconds_either():

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +132,54 @@ def test_progress_counts_the_rows_that_are_missing(tmp_path: Path):
     part_path(tmp_path, 1).unlink()
     run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, progress=counting)
     assert counts == [100, 36]
+
+
+def test_rows_of_changed_inputs_are_measured_anew(tmp_path: Path):
+    folder, out = tmp_path / "inputs", tmp_path / "out"
+    folder.mkdir()
+    measured: list[int] = []
+
+    def content(task: Number) -> str:
+        file = folder / f"{task.key}.txt"
+        return file.read_text() if file.exists() else "none"
+
+    def measure(task: Number) -> dict[str, Any]:
+        measured.append(task.number)
+        if content(task) == "damaged":
+            raise ValueError("damaged")
+        return {"content": content(task)}
+
+    def go_on() -> list[int]:
+        measured.clear()
+        run_rows(Numbers(100), measure, out, jobs=0, stamp=content, resume=True)
+        return list(measured)
+
+    assert go_on() == list(range(100))
+    assert go_on() == []
+    (folder / "00070.txt").write_text("damaged")
+    assert go_on() == list(range(70, 100))  # to the end of its part of 64
+    (folder / "00070.txt").write_text("mended")
+    (folder / "00061.txt").write_text("changed")
+    assert go_on() == [61, 62, 63, *range(70, 100)]
+    table = pd.concat(read_rows(out), ignore_index=True)
+    assert list(table.columns) == ["key", "error", "content"]
+    assert {place: text for place, text in enumerate(table["content"]) if text != "none"} == {
+        61: "changed",
+        70: "mended",
+    }
+    assert not table["error"].any()
+
+
+def test_parts_without_the_state_of_their_inputs_are_measured_anew(tmp_path: Path):
+    run_rows(Numbers(100), square, tmp_path / "out", jobs=0)
+    counts: list[int] = []
+
+    def counting(items: Any, label: str) -> Iterable[Any]:
+        counts.append(len(items))
+        return items
+
+    run_rows(Numbers(100), square, tmp_path / "out", jobs=0, stamp=attrgetter("key"), resume=True, progress=counting)
+    assert counts == [100]
 
 
 @pytest.mark.parametrize("fault", ["half", "bytes", "of other tasks", "missing"])

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,9 +17,9 @@ import pytest
 
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
-from harmolab.harmony import music_and_motion
 from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.evaluate import collecting, rows
+from harmolab.lab.evaluate import evaluation as evaluation_module
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
 from harmolab.lab.evaluate.engine import run_rows
@@ -34,8 +36,8 @@ from harmolab.lab.evaluate.rows import (
     pair_clip,
     protocol_numbers,
 )
-from harmolab.lab.evaluate.sets import set_numbers
-from harmolab.lab.evaluate.summary import ranks, song_interval, system_differences, system_means
+from harmolab.lab.evaluate.sets import SetNumber, set_numbers
+from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
 from harmolab.lab.evaluate.table_files import table_tex
 from harmolab.lab.widgets import evaluation_page
 from harmolab.lab.widgets.evaluation_page import write_evaluation
@@ -367,22 +369,87 @@ def test_the_methods_name_what_was_done(planted: Path, table: Evaluation) -> Non
     assert any("pose" in note for note in content["notes"])  # the planted body is not that of the network
 
 
+def tabulars(text: str) -> list[tuple[str, list[list[str]]]]:
+    """(columns as the tabular declares them, cells of its rows) of each; a cell over several columns counts as many.
+
+    Fails on what LaTeX would stop at: braces or environments that do not match, and bare marks of commands.
+    """
+    depth = 0
+    for mark in re.findall(r"\\.|[{}]", text.split("\n", 1)[1], re.DOTALL):
+        depth += {"{": 1, "}": -1}.get(mark, 0)
+        assert depth >= 0
+    assert depth == 0
+    names: list[str] = []
+    for kind, name in re.findall(r"\\(begin|end)\{([^}]*)\}", text):
+        if kind == "begin":
+            names.append(name)
+        else:
+            assert names.pop() == name
+    assert not names
+    found = []
+    for columns, body in re.findall(r"\\begin\{tabular\}\{(l?c*)\}(.*?)\\end\{tabular\}", text, re.DOTALL):
+        body = re.sub(r"\\(?:top|mid|bottom)rule\n|\\cmidrule\(lr\)\{2-(\d+)\}\n", "", body)
+        rows = [re.split(r"(?<!\\)&", row) for row in body.strip().removesuffix(r"\\").split("\\\\\n")]
+        assert not re.search(r"(?<!\\)[%#~]|(?<!\\)\^|(?:^|\n)\s*[\[*]", body)
+        found.append((columns, rows))
+    return found
+
+
+def width(row: list[str]) -> int:
+    """Columns that a row fills."""
+    return sum(int(wide[1]) if (wide := re.search(r"\\multicolumn\{(\d+)\}", cell)) else 1 for cell in row)
+
+
 def test_latex_is_balanced_and_bold_where_the_rank_allows_it(table: Evaluation) -> None:
-    text = table_tex(table)
-    plain = re.sub(r"\\[{}%&_$#]", "", text)
-    assert plain.count("{") == plain.count("}")
-    for name in ("table*", "tabular"):
-        assert text.count(f"\\begin{{{name}}}") == text.count(f"\\end{{{name}}}") == 1
-    for rule in ("toprule", "bottomrule"):
-        assert text.count(f"\\{rule}") == 1
-    columns = len(re.search(r"\\begin\{tabular\}\{(l[c]+)\}", text)[1])  # type: ignore[index]
-    lines = [line for line in plain.splitlines() if line.endswith(r"\\")]
-    assert len(lines) == 6
-    assert {line.count("&") + 1 for line in lines} == {columns}
-    on_the_beat, off = (next(line for line in lines if line.startswith(name)) for name in ("on the beat", "<b>50"))
-    assert on_the_beat.split("&")[1].strip().startswith(r"\textbf{0.")
-    assert off.split("&")[1].strip().startswith("0.")
-    assert r"<b>50\%\_\$x</b>" in text
+    ((columns, rows),) = tabulars(table_tex(table))
+    assert [width(row) for row in rows] == [len(columns)] * 6
+    on_the_beat, off = rows[1], rows[2]
+    assert on_the_beat[0].strip() == "on the beat"
+    assert off[0].strip() == r"\textless{}b\textgreater{}50\%\_\$x\textless{}/b\textgreater{}"
+    assert on_the_beat[1].strip().startswith(r"\textbf{0.")
+    assert off[1].strip().startswith("0.")
+
+
+def test_latex_has_the_columns_of_a_protocol(table: Evaluation) -> None:
+    names = ("aist++ BeatAlign", "aist++ FID_k", "aist++ Div_k")
+    means = {(row, names[0]): Mean(0.25, 0.2, 0.3, 7) for row in table.rows}
+    sets = {(row, name): SetNumber(123.4, 14, n_recorded=7) for row in table.systems for name in names[1:]}
+    published = replace(
+        table,
+        settings=replace(table.settings, protocol="aist++"),
+        means={**table.means, **means},
+        sets={**table.sets, **sets},
+    )
+    text = table_tex(published)
+    own, (columns, rows) = tabulars(text)
+    assert own == tabulars(table_tex(table))[0]
+    assert columns == "lccc" and [width(row) for row in rows] == [4] * 7
+    assert rows[0][1].strip() == r"\multicolumn{3}{c}{by the published code of aist++}"
+    assert r"\cmidrule(lr){2-4}" in text
+    assert [cell.strip() for cell in rows[1]] == ["System", "BeatAlign", r"FID\_k", r"Div\_k"]
+    assert [cell.strip() for cell in rows[2]] == ["on the beat", r"0.25 {\tiny[0.20, 0.30]}", "123", "123"]
+    assert [cell.strip() for cell in rows[4]] == ["recorded", r"0.25 {\tiny[0.20, 0.30]}", "-", "-"]
+
+
+@pytest.mark.parametrize("name", [r"_ & % # ~ ^ \ { } $", "[ours]", "* | <", "two\nlines & 100%\\", "\\end{tabular}"])
+def test_latex_holds_names_with_any_mark(table: Evaluation, name: str) -> None:
+    renamed = replace(
+        table,
+        systems=(name,),
+        counts={**table.counts, name: table.counts[WILD]},
+        means={
+            **table.means,
+            **{(name, measure): value for (row, measure), value in table.means.items() if row == WILD},
+        },
+        sets={},
+    )
+    ((columns, rows),) = tabulars(table_tex(renamed))
+    assert [width(row) for row in rows] == [len(columns)] * 5
+    spelt = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\n": " "}
+    spelt |= {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}", "[": "{[}", "*": "{*}"}
+    assert (
+        rows[1][0].strip() == "".join(spelt.get(one, f"\\{one}" if one in "_&%#{}$" else one) for one in name).strip()
+    )
 
 
 def test_the_page_needs_no_network_and_escapes_names(planted: Path, table: Evaluation) -> None:
@@ -462,7 +529,7 @@ def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Pat
     pair = folder_pairs("x", planted / "recorded", songs_in(planted / "recorded")).pairs[0]
     row = clip_row(pair, RowOptions(protocol="aist++"))
     assert row["harmony"] > 0 and not any(name.startswith("aist++") for name in row)
-    *numbers, remark = protocol_numbers(*music_and_motion(pair_clip(pair, RowOptions())), "aist++")
+    *numbers, remark = protocol_numbers(pair_clip(pair, RowOptions()), pair, "aist++")
     assert numbers == [{}, {}] and remark.startswith("No numbers: the published code takes SMPL's joints; none is")
 
 
@@ -478,6 +545,50 @@ def test_measured_rows_of_a_run_that_was_cut_off_are_not_thrown_away(planted: Pa
     assert part.read_bytes() == before
     evaluate_dances(some, out, resume=True)
     assert (out / "clips.csv").read_bytes() == whole
+
+
+def test_files_that_changed_are_measured_anew(planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, music = tmp_path / "off", tmp_path / "music"
+    shutil.copytree(planted / "off", folder)
+    music.mkdir()
+    for clip in sorted((planted / "recorded").glob("clip_*")):
+        shutil.copyfile(clip / "audio.wav", music / f"{clip.name}.wav")
+    measured: list[str] = []
+
+    def counted(pair: Pair, options: RowOptions) -> dict[str, Any]:
+        measured.append(f"{pair.system} {pair.song}")
+        return clip_row(pair, options)
+
+    monkeypatch.setattr(evaluation_module, "clip_row", counted)
+    some = settings(planted, systems={"off": folder}, music=music)
+
+    def resumed() -> list[str]:
+        measured.clear()
+        evaluate_dances(some, tmp_path / "table", resume=True)
+        return list(measured)
+
+    whole = resumed()
+    assert len(whole) == 4 * CLIPS and resumed() == []
+    last = sorted(folder.iterdir())[-1]
+    save_motion(last, load_motion(sorted(folder.iterdir())[0]))
+    position = whole.index(f"off {last.stem}")
+    assert resumed() == whole[position:]
+    (music / f"{last.stem}.beats").write_text("1\n2\n3\n4\n")
+    first = next(place for place, name in enumerate(whole) if name.endswith(last.stem))
+    assert resumed() == whole[first:]
+    clips = pd.read_csv(tmp_path / "table" / "clips.csv").query(f"song == '{last.stem}' and system == 'off'")
+    assert list(clips["music_beats"]) == [4] and list(clips["beats"]) == ["annotated"]
+
+
+def test_a_run_with_other_recorded_dances_is_not_resumed(planted: Path, tmp_path: Path) -> None:
+    recorded = shutil.copytree(planted / "recorded", tmp_path / "recorded")
+    some = settings(planted, systems={"off": planted / "off"}, reference=recorded)
+    evaluate_dances(some, tmp_path / "table")
+    changed = sorted(recorded.iterdir())[0] / "motion.npz"
+    motion = load_motion(changed)
+    save_motion(changed, replace(motion, positions=motion.positions * [1.0, 1.3, 1.0]))
+    with pytest.raises(ValueError, match=r"recorded: the recorded dances have changed since .*--force"):
+        evaluate_dances(some, tmp_path / "table", resume=True)
 
 
 def test_a_protocol_without_numbers_is_a_remark(planted: Path, tmp_path: Path) -> None:
@@ -529,6 +640,7 @@ class Fake:
     """A protocol with one number a dance, one feature and one number a set."""
 
     notes = ("It is planted.",)
+    music_beats = None
 
     def clip(self, motion: Any, music: Any) -> dict[str, float]:
         return {"beats": float(len(music))}

@@ -6,20 +6,29 @@ import math
 import pickle
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
+import librosa
 import numpy as np
 import pytest
+import soundfile
 from scipy.linalg import sqrtm
 
 from benchmarks.bench_motion_features import SMPL_24, STANDING, loop_geometric, loop_kinetic, moving_body
+from harmolab.beats.audio import audio_beats, librosa_beats
+from harmolab.io.audio import load_audio
 from harmolab.io.layouts import COCO_17
+from harmolab.io.motion import save_motion
+from harmolab.lab.evaluate.pairing import GENERATED, Pair
 from harmolab.lab.evaluate.protocols import PROTOCOLS
+from harmolab.lab.evaluate.published_music import published_music_and_motion
+from harmolab.lab.evaluate.rows import RowOptions, pair_clip, protocol_numbers
 from harmolab.metrics.beats import beat_align
 from harmolab.metrics.frechet import standardise
 from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import pfc
 from harmolab.skeletons import skeleton_part
-from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
 from tests.builders import track
 
 AIST, EDGE, BAILANDO = PROTOCOLS["aist++"], PROTOCOLS["edge"], PROTOCOLS["bailando"]
@@ -222,6 +231,113 @@ def test_distances_and_diversity_are_those_of_the_published_definition(
         rows, others = (loop_standardised(side[name], reference[name]) for side in (features, reference))
         expected |= {f"FID_{letter}": loop_frechet(rows, others), f"Div_{letter}": loop_diversity(rows)}
     assert scores == {name: pytest.approx(value, rel=1e-6) for name, value in expected.items()}
+
+
+# Music beats: the published preparation of songs, written once more with librosa
+
+
+def loaded(song: Path, rate: float) -> np.ndarray:
+    """librosa.load, which warns of a module that it does not need here."""
+    samples, own = soundfile.read(song, dtype="float32", always_2d=True)
+    return librosa.resample(librosa.to_mono(samples.T), orig_sr=own, target_sr=rate)
+
+
+def frames_of_aist(song: Path, fps: float) -> list[int]:
+    rate = fps * 512
+    samples = loaded(song, rate)
+    strength = librosa.onset.onset_strength(y=samples, sr=rate)
+    # The published table of tempi by the four letters of a song's name.
+    tempo = {"mBR0": 80, "mBR5": 130, "mLO3": 110, "mHO5": 135}.get(song.stem, 120)
+    _, beats = librosa.beat.beat_track(onset_envelope=strength, sr=rate, hop_length=512, start_bpm=tempo, tightness=100)
+    return [int(beat) for beat in beats]
+
+
+def frames_of_bailando(song: Path, fps: float) -> list[int]:
+    rate = fps * 512
+    samples = loaded(song, rate)  # published: by essentia
+    _, percussive = librosa.effects.hpss(samples)
+    strength = librosa.onset.onset_strength(y=percussive, aggregate=np.median, sr=rate)
+    _, beats = librosa.beat.beat_track(onset_envelope=strength, sr=rate)
+    return [int(beat) for beat in beats]
+
+
+def song_file(path: Path, *, eighth: float = 0.375, seconds: float = 16.0, rate: int = 44100) -> Path:
+    """Chords that swell on eighths, louder ones on quarters, one louder in the left channel; nearly no click."""
+    rng = np.random.default_rng(3)
+    time = np.arange(int(seconds * rate)) / rate
+    sound = np.zeros((time.size, 2))
+    for place, start in enumerate(np.arange(0.2, seconds, eighth)):
+        since = np.clip(time - start, 0, None)
+        swell = since * np.exp(-since / 0.05) / 0.05 * (0.6 if place % 2 else 1.0)
+        tone = np.sin(2 * np.pi * rng.uniform(200, 2000) * time) + 0.3 * rng.normal(size=time.size)
+        sound += (swell * tone)[:, None] * [1.0, 0.6]
+    soundfile.write(path, sound / np.abs(sound).max() * 0.8, rate)
+    return path
+
+
+def dance_file(path: Path, fps: float, *, offset: float = 0.0) -> Path:
+    save_motion(path, walker(7, frames=int(10 * fps), fps=fps), offset=offset)
+    return path
+
+
+@pytest.mark.parametrize("fps", [60.0, 30.0])
+@pytest.mark.parametrize("name", ["mBR0", "mHO5", "waltz"])
+@pytest.mark.parametrize("protocol", ["aist++", "bailando"])
+def test_beat_scores_of_files_are_those_of_the_published_codes(tmp_path: Path, protocol: str, name: str, fps: float):
+    song, dance = song_file(tmp_path / f"{name}.wav"), dance_file(tmp_path / f"{name}.npz", fps)
+    pair = Pair("x", "", name, dance, song, GENERATED)
+    clip = pair_clip(pair, RowOptions())
+    numbers, _, _ = protocol_numbers(clip, pair, protocol)
+    frames = (frames_of_aist if protocol == "aist++" else frames_of_bailando)(song, fps)
+    assert len(frames) > 8
+    music = beats_at(frames, fps=fps)
+    expected = loop_beat_align(clip.motion, music) if protocol == "aist++" else loop_bas(clip.motion, music)
+    measure = "BeatAlign" if protocol == "aist++" else "BAS"
+    assert numbers == {f"{protocol} {measure}": pytest.approx(expected, abs=1e-6)}
+
+
+def test_published_beats_are_those_of_neither_our_tracker_nor_an_annotation(tmp_path: Path):
+    song, dance = song_file(tmp_path / "waltz.wav"), dance_file(tmp_path / "waltz.npz", 60.0)
+    pair = Pair("x", "", "waltz", dance, song, GENERATED)
+    tracked = protocol_numbers(pair_clip(pair, RowOptions()), pair, "aist++")[0]
+    annotated = replace(pair_clip(pair, RowOptions()), beats=track([1.0, 2.0, 3.0], duration=16.0))
+    assert protocol_numbers(annotated, pair, "aist++")[0] == tracked
+    published = librosa_beats(load_audio(song, sample_rate=60 * 512)).times
+    ours = audio_beats(load_audio(song)).times
+    late = published - ours[np.abs(published[:, None] - ours).argmin(axis=1)]
+    assert 0.01 < np.median(late) < 0.05
+
+
+def test_a_tempo_in_the_name_of_a_song_changes_the_beats(tmp_path: Path):
+    slow, other = (frames_of_aist(song_file(tmp_path / f"{name}.wav"), 60.0) for name in ("mBR0", "waltz"))
+    assert len(other) > 1.5 * len(slow)
+
+
+def test_published_beats_move_with_the_start_of_the_motion(tmp_path: Path):
+    song = song_file(tmp_path / "waltz.wav")
+    clips = [pair_clip(Pair("x", "", "waltz", dance_file(tmp_path / f"{start}.npz", 60.0, offset=start / 60), song),
+                       RowOptions()) for start in (0, 90)]  # fmt: skip
+    whole, late = (
+        np.rint(published_music_and_motion(clip, song, "waltz", AIST.music_beats)[0].times * 60) for clip in clips
+    )
+    np.testing.assert_array_equal(late[late < 510], whole[whole >= 90] - 90)
+
+
+def test_silence_and_the_shortest_sound_have_no_published_beats():
+    for samples in (np.zeros(60 * 512 * 3), np.zeros(40), np.ones(1)):
+        for percussive in (False, True):
+            assert len(librosa_beats(Audio(samples, 60 * 512), percussive=percussive)) == 0
+
+
+@pytest.mark.parametrize(
+    ("fps", "seconds", "fault"), [(1000.0, 2.0, "10 to 250 a second: 1000"), (60.0, 1000.0, "60000 frames, more than")]
+)
+def test_what_would_fill_the_memory_has_no_published_beats(tmp_path: Path, fps: float, seconds: float, fault: str):
+    clip = Clip("x", Audio(np.zeros(round(seconds * 1000)), 1000), walker(1, fps=fps), beats=MUSIC)
+    pair = Pair("x", "", "waltz", tmp_path / "x.npz", tmp_path / "x.wav")
+    *numbers, remark = protocol_numbers(clip, pair, "bailando")
+    assert numbers == [{}, {}] and fault in remark
+    assert protocol_numbers(clip, pair, "edge")[0].keys() == {"edge PFC"}
 
 
 # Where published codes stop

@@ -91,6 +91,50 @@ def music_beats(clip: Clip) -> BeatTrack:
     return audio_beats(clip.audio, tempo=clip.dance if clip.dance in DANCES else None)
 
 
+def librosa_beats(audio: Audio, *, start_tempo: float = 120.0, percussive: bool = False) -> BeatTrack:
+    """Beats of librosa's tracker as they come, as published codes take them: on no steady grid, and not moved earlier.
+
+    They lie on frames of `HOP` samples: sound of ``HOP * fps`` hertz has them on the frames of a motion.
+
+    Parameters
+    ----------
+    audio : Audio
+        The whole song.
+    start_tempo : float, beats per minute, middle of the prior of the tempo
+    percussive : bool
+        Onset strength is the median over the mel bands of the percussive part, else the mean over those of all sound.
+
+    Returns
+    -------
+    BeatTrack; empty for silence
+    """
+    key = _key(audio, (start_tempo, percussive))
+    with suppress(KeyError, TypeError, ValueError):  # nothing in the cache, or something else
+        return _frame_track(audio, **(cached_arrays(key) or {}))
+    compile_tracker()
+    arrays = _librosa_frames(audio, start_tempo, percussive=percussive)
+    keep_arrays(key, arrays)
+    return _frame_track(audio, **arrays)
+
+
+def _frame_track(audio: Audio, *, frames: NDArray[Any], strengths: NDArray[Any]) -> BeatTrack:
+    rate = audio.sample_rate / HOP
+    inside = frames / rate <= audio.duration  # a very short sound is padded to a window
+    return BeatTrack(frames[inside] / rate, strengths[inside], rate, audio.duration)
+
+
+def _librosa_frames(audio: Audio, start_tempo: float, *, percussive: bool) -> dict[str, NDArray[Any]]:
+    """Numbers of the beats' frames and the onset strengths there, each (B,)."""
+    import librosa
+
+    samples, rate = _window_samples(audio), audio.sample_rate
+    if percussive:
+        samples = librosa.effects.percussive(samples)
+    envelope = librosa.onset.onset_strength(y=samples, sr=rate, aggregate=np.median if percussive else np.mean)
+    _, frames = librosa.beat.beat_track(onset_envelope=envelope, sr=rate, start_bpm=start_tempo)
+    return {"frames": frames, "strengths": envelope[frames]}
+
+
 def onset_envelope(audio: Audio) -> tuple[FloatArray, float]:
     """Onset strength g of Eq. 2, (F,) array, and its rate in hertz."""
     return _cached_analysis(audio, None).envelope, audio.sample_rate / HOP
@@ -180,9 +224,9 @@ def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
     return _Analysis(envelope, beats, float(quality)) if whole and rising and quality.shape == () else None
 
 
-def _key(audio: Audio, bounds: tuple[float, float] | None) -> str:
-    """Content hash: samples, rate, tempo prior, version of the analysis."""
-    digest = hashlib.sha256(f"{CACHE_VERSION} {audio.sample_rate} {bounds} {HOP}".encode())
+def _key(audio: Audio, settings: tuple[float, float] | None) -> str:
+    """Content hash: samples, rate, tempo prior and other settings, version of the analysis."""
+    digest = hashlib.sha256(f"{CACHE_VERSION} {audio.sample_rate} {settings} {HOP}".encode())
     digest.update(_samples(audio).data)
     return digest.hexdigest()[:40]
 
@@ -191,6 +235,12 @@ def _samples(audio: Audio) -> NDArray[np.float32]:
     """Samples in single precision; absurdly loud ones are scaled down, which moves no onset."""
     peak = float(np.abs(audio.samples).max())
     return np.ascontiguousarray(audio.samples / peak if peak > LOUDEST else audio.samples, dtype=np.float32)
+
+
+def _window_samples(audio: Audio) -> NDArray[np.float32]:
+    """At least one analysis window, so that a sound of a few milliseconds is analysed like any other."""
+    samples = _samples(audio)
+    return np.pad(samples, (0, max(0, 4 * HOP - samples.size)))
 
 
 @cache
@@ -212,10 +262,7 @@ def _analyse(audio: Audio, bounds: tuple[float, float] | None) -> tuple[FloatArr
     """Onset strength and beat frames by librosa."""
     import librosa
 
-    samples = _samples(audio)
-    # At least one analysis window, so that a sound of a few milliseconds is analysed like any other.
-    samples = np.pad(samples, (0, max(0, 4 * HOP - samples.size)))
-    rate = audio.sample_rate
+    samples, rate = _window_samples(audio), audio.sample_rate
     envelope = librosa.onset.onset_strength(y=samples, sr=rate, hop_length=HOP)
     envelope = np.nan_to_num(envelope, nan=0.0, posinf=0.0, neginf=0.0).astype(np.float64)
     if not envelope.any():

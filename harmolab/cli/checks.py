@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from harmolab.cli.common import plain_errors
+from harmolab.cli.common import plain_errors, refuse
 from harmolab.io import files
 
 OUTPUTS = ("out", "plot", "clicks")  # parameters that name what a command writes; every other path is read
@@ -29,6 +29,15 @@ class CheckedCommand(TyperCommand):
         writes = any(one.name in OUTPUTS and one.param_type_name == "option" for one in self.params)
         if writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params):
             self.params.append(_force_option())
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The remaining arguments; ends with one line for a value that an option does not take."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            if type(error) is not typer.BadParameter:  # an argument is missing: the usage says more
+                raise
+            refuse(error.format_message())
 
     def invoke(self, ctx: Any) -> Any:
         """Result of the command."""

@@ -74,7 +74,9 @@ def score(
     smpl: Smpl = None,
     up: Up = None,
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
-    clock: Annotated[float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.")] = 1.0,
+    clock: Annotated[
+        float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.", min=0.1, max=10.0)
+    ] = 1.0,
     as_json: common.AsJson = False,
     plot: Annotated[Path | None, typer.Option(help="Save a picture of beats, hits and misses as PNG.")] = None,
     others: Annotated[

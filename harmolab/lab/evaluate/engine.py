@@ -15,16 +15,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib.metadata import version
-from itertools import count, islice
+from itertools import count, islice, takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
 from harmolab.io.files import PathLike, Progress, plain, silent, write_json
 from harmolab.lab.evaluate import parts
-from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, PartWriter, Row, check_installed, part_keys
+from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, STAMP, PartWriter, Row, check_installed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,6 +48,26 @@ class Task(Protocol):
 
 
 Measure = Callable[[Any], Mapping[str, Any]]
+Stamp = Callable[[Any], str]
+
+
+class Measurement(NamedTuple):
+    """The function that measures a task, and that of the state of its inputs, where there is one."""
+
+    measure: Measure
+    stamp: Stamp | None
+
+    def row(self, task: Task) -> dict[str, Any]:
+        """The key of a task, an empty "error", and what is measured; or its key and what stood in the way."""
+        row = self.failed_row(task, "")  # the state of the inputs before they are read: they may change meanwhile
+        try:
+            return row | {name: parts.cell(value) for name, value in self.measure(task).items()}
+        except Exception as error:  # noqa: BLE001  # whatever one clip of a million raises, the others are measured
+            return row | {ERROR: f"{type(error).__name__}: {' '.join(str(error).split())[:400]}"}
+
+    def failed_row(self, task: Task, error: str) -> dict[str, Any]:
+        """The row of a task that was not measured."""
+        return {KEY: task.key, ERROR: error} | ({} if self.stamp is None else {STAMP: self.stamp(task)})
 
 
 def run_rows(
@@ -60,6 +80,7 @@ def run_rows(
     resume: bool = False,
     force: bool = False,
     settings: Mapping[str, Any] | None = None,
+    stamp: Stamp | None = None,
     progress: Progress = silent,
 ) -> Iterator[pd.DataFrame]:
     """The table of `measure(task)` for every task, a part at a time, in the order of the tasks' keys.
@@ -81,6 +102,8 @@ def run_rows(
     resume : go on with a run in `out`, or start it where there is none
     force : begin anew where a run is, or in a folder with other files, which stay
     settings : JSON-able; all that the rows depend on besides the tasks: a run is resumed with the same only
+    stamp : function of a module, from a task to a text that changes with its inputs; a run that
+        is resumed measures tasks anew whose text is another one, and those behind them in their part
     progress : Progress over the rows that are missing
 
     Returns
@@ -101,10 +124,12 @@ def run_rows(
         raise ValueError(f"--jobs must be 0 (this process) or a number of processes, got {jobs}")
     out = Path(out)
     with _open_folder(out, _manifest(tasks, settings or {}), resume=resume, force=force):
-        done = [_rows_done(out, tasks, number) for number in range(-(-len(tasks) // parts.PART_ROWS))]
+        done = [_rows_done(out, tasks, number, stamp) for number in range(-(-len(tasks) // parts.PART_ROWS))]
         missing = len(tasks) - sum(done)
         if missing:
-            with _rows(tasks, measure, _missing(done, len(tasks)), jobs, scheduler) as rows, PartWriter(out) as writer:
+            measurement = Measurement(measure, stamp)
+            indices = _missing(done, len(tasks))
+            with _rows(tasks, measurement, indices, jobs, scheduler) as rows, PartWriter(out) as writer:
                 for _, (index, row) in zip(progress(range(missing), "measured"), rows, strict=True):
                     writer.add(index, row)
     return parts.read_rows(out)
@@ -177,12 +202,19 @@ def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield name, entry
 
 
-def _rows_done(out: Path, tasks: Sequence[Task], number: int) -> int:
-    """Rows of a part that are there; 0 for half a file, or rows of other tasks."""
-    keys = part_keys(parts.part_path(out, number))
+def _rows_done(out: Path, tasks: Sequence[Task], number: int, stamp: Stamp | None) -> int:
+    """Rows of a part that are there, up to the first of changed inputs; 0 for half a file, or rows of other tasks."""
+    path = parts.part_path(out, number)
+    keys = parts.part_keys(path)
     first = number * parts.PART_ROWS
-    expected = [tasks[index].key for index in range(first, min(first + len(keys), len(tasks)))]
-    return len(keys) if keys == expected and len(keys) <= parts.PART_ROWS else 0
+    own = [tasks[index] for index in range(first, min(first + len(keys), len(tasks)))]
+    if keys != [task.key for task in own] or len(keys) > parts.PART_ROWS:
+        return 0
+    if stamp is None:
+        return len(keys)
+    former = parts.part_texts(path, STAMP)
+    same = takewhile(lambda pair: stamp(pair[0]) == pair[1], zip(own, former, strict=False))  # older parts have none
+    return sum(1 for _ in same)
 
 
 def _missing(done: Sequence[int], n_tasks: int) -> Iterator[int]:
@@ -194,28 +226,19 @@ def _missing(done: Sequence[int], n_tasks: int) -> Iterator[int]:
 
 @contextmanager
 def _rows(
-    tasks: Sequence[Task], measure: Measure, indices: Iterable[int], jobs: int, scheduler: str
+    tasks: Sequence[Task], measurement: Measurement, indices: Iterable[int], jobs: int, scheduler: str
 ) -> Iterator[Iterator[tuple[int, Row]]]:
     """An iterator over (index, row) of those tasks, in the order of `indices`."""
     if scheduler or jobs:
         with _connected(jobs, scheduler) as client:
-            yield _cluster_rows(client, measure, tasks, indices)
+            yield _cluster_rows(client, measurement, tasks, indices)
     else:
-        yield ((index, measured_row(measure, tasks[index])) for index in indices)
+        yield ((index, measurement.row(tasks[index])) for index in indices)
 
 
-def measured_row(measure: Measure, task: Task) -> dict[str, Any]:
-    """The row of a task: its key, an empty "error", and what is measured; or its key and what stood in the way."""
-    try:
-        cells = {name: parts.cell(value) for name, value in measure(task).items()}
-    except Exception as error:  # noqa: BLE001  # whatever one clip of a million raises, the others are measured
-        return {KEY: task.key, ERROR: f"{type(error).__name__}: {' '.join(str(error).split())[:400]}"}
-    return {KEY: task.key, ERROR: "", **cells}
-
-
-def _worker_row(measure: Measure, task: Task) -> dict[str, Any]:
+def _worker_row(measurement: Measurement, task: Task) -> dict[str, Any]:
     _forget_keys()
-    return measured_row(measure, task)
+    return measurement.row(task)
 
 
 def _forget_keys() -> None:
@@ -269,7 +292,7 @@ def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
 
 
 def _cluster_rows(
-    client: Client, measure: Measure, tasks: Sequence[Task], indices: Iterable[int]
+    client: Client, measurement: Measurement, tasks: Sequence[Task], indices: Iterable[int]
 ) -> Iterator[tuple[int, Row]]:
     """(index, row) of the tasks, in the order of `indices`; a bounded number of them is under way."""
     from distributed import KilledWorker, as_completed
@@ -283,7 +306,7 @@ def _cluster_rows(
 
     def submit(index: int) -> None:
         key = (group, index, deaths[index])
-        pool.add(client.submit(_worker_row, measure, tasks[index], key=key))
+        pool.add(client.submit(_worker_row, measurement, tasks[index], key=key))
 
     for turn in count():
         if turn % TURNS == 0:
@@ -305,6 +328,6 @@ def _cluster_rows(
             deaths[index] += 1
             submit(index)
         else:
-            ready[index] = {KEY: tasks[index].key, ERROR: _KILLED}
+            ready[index] = measurement.failed_row(tasks[index], _KILLED)
         while order and order[0] in ready:
             yield order[0], ready.pop(order.popleft())

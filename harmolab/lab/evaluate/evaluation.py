@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, silent, write_json
+from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
 from harmolab.io.motion_file import ReadingOptions
 from harmolab.io.smpl import load_body
 from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
@@ -29,7 +30,7 @@ from harmolab.lab.evaluate.pairing import (
     songs_in,
     unused_songs,
 )
-from harmolab.lab.evaluate.parts import MANIFEST, read_rows
+from harmolab.lab.evaluate.parts import MANIFEST, read_manifest, read_rows
 from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion, protocol_of
 from harmolab.lab.evaluate.sets import SetNumber, protocol_sets, set_numbers
 from harmolab.lab.evaluate.summary import (
@@ -207,6 +208,8 @@ def evaluate_dances(
     )
     _check_rates(pairing.pairs, options)
     options = replace(options, limits=recorded_limits(recorded, options, progress=progress))
+    if resume:
+        _check_limits(out / ROWS, settings, options)
     tasks = (*(pair for pair in pairing.pairs if pair.kind != RECORDED), *control_pairs(recorded))
     out.mkdir(parents=True, exist_ok=True)
     write_json(
@@ -214,10 +217,23 @@ def evaluate_dances(
     )
     parts = run_rows(
         sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
-        scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), progress=progress,
+        scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), stamp=attrgetter("stamp"),
+        progress=progress,
     )  # fmt: skip
     collected = collect(written_parts(parts, out / CLIPS, tasks))
     return _evaluation(settings, options, tasks, collected, pairing.unpaired)
+
+
+def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions) -> None:
+    """ValueError where a run was begun with other recorded dances, from the limits of which all of its rows follow."""
+    if not (rows / MANIFEST).is_file():
+        return
+    former, now = read_manifest(rows).get("settings"), plain(options.to_dict())
+    if isinstance(former, dict) and former != now and {**former, "limits": None} == {**now, "limits": None}:
+        raise ValueError(
+            f"{settings.reference}: the recorded dances have changed since {rows} was begun, and the likeness of every "
+            "dance with them; begin anew by --force, without --resume"
+        )
 
 
 def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) -> None:

@@ -7,6 +7,7 @@ own folder holds its song. What goes with nothing is listed with the reason, and
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -56,6 +57,11 @@ class Pair:
     def key(self) -> str:
         """The dance's name among all of an evaluation; the same in every run."""
         return " | ".join((self.system, self.seed, str(self.motion), self.song))
+
+    @property
+    def stamp(self) -> str:
+        """A text that changes with the files of dance and song."""
+        return input_stamp(self.motion, self.music)
 
 
 class Unpaired(NamedTuple):
@@ -254,6 +260,30 @@ def annotation_of(music: Path) -> Path | None:
     """The beats that stand beside a song: SONG.beats, or beats.json in a recording's folder; None without."""
     places = [music.with_suffix(".beats"), *([music.parent / "beats.json"] if is_motion(music.parent) else [])]
     return next(filter(Path.is_file, places), None)
+
+
+def input_stamp(*paths: Path) -> str:
+    """A text that changes with files, and with the annotation and configuration beside them: sizes and times of change.
+
+    Of folders, such as a recording's, all files count. No errors: a file that is missing has a state, too.
+    """
+    states = (f"{file.name} {_state(file)}\0" for path in paths for file in _input_files(path))
+    return hashlib.sha256("".join(states).encode()).hexdigest()[:16]
+
+
+def _input_files(path: Path) -> list[Path]:
+    try:
+        return sorted(path.iterdir())
+    except OSError:  # no folder
+        return [path, path.with_suffix(".beats"), path.parent / "beats.json", path.parent / "config.json"]
+
+
+def _state(file: Path) -> tuple[int, ...]:
+    try:
+        status = file.stat()
+    except OSError:
+        return ()
+    return status.st_size, status.st_mtime_ns
 
 
 def _entries(folder: PathLike) -> list[Path]:

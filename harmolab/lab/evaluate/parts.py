@@ -26,6 +26,7 @@ Row = Mapping[str, Any]
 FORMAT = "harmolab rows 1"
 MANIFEST = "run.json"
 KEY, ERROR = "key", "error"  # the first two columns of every row
+STAMP = "inputs"  # column of the parts, not of the table: the state of the files that a row was measured from
 PART_ROWS = 1024
 FLUSH_SECONDS = 5.0  # the most that a kill costs, but for the rows that are being measured
 _WHAT = "a part of a table"
@@ -94,9 +95,14 @@ def part_rows(path: Path) -> list[dict[str, Any]]:
 
 def part_keys(path: Path) -> list[str]:
     """The keys of a part's rows; none where there is no part, or half of one."""
+    return part_texts(path, KEY)
+
+
+def part_texts(path: Path, column: str) -> list[str]:
+    """A column of a part's rows; empty where there is no part, half of one, or no such column."""
     try:
         with reading(path, _WHAT):
-            return _table(path, [KEY])[KEY].to_pylist()
+            return _table(path, [column])[column].to_pylist()
     except (ValueError, FileNotFoundError):
         return []
 
@@ -153,7 +159,7 @@ def _common_schema(folder: Path, paths: Sequence[Path], count: int) -> pyarrow.S
             rows += file.metadata.num_rows
     if rows != count:
         raise ValueError(f"{folder}: holds {rows} of {count} rows; go on with --resume, or begin anew with --force")
-    return schema
+    return pyarrow.schema([column for column in schema if column.name != STAMP])
 
 
 def _frame(path: Path, schema: pyarrow.Schema) -> pd.DataFrame:

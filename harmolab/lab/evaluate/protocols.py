@@ -18,6 +18,7 @@ from harmolab.lab.evaluate.published import (
     smpl_features,
     smpl_features_from_start,
 )
+from harmolab.lab.evaluate.published_music import MusicBeats, aist_beats, bailando_beats
 from harmolab.types import BeatTrack, FloatArray, Motion
 
 SAME_RATE = 1e-3  # relative; a rate nearer to the published one than this is the published one
@@ -34,6 +35,8 @@ class Protocol:
     fps : float, hertz
         The rate that its numbers of frames are meant for. Motions of other rates are not resampled, as they are not
         there: `remarks` says so.
+    music_beats : (sound of `HOP` samples a frame of the motion, name of the song) -> its beats; None where the code
+        takes none
     clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
     features : Motion -> "kinetic" and "geometric" -> array of one dance, all that `sets` needs of it
     sets : (features, reference), arrays of one row a dance -> FID_k, FID_g, Div_k, Div_g
@@ -50,6 +53,7 @@ class Protocol:
 
     source: str
     fps: float
+    music_beats: MusicBeats | None
     clip: Callable[[Motion, BeatTrack], dict[str, float]]
     features: Callable[[Motion], dict[str, FloatArray]]
     sets: Callable[[Mapping[str, ArrayLike], Mapping[str, ArrayLike]], dict[str, float]]
@@ -102,9 +106,10 @@ _UNDEFINED = MappingProxyType(
         "PFC": "the root does not accelerate; the published code divides 0 by 0, and its mean over all dances is NaN.",
     }
 )
-_FRAMES = (
-    "Frames are counted, not seconds, so the score depends on the frame rate; music beats lie on the nearest frame.",
-    "Music beats are those of this table; the published ones are librosa's, tracked at 60 frames per second.",
+_FRAMES = "Frames are counted, not seconds, so the score depends on the frame rate."
+_MUSIC_BEATS = (
+    "Music beats are librosa's as they come, tracked in the whole song with a frame of 512 samples for each of the "
+    "motion ({strength}; prior of the tempo: {prior}), and not those of this table, be these annotated or tracked."
 )
 _OF_SETS = (
     "Kinetic features (72) take frames for sixtieths of a second and misplace a bracket: a third of them measure the "
@@ -123,6 +128,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
         "aist++": Protocol(
             "Li et al. 2021, google-research/mint with its author's fork, google/aistplusplus_api",
             60.0,
+            aist_beats,
             _beat_align,
             smpl_features,
             set_scores,
@@ -132,7 +138,11 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "Motion beats are frames whose summed joint speed is below that of ten frames on either side, "
                 "unsmoothed; the first frame has speed 0, so none lies in the ten after it.",
                 "A dance without motion beats scores 0; without music beats the published code stops, here NaN.",
-                *_FRAMES,
+                _FRAMES,
+                _MUSIC_BEATS.format(
+                    strength="mean onset strength",
+                    prior="that in the name of a song of AIST, 120 beats a minute for others, where the code stops",
+                ),
                 *_OF_SETS,
                 "Features depend on where in the room a dancer is, by the bracket.",
                 "The published script leaves out the first 120 frames, which FACT is given; here all frames count.",
@@ -141,6 +151,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
         "edge": Protocol(
             "Tseng et al. 2023, Stanford-TML/EDGE",
             30.0,
+            None,
             _pfc,
             _no_features,
             _no_sets,
@@ -151,6 +162,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "same dance has another score.",
                 "The largest acceleration is that of each clip: one jump of the root makes the rest of a dance good.",
                 "A root that does not accelerate gives 0 / 0, which makes the published mean NaN; here only the clip.",
+                "PFC takes no music beats: it is the same with any song.",
                 "The code takes z for up; motions here have y up, and axes are taken accordingly.",
                 "The code stops where there are more than 1,000 dances (it draws 1,000 without importing `random`); "
                 "here all count.",
@@ -160,6 +172,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
         "bailando": Protocol(
             "Li Siyao et al. 2022, lisiyao21/Bailando",
             60.0,
+            bailando_beats,
             _bas,
             smpl_features_from_start,
             set_scores,
@@ -169,7 +182,10 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "Motion beats are all minima, however shallow, of the mean joint speed smoothed by a Gaussian of five "
                 "frames; speeds lie on the earlier of two frames, so a beat is one frame earlier than in aist++.",
                 "Without beats of music or motion, as in a frozen clip, the published code stops; here NaN.",
-                *_FRAMES,
+                _FRAMES,
+                _MUSIC_BEATS.format(
+                    strength="median onset strength of the percussive part", prior="120 beats a minute"
+                ),
                 *_OF_SETS,
                 "Features are of the first 1,200 frames, seen from where the root starts: by the bracket they measure "
                 "how far a dancer goes from there.",

@@ -18,8 +18,9 @@ from harmolab.harmony import harmony_from_hits, music_and_motion, score_motion
 from harmolab.io.files import plain
 from harmolab.io.motion_file import MotionFile
 from harmolab.io.video_sound import load_sound
-from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of
+from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of, input_stamp
 from harmolab.lab.evaluate.protocols import PROTOCOLS, Protocol
+from harmolab.lab.evaluate.published_music import published_music_and_motion
 from harmolab.metrics.beats import beat_align, beat_coverage, beat_hit_rate, kinematic_params, mir_eval_scores
 from harmolab.metrics.body_measures import MEASURES as BODY_MEASURES
 from harmolab.metrics.geometric import geometric_features
@@ -132,21 +133,20 @@ def clip_row(pair: Pair, options: RowOptions) -> Row:
     numbers |= _likeness(motion, clip.dance, options)
     features = motion_features(motion, options)
     if options.protocol:
-        own, vectors, about["remarks"] = protocol_numbers(music, motion, options.protocol)
+        own, vectors, about["remarks"] = protocol_numbers(clip, pair, options.protocol)
         numbers, features = numbers | own, features | vectors
     columns = {f"f_{name}_{place:03d}": float(x) for name, row in features.items() for place, x in enumerate(row)}
     return about | numbers | columns
 
 
-def protocol_numbers(
-    music: BeatTrack, motion: Motion, name: str
-) -> tuple[dict[str, float], dict[str, FloatArray], str]:
-    """The numbers and features of a protocol, "NAME PFC" and so on, and its remarks on this dance.
+def protocol_numbers(clip: Clip, pair: Pair, name: str) -> tuple[dict[str, float], dict[str, FloatArray], str]:
+    """The numbers and features of a protocol for a pair and its clip, "NAME PFC" and so on, and its remarks on it.
 
     There are none where the body lacks the joints that it takes, and the remark says so.
     """
     protocol = protocol_of(name)
     try:
+        music, motion = published_music_and_motion(clip, pair.music, pair.song, protocol.music_beats)
         numbers, features = protocol.clip(motion, music), protocol.features(motion)
     except ValueError as error:
         return {}, {}, f"No numbers: {error}."
@@ -178,7 +178,7 @@ def pair_clip(pair: Pair, options: RowOptions) -> Clip:
 
 def _clip(pair: Pair, motion: Motion) -> Clip:
     """As `pair_clip`, of a motion that was read."""
-    song = _song(pair.music, pair.music.stat().st_mtime_ns)
+    song = _song(pair.music, input_stamp(pair.music))
     offset = recorded_offset(pair.motion) or 0.0
     if pair.kind == OTHER_SONG:
         offset = min(offset, max(0.0, song.audio.duration - motion.duration))
@@ -208,8 +208,8 @@ def _pair_file(pair: Pair, options: RowOptions) -> MotionFile:
 
 
 @lru_cache(maxsize=SONGS_KEPT)
-def _song(music: Path, _: int) -> Clip:
-    """A song and its beats, as a clip without motion; the second argument, its time of change, keeps it up to date."""
+def _song(music: Path, _: str) -> Clip:
+    """A song and its beats, as a clip without motion; the second argument, its stamp, keeps it up to date."""
     audio, annotation = load_sound(music), annotation_of(music)
     beats = song_beats(audio, beats=annotation)
     if annotation is not None and not len(beats):

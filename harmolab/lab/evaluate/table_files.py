@@ -42,6 +42,8 @@ NO_MEAN, NO_NUMBER = Mean(math.nan, math.nan, math.nan, 0), SetNumber(math.nan, 
 _DIGITS = ((0.00005, 2), (0.00995, 4), (0.0995, 3), (9.995, 2), (99.95, 1))
 _LATEX = MappingProxyType(
     {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    | {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}"}
+    | {"[": "{[}", "*": "{*}"}  # at the begin of a row, the end of the row before would take them for its own
     | {mark: f"\\{mark}" for mark in "&%$#_{}"}
 )
 
@@ -102,41 +104,57 @@ def table_content(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def table_tex(evaluation: Evaluation) -> str:
-    """A table for LaTeX with the package booktabs, those of `COLUMNS` that were measured.
+    """A table for LaTeX with the package booktabs, those of `COLUMNS` that were measured, then those of a protocol.
 
     Intervals stand small behind the numbers. Bold is a first rank: better than another system beyond luck, and none
     better than it; where no difference excludes 0, nothing is bold.
     """
-    records = table_records(evaluation)
-    names = [name for name in COLUMNS if any(math.isfinite(record.get(name, math.nan)) for record in records)]
-    heads = [COLUMNS[name] + ARROWS[measure_of(name).better] for name in names]
+    records, protocol = table_records(evaluation), evaluation.settings.protocol
+    own = {name: head + ARROWS[measure_of(name).better] for name, head in COLUMNS.items()}
+    columns = (name.partition(" ") for name in (*evaluation.measures, *evaluation.set_measures))
+    published = {"".join(parts): latex_text(parts[2]) for parts in columns if parts[0] == protocol}
     lines = [
         "% needs \\usepackage{booktabs}",
         "\\begin{table*}",
         "\\centering\\scriptsize\\setlength{\\tabcolsep}{2.5pt}",
         f"\\caption{{{_caption(evaluation)}}}",
-        f"\\begin{{tabular}}{{l{'c' * len(names)}}}",
-        "\\toprule",
-        f"{' & '.join(['System', *heads])} \\\\",
-        "\\midrule",
-        *_lines([record for record in records if not record["control"]], names),
-        "\\midrule",
-        *_lines([record for record in records if record["control"]], names),
-        "\\bottomrule",
-        "\\end{tabular}",
+        *_tabular(records, own),
+        *_tabular(records, published, f"by the published code of {latex_text(protocol)}"),
         "\\end{table*}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _tabular(records: list[dict[str, Any]], heads: Mapping[str, str], group: str = "") -> Iterator[str]:
+    """Lines of the columns that hold a number, with a heading over them all where `group` is one; none without any."""
+    names = [name for name in heads if any(math.isfinite(record.get(name, math.nan)) for record in records)]
+    if not names:
+        return
+    if group:
+        yield "\n\\medskip"
+    yield f"\\begin{{tabular}}{{l{'c' * len(names)}}}"
+    yield "\\toprule"
+    if group:
+        yield f" & \\multicolumn{{{len(names)}}}{{c}}{{{group}}} \\\\"
+        yield f"\\cmidrule(lr){{2-{len(names) + 1}}}"
+    yield f"{' & '.join(['System', *(heads[name] for name in names)])} \\\\"
+    for controls in (False, True):
+        yield "\\midrule"
+        yield from _lines([record for record in records if record["control"] == controls], names)
+    yield "\\bottomrule"
+    yield "\\end{tabular}"
 
 
 def _caption(evaluation: Evaluation) -> str:
     numbers = [count.songs for count in evaluation.counts.values()]
     few, many = min(numbers), max(numbers)
     songs = f"{few}" if few == many else f"{few} to {many}"
+    protocol = latex_text(evaluation.settings.protocol)
+    published = f" Columns of {protocol} follow that code, its faults and the bias included." if protocol else ""
     return (
         f"Means over {songs} songs with 95\\,\\% intervals by resampling songs. Bold: better than another system, the "
         "interval of the paired difference excluding 0, and none better. FID without the bias of small samples. "
-        f"Below the line: controls. Computed with harmolab {latex_text(version('harmolab'))}."
+        f"Below the line: controls.{published} Computed with harmolab {latex_text(version('harmolab'))}."
     )
 
 
