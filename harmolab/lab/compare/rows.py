@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,12 @@ from harmolab.lab.compare.scores import ScoredClip, scored_clip
 from harmolab.lab.compare.verdicts import RecordingVerdict, recording_verdict
 from harmolab.lab.compare.windows import cut_clips
 from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.pairing import input_stamp
 from harmolab.lab.evaluate.parts import ERROR, part_path
 
 Corpus = PathLike | Iterable[folders.Recording]
+
+PART_RECORDINGS = 16  # in a part of the rows: each holds beats and curves of all its clips
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,11 @@ class RecordingTask:
     def key(self) -> str:
         """Its name in a table of the corpus."""
         return f"{self.number:07d} {self.folder}"
+
+    @property
+    def stamp(self) -> str:
+        """A text that changes with its files."""
+        return input_stamp(self.folder)
 
 
 @dataclass(frozen=True)
@@ -176,7 +185,8 @@ def _engine_scores(
     with nullcontext(processes.out) if processes.out else tempfile.TemporaryDirectory() as out:
         frames = run_rows(
             tasks, partial(recording_row, options=options), out, jobs=processes.jobs, scheduler=processes.scheduler,
-            resume=processes.resume, force=processes.force, settings=plain(options), progress=progress,
+            resume=processes.resume, force=processes.force, settings=plain(options),
+            stamp=attrgetter("stamp"), part_rows=PART_RECORDINGS, progress=progress,
         )  # fmt: skip
         remaining = iter(paths)
         for number, frame in enumerate(frames):

@@ -24,7 +24,7 @@ from filelock import FileLock, Timeout
 
 from harmolab.io.files import PathLike, Progress, plain, silent, write_json
 from harmolab.lab.evaluate import parts
-from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, STAMP, PartWriter, Row, check_installed
+from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, STAMP, PartWriter, Row, check_installed, part_path
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,6 +81,7 @@ def run_rows(
     force: bool = False,
     settings: Mapping[str, Any] | None = None,
     stamp: Stamp | None = None,
+    part_rows: int | None = None,
     progress: Progress = silent,
 ) -> Iterator[pd.DataFrame]:
     """The table of `measure(task)` for every task, a part at a time, in the order of the tasks' keys.
@@ -104,6 +105,7 @@ def run_rows(
     settings : JSON-able; all that the rows depend on besides the tasks: a run is resumed with the same only
     stamp : function of a module, from a task to a text that changes with its inputs; a run that
         is resumed measures tasks anew whose text is another one, and those behind them in their part
+    part_rows : int, rows of a part in place of `PART_ROWS`, fewer where a row is long: a part is held, and written anew
     progress : Progress over the rows that are missing
 
     Returns
@@ -122,14 +124,15 @@ def run_rows(
     check_installed("pyarrow", *(("distributed",) if jobs or scheduler else ()))
     if jobs < 0:
         raise ValueError(f"--jobs must be 0 (this process) or a number of processes, got {jobs}")
-    out = Path(out)
+    out, size = Path(out), part_rows or parts.PART_ROWS
     with _open_folder(out, _manifest(tasks, settings or {}), resume=resume, force=force):
-        done = [_rows_done(out, tasks, number, stamp) for number in range(-(-len(tasks) // parts.PART_ROWS))]
+        places = [range(len(tasks))[first : first + size] for first in range(0, len(tasks), size)]
+        done = [_rows_done(part_path(out, number), tasks, place, stamp) for number, place in enumerate(places)]
         missing = len(tasks) - sum(done)
         if missing:
             measurement = Measurement(measure, stamp)
-            indices = _missing(done, len(tasks))
-            with _rows(tasks, measurement, indices, jobs, scheduler) as rows, PartWriter(out) as writer:
+            indices = (index for place, rows in zip(places, done, strict=True) for index in place[rows:])
+            with _rows(tasks, measurement, indices, jobs, scheduler) as rows, PartWriter(out, size) as writer:
                 for _, (index, row) in zip(progress(range(missing), "measured"), rows, strict=True):
                     writer.add(index, row)
     return parts.read_rows(out)
@@ -202,26 +205,17 @@ def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield name, entry
 
 
-def _rows_done(out: Path, tasks: Sequence[Task], number: int, stamp: Stamp | None) -> int:
+def _rows_done(path: Path, tasks: Sequence[Task], place: range, stamp: Stamp | None) -> int:
     """Rows of a part that are there, up to the first of changed inputs; 0 for half a file, or rows of other tasks."""
-    path = parts.part_path(out, number)
     keys = parts.part_keys(path)
-    first = number * parts.PART_ROWS
-    own = [tasks[index] for index in range(first, min(first + len(keys), len(tasks)))]
-    if keys != [task.key for task in own] or len(keys) > parts.PART_ROWS:
+    own = [tasks[index] for index in place[: len(keys)]]
+    if keys != [task.key for task in own]:
         return 0
     if stamp is None:
         return len(keys)
     former = parts.part_texts(path, STAMP)
     same = takewhile(lambda pair: stamp(pair[0]) == pair[1], zip(own, former, strict=False))  # older parts have none
     return sum(1 for _ in same)
-
-
-def _missing(done: Sequence[int], n_tasks: int) -> Iterator[int]:
-    """Numbers of the tasks without a row."""
-    for number, rows in enumerate(done):
-        first = number * parts.PART_ROWS
-        yield from range(first + rows, min(first + parts.PART_ROWS, n_tasks))
 
 
 @contextmanager

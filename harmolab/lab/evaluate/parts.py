@@ -1,4 +1,4 @@
-"""Rows of a long run in Parquet parts: row i stands in part i // PART_ROWS, and a part is replaced whole as it grows.
+"""Rows of a long run in Parquet parts: row i stands in part i // `PART_ROWS`, and a part is replaced whole as it grows.
 
 So the files are the same however often the run was stopped, whoever measured the rows, and what is done is read off
 them: every row stands there once or not yet. Needs pyarrow (``pip install 'harmolab[cluster]'``).
@@ -182,8 +182,8 @@ class PartWriter:
     A part is written when it is full, every `FLUSH_SECONDS`, and at the end of the block, be it by an error.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, part_rows: int) -> None:
+        self._folder, self._size = folder, part_rows
         self._number = -1
         self._rows: list[Row] = []
         self._pending = 0
@@ -197,14 +197,14 @@ class PartWriter:
 
     def add(self, index: int, row: Row) -> None:
         """Add row number `index`; those before it in its part have been added, or are on disk."""
-        number, place = divmod(index, PART_ROWS)
+        number, place = divmod(index, self._size)
         if number != self._number:
             self._flush()
             self._number = number
             self._rows = [*part_rows(part_path(self._folder, number))[:place]] if place else []
         self._rows.append(row)
         self._pending += 1
-        if len(self._rows) == PART_ROWS or time.monotonic() - self._last >= FLUSH_SECONDS:
+        if len(self._rows) == self._size or time.monotonic() - self._last >= FLUSH_SECONDS:
             self._flush()
 
     def _flush(self) -> None:
