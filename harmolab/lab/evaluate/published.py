@@ -67,10 +67,7 @@ def smpl_joints(skeleton: Skeleton, points: Sequence[str] = SMPL_POINTS) -> list
         joints.update({point: free[0]} if free else {})
     missing = [point for point in points if point not in joints]
     if missing:
-        raise ValueError(
-            f"the published code takes SMPL's joints; none is called {', '.join(missing)}, or alike; "
-            f"joints are {', '.join(skeleton.joints)}"
-        )
+        raise ValueError(f"the published code takes SMPL's joints; none is called {', '.join(missing)}, or alike")
     return [joints[point] for point in points]
 
 
