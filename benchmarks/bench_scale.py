@@ -14,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +35,7 @@ from harmolab.lab.evaluate.summary import system_means
 from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack
+from harmolab.types import BeatTrack, FloatArray
 
 N_CLIPS, N_SONGS, SECONDS, WARM = 2000, 100, 12.0, 1000  # the recommended score asks for 16 beats
 
@@ -94,7 +95,7 @@ class Meter:
     """Progress that counts rows, while a thread notes the memory of this process and of its children by /proc."""
 
     rows: int = 0
-    samples: list[tuple[int, float, float]] = field(default_factory=list)  # rows, client, largest worker; MB
+    samples: array[float] = field(default_factory=lambda: array("d"))  # rows, client, largest worker (MB), one by one
     _is_over: threading.Event = field(default_factory=threading.Event)
 
     def __call__(self, items: Iterable[Any], label: str) -> Iterator[Any]:
@@ -109,7 +110,12 @@ class Meter:
     def _watch(self) -> None:
         while not self._is_over.wait(0.5):
             workers = [megabytes(pid) for pid in children(os.getpid())]
-            self.samples.append((self.rows, megabytes(os.getpid()), max(workers, default=0.0)))
+            self.samples.extend((self.rows, megabytes(os.getpid()), max(workers, default=0.0)))
+
+    @property
+    def table(self) -> FloatArray:
+        """(n, 3) samples: rows, and the memory of the client and of the largest worker, MB."""
+        return np.array(self.samples).reshape(-1, 3)
 
     def slope(self, side: int) -> tuple[float, float]:
         """Bytes that the client (1) or the largest worker (2) grows by with each row, and its standard error.
@@ -117,7 +123,7 @@ class Meter:
         Fitted to the means of ten stretches from `WARM` rows on, since neighbouring samples are alike; NaN where there
         are too few of them.
         """
-        warm = np.array([sample for sample in self.samples if sample[0] >= WARM])
+        warm = self.table[self.table[:, 0] >= WARM]
         if len(warm) < 20:
             return float("nan"), float("nan")
         means = np.array([part.mean(axis=0) for part in np.array_split(warm, 10)])
@@ -172,8 +178,8 @@ def measure(count: int = N_CLIPS, jobs: int = 2) -> dict[str, float]:
         "clips": count,
         "worker processes": jobs,
         "clips a second, with start and end": count / seconds,
-        "client, peak memory (MB)": max(sample[1] for sample in meter.samples),
-        "largest worker, peak memory (MB)": max(sample[2] for sample in meter.samples),
+        "client, peak memory (MB)": float(meter.table[:, 1].max()),
+        "largest worker, peak memory (MB)": float(meter.table[:, 2].max()),
         f"client, growth from {WARM} rows on (bytes a row)": client[0],
         "its standard error": client[1],
         f"largest worker, growth from {WARM} rows on (bytes a row)": worker[0],

@@ -1,4 +1,4 @@
-"""Commands that are killed and go on: `python -m benchmarks.kills --times 50 --seed 1 [--only compare,train,study]`.
+"""Commands that are killed and go on: `python -m benchmarks.kills --times 50 --seed 1 [--only evaluate,train]`.
 
 Each command runs once in peace. Then it is killed (-9, with all its processes) at random moments, called again as a
 person would, killed again, and at last left to finish: what it leaves must be what the first one left. Any other
@@ -88,6 +88,11 @@ def jobs(data: Path) -> list[Job]:
         text = said("compare", corpus, "--beats", "tracked", "--rotations", 20, *rows, "--json")
         (folder / "compare.json").write_text(text)
 
+    def evaluate(folder: Path) -> None:
+        parts.FLUSH_SECONDS = 0.0
+        options = ("--resamples", 100, "--jobs", 2, "--resume", "--out", folder / "table")
+        said("evaluate", corpus, "--music", corpus, "--reference", corpus, *options)
+
     def train(folder: Path) -> None:
         torch.set_num_threads(1)
         fabric = make_fabric(accelerator="cpu")
@@ -101,6 +106,7 @@ def jobs(data: Path) -> list[Job]:
 
     return [
         Job("compare", compare, lambda folder: {"compare.json": (folder / "compare.json").read_text()}),
+        Job("evaluate", evaluate, lambda folder: files_below(folder / "table")),
         Job("train", train, lambda folder: _weights(folder / "run")),
         Job("study", study, _study),
     ]
@@ -220,7 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.kills", description=__doc__)
     parser.add_argument("--times", type=int, default=50, help="kills of each command")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="compare, train, study, with commas")
+    parser.add_argument("--only", default="", help="compare, evaluate, train, study, with commas")
     parser.add_argument("--command", help="another command of harmolab, which writes to {out}")
     options = parser.parse_args(arguments)
     named = set(filter(None, options.only.split(",")))

@@ -276,6 +276,8 @@ def _connected(jobs: int, scheduler: str) -> Iterator[Client]:
         "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * 2**20,
         # A worker would keep a thousand seconds of samples of its stack: 13 kB for each row.
         "distributed.worker.profile.enabled": False,
+        # Every process would keep an hour of measurements of the machine: up to 4 MB, in the client several times.
+        "distributed.admin.system-monitor.log-length": 10,
     }
     local = partial(LocalCluster, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL)
     process = partial(local, threads_per_worker=1, scheduler_kwargs={"dashboard": False})
