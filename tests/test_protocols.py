@@ -549,6 +549,19 @@ def test_edge_has_neither_features_nor_distances():
     assert any("issues 11, 27 and 46" in note for note in EDGE.notes)
 
 
+def test_versions_of_the_published_features_are_named():
+    for protocol in (AIST, BAILANDO):
+        assert any(note.startswith("Versions differ") for note in protocol.notes)
+
+
+def test_a_music_beat_after_the_end_does_not_count_and_a_note_says_so():
+    dance = resting([232])  # of 240 frames
+    assert AIST.clip(dance, beats_at([115, 235]))["BeatAlign"] == pytest.approx(math.exp(-9 / 18))
+    shorter = replace(dance, positions=dance.positions[:234], valid=np.ones(234, bool))
+    assert AIST.clip(shorter, beats_at([115, 235]))["BeatAlign"] < 1e-6
+    assert any(note.startswith("Music beats after the end of a dance do not count") for note in AIST.notes)
+
+
 def test_a_protocol_travels_to_another_process():
     copy = pickle.loads(pickle.dumps(BAILANDO))
     assert copy.clip(walker(1), MUSIC) == BAILANDO.clip(walker(1), MUSIC)

@@ -107,6 +107,7 @@ _UNDEFINED = MappingProxyType(
     }
 )
 _FRAMES = "Frames are counted, not seconds, so the score depends on the frame rate."
+_MEANS = "Published means are over dances; here a song counts once, however many dances there are to it."
 _MUSIC_BEATS = (
     "Music beats are librosa's as they come, tracked in the whole song with a frame of 512 samples for each of the "
     "motion ({strength}; prior of the tempo: {prior}), and not those of this table, be these annotated or tracked."
@@ -122,6 +123,8 @@ _OF_SETS = (
     "Div_k and Div_g are mean distances between dances, of features standardised by the reference.",
     "Published tables take all motions of AIST++ for the reference, training included; here it is the one of the "
     "table. Fewer than two dances on a side give NaN.",
+    "Versions differ: FID_g and Div_g in the paper of AIST++ are of earlier geometric features, with one more fault; "
+    "copies in which the bracket is mended have other FID_k and Div_k.",
 )
 PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
     {
@@ -138,7 +141,10 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "Motion beats are frames whose summed joint speed is below that of ten frames on either side, "
                 "unsmoothed; the first frame has speed 0, so none lies in the ten after it.",
                 "A dance without motion beats scores 0; without music beats the published code stops, here NaN.",
+                "Music beats after the end of a dance do not count; the published script counts them for generated "
+                "dances, and not for recorded ones.",
                 _FRAMES,
+                _MEANS,
                 _MUSIC_BEATS.format(
                     strength="mean onset strength",
                     prior="that in the name of a song of AIST, 120 beats a minute for others, where the code stops",
@@ -163,6 +169,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "The largest acceleration is that of each clip: one jump of the root makes the rest of a dance good.",
                 "A root that does not accelerate gives 0 / 0, which makes the published mean NaN; here only the clip.",
                 "PFC takes no music beats: it is the same with any song.",
+                _MEANS,
                 "The code takes z for up; motions here have y up, and axes are taken accordingly.",
                 "The code stops where there are more than 1,000 dances (it draws 1,000 without importing `random`); "
                 "here all count.",
@@ -183,6 +190,7 @@ PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
                 "frames; speeds lie on the earlier of two frames, so a beat is one frame earlier than in aist++.",
                 "Without beats of music or motion, as in a frozen clip, the published code stops; here NaN.",
                 _FRAMES,
+                _MEANS,
                 _MUSIC_BEATS.format(
                     strength="median onset strength of the percussive part", prior="120 beats a minute"
                 ),
