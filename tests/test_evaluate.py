@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harmolab.beats.visual import visual_beats
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.motion import load_motion, save_motion
@@ -41,6 +42,9 @@ from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_dif
 from harmolab.lab.evaluate.table_files import table_tex
 from harmolab.lab.widgets import evaluation_page
 from harmolab.lab.widgets.evaluation_page import write_evaluation
+from harmolab.metrics.beats import beat_align, kinematic_params
+from harmolab.metrics.frechet import frechet_distance
+from harmolab.types import Motion, Skeleton
 from tests.builders import called
 
 run = partial(called, app)
@@ -335,6 +339,19 @@ def test_distances_lose_the_bias_of_small_samples(rng: np.random.Generator) -> N
     assert abs(number.value) < number.raw / 2  # 0 is the truth
 
 
+def test_what_is_left_of_the_bias_and_distances_below_0_are_remarked(
+    table: Evaluation, rng: np.random.Generator
+) -> None:
+    few, most = (rng.normal(size=(2, n, 72)) for n in (20, 200))  # one distribution: 0 is the truth
+    left, none = (frechet_distance(*sides) for sides in (few, most))
+    assert 10 < left.value < left.raw / 2 and abs(none.value) < 1
+    assert any("some stays below twice as many dances as features" in note for note in table_notes(table))
+    numbers = {("on the beat", "fid_kinetic"): SetNumber(-0.5, 300, 8.0, 300)}
+    assert any("below 0 is chance" in note for note in table_notes(replace(table, sets=numbers)))
+    numbers = {("on the beat", "fid_kinetic"): SetNumber(0.5, 300, 8.0, 300)}
+    assert not any("below 0" in note for note in table_notes(replace(table, sets=numbers)))
+
+
 def test_diversity_is_over_songs_and_multimodality_over_seeds() -> None:
     recorded = feature_rows(RECORDED, np.array([[-1.0], [1.0]]), ["a", "b"], ["", ""])  # mean 0, spread 1
     danced = feature_rows("x", np.array([[0.0], [4.0], [1.0], [2.0]]), ["a", "b", "a", "b"], ["1", "1", "2", "2"])
@@ -367,6 +384,20 @@ def test_the_methods_name_what_was_done(planted: Path, table: Evaluation) -> Non
     for words in ("14 dances to 7 songs, 2 seeds, 30 frames per second", "annotated for 28", "1000 resamplings"):
         assert words in content["methods"]
     assert any("pose" in note for note in content["notes"])  # the planted body is not that of the network
+
+
+def test_slow_frame_rates_lower_beat_alignment_as_the_methods_say(planted: Path, table: Evaluation) -> None:
+    methods = json.loads((planted / "table" / "table.json").read_text("utf-8"))["methods"]
+    for fps, alignment in ((60.0, 0.98), (30.0, 0.93), (15.0, 0.75)):
+        scores = []
+        for place in range(20):  # a rest a second, anywhere between two frames
+            beats = np.arange(0.5, 20.0) + place / 20 / fps
+            turns = np.arange(20 * fps + 1) / fps - beats[0]
+            way = turns - np.sin(2 * np.pi * turns) / 2 / np.pi
+            motion = Motion(way[:, None, None] * np.array([1.0, 0.0, 0.0]), fps, Skeleton.unnamed(1))
+            scores.append(beat_align(visual_beats(motion, params=kinematic_params()).times[1:-1], beats))
+        assert np.mean(scores) == pytest.approx(alignment, abs=0.006)
+        assert f"{alignment} at {fps:g}" in methods
 
 
 def tabulars(text: str) -> list[tuple[str, list[list[str]]]]:

@@ -153,7 +153,7 @@ def _caption(evaluation: Evaluation) -> str:
     published = f" Columns of {protocol} follow that code, its faults and the bias included." if protocol else ""
     return (
         f"Means over {songs} songs with 95\\,\\% intervals by resampling songs. Bold: better than another system, the "
-        "interval of the paired difference excluding 0, and none better. FID without the bias of small samples. "
+        "interval of the paired difference excluding 0, and none better. FID corrected for the bias of small samples. "
         f"Below the line: controls.{published} Computed with harmolab {latex_text(version('harmolab'))}."
     )
 
