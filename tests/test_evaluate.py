@@ -25,7 +25,7 @@ from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
 from harmolab.lab.evaluate.engine import run_rows
 from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
-from harmolab.lab.evaluate.methods import table_notes
+from harmolab.lab.evaluate.methods import methods_paragraph, table_notes
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
 from harmolab.lab.evaluate.parts import part_rows, write_part
 from harmolab.lab.evaluate.rows import (
@@ -384,6 +384,20 @@ def test_the_methods_name_what_was_done(planted: Path, table: Evaluation) -> Non
     for words in ("14 dances to 7 songs, 2 seeds, 30 frames per second", "annotated for 28", "1000 resamplings"):
         assert words in content["methods"]
     assert any("pose" in note for note in content["notes"])  # the planted body is not that of the network
+
+
+def test_it_is_remarked_that_recorded_dances_set_their_own_limits(table: Evaluation) -> None:
+    assert table.means[RECORDED, "likeness"].mean == 1
+    (note,) = (note for note in table_notes(table) if note.startswith("The limits of likeness are the recorded"))
+    assert "Those of so few are narrow" in note
+    many = {**table.counts, RECORDED: table.counts[RECORDED]._replace(dances=12)}
+    assert not any("so few are narrow" in note for note in table_notes(replace(table, counts=many)))
+
+
+def test_the_methods_name_groups_of_songs_though_no_system_has_so_many(table: Evaluation) -> None:
+    assert "groups of songs" not in methods_paragraph(table)
+    few = {name: count._replace(songs=count.songs + 1) for name, count in table.counts.items()}
+    assert "5000 groups of songs, drawn by name, stand for the songs" in methods_paragraph(replace(table, counts=few))
 
 
 def test_slow_frame_rates_lower_beat_alignment_as_the_methods_say(planted: Path, table: Evaluation) -> None:

@@ -19,6 +19,11 @@ MUSICAL = (  # of which more must be reached with the own song than with another
     *("beat_align_motion", "beat_align_music", "beat_hit_rate", "mir_eval_f"),
 )
 FEW = 100  # dances below which a distance of features says little
+ENOUGH = 12  # recorded dances from which on limits let pass nine in ten of the others, among 23 of ballroom
+_NARROW = (
+    " Those of so few are narrow: of 23 recordings of ballroom dances the limits of four let pass two thirds of the "
+    "others, those of one a tenth."
+)
 
 
 def table_notes(evaluation: Evaluation) -> Iterator[str]:
@@ -59,6 +64,11 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
             yield f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}."
     if "likeness" in evaluation.measures and evaluation.options.limits is None:
         yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
+    elif "likeness" in evaluation.measures:
+        yield (
+            "The limits of likeness are the recorded dances' own, so that it is no finding that these pass."
+            + (_NARROW if counts[RECORDED].dances < ENOUGH else "")
+        )
     yield from _assumptions(evaluation)
     if evaluation.errors:
         yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
@@ -160,9 +170,11 @@ def _statistics(evaluation: Evaluation) -> Iterator[str]:
         f"Intervals are 95 % by {settings.resamples} resamplings of the songs (seed {settings.seed}), expanded for "
         "small samples (Hesterberg 2015), with dances to one song and seeds averaged within the song. Differences "
         "between systems are paired by song; a rank is given only where the interval of a difference excludes 0 over "
-        f"{FEWEST_SONGS} songs or more. The intervals are not corrected for the number of comparisons."
+        f"{FEWEST_SONGS} songs or more. The intervals are not corrected for the number of comparisons: of systems that "
+        "are equal, one pair in twenty differs by luck, in each measure."
     )
-    if max(count.songs for count in evaluation.counts.values()) > MOST_SONGS:
+    # The songs of all systems are counted together, so that none needs to have so many itself.
+    if any(len(evaluation.songs.loc[row]) < count.songs for row, count in evaluation.counts.items()):
         yield f"Here {MOST_SONGS} groups of songs, drawn by name, stand for the songs, since there are more of them."
     if max(count.dances for count in evaluation.counts.values()) > FEATURE_DANCES:
         yield f"Distances and diversity are of {FEATURE_DANCES} dances of a system at most, drawn by name."
