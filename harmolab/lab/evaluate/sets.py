@@ -57,9 +57,10 @@ def common_skeleton(table: pd.DataFrame) -> str:
 def set_numbers(features: Mapping[str, pd.DataFrame], *, seed: int = 0) -> SetNumbers:
     """Every number of every system's dances as a set.
 
-    The features are in units of the recorded dances (`standardise`). The bias of small samples, as estimated, is taken off
-    the distances; those with it stand beside, and so do the sample sizes. The recorded dances have no distance from themselves: theirs
-    is that between the halves of their songs, every second one by name: what chance and other songs leave of 0.
+    The features are in units of the recorded dances (`standardise`). The bias of small samples, as estimated, is
+    taken off the distances; those with it stand beside, and so do the sample sizes. The recorded dances have no
+    distance from themselves: theirs is that between the halves of their songs, every second one by name: what chance
+    and other songs leave of 0.
 
     Parameters
     ----------
