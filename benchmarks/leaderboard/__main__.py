@@ -100,13 +100,13 @@ NUMBERS = {"compare": compare_numbers, "evaluate": evaluate_numbers}
 
 def digest(paths: Iterable[PathLike]) -> str:
     """SHA-256 over the names and bytes of some files and of all files in some folders, whatever lies above them."""
-    total = hashlib.sha256()
-    for top in sorted(map(Path, set(paths)), key=lambda path: (path.parent.name, path.name)):
-        for path in sorted(top.rglob("*")) if top.is_dir() else [top]:
-            if path.is_file():
-                name = path.relative_to(top.parent).as_posix()
-                total.update(f"{name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
-    return total.hexdigest()
+    lines = [
+        f"{path.relative_to(top.parent).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n"
+        for top in map(Path, set(paths))
+        for path in (top.rglob("*") if top.is_dir() else [top])
+        if path.is_file()
+    ]
+    return hashlib.sha256("".join(sorted(lines)).encode()).hexdigest()  # files of one name may lie in several folders
 
 
 def code_commit() -> str:
