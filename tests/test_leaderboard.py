@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
@@ -128,6 +129,9 @@ def test_a_digest_depends_on_names_and_bytes_and_not_on_the_place(tmp_path: Path
         (tmp_path / place / "take" / "motion.npz").write_text(text)
     one, two, three = (leaderboard.digest([tmp_path / place / "take"]) for place in ("one", "two", "three"))
     assert one == two != three
+    both = [str(tmp_path / place / "take" / "motion.npz") for place in ("one", "three")]  # of one name, in two seeds
+    own = [f"motion.npz {hashlib.sha256(text).hexdigest()}\n" for text in (b"a", b"b")]
+    assert leaderboard.digest(both) == hashlib.sha256("".join(sorted(own)).encode()).hexdigest()
 
 
 @pytest.fixture
