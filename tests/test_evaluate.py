@@ -206,10 +206,18 @@ def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:
     assert reasons["clip_0002_jive.npz"] == "is not in pairs.csv"
 
 
+def test_a_list_may_have_quotation_marks_and_leave_the_system_out(tmp_path: Path, planted: Path) -> None:
+    song, dance = "clip_0002_jive/audio.wav", planted / "off" / "clip_0001_cha-cha.npz"
+    lines = f'"{dance}", "{song}","one, two",3', f"{dance},{song},,3"
+    systems = [pair.system for pair in listed(tmp_path, planted, *lines).pairs]
+    assert systems == ["one, two", "generated"]
+
+
 @pytest.mark.parametrize(
     ("header", "lines", "fault"),
     [
         ("motion,song", ["a,b"], "no column music"),
+        ("motion,music", [f"{'a' * 140_000},b"], "no row of a table"),
         ("motion,music", ["nowhere.npz,nowhere.wav"], "names no pair that is there"),
         ("motion,music,system", ["clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x"] * 2, "twice"),
     ],
