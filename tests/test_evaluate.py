@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import soundfile
 
 from harmolab.cli import app
 from harmolab.corpora.synthetic import write_corpus
@@ -531,6 +532,16 @@ def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
     frame = pd.read_csv(path)
     assert list(frame["song"]) == ["a", "b", "c"]
     assert list(frame["error"].fillna("")) == ["ValueError: a: damaged", "ValueError: b: damaged", ""]
+
+
+def test_a_song_in_which_no_beat_is_heard_is_a_fault(planted: Path, tmp_path: Path) -> None:
+    silent = tmp_path / "silent.wav"
+    soundfile.write(silent, np.zeros(10 * 22050), 22050)
+    dance = planted / "off" / "clip_0001_cha-cha.npz"
+    with pytest.raises(ValueError, match=r"silent\.wav: holds no beats; give them in a file SONG\.beats"):
+        clip_row(Pair("x", "", "silent", dance, silent), RowOptions())
+    silent.with_suffix(".beats").write_text("1\n2\n3\n")
+    assert clip_row(Pair("x", "", "silent", dance, silent), RowOptions())["music_beats"] == 3
 
 
 def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Path) -> None:
