@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 import soundfile
 
-from harmolab.cli import app
+from harmolab.cli import app, evaluating
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.evaluate import collecting, rows
@@ -39,7 +39,7 @@ from harmolab.lab.evaluate.rows import (
 )
 from harmolab.lab.evaluate.sets import SetNumber, set_numbers
 from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
-from harmolab.lab.evaluate.table_files import table_tex
+from harmolab.lab.evaluate.table_files import number_text, table_tex
 from harmolab.lab.widgets import evaluation_page
 from harmolab.lab.widgets.evaluation_page import write_evaluation
 from tests.builders import called
@@ -376,6 +376,17 @@ def test_the_methods_name_what_was_done(planted: Path, table: Evaluation) -> Non
     for words in ("14 dances to 7 songs, 2 seeds, 30 frames per second", "annotated for 28", "1000 resamplings"):
         assert words in content["methods"]
     assert any("pose" in note for note in content["notes"])  # the planted body is not that of the network
+
+
+def test_the_terminal_has_columns_that_can_be_read(
+    table: Evaluation, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    evaluating._print(table)
+    lines = [line.split("│")[2:-1] for line in capsys.readouterr().out.splitlines() if "│ beat_align_motion " in line]
+    numbers = [number_text(table.means[row, "beat_align_motion"].mean) for row in table.rows]
+    assert [cell.split()[0] for line in lines for cell in line] == numbers
+    assert len(lines) == 2
 
 
 def tabulars(text: str) -> list[tuple[str, list[list[str]]]]:
