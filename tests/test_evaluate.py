@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -376,6 +377,27 @@ def test_the_methods_name_what_was_done(planted: Path, table: Evaluation) -> Non
     for words in ("14 dances to 7 songs, 2 seeds, 30 frames per second", "annotated for 28", "1000 resamplings"):
         assert words in content["methods"]
     assert any("pose" in note for note in content["notes"])  # the planted body is not that of the network
+
+
+def test_remarks_on_what_does_not_compare(table: Evaluation) -> None:
+    songs = table.songs.copy()
+    songs.loc[("on the beat", songs.loc["on the beat"].index[0]), "harmony"] = np.nan
+    reach = table.means["on the beat", "hands"]
+    faulty = replace(
+        table,
+        songs=songs,
+        facts={**table.facts, WILD: {**table.facts[WILD], "fps": Counter({"60": CLIPS})}},
+        means={**table.means, (WILD, "hands"): reach._replace(mean=100 * reach.mean)},
+        sets={**table.sets, (WILD, "fid_kinetic"): SetNumber(-1.0, CLIPS)},
+    )
+    remarks = (
+        'No number "harmony above chance" for some songs of on the beat (6 of 7)',
+        f"The frame rates differ (on the beat: 30; {WILD}: 60; recorded: 30)",
+        f"The hands of {WILD} range over ",
+        "A negative distance is none.",
+    )
+    assert [remark for remark in remarks if remark not in " ".join(table_notes(faulty))] == []
+    assert [remark for remark in remarks[:3] if remark in " ".join(table_notes(table))] == []
 
 
 def test_the_terminal_has_columns_that_can_be_read(

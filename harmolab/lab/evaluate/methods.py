@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -19,6 +20,7 @@ MUSICAL = (  # of which more must be reached with the own song than with another
     *("beat_align_motion", "beat_align_music", "beat_hit_rate", "mir_eval_f"),
 )
 FEW = 100  # dances below which a distance of features says little
+LARGER = 10.0  # times the reach of the recorded dancers' hands: no body, but another unit
 
 
 def table_notes(evaluation: Evaluation) -> Iterator[str]:
@@ -31,6 +33,7 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
         yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
         yield f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more."
+    yield from _doubtful_inputs(evaluation)
     if deaf := list(_deaf_measures(evaluation)):
         yield (
             "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
@@ -39,11 +42,13 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
     for name in FEATURES:
         if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
             yield f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}."
-    sizes = [one.n for (row, name), one in evaluation.sets.items() if name.startswith("fid_") and row != RECORDED]
-    if sizes and min(sizes) < FEW:
+    distances = [one for (row, name), one in evaluation.sets.items() if name.startswith("fid_") and row != RECORDED]
+    if distances and min(one.n for one in distances) < FEW:
+        negative = " A negative distance is none." if min(one.value for one in distances) < 0 else ""
         yield (
-            f"Fréchet distances rest on {min(sizes)} dances at the least. The bias of small samples is taken "
-            f"off, their chance is not; below about {FEW} dances small differences mean nothing."
+            f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
+            f"samples is taken off, their chance is not; below about {FEW} dances small differences mean "
+            f"nothing.{negative}"
         )
     for row in evaluation.systems:
         if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
@@ -58,6 +63,39 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
     yield from _assumptions(evaluation)
     if evaluation.errors:
         yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
+
+
+def _doubtful_inputs(evaluation: Evaluation) -> Iterator[str]:
+    """Remarks on means over fewer songs than others, on frame rates that differ, and on bodies of no human size."""
+    means, rates = (
+        evaluation.means,
+        {row: _listed(evaluation.facts[row]["fps"]) for row in (*evaluation.systems, RECORDED)},
+    )
+    for name, reason in (
+        ("harmony", "too short, or with too few beats, to be judged"),
+        ("likeness", "shorter than 10 s, two-dimensional, or without names of joints"),
+    ):
+        songs = evaluation.songs[name].groupby(level="system").agg(["count", "size"])
+        if few := [f"{row} ({one['count']} of {one['size']})" for row, one in songs.iterrows() if one.nunique() > 1]:
+            yield (
+                f'No number "{measure_of(name).words}" for some songs of {", ".join(few)}: {reason}. Means over '
+                "different songs do not compare; the differences are over common songs."
+            )
+    if len(set(rates.values())) > 1:
+        listed = "; ".join(f"{row}: {rate}" for row, rate in rates.items())
+        yield (
+            f"The frame rates differ ({listed}). Motion beats lie on frames, so that at 30 a second the same dance has "
+            "some hundredths less beat alignment and F-measure than at 60: bring all to one rate before you rank by "
+            "these."
+        )
+    hands = {row: means[row, "hands"].mean for row in evaluation.rows if (row, "hands") in means}
+    for row in evaluation.systems:
+        if hands.get(row, 0.0) > LARGER * hands.get(RECORDED, math.inf):
+            yield (
+                f"The hands of {row} range over {hands[row]:.0f} m, those of the recorded dancers over "
+                f"{hands[RECORDED]:.1f} m: the files are hardly in metres; bring them there by `harmolab convert "
+                "--scale`."
+            )
 
 
 def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:
@@ -134,7 +172,7 @@ def _measurement(evaluation: Evaluation) -> Iterator[str]:
     )
     yield (
         "Beat alignment, coverage, hit rate and F-measure take the minima of the smoothed joint speed as motion beats, "
-        "with the widths of AIST++ in seconds, so that they do not change with the frame rate."
+        "with the widths of AIST++ in seconds; they lie on frames, so that the frame rate still shows a little."
     )
     yield (
         "Fréchet distances are from the recorded dances, on kinetic and geometric features (those of AIST++, their "
