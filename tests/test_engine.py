@@ -225,8 +225,11 @@ def test_a_run_is_neither_written_over_nor_mixed_with_another(tmp_path: Path):
         run_rows(Numbers(100), square, tmp_path, jobs=0)
     with pytest.raises(ValueError, match=r"settings\.limits\.jerk was 1 and is 2, settings\.window was 6\.0 and is 8"):
         run_rows(Numbers(100), square, tmp_path, jobs=0, resume=True, settings={"window": 8.0, "limits": {"jerk": 2}})
-    with pytest.raises(ValueError, match=r"keys was .*rows was 100 and is 99"):
+    with pytest.raises(ValueError, match=r"otherwise: rows was 100 and is 99; .* --force, without --resume"):
         run_rows(Numbers(99), square, tmp_path, jobs=0, resume=True, settings={"window": 6.0, "limits": {"jerk": 1}})
+    with pytest.raises(ValueError, match="otherwise: other files, as many as now; ask for the same"):
+        others = [*Numbers(101)][1:]
+        run_rows(others, square, tmp_path, jobs=0, resume=True, settings={"window": 6.0, "limits": {"jerk": 1}})
     run_rows(Numbers(3), square, tmp_path, jobs=0, force=True)
     assert [len(frame) for frame in read_rows(tmp_path)] == [3]
     assert len(contents(tmp_path)) == 1

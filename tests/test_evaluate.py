@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -14,8 +15,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import soundfile
 
-from harmolab.cli import app
+from harmolab.cli import app, evaluating
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.motion import load_motion, save_motion
 from harmolab.lab.evaluate import collecting, rows
@@ -38,7 +40,7 @@ from harmolab.lab.evaluate.rows import (
 )
 from harmolab.lab.evaluate.sets import SetNumber, set_numbers
 from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
-from harmolab.lab.evaluate.table_files import table_tex
+from harmolab.lab.evaluate.table_files import number_text, table_tex
 from harmolab.lab.widgets import evaluation_page
 from harmolab.lab.widgets.evaluation_page import write_evaluation
 from harmolab.metrics.frechet import frechet_distance
@@ -208,10 +210,18 @@ def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:
     assert reasons["clip_0002_jive.npz"] == "is not in pairs.csv"
 
 
+def test_a_list_may_have_quotation_marks_and_leave_the_system_out(tmp_path: Path, planted: Path) -> None:
+    song, dance = "clip_0002_jive/audio.wav", planted / "off" / "clip_0001_cha-cha.npz"
+    lines = f'"{dance}", "{song}","one, two",3', f"{dance},{song},,3"
+    systems = [pair.system for pair in listed(tmp_path, planted, *lines).pairs]
+    assert systems == ["one, two", "generated"]
+
+
 @pytest.mark.parametrize(
     ("header", "lines", "fault"),
     [
         ("motion,song", ["a,b"], "no column music"),
+        ("motion,music", [f"{'a' * 140_000},b"], "no row of a table"),
         ("motion,music", ["nowhere.npz,nowhere.wav"], "names no pair that is there"),
         ("motion,music,system", ["clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x"] * 2, "twice"),
     ],
@@ -414,6 +424,38 @@ def test_no_beat_measure_changes_with_the_frame_rate() -> None:
     pd.testing.assert_series_equal(numbers[0], numbers[3], atol=0.02)
 
 
+def test_remarks_on_what_does_not_compare(table: Evaluation) -> None:
+    songs = table.songs.copy()
+    songs.loc[("on the beat", songs.loc["on the beat"].index[0]), "harmony"] = np.nan
+    reach = table.means["on the beat", "hands"]
+    faulty = replace(
+        table,
+        songs=songs,
+        facts={**table.facts, WILD: {**table.facts[WILD], "fps": Counter({"60": CLIPS})}},
+        means={**table.means, (WILD, "hands"): reach._replace(mean=100 * reach.mean)},
+        sets={**table.sets, (WILD, "fid_kinetic"): SetNumber(-1.0, CLIPS)},
+    )
+    remarks = (
+        'No number "harmony above chance" for some songs of on the beat (6 of 7)',
+        f"The frame rates differ (on the beat: 30; {WILD}: 60; recorded: 30)",
+        f"The hands of {WILD} range over ",
+        "A Fréchet distance below 0 is chance",
+    )
+    assert [remark for remark in remarks if remark not in " ".join(table_notes(faulty))] == []
+    assert [remark for remark in remarks[:3] if remark in " ".join(table_notes(table))] == []
+
+
+def test_the_terminal_has_columns_that_can_be_read(
+    table: Evaluation, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    evaluating._print(table)
+    lines = [line.split("│")[2:-1] for line in capsys.readouterr().out.splitlines() if "│ beat_align_motion " in line]
+    numbers = [number_text(table.means[row, "beat_align_motion"].mean) for row in table.rows]
+    assert [cell.split()[0] for line in lines for cell in line] == numbers
+    assert len(lines) == 2
+
+
 def tabulars(text: str) -> list[tuple[str, list[list[str]]]]:
     """(columns as the tabular declares them, cells of its rows) of each; a cell over several columns counts as many.
 
@@ -568,6 +610,16 @@ def test_a_dance_that_fails_is_a_line_and_not_the_end(tmp_path: Path) -> None:
     frame = pd.read_csv(path)
     assert list(frame["song"]) == ["a", "b", "c"]
     assert list(frame["error"].fillna("")) == ["ValueError: a: damaged", "ValueError: b: damaged", ""]
+
+
+def test_a_song_in_which_no_beat_is_heard_is_a_fault(planted: Path, tmp_path: Path) -> None:
+    silent = tmp_path / "silent.wav"
+    soundfile.write(silent, np.zeros(10 * 22050), 22050)
+    dance = planted / "off" / "clip_0001_cha-cha.npz"
+    with pytest.raises(ValueError, match=r"silent\.wav: holds no beats; give them in a file SONG\.beats"):
+        clip_row(Pair("x", "", "silent", dance, silent), RowOptions())
+    silent.with_suffix(".beats").write_text("1\n2\n3\n")
+    assert clip_row(Pair("x", "", "silent", dance, silent), RowOptions())["music_beats"] == 3
 
 
 def test_a_body_that_a_protocol_does_not_know_has_its_other_numbers(planted: Path) -> None:

@@ -121,6 +121,11 @@ def test_standardised_features_are_in_units_of_the_reference():
     np.testing.assert_allclose(standardise([[3.0, 8.0]], reference), [[2.0, 1.0]])
 
 
+def test_errors_of_rounding_are_no_unit():
+    reference = np.array([[0.0, 1e-31], [2.0, 3e-31]])  # a joint that rests beside one that moves
+    np.testing.assert_allclose(standardise([[3.0, 1e-3]], reference), [[2.0, 1e-3]])
+
+
 def test_standardising_needs_the_same_columns():
     with pytest.raises(ValueError, match="same columns, got 1 and 2"):
         standardise([[1.0]], [[1.0, 2.0]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -26,6 +26,8 @@ from harmolab.cli.common import (
 )
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
 
 KEY = (
@@ -33,6 +35,7 @@ KEY = (
     *("mir_eval_f", "pfc", "foot_skating", "freezing", "jerk", "likeness", "fid_kinetic", "fid_geometric", "fid_pose"),
 )
 NAMED = 5  # files left out that are named in the terminal
+NAME_WIDTH, CELL_WIDTH = 26, 11  # letters in the terminal for the measures, and for each system beside them
 
 
 def evaluate(
@@ -138,26 +141,16 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
 
 
 def _print(evaluation: Evaluation) -> None:
-    """The most important measures, a column a row of the table, then the remarks and what was left out."""
+    """The most important measures, as many systems beside one another as fit, the remarks, and what was left out."""
     from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
 
     from harmolab.lab.evaluate.methods import table_notes
-    from harmolab.lab.evaluate.table_files import number_text, table_records
+    from harmolab.lab.evaluate.table_files import table_records
 
-    records = table_records(evaluation)
-    table = Table(title="means over songs (rank), by columns of table.csv")
-    table.add_column("", no_wrap=True)
-    for name in evaluation.rows:
-        table.add_column(escape(printable(name)), overflow="fold")
-    for count in ("dances", "songs", "seeds"):
-        table.add_row(count, *(str(record[count]) for record in records))
-    for name in KEY:
-        if name in evaluation.measures or name in evaluation.set_measures:
-            cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
-            table.add_row(name, *(f"{text} ({rank})" if rank else text for text, rank in cells))
-    Console().print(table)
+    console, records = Console(), table_records(evaluation)
+    beside = max(1, (console.width - NAME_WIDTH) // CELL_WIDTH)
+    for first in range(0, len(records), beside):
+        console.print(_terminal_table(records[first : first + beside]))
     for remark in table_notes(evaluation):
         typer.echo(printable(remark))
     left_out = [*evaluation.errors, *evaluation.unpaired]
@@ -165,3 +158,22 @@ def _print(evaluation: Evaluation) -> None:
         note(f"left out: {one.file}: {one.reason}")
     if len(left_out) > NAMED:
         note(f"left out: {len(left_out) - NAMED} more files, in table.json")
+
+
+def _terminal_table(records: list[dict[str, Any]]) -> Table:
+    """A table with a column a record."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from harmolab.lab.evaluate.table_files import number_text
+
+    table = Table(title="means over songs (rank), by columns of table.csv")
+    table.add_column("", no_wrap=True)
+    for record in records:
+        table.add_column(escape(printable(record["system"])), overflow="fold")
+    for count in ("dances", "songs", "seeds"):
+        table.add_row(count, *(str(record[count]) for record in records))
+    for name in (name for name in KEY if name in records[0]):
+        cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
+        table.add_row(name, *(f"{text} ({rank})" if rank else text for text, rank in cells))
+    return table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +14,8 @@ MAX_ROWS = 1_000_000
 def read_columns(path: Path, needed: Sequence[str]) -> dict[str, list[str]]:
     """The columns of a table by name; call it inside `harmolab.io.files.reading`.
 
-    Lines that are empty or begin with # are left out. There are no quotation marks around words.
+    Lines that are empty or begin with # are left out. A word with the mark between words in it stands in quotation
+    marks; no word goes over two lines.
 
     Parameters
     ----------
@@ -30,7 +32,7 @@ def read_columns(path: Path, needed: Sequence[str]) -> dict[str, list[str]]:
     if not lines:
         raise ValueError(f"has no line of names; the first line must be {','.join(needed)}")
     mark = max(",;\t", key=lines[0][1].count)
-    rows = [(place, [word.strip() for word in line.split(mark)]) for place, line in lines]
+    rows = [(place, _words(line, mark)) for place, line in lines]
     names = rows[0][1]
     if missing := [name for name in needed if name not in names]:
         raise ValueError(f"has no column {' and no '.join(missing)} in its first line, {lines[0][1][:80]!r}")
@@ -42,6 +44,18 @@ def read_columns(path: Path, needed: Sequence[str]) -> dict[str, list[str]]:
         if len(words) != len(names):
             raise ValueError(f"line {place} has {len(words)} values, the first line {len(names)} names")
     return {name: [words[number] for _, words in rows[1:]] for number, name in enumerate(names)}
+
+
+def _words(line: str, mark: str) -> list[str]:
+    """The words of a line.
+
+    >>> _words('a.npz, "one, two" ', ",")
+    ['a.npz', 'one, two']
+    """
+    try:
+        return [word.strip() for word in next(csv.reader([line], delimiter=mark, skipinitialspace=True))]
+    except csv.Error as error:
+        raise ValueError(f"has a line that is no row of a table ({error}): {line[:80]!r}") from None
 
 
 def number_column(columns: dict[str, list[str]], name: str) -> list[float]:

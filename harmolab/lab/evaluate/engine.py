@@ -192,8 +192,15 @@ def _check_same(path: Path, old: Mapping[str, Any], new: Mapping[str, Any]) -> N
     before, now = dict(_leaves(old)), dict(_leaves(new))
     changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
     if changed:
-        pairs = ", ".join(f"{name} was {before.get(name)!r:.60} and is {now.get(name)!r:.60}" for name in changed)
-        raise ValueError(f"{path}: the run was begun otherwise: {pairs}; ask for the same, or begin anew by --force")
+        pairs = [
+            f"{name} was {before.get(name)!r:.60} and is {now.get(name)!r:.60}" for name in changed if name != "keys"
+        ]
+        if changed == ["keys"]:
+            pairs = ["other files, as many as now"]
+        raise ValueError(
+            f"{path}: the run was begun otherwise: {', '.join(pairs)}; ask for the same, or begin anew by --force, "
+            "without --resume"
+        )
 
 
 def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:

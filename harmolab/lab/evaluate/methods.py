@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -24,6 +25,7 @@ _NARROW = (
     " Those of so few are narrow: of 23 recordings of ballroom dances the limits of four let pass two thirds of the "
     "others, those of one a tenth."
 )
+LARGER = 10.0  # times the reach of the recorded dancers' hands: no body, but another unit
 
 
 def table_notes(evaluation: Evaluation) -> Iterator[str]:
@@ -36,6 +38,7 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
         yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
         yield f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more."
+    yield from _doubtful_inputs(evaluation)
     if deaf := list(_deaf_measures(evaluation)):
         yield (
             "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
@@ -44,12 +47,13 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
     for name in FEATURES:
         if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
             yield f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}."
-    sizes = [one.n for (row, name), one in evaluation.sets.items() if name.startswith("fid_") and row != RECORDED]
-    if sizes and min(sizes) < FEW:
+    distances = [one for (row, name), one in evaluation.sets.items() if name.startswith("fid_") and row != RECORDED]
+    if distances and min(one.n for one in distances) < FEW:
         yield (
-            f"Fréchet distances rest on {min(sizes)} dances at the least. The bias of small samples is estimated and "
-            "taken off, but some stays below twice as many dances as features (144 for kinetic ones), the more the "
-            "fewer they are, so that systems with other numbers of dances do not compare. Chance stays too: below "
+            f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
+            "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
+            "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
+            "Chance stays too: below "
             f"about {FEW} dances small differences mean nothing."
         )
     if any(one.value < 0 for (_, name), one in evaluation.sets.items() if name.startswith("fid_")):
@@ -72,6 +76,36 @@ def table_notes(evaluation: Evaluation) -> Iterator[str]:
     yield from _assumptions(evaluation)
     if evaluation.errors:
         yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
+
+
+def _doubtful_inputs(evaluation: Evaluation) -> Iterator[str]:
+    """Remarks on means over fewer songs than others, on frame rates that differ, and on bodies of no human size."""
+    means, rows = evaluation.means, (*evaluation.systems, RECORDED)
+    rates = {row: _listed(evaluation.facts[row]["fps"]) for row in rows}
+    for name, reason in (
+        ("harmony", "too short, or with too few beats, to be judged"),
+        ("likeness", "shorter than 10 s, two-dimensional, or without names of joints"),
+    ):
+        songs = evaluation.songs[name].groupby(level="system").agg(["count", "size"])
+        if few := [f"{row} ({one['count']} of {one['size']})" for row, one in songs.iterrows() if one.nunique() > 1]:
+            yield (
+                f'No number "{measure_of(name).words}" for some songs of {", ".join(few)}: {reason}. Means over '
+                "different songs do not compare; the differences are over common songs."
+            )
+    if len(set(rates.values())) > 1:
+        listed = "; ".join(f"{row}: {rate}" for row, rate in rates.items())
+        yield (
+            f"The frame rates differ ({listed}). Harmony and the beat measures hardly change with them; physical foot "
+            "contact, jerk and Fréchet distances may by some per cent: bring all to one rate before you rank by these."
+        )
+    hands = {row: means[row, "hands"].mean for row in evaluation.rows if (row, "hands") in means}
+    for row in evaluation.systems:
+        if hands.get(row, 0.0) > LARGER * hands.get(RECORDED, math.inf):
+            yield (
+                f"The hands of {row} range over {hands[row]:.0f} m, those of the recorded dancers over "
+                f"{hands[RECORDED]:.1f} m: the files are hardly in metres; bring them there by `harmolab convert "
+                "--scale`."
+            )
 
 
 def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:

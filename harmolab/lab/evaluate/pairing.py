@@ -196,7 +196,7 @@ def listed_pairs(
     table : str or path
     songs_folder : str or path, or None
     systems : name -> folder of the systems that have one
-    default : str, the system where there is no such column
+    default : str, the system where there is no such column, or nothing in it
 
     Raises
     ------
@@ -206,7 +206,8 @@ def listed_pairs(
     with reading(table, "a list of pairs") as file:
         columns = read_columns(file, ("motion", "music"))
         count = len(columns["motion"])
-        names, seeds = columns.get("system", [default] * count), columns.get("seed", [""] * count)
+        names = [name or default for name in columns.get("system", [""] * count)]
+        seeds = columns.get("seed", [""] * count)
         pairs: dict[str, Pair] = {}
         unpaired: list[Unpaired] = []
         for motion, music, system, seed in zip(columns["motion"], columns["music"], names, seeds, strict=True):

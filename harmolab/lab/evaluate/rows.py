@@ -214,8 +214,9 @@ def _song(music: Path, _: str) -> Clip:
     """A song and its beats, as a clip without motion; the second argument, its stamp, keeps it up to date."""
     audio, annotation = load_sound(music), annotation_of(music)
     beats = song_beats(audio, beats=annotation)
-    if annotation is not None and not len(beats):
-        raise ValueError(f"{annotation}: holds no beats; remove it to have the beats tracked")
+    if not len(beats):
+        advice = "give them in a file SONG.beats" if annotation is None else "remove it to have the beats tracked"
+        raise ValueError(f"{annotation or music}: holds no beats; {advice}")
     return Clip(music.stem, audio, beats=beats, dance=dance_of(music))
 
 
