@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ from harmolab.metrics.kinetic import kinetic_features
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, FloatArray
+from tests.tiny_run import Tasks
 
 N_CLIPS, N_SONGS, SECONDS, WARM = 2000, 100, 12.0, 1000  # the recommended score asks for 16 beats
 
@@ -55,21 +56,6 @@ class PlantedClip:
         """Those by which the second stage sorts the row: every second dance is one of the system, called x."""
         system, song = (RECORDED, "x")[self.seed % 2], f"song-{self.seed // 2 % N_SONGS:03d}"
         return {"system": system, "kind": system, "song": song, "seed": "", "skeleton": "synthetic"}
-
-
-@dataclass(frozen=True)
-class PlantedClips(Sequence[PlantedClip]):
-    """Tasks that are made when they are asked for."""
-
-    count: int
-
-    def __len__(self) -> int:
-        return self.count
-
-    def __getitem__(self, index: Any) -> Any:
-        if not 0 <= index < self.count:
-            raise IndexError(index)
-        return PlantedClip(index)
 
 
 def clip_scores(task: PlantedClip) -> dict[str, Any]:
@@ -169,7 +155,7 @@ def measure(count: int = N_CLIPS, jobs: int = 2) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name:
         out, meter = Path(name) / "rows", Meter()
         begun = time.perf_counter()
-        run_rows(PlantedClips(count), clip_scores, out, jobs=jobs, progress=meter)
+        run_rows(Tasks(PlantedClip, count), clip_scores, out, jobs=jobs, progress=meter)
         seconds = time.perf_counter() - begun
         client, worker = meter.slope(1), meter.slope(2)
         results = second_stage(out)

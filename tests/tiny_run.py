@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,18 +37,22 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Numbers(Sequence[Number]):
-    """Tasks that are made on access."""
+class Tasks(Sequence[Any]):
+    """So many tasks, each made by its number when it is asked for."""
 
-    count: int
+    task: Callable[[int], Any]
+    size: int
 
     def __len__(self) -> int:
-        return self.count
+        return self.size
 
     def __getitem__(self, index: Any) -> Any:
-        if not 0 <= index < self.count:
+        if not 0 <= index < self.size:
             raise IndexError(index)
-        return Number(index)
+        return self.task(index)
+
+
+Numbers = partial(Tasks, Number)
 
 
 def square(task: Number) -> dict[str, Any]:
