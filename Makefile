@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup test test-browser check format lab report figures bench clean distclean
+.PHONY: help setup test test-browser check format lab report figures docs dist bench clean distclean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,10 +26,10 @@ $(STAMP): pyproject.toml constraints.txt
 	    $(BIN)/python -c '' 2>/dev/null || uv venv --quiet --clear --python "$$(command -v $(PYTHON))" $(VENV); \
 	    links=$$($(PYTHON) -m pip config get global.find-links 2>/dev/null || true); \
 	    for link in $$links $$PIP_FIND_LINKS; do set -- "$$@" --find-links "$$link"; done; \
-	    uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" -e '.[lab,train,cluster,dev]' -c constraints.txt; \
+	    uv pip install --quiet --compile-bytecode --python $(BIN)/python "$$@" -e '.[lab,train,cluster,docs,dev]' -c constraints.txt; \
 	else \
 	    $(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV); \
-	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[lab,train,cluster,dev]' -c constraints.txt; \
+	    $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[lab,train,cluster,docs,dev]' -c constraints.txt; \
 	fi
 	@echo "Compiling librosa's beat tracker (half a minute) ..."
 	@# By one process, before several run at once: numba's cache breaks for good when two fill it together.
@@ -62,11 +62,20 @@ report: $(STAMP) ## run the notebooks in the quick profile and write report/inde
 figures: $(STAMP) ## run the notebooks in the full profile and replace figures/
 	$(BIN)/python -m harmolab.lab.report.run --profile full --out report --jobs $(JOBS) --figures figures
 
+docs: $(STAMP) ## build the site in site/, readable from disk; warnings are errors
+	$(BIN)/python -m sphinx -b html -W --keep-going -q docs site
+	@echo "$(CURDIR)/site/index.html"
+
+dist: $(STAMP) ## build wheel and sdist in dist/ and check what a package index would show
+	rm -rf dist
+	$(BIN)/python -m build --quiet
+	$(BIN)/twine check --strict dist/*
+
 bench: $(STAMP) ## measure speed: ratios against named references
 	$(BIN)/python -m benchmarks
 
 clean: ## remove reports and caches; your data, figures/ and .venv stay
-	rm -rf report .report-* figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf report .report-* site docs/generated figures/quick build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
 
 distclean: clean ## remove .venv as well

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # Where conda-forge's name is not the one on PyPI.
 CONDA_NAMES = {
+    "build": "python-build",
     "opencv-python-headless": "opencv",
     "playwright": "playwright-python",
     "soundfile": "pysoundfile",
@@ -62,7 +63,7 @@ def conda_packages() -> dict[str, SpecifierSet]:
 
 def test_conda_environment_names_the_same_packages_with_the_same_bounds():
     expected = {}
-    for requirement in requirements("lab", "train", "cluster", "dev"):
+    for requirement in requirements("lab", "train", "cluster", "docs", "dev"):
         name = canonicalize_name(requirement.name)
         expected[CONDA_NAMES.get(name, requirement.name)] = requirement.specifier
     assert conda_packages() == expected
@@ -103,7 +104,7 @@ def test_citation_names_the_software_and_three_papers():
 def test_make_lists_every_promised_target():
     listing = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     targets = set(re.findall(r"^  make (\S+)", listing, flags=re.MULTILINE))
-    assert {"setup", "test", "test-browser", "check", "lab", "report", "figures", "bench", "clean"} <= targets
+    assert {"setup", "test", "test-browser", "check", "lab", "report", "figures", "docs", "dist", "bench", "clean"} <= targets
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="make is not on this machine")

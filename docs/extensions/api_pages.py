@@ -1,0 +1,111 @@
+"""Reference pages of the public names, one for each area of `harmolab`, `harmolab.lab` and `harmolab.systems`."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+from pathlib import Path
+
+from generated_pages import write_pages
+from sphinx.application import Sphinx
+
+# A bar or a last underscore outside backquotes.
+PROSE = re.compile(r"(?P<quoted>`[^`]*`)|(?P<mark>\||(?<=\w)_(?!\w))")
+FACADES = ("harmolab", "harmolab.systems", "harmolab.lab")
+AREAS = {
+    "harmolab.bar_pattern": "Bar patterns",
+    "harmolab.beats": "Beats of music and movement",
+    "harmolab.corpora": "Clips, recordings and synthetic data",
+    "harmolab.harmony": "Scores",
+    "harmolab.io": "Files: motion, sound, beats, video",
+    "harmolab.lab": "Comparing and harmonising",
+    "harmolab.metrics": "Measures of quality and likeness",
+    "harmolab.params": "Settings",
+    "harmolab.significance": "Significance",
+    "harmolab.skeletons": "Skeletons",
+    "harmolab.types": "Motion, sound, beats, clips",
+    "harmolab.verdict": "Results of a score",
+    "harmolab.systems.audio2body": "Audio to Body: musicians",
+    "harmolab.systems.choreographer": "The choreographer",
+    "harmolab.systems.common": "Shared by all systems",
+    "harmolab.systems.contract": "Finding and loading a system",
+    "harmolab.systems.harmogan": "HarmoGAN",
+    "harmolab.systems.lee2019": "Lee et al. 2019",
+    "harmolab.systems.music2dance": "Music2Dance",
+    "harmolab.systems.ren2020": "Ren et al. 2020",
+    "harmolab.lab.compare": "Which score tells right from wrong music?",
+    "harmolab.lab.evaluate": "Tables of systems that dance",
+    "harmolab.lab.experiments": "Experiments of the notebooks",
+    "harmolab.lab.figures": "Figures",
+    "harmolab.lab.listening": "Listening studies",
+    "harmolab.lab.profile": "Quick and full runs",
+    "harmolab.lab.render": "Pages and videos",
+    "harmolab.lab.report": "The report",
+    "harmolab.lab.timing": "Explaining one dance",
+    "harmolab.lab.widgets": "Labs in JupyterLab",
+}
+
+
+def public_names(facade: str) -> dict[str, list[str]]:
+    """Names in the stub of a facade, sorted, by the area that they are imported from."""
+    package = importlib.import_module(facade)
+    stub = Path(str(package.__file__)).with_suffix(".pyi")
+    areas: dict[str, list[str]] = {}
+    for node in ast.parse(stub.read_text("utf-8")).body:
+        if isinstance(node, ast.ImportFrom):
+            area = f"{facade}.{(node.module or '').split('.')[0]}"
+            areas.setdefault(area, []).extend(alias.asname or alias.name for alias in node.names)
+    return {area: sorted(names, key=str.lower) for area, names in sorted(areas.items())}
+
+
+def directive(facade: str, name: str) -> str:
+    """Autodoc's directive for one public name."""
+    value = getattr(importlib.import_module(facade), name)
+    if inspect.isclass(value):
+        return f".. autoclass:: {facade}.{name}\n   :members:\n"
+    if callable(value):
+        return f".. autofunction:: {facade}.{name}\n"
+    return f".. py:data:: {facade}.{name}\n\n   {type(value).__name__}\n"
+
+
+def area_page(facade: str, area: str, names: list[str]) -> str:
+    """reStructuredText of one area."""
+    title = AREAS.get(area, area)
+    body = "\n".join(directive(facade, name) for name in names)
+    return f"{title}\n{'=' * len(title)}\n\nImported from ``{facade}``.\n\n{body}"
+
+
+def summary(facade: str) -> str:
+    """First line of the docstring of a facade."""
+    return (inspect.getdoc(importlib.import_module(facade)) or "").partition("\n")[0]
+
+
+def write_reference(app: Sphinx) -> None:
+    """Write the pages and their index."""
+    pages, lines = {}, []
+    for facade in FACADES:
+        lines += [f"## `{facade}`", "", summary(facade), "", "```{toctree}", ":maxdepth: 1", ""]
+        for area, names in public_names(facade).items():
+            pages[f"api/{area}.rst"] = area_page(facade, area, names)
+            lines.append(f"generated/api/{area}")
+        lines += ["```", ""]
+    write_pages({"areas.inc": "\n".join(lines), **pages})
+
+
+def escaped(found: re.Match[str]) -> str:
+    """The same text, a backslash before it unless it stands in backquotes."""
+    return found[0] if found["quoted"] else f"\\{found[0]}"
+
+
+def escape_prose(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
+    """Keep `|x|` and `name_` of a docstring what they are: reStructuredText would take them for references."""
+    lines[:] = [line if line.lstrip().startswith((">>>", "...")) else PROSE.sub(escaped, line) for line in lines]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages before Sphinx looks for sources."""
+    app.connect("builder-inited", write_reference)
+    app.connect("autodoc-process-docstring", escape_prose, priority=400)
+    return {"parallel_read_safe": True}

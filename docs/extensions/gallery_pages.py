@@ -1,0 +1,69 @@
+"""The gallery: a card for every notebook with its finding, and a page of its figures with the data behind each."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from generated_pages import write_pages
+from sphinx.application import Sphinx
+
+ROOT = Path(__file__).resolve().parents[2]
+def finding(notebook: dict[str, Any]) -> tuple[str, str]:
+    """(title, the finding in one sentence) of a notebook: of its metadata, else of the first bold words in it."""
+    text = next("".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "markdown")
+    title = text.partition("\n")[0].lstrip("# ").strip()
+    bold = re.search(r"\*\*(.+?)\*\*", text, flags=re.DOTALL)
+    said = notebook["metadata"].get("harmolab", {}).get("finding") or (bold[1] if bold else "")
+    return title, " ".join(said.split())
+
+
+def figures(path: Path, notebook: dict[str, Any], manifest: dict[str, Any]) -> list[str]:
+    """Names of the pictures that a notebook writes, the one that stands for it first."""
+    first = notebook["metadata"].get("harmolab", {}).get("picture")
+    names = [name for name, entry in manifest.items() if entry["notebook"] == path.name and name.endswith(".png")]
+    return sorted(filter(lambda name: (ROOT / "figures" / name).exists(), names), key=lambda name: (name != first, name))
+
+
+def card(path: Path, title: str, said: str, picture: str) -> str:
+    """Markdown of one notebook's card, to be included by a page in docs/."""
+    return f""":::{{grid-item-card}} {title}
+:link: generated/gallery/{path.stem}
+:link-type: doc
+:img-top: ../figures/{picture}
+
+{said}
+:::
+"""
+
+
+def page(path: Path, title: str, said: str, entries: dict[str, Any]) -> Iterator[str]:
+    """Markdown lines of one notebook's page: what it says, then each figure under its title."""
+    yield from (f"# {title}", "", said, "", f"Notebook: {{download}}`{path.name} <../../../notebooks/{path.name}>`", "")
+    for name, entry in entries.items():
+        heading = entry["title"].replace("[", "(").replace("]", ")")
+        yield from (f"## {heading}", "", f"Data: {entry['source']}.", "", f"::::{{div}} figure", f"![{heading}](../../../figures/{name})", "::::", "")
+
+
+def gallery() -> dict[str, str]:
+    """Name -> text of the cards and of every notebook's page."""
+    manifest = json.loads((ROOT / "figures" / "manifest.json").read_text("utf-8"))
+    pages, cards, names = {}, [], []
+    for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
+        notebook = json.loads(path.read_text("utf-8"))
+        title, said = finding(notebook)
+        pictures = figures(path, notebook, manifest)
+        pages[f"gallery/{path.stem}.md"] = "\n".join(page(path, title, said, {name: manifest[name] for name in pictures}))
+        cards.append(card(path, title, said, pictures[0]))
+        names.append(f"generated/gallery/{path.stem}")
+    grid = ["::::{grid} 1 1 2 2", ":gutter: 3", "", *cards, "::::", "", "```{toctree}", ":hidden:", "", *names, "```", ""]
+    return {"cards.inc": "\n".join(grid), **pages}
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages before Sphinx looks for sources."""
+    app.connect("builder-inited", lambda app: write_pages(gallery()))
+    return {"parallel_read_safe": True}
