@@ -26,7 +26,7 @@ from harmolab.io.player_points import (
     prop_joints,
 )
 from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.person.camera import stage_of
+from harmolab.lab.person.camera import LIFT, stage_of
 from harmolab.lab.person.plan import body_plan
 from harmolab.lab.person.shapes import shadow_outline
 from harmolab.lab.render.overlay import CORE, RIM, overlay_skeleton
@@ -74,7 +74,7 @@ def test_dancers_are_drawn_as_before() -> None:
     clip = synthetic_clip("waltz", seed=1)
     assert playing_box(clip.motion) is None and prop_joints(DANCER) == []
     data = movement_data(clip.motion)
-    assert data["aim"] == 0.47 * data["size"] and data["lift"] == 0.0
+    assert data["aim"] == 0.47 * data["size"] and data["lift"] == LIFT
 
 
 @pytest.mark.parametrize(("names", "is_thin"), [(("a", "b"), False), (("left_index_1", "left_index_4"), True)])

@@ -139,11 +139,7 @@ def _player_stage(positions: FloatArray, plan: BodyPlan, box: FloatArray, front:
 
 def _flat_stage(points: FloatArray, plan: BodyPlan, wall: FloatArray | None, follow: bool) -> Stage:
     """Image coordinates hung up in space, y up, before a camera that rests or goes along with the hips."""
-    if wall is None:
-        lows, highs = np.percentile(np.einsum("qj,tjd->tqd", plan.weights, points), OUTLIERS, axis=0)
-        low, high = lows.min(axis=0) - FLESH * plan.stature, highs.max(axis=0) + FLESH * plan.stature
-    else:
-        low, high = wall
+    low, high = picture_corners(points, plan) if wall is None else wall
     upright = np.stack([points[..., 0] - (low[0] + high[0]) / 2, high[1] - points[..., 1]], axis=-1)
     positions = np.concatenate([upright, np.zeros_like(upright[..., :1])], axis=-1)
     across, up = np.maximum(high - low, 1e-6).tolist()
@@ -152,3 +148,9 @@ def _flat_stage(points: FloatArray, plan: BodyPlan, wall: FloatArray | None, fol
         way[:, 0] = positions[..., 0] @ plan.hips
     room = (across / FLAT_FILL, up / FLAT_FILL)
     return Stage(positions, plan, way, up / 2, 0.0, 0.0, 0.0, max(across, up), room, True)
+
+
+def picture_corners(points: FloatArray, plan: BodyPlan) -> FloatArray:
+    """(2, 2): low and high corner of a picture in which the figure of points (T, J, 2) has room, but for outliers."""
+    lows, highs = np.percentile(np.einsum("qj,tjd->tqd", plan.weights, points), OUTLIERS, axis=0)
+    return np.stack([lows.min(axis=0) - FLESH * plan.stature, highs.max(axis=0) + FLESH * plan.stature])

@@ -41,6 +41,7 @@ PAINTS: Mapping[str, tuple[int, int, int]] = MappingProxyType(
         "prop": (110, 68, 36),
     }
 )
+OUTLINES = ("body", "head", "assumed")  # paints of parts that stay open where another figure lies under them
 TRUNK = ("lshoulder", "rshoulder", "rhip", "lhip")
 TRUNK_LENGTH, SHOULDERS_APART = 0.288, 0.258
 # Radii of the discs at the points of a body, and of those beyond the wrists and ankles.
