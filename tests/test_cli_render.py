@@ -86,9 +86,10 @@ def test_skeleton_goes_over_the_video_it_was_found_in(take: tuple[Path, Path], t
     assert np.abs(sound).max() > 0.05  # the video's own
 
 
-def test_points_without_their_video_are_told_what_is_missing(take: tuple[Path, Path], tmp_path: Path):
-    result = render(*take, "--fps", 25, "--out", tmp_path / "x.mp4")
-    assert result.exit_code == 2 and "points of a picture go over their video (--over)" in result.output
+def test_points_without_their_video_are_drawn_as_a_person(take: tuple[Path, Path], tmp_path: Path):
+    result = render(*take, "--fps", 25, "--height", 120, "--out", tmp_path / "x.mp4")
+    assert result.exit_code == 0, result.output
+    assert (frames(tmp_path / "x.mp4").min(axis=3) < 150).any()
 
 
 @pytest.mark.parametrize(

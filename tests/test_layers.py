@@ -35,16 +35,17 @@ ROW = {room: number for number, rooms in enumerate(ROWS) for room in rooms}
 # Inside the laboratory and inside systems: a room -> the rooms there that it may import.
 INSIDE = {
     "lab": {
+        "person": set(),
         "profile": set(),
         "compare": {"evaluate"},
         "evaluate": set(),
-        "figures": {"profile"},
+        "figures": {"profile", "person"},
         "report": {"figures"},
         "listening": {"report"},
         "experiments": {"profile", "compare", "evaluate"},
-        "widgets": {"compare", "evaluate", "figures", "report"},
+        "widgets": {"compare", "evaluate", "figures", "person", "report"},
         "timing": {"figures", "widgets", "report"},
-        "render": {"timing"},
+        "render": {"person", "timing"},
     },
     "systems": {
         "common": set(),

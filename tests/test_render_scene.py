@@ -64,7 +64,7 @@ def test_right_of_the_viewer_is_positive_x_and_nearer_is_larger() -> None:
 def test_nearer_limb_hides_the_farther_one_and_is_darker() -> None:
     cross = Skeleton(("a", "b", "c", "d"), (-1, 0, -1, 2))  # a bar from left to right and a pole that cross
     levels = []
-    for near in (1.0, -1.0):
+    for near in (0.1, -0.1):
         pose = np.array([[-0.5, 1.0, near], [0.5, 1.0, near], [0.0, 0.2, -near], [0.0, 1.8, -near]])
         frame = next(render_dance(dance(pose, pose, skeleton=cross)))
         rows, columns = dark(frame)
@@ -153,9 +153,6 @@ def test_real_skeleton_and_one_without_bones_are_drawn() -> None:
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
-    flat = Motion(np.zeros((3, 3, 2)), 30.0, MAN)
-    with pytest.raises(ValueError, match="points of a picture go over their video"):
-        render_dance(flat)
     with pytest.raises(ValueError, match="at least 64 x 64 pixels, got 53 x 40"):
         render_dance(dance(STANDING, STANDING), height=40)
     with pytest.raises(ValueError, match="fps must be positive"):

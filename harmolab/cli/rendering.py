@@ -54,7 +54,7 @@ def render(
     smpl: Smpl = None,
     up: Up = None,
 ) -> None:
-    """Write a video of a motion with its music: a stick figure on a floor, or a skeleton over the dancer's own video.
+    """Write a video of a motion with its music: a person on a floor, or a skeleton over the dancer's own video.
 
     With marks, the verdict and the number of `harmolab score` are printed too; the marks are rests of the body, or hits
     where it hits the beats.

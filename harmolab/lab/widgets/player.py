@@ -19,7 +19,7 @@ from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.report.templates import framed, rendered
-from harmolab.lab.widgets.movement import FASTEST, movement_data, quantised, shared_wall
+from harmolab.lab.widgets.movement import FASTEST, LOOK, movement_data, quantised, shared_wall
 from harmolab.lab.widgets.words import DANCING, PageWords
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
@@ -75,6 +75,7 @@ class Player:
         the prediction, narrow and green.
     words : PageWords, those of a dance when left out
     notice : str, a sentence that stands above the picture
+    command : str, line of the shell that writes the same as a video, shown to be copied
 
     Raises
     ------
@@ -98,22 +99,29 @@ class Player:
         overlaid: bool = False,
         words: PageWords = DANCING,
         notice: str = "",
+        command: str = "",
     ) -> None:
         motions = [dancer.motion for dancer in dancers]
         duration = _duration(motions)
         wall = shared_wall(motions) if overlaid else None
         score = dancers[0].score
+        beats = _music(music.span(0.0, duration), score)
+        movements = [_dancer(dancer, wall) for dancer in dancers]
         data = {
             "duration": duration,
             "sound": _sound(audio, duration),
-            "music": _music(music.span(0.0, duration), score),
+            "music": beats,
+            "bars": any(beat["first"] for beat in beats),
+            "sides": any(part.paint == "left" for movement in movements for part in movement["parts"]),
+            "look": LOOK,
             "delay": score.params.reaction_delay,
             "lag": score.params.lag,
-            "dancers": [_dancer(dancer, wall) for dancer in dancers],
+            "dancers": movements,
             "overlaid": overlaid,
         }
         self.title = title
-        self.page = rendered("player.html.j2", title=title, facts=facts, data=data, words=words, notice=notice)
+        texts = {"title": title, "facts": facts, "words": words, "notice": notice, "command": command}
+        self.page = rendered("player.html.j2", data=data, **texts)
 
     def _repr_html_(self) -> str:
         return framed(self.page, title=f"{self.title}: player", height=HEIGHT)
@@ -131,6 +139,7 @@ def player_of(
     title: str = "",
     facts: Mapping[str, str] | None = None,
     params: HarmonyParams | None = None,
+    command: str = "",
 ) -> Player:
     """A player of a clip, or of two dances to the same music side by side, cut to what music and motions share.
 
@@ -139,7 +148,7 @@ def player_of(
     clips : one Clip with a motion, or two that share their sound; the second is shown at the rate of the first
     start : float, seconds of audio time; where all motions have begun when left out
     seconds : float, length; to the end of the music when left out
-    title, facts : as in `Player`; left out, the facts are the verdict on each dance and its number
+    title, facts, command : as in `Player`; left out, the facts are the verdict on each dance and its number
     params : HarmonyParams, default the recommended ones with the pattern of each clip's dance, if known
 
     Raises
@@ -169,7 +178,8 @@ def player_of(
     if facts is None:
         facts = {name: text for dancer in dancers for name, text in _facts(dancer).items()}
         facts["music"] = describe_beats(cast(BeatTrack, longest.beats))
-    return Player(longest.audio, dancers, music=cast(BeatTrack, longest.beats), title=title, facts=facts)
+    music = cast(BeatTrack, longest.beats)
+    return Player(longest.audio, dancers, music=music, title=title, facts=facts, command=command)
 
 
 def _scored(original: Clip, picture: Clip, params: HarmonyParams | None) -> Dancer:
@@ -217,7 +227,7 @@ def blind_page(audio: Audio, motions: Sequence[Motion]) -> str:
     duration = _duration(motions)
     names = ("left", "right") if len(motions) == 2 else ("dancer",)
     dancers = [{"name": name, **movement_data(motion)} for name, motion in zip(names, motions, strict=True)]
-    data = {"duration": duration, "sound": _sound(audio, duration), "dancers": dancers}
+    data = {"duration": duration, "sound": _sound(audio, duration), "look": LOOK, "dancers": dancers}
     return rendered("blind.html.j2", data=data, words=DANCING)
 
 
@@ -232,13 +242,20 @@ def _duration(motions: Sequence[Motion]) -> float:
 
 
 def _music(music: BeatTrack, score: HarmonyScore) -> list[dict[str, Any]]:
-    """The music's beats: time, if they are salient, and if they begin a bar."""
+    """The music's beats: time, if they are salient, if they begin a bar, their count in it and its number.
+
+    Count and number are 0 where no bars are known; beats before the first whole bar are of bar 0.
+    """
     salient = set(score.music.times)
     places = np.full(len(music), -1) if music.bar_places is None else music.bar_places
+    bars = np.cumsum(places == 0)
     return [
-        {"time": _seconds(time), "salient": time in salient, "first": bool(place == 0)}
-        for time, place in zip(music.times, places, strict=True)
-    ]
+        {
+            "time": _seconds(time), "salient": time in salient, "first": bool(place == 0), "count": int(place) + 1,
+            "bar": int(bar),
+        }
+        for time, place, bar in zip(music.times, places, bars, strict=True)
+    ]  # fmt: skip
 
 
 def _dancer(dancer: Dancer, wall: FloatArray | None) -> dict[str, Any]:
