@@ -61,6 +61,14 @@ PRINTED: Mapping[str, Any] = MappingProxyType(
 )  # bars that are no generator's
 
 
+def by_corpus(rows: Iterable[Record]) -> dict[str, list[Record]]:
+    """Records with "corpus", by it, in the order of their first."""
+    groups: dict[str, list[Record]] = {}
+    for row in rows:
+        groups.setdefault(row["corpus"], []).append(row)
+    return groups
+
+
 def rows_by_name(ax: Axes, names: Sequence[str], labels: Mapping[str, str] | None = None) -> dict[str, int]:
     """name -> height of its row on the y axis, the first on top; labelled by `labels`, else by `LOOKS`, else itself."""
     words = {name: look.label for name, look in LOOKS.items()} | dict(labels or {})
