@@ -28,8 +28,8 @@ from harmolab.lab.experiments.cheating import (
     trick_means,
 )
 from harmolab.lab.experiments.generation import SYNTHETIC
-from harmolab.lab.figures.cheating import CHEAT_MEASURES, cheating_figure, draw_dumbbells
-from harmolab.lab.figures.style import COLOURS
+from harmolab.lab.figures.cheating import SIDES, draw_dumbbells, listening_figure, tricks_figure
+from harmolab.lab.figures.style import COLOURS, smallest_text
 from harmolab.lab.figures.variants import LOOKS
 from harmolab.lab.profile import RunProfile
 from harmolab.systems.common.feature_params import FeatureParams
@@ -208,10 +208,16 @@ def marks(ax: Axes) -> dict[tuple[float, float], str]:
     return {(float(line.get_xdata()[0]), float(line.get_ydata()[0])): line.get_marker() for line in single}
 
 
-def test_arrow_leads_from_the_true_music_to_the_late_one(ax: Axes):
+def test_arrow_leads_from_the_true_music_to_a_hollow_dot_at_the_late_one(ax: Axes):
     rows = [record("a", TRUE, 0.9), record("a", LATE, 0.2), record("b", TRUE, 0.3), record("b", LATE, 0.6)]
     draw_dumbbells(ax, rows, measure="paper_hit_rate")
-    assert marks(ax) == {(0.9, 1.0): "o", (0.2, 1.0): "<", (0.3, 0.0): "o", (0.6, 0.0): ">"}
+    late = [line for line in ax.lines if line.get_gid() == "late"]
+    assert [(float(line.get_xdata()[0]), line.get_markerfacecolor()) for line in late] == [
+        (0.2, "white"),
+        (0.6, "white"),
+    ]
+    arrows = [(text.xyann[0], text.xy[0]) for text in ax.texts]
+    assert arrows == [(0.9, 0.2), (0.3, 0.6)]
     assert [text.get_text() for text in ax.get_yticklabels()] == ["b", "a"]
 
 
@@ -222,14 +228,6 @@ def test_level_of_chance_is_a_grey_bar_in_the_row_of_its_trick(ax: Axes):
     assert list(bar.get_xdata()) == [0.8, 0.8]
 
 
-def test_measure_that_knows_no_music_has_one_mark_a_trick_and_jerk_counts_in_powers_of_ten(ax: Axes):
-    rows = [record("a", TRUE, 2.0, "jerk"), record("a", LATE, 2.0, "jerk"), record("b", TRUE, 300.0, "jerk")]
-    draw_dumbbells(ax, rows, measure="jerk")
-    assert marks(ax) == {(2.0, 1.0): "o", (300.0, 0.0): "o"}
-    assert ax.get_xscale() == "log"
-    assert [text.get_text() for text in ax.get_xticklabels()] == ["1", "10", "100", "1000"]
-
-
 def test_generators_keep_their_own_colour_mark_and_name(ax: Axes):
     draw_dumbbells(ax, [record("paper", TRUE, 0.9), record("paper", LATE, 0.2)], measure="paper_hit_rate")
     (mark,) = [line for line in ax.lines if len(line.get_xdata()) == 1 and line.get_marker() == LOOKS["paper"].marker]
@@ -237,9 +235,30 @@ def test_generators_keep_their_own_colour_mark_and_name(ax: Axes):
     assert [text.get_text() for text in ax.get_yticklabels()] == [LOOKS["paper"].label]
 
 
-def test_figure_has_a_row_a_corpus_and_says_how_many_clips():
-    rows = [record("a", music, 0.5, measure) for measure in CHEAT_MEASURES for music in (TRUE, LATE)]
-    figure = cheating_figure([*rows, *({**row, "corpus": "other"} for row in rows)])
-    axes = np.array(figure.axes).reshape(2, len(CHEAT_MEASURES))
-    assert [ax.get_title(loc="left") for ax in axes[:, 0]] == ["made up (n = 7)", "other (n = 7)"]
-    assert [ax.get_xlabel() for ax in axes[1]] == list(CHEAT_MEASURES.values())
+def both_scores(means: dict[tuple[str, str], tuple[float, float]], corpus: str) -> list[dict[str, object]]:
+    """Records of (hit rate, harmony above chance) for each (trick, music)."""
+    return [
+        {**record(*key, mean, measure), "corpus": corpus}
+        for key, pair in means.items()
+        for measure, mean in zip(SIDES, pair, strict=True)
+    ]
+
+
+def test_titles_count_the_tricks_above_the_dance_and_synthetic_panels_are_marked():
+    means = {("as danced", TRUE): (0.6, 0.5), ("shake", TRUE): (0.9, 0.0), ("sway", TRUE): (0.7, 0.6)}
+    means |= {(trick, LATE): (0.5, 0.0) for trick, _ in means}
+    figure = tricks_figure([*both_scores(means, "beatlocked"), *both_scores(means, "synthetic")])
+    findings = [ax.get_title(loc="left").split("\n")[1] for ax in figure.axes]
+    assert findings == ["2 of 2 tricks score above the dance", "1 of 2 tricks score above the dance"] * 2
+    assert figure.axes[0].get_xlabel().endswith("(7 clips)")
+    assert [ax.get_title(loc="right").strip() for ax in figure.axes] == ["", "", "", "synthetic data"]
+    assert smallest_text(figure) >= 9
+
+
+def test_titles_name_whose_score_clearly_falls_with_late_music():
+    means = {("paper", TRUE): (0.6, 0.1), ("recommended", TRUE): (0.8, 0.8)}
+    means |= {("paper", LATE): (0.5, 0.0), ("recommended", LATE): (0.7, -0.4)}
+    figure = listening_figure(both_scores(means, "made up"))
+    findings = [ax.get_title(loc="left").split("\n")[1] for ax in figure.axes]
+    name = LOOKS["recommended"].label
+    assert findings == ["with late music it falls for nobody", f"with late music it falls for {name}"]

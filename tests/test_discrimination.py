@@ -18,7 +18,7 @@ from harmolab.lab.experiments.discrimination import (
     disturbance_table,
     pick_table,
 )
-from harmolab.lab.figures.results import draw_auc, draw_disturbances, draw_patterns, draw_picks
+from harmolab.lab.figures.results import disturbances_figure, draw_auc, draw_disturbances, draw_patterns, draw_picks
 from harmolab.lab.profile import RunProfile
 from harmolab.params import BarPattern
 
@@ -106,3 +106,6 @@ def test_disturbance_picture_draws_each_score_over_the_levels() -> None:
     ax = draw_disturbances(Figure().subplots(), table, ["recommended", "paper"])
     assert ax.get_xlabel() == "noise (cm)"
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), [1.0, 0.9])
+    title = disturbances_figure(table, ["recommended", "paper"]).axes[0].get_title(loc="left")
+    assert "“recommended (shape speed)” stands the most" in title
+    assert "AUC 0.90, the others 0.50 to 0.50" in title

@@ -216,7 +216,8 @@ def test_agreement_counts_pairs_and_what_rotations_would_pair():
     assert result == Agreement(3, 2, 1, 0.75)
     assert (result.omitted, result.redundant) == (2, 1)
     assert (result.hit_rate, result.chance) == (pytest.approx(1 / 3), 0.25)
-    assert str(result) == ("2 of 3 music beats missed, 1 of 2 visual beats left over; hit rate 0.33, by chance 0.25")
+    assert str(result) == "1 of 3 music beats met, chance alone meets 0.8; 1 of 2 visual beats left over"
+    assert str(replace(result, chance_hits=1.2)).startswith("1 of 3 music beats met, no more than chance (1.2)")
 
 
 def test_agreements_add_up():

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 
+from harmolab import HarmonyParams, score_clip, synthetic_clip
 from harmolab.beats.meter import MeterUnit
 from harmolab.lab.figures.beats import (
     draw_curve,
@@ -25,10 +26,11 @@ from harmolab.lab.figures.beats import (
     draw_threshold,
     draw_tolerance,
     draw_tolerances,
+    score_figure,
 )
 from harmolab.lab.figures.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
 from harmolab.lab.figures.motion import draw_frames, draw_poses
-from harmolab.lab.figures.style import COLOURS, MARKERS
+from harmolab.lab.figures.style import COLOURS, MARKERS, smallest_text
 from harmolab.types import BeatTrack, Motion, Skeleton
 
 MUSIC = BeatTrack([0.5, 1.0, 1.5], [4.0, 1.0, 2.0], fps=100.0, duration=2.0)
@@ -94,14 +96,16 @@ def test_music_points_up_and_the_dance_points_down(ax: Axes):
     assert [label.get_text() for label in ax.get_yticklabels()] == ["dance", "music"]
 
 
-def test_paired_beats_get_circles_and_all_others_crosses(ax: Axes):
+def test_paired_beats_get_circles_missed_ones_crosses_and_spare_ones_grey_dots(ax: Axes):
     draw_hits(ax, MUSIC, DANCE, PAIRS, delay=0.1)
     assert points(named(ax, "hit")) == [(0.5, 1.0), (1.5, 1.0), (0.6, -1.0), (1.4, -1.0)]
-    assert points(named(ax, "missed, or redundant")) == [(1.0, 1.0), (0.8, -1.0), (1.9, -1.0)]
+    assert points(named(ax, "missed")) == [(1.0, 1.0)]
+    assert points(named(ax, "visual beat left over")) == [(0.8, -1.0), (1.9, -1.0)]
+    assert named(ax, "visual beat left over").get_color() == COLOURS["chance"]
     assert named(ax, "hit").get_marker() == "o"
-    assert named(ax, "missed, or redundant").get_marker() == "x"
+    assert named(ax, "missed").get_marker() == "x"
     assert named(ax, "hit").get_markeredgecolor() == COLOURS["hit"]
-    assert named(ax, "missed, or redundant").get_markeredgecolor() == COLOURS["miss"]
+    assert named(ax, "missed").get_markeredgecolor() == COLOURS["miss"]
 
 
 def test_stems_can_tell_the_strength(ax: Axes):
@@ -109,7 +113,22 @@ def test_stems_can_tell_the_strength(ax: Axes):
     assert [top for *_, top in stems(ax, COLOURS["audio"])] == [1.0, 0.25, 0.5]
     assert [top for *_, top in stems(ax, COLOURS["visual"])] == [-0.1, -0.2, -0.3, -0.4]
     assert points(named(ax, "hit"))[0] == (0.5, 1.0)
-    assert points(named(ax, "missed, or redundant"))[0] == (1.0, 0.25)
+    assert points(named(ax, "missed"))[0] == (1.0, 0.25)
+
+
+def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
+    clip = synthetic_clip("waltz", seconds=20, seed=1)
+    scores = {"paper": score_clip(clip, HarmonyParams.paper()), "recommended": score_clip(clip)}
+    figure = score_figure(scores, title="a waltz")
+    assert [ax.get_xlim() for ax in figure.axes] == [(0.0, 15.0), (15.0, 30.0)] * 2
+    hits = int(scores["paper"].hits.sum())
+    assert (
+        figure.axes[0].get_title(loc="left").startswith(f"paper: {hits} of {scores['paper'].n_audio} music beats met")
+    )
+    assert scores["recommended"].judgement.verdict in figure.axes[2].get_title(loc="left")
+    assert [ax.get_xlabel() for ax in figure.axes] == ["", "time in the music (s)"] * 2
+    assert [ax.get_legend() is None for ax in figure.axes] == [True, False] * 2
+    assert smallest_text(figure) >= 9
 
 
 def fields(ax: Axes) -> list[tuple[float, float]]:
@@ -138,7 +157,7 @@ def test_empty_tracks_draw_without_a_mark(ax: Axes):
     nothing = BeatTrack([], [], fps=15.0, duration=2.0)
     draw_hits(ax, nothing, nothing, [], delay=0.25)
     draw_curve(ax, [], [], nothing)
-    assert all(len(line.get_xdata()) == 0 for line in ax.lines if line.get_label() in ("hit", "missed, or redundant"))
+    assert all(len(line.get_xdata()) == 0 for line in ax.lines if line.get_label() in ("hit", "missed"))
 
 
 def test_beats_that_nobody_notices_are_grey_and_dotted(ax: Axes):

@@ -17,7 +17,7 @@ from matplotlib.offsetbox import AnnotationBbox
 
 from harmolab.lab.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
 from harmolab.lab.figures.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times
-from harmolab.lab.figures.style import COLOURS
+from harmolab.lab.figures.style import COLOURS, smallest_text
 from harmolab.lab.figures.training import GUESSING, TERMS, draw_term, draw_validated, losses_figure, validation_figure
 from harmolab.lab.figures.variants import LOOKS
 from harmolab.systems.harmogan.params import TrainParams
@@ -235,40 +235,43 @@ MEASURED = [
 ]
 
 
-def test_bars_are_distances_with_those_between_recordings_at_the_bottom(ax: Axes):
+def test_distances_stand_on_a_logarithmic_axis_with_those_between_recordings_at_the_bottom(ax: Axes):
     draw_distances(ax, MEASURED, measure="fid")
     assert [label.get_text() for label in ax.get_yticklabels()] == [
-        "recorded, half and half",
-        "recorded, other figures",
+        "recorded dance, two halves",
+        "recorded dance, other figures",
         LOOKS["paper"].label,
         LOOKS["paper, without"].label,
     ]
-    assert [bar.get_width() for bar in ax.patches] == [-0.02, 3.0, 25.0, 20.0]
-    assert [bool(bar.get_hatch()) for bar in ax.patches] == [True, True, False, False]
+    assert ax.get_xscale() == "log"
     assert texts(ax) == ["0.0", "3.0", "25.0", "20.0"]
+    means = [line.get_xdata()[0] for line in ax.lines if line.get_marker() in "sD"]
+    assert means == [3.0, 25.0, 20.0]  # one below 0 has no mark there, only its number
 
 
-def test_intervals_are_drawn_where_there_are_some_and_lie_inside_the_axes(ax: Axes):
+def test_interval_that_goes_below_the_axis_ends_in_an_arrow_at_its_left_end(ax: Axes):
     draw_distances(ax, MEASURED, measure="fid")
+    left = ax.get_xlim()[0]
     spans = [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == "interval"]
-    assert spans == [(-1.0, 1.0), (2.0, 4.0), (22.0, 28.0)]
-    low, high = ax.get_xlim()
-    assert low < -1.0 < 28.0 < high
+    assert spans == [(left, 1.0), (2.0, 4.0), (22.0, 28.0)]
+    assert [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "<"] == [left]
 
 
-def test_bar_of_a_training_without_harmony_is_hollow(ax: Axes):
-    draw_distances(ax, MEASURED, measure="fid")
-    with_it, without = ax.patches[2], ax.patches[3]
-    assert to_hex(with_it.get_facecolor()) == LOOKS["paper"].colour.lower()
-    assert to_hex(without.get_facecolor()) == "#ffffff"
-    assert to_hex(without.get_edgecolor()) == LOOKS["paper"].colour.lower()
+def test_trainings_are_dots(ax: Axes):
+    row = {**distance("paper", 20.0), "seed 1": 15.0, "seed 2": 25.0}
+    draw_distances(ax, [row], measure="fid")
+    (dots,) = [line for line in ax.lines if line.get_gid() == "seed"]
+    assert list(dots.get_xdata()) == [15.0, 25.0]
 
 
-def test_distances_have_a_row_for_each_corpus_and_a_panel_for_each_kind_of_features():
-    rows = [{**row, "corpus": corpus} for corpus in ("one", "two") for row in MEASURED]
+def test_distances_have_a_row_for_each_corpus_and_name_the_nearest_generator():
+    rows = [{**row, "corpus": corpus} for corpus in ("beatlocked", "synthetic") for row in MEASURED]
     rows += [{**row, "measure": "fid_kinetic"} for row in rows]
-    titles = [ax.get_title(loc="left") for ax in distances_figure(rows).axes]
-    assert [title.split(":")[0] for title in titles] == ["one", "one", "two", "two"]
+    figure = distances_figure(rows)
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert {title.split("\n")[1] for title in titles} == {f"nearest is “{LOOKS['paper, without'].label}”"}
+    assert [title.split(",")[0] for title in titles[::2]] == ["Recordings on the beat", "Synthetic dancers"]
+    assert smallest_text(figure) >= 9
 
 
 def standing(n_frames: int = 31, fps: float = 15.0) -> Motion:

@@ -11,9 +11,6 @@ from .experiments.ablated import effector_disagreement as effector_disagreement
 from .experiments.ablated import end_effectors as end_effectors
 from .experiments.ablated import hand_heights as hand_heights
 from .experiments.ablation import (
-    TARGETS as TARGETS,
-)
-from .experiments.ablation import (
     ablation as ablation,
 )
 from .experiments.ablation import (
@@ -265,8 +262,9 @@ from .figures.beats import (
 )
 from .figures.beats import score_figure as score_figure
 from .figures.cheating import CHEAT_MEASURES as CHEAT_MEASURES
-from .figures.cheating import cheating_figure as cheating_figure
+from .figures.cheating import listening_figure as listening_figure
 from .figures.cheating import locked_figure as locked_figure
+from .figures.cheating import tricks_figure as tricks_figure
 from .figures.comparison import comparison_figure as comparison_figure
 from .figures.dance import dance_figure as dance_figure
 from .figures.feet import foot_model_figure as foot_model_figure

@@ -229,15 +229,19 @@ def _range_text(least: float, most: float) -> str:
     return f"at most {most:g}" if np.isinf(least) else f"{least:g} to {most:g}"
 
 
-def trade_off(profile: RunProfile, corpus: str) -> pd.DataFrame:
+def trade_off(profile: RunProfile) -> pd.DataFrame:
     """The recommended losses with the harmony term weighted from nothing to twice as much (first seed).
 
     Returns
     -------
-    DataFrame, one row a weight: harmony_weight and every measure on the test units.
+    DataFrame, one row for each corpus and weight: corpus, harmony_weight and every measure on the test units.
     """
-    runs = weight_sweep(profile, corpus)
-    return pd.DataFrame([{"harmony_weight": weight, **_judged(run, 1)} for weight, run in runs])
+    rows = [
+        {"corpus": corpus, "harmony_weight": weight, **_judged(run, 1)}
+        for corpus in generator_corpora(profile)
+        for weight, run in weight_sweep(profile, corpus)
+    ]
+    return pd.DataFrame(rows)
 
 
 def forced_choice(profile: RunProfile, corpus: str) -> pd.DataFrame:

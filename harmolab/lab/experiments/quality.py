@@ -43,17 +43,20 @@ def motion_quality(profile: RunProfile) -> pd.DataFrame:
 
     Returns
     -------
-    DataFrame with the columns corpus, variant, measure, mean, low, high, seeds as `seed_means` gives them. Recorded
-    motion has no distance from itself: its Frechet distances are those of `recorded_distances`, whose intervals hold
-    95 % of the draws.
+    DataFrame with the columns corpus, variant, measure, mean, low, high, seeds as `seed_means` gives them, and seed 1,
+    seed 2, ...: the values of single trainings. Recorded motion has no distance from itself: its Frechet distances are
+    those of `recorded_distances`, whose intervals hold 95 % of the draws.
     """
-    means = seed_means(ablation(profile), list(MEASURES)).drop(columns="paper").dropna(subset="mean")
+    table = ablation(profile)
+    keys = ["corpus", "variant", "measure"]
+    each = table.melt(["corpus", "variant", "seed"], list(MEASURES), "measure")
+    each = each.pivot(index=keys, columns="seed", values="value").add_prefix("seed ").reset_index()
+    means = seed_means(table, list(MEASURES)).drop(columns="paper").dropna(subset="mean").merge(each, on=keys)
     floors = [
         recorded_distances(trained(profile, corpus, VARIANTS["paper"], seed), seed=seed).assign(corpus=corpus)
         for corpus in generator_corpora(profile)
         for seed in range(1, profile.n_seeds + 1)
     ]
-    keys = ["corpus", "variant", "measure"]
     floor = pd.concat(floors).groupby(keys, sort=False)[["mean", "low", "high"]].mean().reset_index()
     return pd.concat([means, floor.assign(seeds=profile.n_seeds)], ignore_index=True)
 

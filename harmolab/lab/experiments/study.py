@@ -236,10 +236,12 @@ class Agreement:
         return self.chance_hits / max(self.music_beats, 1)
 
     def __str__(self) -> str:
-        return (
-            f"{self.omitted} of {self.music_beats} music beats missed, {self.redundant} of {self.visual_beats} visual "
-            f"beats left over; hit rate {self.hit_rate:.2f}, by chance {self.chance:.2f}"
+        more = self.hits > self.chance_hits
+        chance = (
+            f"chance alone meets {self.chance_hits:.1f}" if more else f"no more than chance ({self.chance_hits:.1f})"
         )
+        left_over = f"{self.redundant} of {self.visual_beats} visual beats left over"
+        return f"{self.hits} of {self.music_beats} music beats met, {chance}; {left_over}"
 
     def __add__(self, other: Agreement) -> Agreement:
         return Agreement(*map(sum, zip(astuple(self), astuple(other), strict=True)))

@@ -1,9 +1,8 @@
-"""Gain and cost of a harmony loss (Fig. 11): measures by variant, and the trade-off curve."""
+"""Gain and cost of a harmony loss (Fig. 11): measures by loss, and harmony against its price."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import cycle
+from collections.abc import Iterable, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -11,238 +10,207 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
 
-from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
-from harmolab.lab.figures.variants import LOOKS, PRINTED, Record, draw_mean, panels, rows_by_name, shaded, spread
-from harmolab.systems.harmogan.params import TrainParams
-
-Targets = Mapping[str, tuple[float, float]]  # name -> (least, most); either may be infinite
+from harmolab.lab.figures.style import COLOURS, mark_synthetic, styled_axes
+from harmolab.lab.figures.variants import LOOKS, Record, by_corpus, rows_by_name, spread
+from harmolab.lab.figures.words import corpus_words, is_synthetic, sentence
 
 RECORDED = "recorded"
-WEIGHTED = "recommended"  # the loss whose weight the trade-off curve varies
-SHIFTS = (
-    (0, -14),
-    (-17, 0),
-    (17, -6),
-    (-15, 8),
-    (15, 10),
-)  # points from mark to label; mirrored on a curve to the left
-OUR_WEIGHT = TrainParams.recommended().harmony_weight
+WEIGHTED = "recommended"  # the loss whose weight the trade-off varies
+LOSSES = MappingProxyType({"paper": "paper's losses", "recommended": "our losses"})
+_OWNERS = MappingProxyType({"paper": "the paper's", "recommended": "our"})
+APART = 0.15  # rows, of a mark from the middle of its row: without the harmony term above, with it below
 
-# Columns of the ablation, from left to right, with the words for them.
+# Columns of the table of the ablation, with the words for them.
 MEASURES = MappingProxyType(
     {
         "paper_harmony": "paper's harmony h",
         "paper_hit_rate": "paper's hit rate",
         "above_chance": "harmony above chance",
-        "count_ratio": "M / N (speed valleys)",
+        "count_ratio": "beats danced for each beat heard",
         "jerk": "jerk (m/s³)",
-        "fid": "FID",
+        "fid": "distance to recorded dance (FID)",
     }
 )
-GENERATED = tuple(name for name in LOOKS if name != RECORDED)
+SIDES = MappingProxyType(
+    {
+        "above_chance": "0: as many beats as chance meets; 1: every music beat",
+        "fid": "0: moves the same",
+    }
+)
+SHOWN = ("above_chance", "fid")  # of the picture; the table has them all
+PRICES = ("jerk", "fid")
 
 
-def draw_measure(ax: Axes, rows: Iterable[Record], *, measure: str, targets: Targets | None = None) -> Axes:
-    """One measure of every variant: a mark at the mean, a line over its interval, the recorded motion dashed.
+def draw_measure(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
+    """One measure, a row for each loss: hollow without its harmony term, an arrow to the mark with it, intervals.
 
-    An arrow leads from each variant without the harmony term to the one with it.
+    Parameters
+    ----------
+    ax : Axes
+    rows : records with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus; recorded
+        motion has a row of its own where its mean is finite
+    measure : name in `MEASURES`
+    """
+    variants = {row["variant"]: row for row in rows if row["measure"] == measure and np.isfinite(row["mean"])}
+    places = rows_by_name(ax, [name for name in (*LOSSES, RECORDED) if name in variants], LOSSES)
+    for loss, place in places.items():
+        if loss == RECORDED:
+            _draw_row_mark(ax, variants[loss], loss, place, below=True)
+            continue
+        without, with_it = variants[f"{loss}, without"], variants[loss]
+        arrow = {"arrowstyle": "-|>", "color": LOOKS[loss].colour, "alpha": 0.5, "shrinkA": 5, "shrinkB": 5}
+        ends = (with_it["mean"], place - APART), (without["mean"], place + APART)
+        ax.annotate("", *ends, arrowprops=arrow, zorder=2)
+        _draw_row_mark(ax, without, f"{loss}, without", place + APART, below=False)
+        _draw_row_mark(ax, with_it, loss, place - APART, below=True)
+    low, high = spread(variants.values())
+    left = 0.0 if measure != "above_chance" else min(-0.1, low - 0.05)
+    ax.set_xlim(left, max(1.05, high + 0.05) if measure == "above_chance" else 1.08 * high)
+    if measure == "above_chance":
+        ax.axvline(0.0, color=COLOURS["chance"], linewidth=1, zorder=0)
+    ax.set_xlabel(SIDES.get(measure, MEASURES.get(measure, measure)))
+    return ax
+
+
+def _draw_row_mark(ax: Axes, row: Record, name: str, height: float, *, below: bool) -> None:
+    """A mark, its interval and, on the side where nothing else stands, its number."""
+    look = LOOKS[name]
+    if np.isfinite(row["low"]) and row["high"] > row["low"]:
+        ax.plot([row["low"], row["high"]], [height] * 2, color=look.colour, linewidth=2, zorder=2, gid="interval")
+    ax.plot(row["mean"], height, **look.mark, zorder=4)
+    number = f"{row['mean']:.1f}" if abs(row["mean"]) >= 2 else f"{row['mean']:.2f}"
+    ax.annotate(
+        number, (row["mean"], height), (0, -7 if below else 7), textcoords="offset points", ha="center",
+        va="top" if below else "bottom", fontsize=9, color=look.colour,
+    )  # fmt: skip
+
+
+def ablation_figure(rows: Iterable[Record], gains: Iterable[Record]) -> Figure:
+    """Harmony above chance and FID, a row of panels for each corpus; titles say which loss changes which.
+
+    Parameters
+    ----------
+    rows : records of `harmolab.lab.experiments.ablation.seed_means` for `SHOWN` at least
+    gains : records of `harmolab.lab.experiments.ablation.gains` for the same measures
+    """
+    corpora, changes = by_corpus(rows), by_corpus(gains)
+    size = (9.0, 2.9 * len(corpora) + 0.6)
+    with styled_axes(size, len(corpora), len(SHOWN), gridspec_kw={"wspace": 0.08}) as (figure, axes):
+        for line, (corpus, records) in enumerate(corpora.items()):
+            panels = axes[line * len(SHOWN) : (line + 1) * len(SHOWN)]
+            subjects = (f"Harmony above chance, {corpus_words(corpus)}", "Distance to recorded dance (FID)")
+            for ax, measure, subject in zip(panels, SHOWN, subjects, strict=True):
+                title = f"{subject}:\n{_finding(changes[corpus], measure)}"
+                draw_measure(ax, records, measure=measure).set_title(title, fontsize=10.5)
+                ax.set_ylim(-0.6, 2.6 if len(ax.get_yticks()) > len(LOSSES) else 1.6)
+            if is_synthetic(corpus):
+                mark_synthetic(panels[-1])
+        seeds = max((int(row["seeds"]) for records in corpora.values() for row in records if "seeds" in row), default=1)
+        figure.legend(handles=_legend(seeds), loc="outside upper center", ncols=4)
+    return figure
+
+
+def _finding(gains: Iterable[Record], measure: str) -> str:
+    """The losses whose harmony term changes a measure by more than the interval of the change, in words."""
+    changes = {row["loss"]: row for row in gains if row["measure"] == measure}
+    sure = {loss: row for loss, row in changes.items() if not row["low"] <= 0.0 <= row["high"]}
+    if not sure:
+        return "neither clearly changes it"
+    verbs = {loss: "raises" if row["change"] > 0.0 else "lowers" for loss, row in sure.items()}
+    if len(verbs) == len(LOSSES) and len(set(verbs.values())) == 1:
+        return f"both harmony terms {verbs['paper'].removesuffix('s')} it"
+    only = "only " if len(verbs) < len(LOSSES) else ""
+    return only + ", ".join(f"{_OWNERS[loss]} harmony term {verb} it" for loss, verb in verbs.items())
+
+
+def _legend(seeds: int) -> list[Line2D]:
+    """Entries for the two kinds of marks, the recorded motion and the intervals of so many trainings."""
+    look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 8, "color": COLOURS["ink"]}
+    interval = Line2D([], [], color=COLOURS["chance"], linewidth=2, label=f"95 % interval, {seeds} trainings")
+    return [
+        Line2D([], [], **look, markerfacecolor="white", label="without the harmony term"),
+        Line2D([], [], **look, label="with it"),
+        Line2D([], [], **LOOKS[RECORDED].mark, label="recorded dance"),
+        *([interval] if seeds > 1 else []),
+    ]
+
+
+def draw_trade_off(ax: Axes, rows: Iterable[Record], sweep: Sequence[Record] = (), *, measure: str) -> Axes:
+    """Harmony above chance against its price: a mark for each variant with its intervals both ways.
 
     Parameters
     ----------
     ax : Axes
     rows : records with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus
-    measure : name in `MEASURES`
-    targets : variant -> (least, most) as its target, a pale green band in its row; either may be infinite
+    sweep : records with "harmony_weight", "above_chance" and the measure: small marks, each a single training of our
+        losses with another weight
+    measure : name in `PRICES`, on the x axis
     """
-    places = rows_by_name(ax, GENERATED)
-    by_variant = {row["variant"]: row for row in rows if row["measure"] == measure}
-    if RECORDED in by_variant and np.isfinite(by_variant[RECORDED]["mean"]):
-        ax.axvline(by_variant[RECORDED]["mean"], color=LOOKS[RECORDED].colour, linestyle="--", linewidth=1.3, zorder=1)
-    low, high = spread(by_variant.values())
-    for name, place in places.items():
-        look, mean = LOOKS[name], by_variant[name]["mean"]
-        draw_mean(ax, by_variant[name], place, look)
+    records = list(rows)
+    heights = {row["variant"]: row for row in records if row["measure"] == "above_chance"}
+    prices = {row["variant"]: row for row in records if row["measure"] == measure}
+    for name, look in LOOKS.items():
+        height, price = heights[name], prices[name]
+        if not np.isfinite(price["mean"]):  # recorded dance has no distance from itself
+            continue
+        for ends, other, upright in ((price, height, False), (height, price, True)):
+            if np.isfinite(ends["low"]) and ends["high"] > ends["low"]:
+                across, up = [max(ends["low"], 0.0) if not upright else ends["low"], ends["high"]], [other["mean"]] * 2
+                span = (up, across) if upright else (across, up)
+                ax.plot(*span, color=look.colour, linewidth=1.4, alpha=0.6, zorder=2, gid="interval")
+        ax.plot(price["mean"], height["mean"], **look.mark, zorder=4)
+    colour = LOOKS[WEIGHTED].colour
+    for row in sweep:
+        ax.plot(row[measure], row["above_chance"], "o", markersize=4, color=colour, zorder=3, gid="sweep")
         ax.annotate(
-            f"{mean:.0f}" if high >= 10 else f"{mean:.2f}", (mean, place), xytext=(0, 6), textcoords="offset points",
-            ha="center", va="bottom", fontsize=8.5, color=look.colour, zorder=4,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.6},
+            f"{row['harmony_weight']:g}", (row[measure], row["above_chance"]), (4, 4), textcoords="offset points",
+            fontsize=8.5, color=colour,
         )  # fmt: skip
-        if (before := by_variant.get(f"{name}, without")) is not None:
-            ends = (mean, place), (before["mean"], places[before["variant"]])
-            arrow = {"arrowstyle": "-|>", "color": look.colour, "alpha": 0.45, "shrinkA": 6, "shrinkB": 6}
-            ax.annotate("", *ends, arrowprops=arrow, zorder=2)
-    ax.set(ylim=(-0.5, len(GENERATED) - 0.2), xlabel=MEASURES.get(measure, measure))
-    # From zero, so that lengths can be compared; no further than a share can go.
-    limits = [limit for target in (targets or {}).values() for limit in target if np.isfinite(limit)]
-    shares = measure in ("paper_harmony", "paper_hit_rate")
-    ax.set_xlim(min(0.0, low - 0.12 * (high - low)), 1.08 if shares else 1.15 * max([high, *limits]))
-    for name, target in (targets or {}).items():
-        _shade(ax, target, (places[name] - 0.5, places[name] + 0.5))
+    ax.axhline(0.0, color=COLOURS["chance"], linewidth=1, zorder=0)
+    ax.set(xlabel=f"{MEASURES[measure]}", ylabel="harmony above chance")
+    ax.set_xlim(left=0.0)
     return ax
 
 
-def _shade(ax: Axes, across: tuple[float, float], up: tuple[float, float]) -> None:
-    """The part of a rectangle within the axes, pale green; its ends may be infinite."""
-    (left, right), (bottom, top) = np.clip(across, *ax.get_xlim()), np.clip(up, *ax.get_ylim())
-    look: dict[str, Any] = {"facecolor": COLOURS["hit"], "alpha": 0.13, "linewidth": 0, "gid": "target"}
-    ax.add_patch(Rectangle((left, bottom), right - left, top - bottom, zorder=0, **look))
-
-
-def _absolute(targets: Targets, before: Record, recorded: Record) -> dict[str, tuple[float, float]]:
-    """Targets in the units of the axes: relative ones times their reference.
+def trade_off_figure(rows: Iterable[Record], sweep: Iterable[Record] = ()) -> Figure:
+    """`draw_trade_off` against jerk and FID, a row of panels for each corpus.
 
     Parameters
     ----------
-    targets : as for `ablation_figure`
-    before, recorded : measure -> value, without the harmony term and of the recorded motion
+    rows : records of `harmolab.lab.experiments.ablation.seed_means` for harmony above chance, jerk and FID at least
+    sweep : records of `harmolab.lab.experiments.ablation.trade_off`
     """
-    base, jerk, fid = before["above_chance"], recorded["jerk"], max(before["fid"], 0.0)
-    return {
-        "above_chance": (base + targets["above_chance"][0], base + targets["above_chance"][1]),
-        "count_ratio": targets["count_ratio"],
-        "jerk": (targets["jerk"][0], targets["jerk"][1] * jerk),
-        "fid": (targets["fid"][0], targets["fid"][1] * fid),
-    }
-
-
-def draw_printed(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
-    """The paper's printed values of one measure: hatched grey bars, which none of our own numbers has.
-
-    Parameters
-    ----------
-    rows : records with "variant", "measure" and "paper" (NaN where the paper prints nothing)
-    """
-    printed = {row["variant"]: row["paper"] for row in rows if row["measure"] == measure}
-    names = [name for name in GENERATED if np.isfinite(printed.get(name, np.nan))]
-    places = rows_by_name(ax, names)
-    bars = ax.barh([*places.values()][::-1], [printed[name] for name in names[::-1]], height=0.6, **PRINTED)
-    ax.bar_label(bars, fmt="%.2f", padding=3, fontsize=8.5, color=COLOURS["chance"])
-    ax.set(xlim=(0.0, 1.0), xlabel=MEASURES.get(measure, measure))
-    return ax
-
-
-def ablation_figure(rows: Iterable[Record], targets: Targets) -> Figure:
-    """A row of panels for each corpus, one panel a measure, and above them, apart, the values printed in the paper.
-
-    Parameters
-    ----------
-    rows : records of `harmolab.lab.experiments.ablation.seed_means`
-    targets : measure -> (least, most), the TARGETS of the experiment: "above_chance" a gain over the variant
-        without the harmony term, "count_ratio" as it is, "jerk" in multiples of the recorded motion's, "fid" of that
-        without the harmony term
-    """
-    table = list(rows)
-
-    titles = {"paper_harmony": "ours: {corpus}", "above_chance": "what the paper leaves out"}
-
-    def draw(ax: Axes, records: list[Record], measure: str) -> None:
-        draw_measure(ax, records, measure=measure, targets=_row_targets(records, targets, measure))
-        ax.set_title(titles.get(measure, "").format(**records[0]))
-
-    with figure_style():
-        figure = panels(table, list(MEASURES), draw, size=(14.0, 2.36), top=1.35)
-        _draw_printed_row(figure.axes[: len(MEASURES)], [row for row in table if row["corpus"] == table[0]["corpus"]])
+    corpora, sweeps = by_corpus(rows), by_corpus(sweep)
+    with styled_axes((9.0, 3.4 * len(corpora) + 0.7), len(corpora), len(PRICES), sharey="row") as (figure, axes):
+        for line, (corpus, records) in enumerate(corpora.items()):
+            panels = axes[line * len(PRICES) : (line + 1) * len(PRICES)]
+            subjects = (f"{sentence(corpus_words(corpus))}, our harmony term:\n", "")
+            for ax, measure, subject in zip(panels, PRICES, subjects, strict=True):
+                draw_trade_off(ax, records, sweeps.get(corpus, ()), measure=measure)
+                ax.set_title(subject + _price(records, measure), fontsize=10.5)
+            panels[1].set_ylabel("")
+            if is_synthetic(corpus):
+                mark_synthetic(panels[-1])
+        handles = [Line2D([], [], **look.mark, label=look.label) for look in LOOKS.values()]
+        if sweeps:
+            look: dict[str, Any] = {
+                "linestyle": "none",
+                "marker": "o",
+                "markersize": 4,
+                "color": LOOKS[WEIGHTED].colour,
+            }
+            handles.append(Line2D([], [], **look, label="one training with another weight of it"))
+        figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
 
 
-def _row_targets(rows: Sequence[Record], targets: Targets, measure: str) -> dict[str, tuple[float, float]]:
-    """variant with the harmony term -> (least, most) of a measure in the units of the axes; empty without a target."""
-    means: dict[str, dict[str, float]] = {}
-    for row in rows:
-        means.setdefault(row["variant"], {})[row["measure"]] = row["mean"]
-    losses = [name for name in GENERATED if f"{name}, without" in means and measure in targets]
-    return {name: _absolute(targets, means[f"{name}, without"], means[RECORDED])[measure] for name in losses}
-
-
-def _draw_printed_row(axes: Sequence[Axes], rows: Sequence[Record]) -> None:
-    """The paper's two measures, and the legend where it has none."""
-    for ax, measure in zip(axes, MEASURES, strict=True):
-        if any(row["measure"] == measure and np.isfinite(row["paper"]) for row in rows):
-            draw_printed(ax, rows, measure=measure).tick_params(axis="y", labelleft=ax is axes[0])
-        else:
-            ax.axis("off")
-    axes[0].set_title("printed in the paper")
-    handles = [
-        Patch(**PRINTED, label="printed in the paper, for other music"),
-        Line2D([], [], color=LOOKS[RECORDED].colour, linestyle="--", label="recorded motion"),
-        shaded("asked of a harmony loss"),
-        Line2D([], [], color=COLOURS["chance"], linewidth=2.2, label="95 % interval, where several were trained"),
-    ]
-    axes[2].legend(handles=handles, loc="upper left", fontsize=9).set_in_layout(False)
-
-
-def draw_trade_off(
-    ax: Axes,
-    sweep: Sequence[Record],
-    others: Mapping[str, Record],
-    *,
-    measure: str,
-    target: tuple[float, float],
-    least: float,
-) -> Axes:
-    """Harmony above chance against its cost, as the weight of the harmony term grows; the targets are a green region.
-
-    Parameters
-    ----------
-    ax : Axes
-    sweep : records with "harmony_weight", "above_chance" and the measure, in order of weight
-    others : name in `LOOKS` -> a record with "above_chance" and the measure, to compare with
-    measure : name in `MEASURES`, on the x axis
-    target : (least, most) of the measure; either may be infinite
-    least : float, target of the harmony above chance
-    """
-    look = LOOKS[WEIGHTED]
-    points = [(row[measure], row["above_chance"], row["harmony_weight"]) for row in sweep]
-    ax.plot([x for x, _, _ in points], [y for _, y, _ in points], "-", color=look.colour, linewidth=1.2, zorder=2)
-    turn = -1 if points[-1][0] < points[0][0] else 1
-    for (x, y, weight), (right, up) in zip(points, cycle(SHIFTS), strict=False):
-        ax.plot(x, y, **{**look.mark, "markerfacecolor": look.colour if weight else "white"}, zorder=3)
-        ax.annotate(
-            f"{weight:g}", (x, y), xytext=(turn * right, up), textcoords="offset points", ha="center",
-            va="center", fontsize=9, color=look.colour, zorder=4,
-        )  # fmt: skip
-    for name, row in others.items():
-        ax.plot(row[measure], row["above_chance"], **LOOKS[name].mark, zorder=3)
-    _set_limits(ax, [row["above_chance"] for row in (*sweep, *others.values())], target)
-    ax.set_xlabel(MEASURES.get(measure, measure))
-    _shade(ax, target, (least, np.inf))
-    return ax
-
-
-def _set_limits(ax: Axes, heights: Sequence[float], target: tuple[float, float]) -> None:
-    """Room for every mark, for 0 and 1, and for the ends of the region of the targets."""
-    ax.margins(x=0.12)
-    left, right = ax.get_xlim()
-    ax.set_xlim(min(left, 0.9 * target[0] if np.isfinite(target[0]) else 0.0), max(right, 1.08 * target[1]))
-    ax.set_ylim(min(-0.05, min(heights) - 0.08), max(1.02, max(heights) + 0.08))
-
-
-def trade_off_figure(
-    sweeps: Mapping[str, Sequence[Record]],
-    others: Mapping[str, Mapping[str, Record]],
-    targets: Targets,
-) -> Figure:
-    """A row for each corpus: `draw_trade_off` against jerk, FID and M / N.
-
-    Parameters
-    ----------
-    sweeps : corpus -> records, the first of them without the harmony term
-    others : corpus -> name in `LOOKS` -> record; "recorded" among them
-    targets : as for `ablation_figure`
-    """
-    with styled_axes((12.0, 3.5 * len(sweeps) + 0.5), len(sweeps), 3, sharey="row") as (figure, axes):
-        for row, (corpus, sweep) in enumerate(sweeps.items()):
-            line = axes[3 * row : 3 * row + 3]
-            limits = _absolute(targets, sweep[0], others[corpus][RECORDED])
-            least = limits["above_chance"][0]
-            for ax, measure in zip(line, ("jerk", "fid", "count_ratio"), strict=True):
-                draw_trade_off(ax, sweep, others[corpus], measure=measure, target=limits[measure], least=least)
-            line[0].set(ylabel="harmony above chance", title=corpus)
-        names = (WEIGHTED, *next(iter(others.values())))
-        handles = [Line2D([], [], **LOOKS[name].mark, label=LOOKS[name].label) for name in names]
-        handles[0].set_label(f"our losses, weight of the harmony term beside it (elsewhere {OUR_WEIGHT:g})")
-        # Above: below the canvas is where synthetic data is marked.
-        figure.legend(handles=[*handles, shaded("asked for")], loc="outside upper center", ncols=3)
-    return figure
+def _price(rows: Sequence[Record], measure: str) -> str:
+    """Harmony above chance and a price, without our harmony term and with it, in words."""
+    means = {(row["variant"], row["measure"]): row["mean"] for row in rows}
+    before, after = (means[name, measure] for name in (f"{WEIGHTED}, without", WEIGHTED))
+    noun = {"jerk": "jerk", "fid": "FID"}[measure]
+    if measure != PRICES[0]:
+        return f"{noun} {before:.1f} → {after:.1f}"
+    low, high = (means[name, "above_chance"] for name in (f"{WEIGHTED}, without", WEIGHTED))
+    return f"harmony {low:.2f} → {high:.2f}, {noun} {before:.0f} → {after:.0f}"

@@ -7,6 +7,7 @@ points down; a hit is a green circle, a miss a red cross.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from types import MappingProxyType
 from typing import Any
 
@@ -34,6 +35,10 @@ MARK_LOOKS: Mapping[str, dict[str, Any]] = MappingProxyType(
         for name, size, width in (("hit", 9, 2.0), ("miss", 8, 2.2))
     }
 )  # fmt: skip
+SPARE_LOOK: Mapping[str, Any] = MappingProxyType(
+    {"linestyle": "none", "marker": "o", "markersize": 3.5, "color": COLOURS["chance"], "zorder": 4}
+)  # of visual beats that no music beat claims
+ROW_SECONDS = 15.0  # of a row of the picture of a score
 ROOM = 1.3  # a unit stem ends at 1; the marks need some space beyond
 
 
@@ -147,7 +152,7 @@ def draw_hits(
     audio_track, visual_track : BeatTrack, the N and M beats that are compared
     pairs : (N,) int array
         The visual beat that hits each music beat, -1 for none, as in a `HarmonyScore`. Visual beats that
-        it does not name are redundant and get a cross too.
+        it does not name are redundant: no error, a small grey dot.
     delay : float, seconds, T_delay
     lag : float, seconds from the music's beats to the expected visual ones; the fields are drawn that much later
     audio_heights, visual_heights : (N,) and (M,) arrays, optional
@@ -160,10 +165,11 @@ def draw_hits(
     draw_tolerance(ax, audio_track.times + lag, delay)
     draw_stems(ax, audio_track, kind="audio", heights=up)
     draw_stems(ax, visual_track, kind="visual", heights=down)
-    times = np.concatenate([audio_track.times, visual_track.times])
-    tips = np.concatenate([up, -down])
-    good = np.concatenate([partners >= 0, used])
+    times = np.concatenate([audio_track.times, visual_track.times[used]])
+    tips = np.concatenate([up, -down[used]])
+    good = np.concatenate([partners >= 0, np.ones(int(used.sum()), bool)])
     draw_marks(ax, times, tips, good)
+    ax.plot(visual_track.times[~used], -down[~used], **SPARE_LOOK, label="visual beat left over")
     ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
     ax.set(xlim=(0.0, audio_track.duration), ylim=(-ROOM, ROOM), xlabel="time (s)")
     return name_heights(ax, {-0.65: "dance", 0.65: "music"})
@@ -183,7 +189,7 @@ def draw_marks(
     heights: ArrayLike,
     good: ArrayLike,
     *,
-    labels: tuple[str, str] = ("hit", "missed, or redundant"),
+    labels: tuple[str, str] = ("hit", "missed"),
 ) -> Axes:
     """Green circles for what is good, red crosses for the rest.
 
@@ -270,7 +276,9 @@ def draw_tolerances(
 
 
 def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figure:
-    """A row a mode: hits and misses with tolerance fields, or each beat's rank where the mode is a pattern's.
+    """Rows of 15 s for each mode: hits and misses with tolerance fields, or ranks where the mode is a pattern's.
+
+    Above the rows of each mode stands its verdict in words, with its number.
 
     Parameters
     ----------
@@ -278,14 +286,33 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figu
     title : str, above the first row
     """
     duration = max(score.music.duration for score in scores.values())
-    size = (min(max(8.0, 0.35 * duration), 24.0), 2.7 * len(scores))
-    with styled_axes(size, len(scores)) as (figure, axes):
-        for ax, (name, score) in zip(axes, scores.items(), strict=True):
-            draw_score(ax, score).set_title(f"{name}: {headline(score)}")
-            ax.set(xlim=(0, duration), xlabel="time (s)")
+    rows = max(int(np.ceil(duration / ROW_SECONDS)), 1)
+    across = min(duration, ROW_SECONDS)
+    size = (9.0, (1.25 * rows + 1.0) * len(scores) + 0.3)
+    with styled_axes(size, rows * len(scores)) as (figure, axes):
+        for mode, (name, score) in enumerate(scores.items()):
+            panels = axes[mode * rows : (mode + 1) * rows]
+            for row, ax in enumerate(panels):
+                draw_score(ax, score).set(xlim=(row * across, (row + 1) * across), xlabel="")
+                if is_ranked(score):
+                    ax.set_ylabel("fit (rank)")
+            panels[0].set_title(f"{name}: {fill(claim(score), 95)}\n{headline(score)}", fontsize=10)
+            panels[-1].set_xlabel("time in the music (s)")
+            handles, labels = panels[0].get_legend_handles_labels()
+            place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.4), "borderaxespad": 0.0}
+            panels[-1].legend(handles, labels, ncols=len(handles), fontsize=9, columnspacing=1.2, **place)
         if title:
             figure.suptitle(title, x=0.01, ha="left")
     return figure
+
+
+def claim(score: HarmonyScore) -> str:
+    """A score in a sentence: the verdict, or how many beats were met beside what chance meets."""
+    if score.judgement is not None:
+        return score.judgement.verdict
+    met, chance = int(score.hits.sum()), score.chance * score.n_audio
+    words = f"chance alone meets {chance:.0f}" if met > chance else f"no more than chance ({chance:.0f})"
+    return f"{met} of {score.n_audio} music beats met, {words}"
 
 
 def draw_score(ax: Axes, score: HarmonyScore) -> Axes:
@@ -315,4 +342,4 @@ def headline(score: HarmonyScore) -> str:
             number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, p = {score.p_value:.3f})"
     if score.judgement is not None:
         return number
-    return f"{number};  h = {score.harmony:.2f}, {score.hits.sum()} of {score.n_audio} beats, chance {score.chance:.0%}"
+    return f"{number};  h = {score.harmony:.2f}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,48 +12,66 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from harmolab.lab.figures.motion import draw_film
-from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.lab.figures.variants import LOOKS, PRINTED, Record, panels, rows_by_name, spread
+from harmolab.lab.figures.style import COLOURS, mark_synthetic, styled_axes
+from harmolab.lab.figures.variants import LOOKS, Look, Record, by_corpus, rows_by_name
+from harmolab.lab.figures.words import corpus_words, is_synthetic, sentence
 from harmolab.types import FloatArray, Motion
 
 DISTANCES = MappingProxyType(
-    {"fid": "FID on the pose network's features", "fid_kinetic": "FID on kinetic features (speeds)"}
+    {"fid": "distance of poses", "fid_kinetic": "distance of speeds"}  # Frechet
 )
-# Recorded motion against recorded motion, the reference of the bars above: name -> label.
-_REFERENCES = {"recorded, other figures": "recorded, other figures", "recorded, halves": "recorded, half and half"}
+# Recorded motion against recorded motion: name -> label.
+_REFERENCES = {
+    "recorded, other figures": "recorded dance, other figures",
+    "recorded, halves": "recorded dance, two halves",
+}
+SEED = "seed "  # beginning of the names of columns that hold the value of one training
 HEIGHT = 74.0  # points, of a stick figure
 
 
 def draw_distances(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
-    """One bar a variant, with its interval; below, hatched, recorded motion against recorded motion.
+    """A row a variant on a logarithmic axis: a mark at the mean, its interval, a dot for each training.
+
+    What lies below the axis ends in an arrow at its left end: a distance with its bias taken off may be below 0.
 
     Parameters
     ----------
     ax : Axes
-    rows : records with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus
+    rows : records with "variant", "measure", "mean", "low" and "high" (NaN for no interval), of one corpus; what they
+        have under "seed 1", "seed 2", ... are the values of single trainings
     measure : name in `DISTANCES`
     """
     distances = {row["variant"]: row for row in rows if row["measure"] == measure}
     places = rows_by_name(ax, [name for name in (*LOOKS, *_REFERENCES) if name in distances], _REFERENCES)
-    low, high = spread(distances.values())
+    values = np.array([[row["mean"], row["low"], row["high"]] for row in distances.values()], np.float64)
+    left = 0.6 * max(0.5, float(np.nanmin(values[values > 0.0])))
+    ax.set(xscale="log", xlim=(left, 3.5 * np.nanmax(values[:, 0])), xlabel="distance, in powers of ten")
+    ax.xaxis.set_major_formatter("{x:g}")
+    right = ax.get_xlim()[1]
     for name, place in reversed(places.items()):
-        row = distances[name]
-        ax.barh(place, row["mean"], height=0.62, **_bar(name))
+        row, look = distances[name], _distance_look(name)
+        ax.hlines(place, left, right, color=COLOURS["faint"], linewidth=0.8, zorder=0)
         if np.isfinite(row["low"]):
-            ax.plot([row["low"], row["high"]], [place, place], color=COLOURS["ink"], linewidth=2.2, gid="interval")
-        right = np.nanmax([row["mean"], row["high"], 0.0])
-        ax.text(right + 0.02 * high, place, _number(row["mean"]), va="center", fontsize=9, color=COLOURS["ink"])
-    ax.set(xlabel="distance (0: the same)", xlim=(1.3 * min(0.0, low), 1.14 * high))
-    ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
+            ends = np.clip([row["low"], row["high"]], left, right)
+            ax.plot(ends, [place, place], color=look.colour, linewidth=2.2, gid="interval")
+            for end, beyond, head in ((left, row["low"] < left, "<"), (right, row["high"] > right, ">")):
+                if beyond:
+                    ax.plot(end, place, head, color=look.colour, markersize=7, clip_on=False)
+        seeds = [value for key, value in row.items() if str(key).startswith(SEED) and value >= left]
+        ax.plot(seeds, [place + 0.22] * len(seeds), ".", color=look.colour, markersize=6, gid="seed")
+        if row["mean"] >= left:
+            ax.plot(row["mean"], place, **look.mark, zorder=4)
+        ax.annotate(
+            _number(row["mean"]), (max(row["mean"], left), place), (0, -7), textcoords="offset points", ha="center",
+            va="top", fontsize=9, color=look.colour,
+        )  # fmt: skip
+    ax.set_ylim(-0.8, len(places) - 0.5)
     return ax
 
 
-def _bar(name: str) -> dict[str, Any]:
-    """Colours of a bar: as everywhere for the variants, grey and hatched for recorded motion."""
-    if name in _REFERENCES:
-        return dict(PRINTED)
-    look = LOOKS[name]
-    return {"color": look.colour if look.filled else "white", "edgecolor": look.colour, "linewidth": 1.6}
+def _distance_look(name: str) -> Look:
+    """Marks as everywhere for the variants, grey diamonds for recorded motion."""
+    return Look("", COLOURS["chance"], "D", filled=True) if name in _REFERENCES else LOOKS[name]
 
 
 def _number(value: float) -> str:
@@ -62,22 +79,39 @@ def _number(value: float) -> str:
 
 
 def distances_figure(rows: Iterable[Record]) -> Figure:
-    """`draw_distances` for both kinds of features side by side, a row for each corpus.
+    """`draw_distances` for both kinds of features side by side, a row for each corpus; titles name the nearest.
 
     Parameters
     ----------
     rows : records of `harmolab.lab.experiments.quality.motion_quality`
     """
-    interval = "95 % interval, where several were drawn or trained"
-    handles = [
-        Patch(**PRINTED, label="no generator: recordings"),
-        Line2D([], [], color=COLOURS["ink"], linewidth=2.2, label=interval),
-    ]
-    return panels(rows, list(DISTANCES), _draw_panel, size=(10.5, 3.2), handles=handles, legend="outside lower center")
+    corpora = by_corpus(rows)
+    size = (9.0, 3.3 * len(corpora) + 0.5)
+    with styled_axes(size, len(corpora), len(DISTANCES), sharey="row") as (figure, axes):
+        for line, (corpus, records) in enumerate(corpora.items()):
+            panels = axes[line * len(DISTANCES) : (line + 1) * len(DISTANCES)]
+            for ax, (measure, words), subject in zip(panels, DISTANCES.items(), (corpus, ""), strict=True):
+                start = f"{sentence(corpus_words(subject))}, {words}" if subject else sentence(words)
+                draw_distances(ax, records, measure=measure).set_title(
+                    f"{start}:\n{_nearest(records, measure)}", fontsize=10.5
+                )
+            if is_synthetic(corpus):
+                mark_synthetic(panels[-1])
+        handles = [
+            Line2D([], [], **_distance_look("recorded, halves").mark, label="recorded beside recorded dance"),
+            Line2D([], [], color=COLOURS["ink"], linewidth=2.2, label="95 % interval (arrow: beyond the axis)"),
+        ]
+        if any(str(key).startswith(SEED) for records in corpora.values() for row in records for key in row):
+            handles.append(Line2D([], [], linestyle="none", marker=".", color=COLOURS["ink"], label="one training"))
+        figure.legend(handles=handles, loc="outside upper center", ncols=3)
+    return figure
 
 
-def _draw_panel(ax: Axes, rows: list[Record], measure: str) -> None:
-    draw_distances(ax, rows, measure=measure).set_title(f"{rows[0]['corpus']}: {DISTANCES[measure]}")
+def _nearest(rows: Iterable[Record], measure: str) -> str:
+    """The generator that comes nearest to recordings, beside the distance between recordings of other figures."""
+    means = {row["variant"]: row["mean"] for row in rows if row["measure"] == measure}
+    name = min((name for name in LOOKS if name in means), key=means.__getitem__)
+    return f"nearest is “{LOOKS[name].label}”"
 
 
 def shot_times(motion: Motion, shots: int) -> FloatArray:

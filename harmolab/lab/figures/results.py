@@ -33,6 +33,7 @@ SCORE_LABELS = {
 # Lines for scores and dances; none of them has a meaning elsewhere (audio, visual, hit, miss).
 SCORE_COLOURS = ("#222222", "#CC79A7", "#56B4E9", "#8C6D31", "#7F7F7F", "#6A3D9A", "#B8A9C9")
 SCORE_MARKS = ("o-", "s--", "^-.", "x:", "d-", "v--", "P-.")
+JITTER_SCORES = ("recommended", "valleys", "paper", "beat_align_motion", "mir_eval_f")
 # The scores that choose between two dances, in their colours above.
 JUDGES = MappingProxyType({"paper's harmony": ("^", SCORE_COLOURS[2]), "above chance": ("s", SCORE_COLOURS[1])})
 
@@ -100,17 +101,19 @@ def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
 
 
 def draw_disturbances(ax: Axes, table: pd.DataFrame, scores: Sequence[str]) -> Axes:
-    """AUC of some scores as one disturbance grows.
+    """AUC of some scores as one disturbance grows; the legend is in the order of the lines at its greatest level.
 
     Parameters
     ----------
-    table : DataFrame with a column "level" (its name is the x label) and one column a score
+    table : DataFrame whose first column is the level (its name is the x label), with one column a score
     scores : names of the columns to draw
     """
     for name, mark, colour in zip(scores, SCORE_MARKS, SCORE_COLOURS, strict=False):
         ax.plot(table.iloc[:, 0], table[name], mark, color=colour, label=SCORE_LABELS.get(name, name))
-    ax.axhline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
-    ax.set(xlabel=table.columns[0], ylabel="AUC", ylim=(0, 1.05))
+    ax.axhline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1, label="a coin")
+    ax.set(xlabel=table.columns[0], ylabel="AUC: how often the true music wins", ylim=(0.4, 1.02))
+    handles = sorted(ax.lines, key=lambda line: -float(np.asarray(line.get_ydata())[-1]))
+    ax.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
 
@@ -145,12 +148,16 @@ def picks_figure(table: pd.DataFrame, *, title: str) -> Figure:
     return figure
 
 
-def disturbances_figure(tables: Sequence[pd.DataFrame], scores: Sequence[str]) -> Figure:
-    """`draw_disturbances` for several disturbances side by side, with one legend."""
-    with styled_axes((4.0 * len(tables), 3.8), 1, len(tables), sharey=True) as (figure, axes):
-        for ax, table in zip(axes, tables, strict=True):
-            draw_disturbances(ax, table, scores)
-        axes[-1].legend(loc="lower right", fontsize=9)
+def disturbances_figure(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCORES) -> Figure:
+    """`draw_disturbances` in a figure of its own; its title is which score stands the most."""
+    last = table.iloc[-1]
+    best = max(scores, key=lambda name: last[name])
+    rest = [last[name] for name in scores if name != best]
+    with styled_axes((9.0, 4.0)) as (figure, (ax,)):
+        draw_disturbances(ax, table, scores).set_title(
+            f"“{SCORE_LABELS.get(best, best)}” stands the most: at the right end AUC {last[best]:.2f}, "
+            f"the others {min(rest):.2f} to {max(rest):.2f}"
+        )
     return figure
 
 

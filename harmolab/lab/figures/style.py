@@ -19,11 +19,13 @@ from filelock import FileLock
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from harmolab.io.files import WRITTEN_BY, atomic_write, write_json
 from harmolab.lab.profile import RunProfile
 
 MANIFEST = "manifest.json"
+PAGE_WIDTH = 992  # pixels, of a column of the report
 
 # One meaning per colour. Blue, orange and green are Okabe and Ito's, chosen for colour-blind readers; the red is
 # darker than the orange so that the two differ in lightness too.
@@ -163,8 +165,9 @@ def save_figure(figure: Figure, name: str, **about: Unpack[About]) -> Saved:
         If the name is not a plain file name.
     """
     with _recorded(name, ".png", **about) as path:
+        panels_marked = any(text.get_gid() == "source" for text in figure.findobj(Text))
         marks = {
-            "synthetic data": "synthetic" in about["source"].lower(),
+            "synthetic data": "synthetic" in about["source"].lower() and not panels_marked,
             "quick profile, not trained": about.get("trained", False) and about["profile"].epochs is not None,
         }
         _mark(figure, "; ".join(words for words, applies in marks.items() if applies))
@@ -201,6 +204,19 @@ def write_figure(figure: Figure, path: Path) -> Path:
     with atomic_write(path) as part:
         figure.savefig(part, format=suffix, bbox_inches="tight", metadata=metadata)
     return path
+
+
+def mark_synthetic(ax: Axes) -> None:
+    """The words "synthetic data" at the right end of the title's first line; `save_figure` then marks panels alone."""
+    words = "synthetic data" + "\n" * ax.get_title(loc="left").count("\n")
+    ax.set_title(words, loc="right", fontsize=9, style="italic", color=COLOURS["miss"], gid="source")
+
+
+def smallest_text(figure: Figure) -> float:
+    """Size of the smallest letters in pixels, when the figure is as wide as a page of the report (`PAGE_WIDTH`)."""
+    texts = [text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible()]
+    pixels_a_point = min(PAGE_WIDTH / figure.get_figwidth(), figure.get_dpi()) / 72
+    return pixels_a_point * min(float(text.get_fontsize()) for text in texts)
 
 
 def _mark(figure: Figure, words: str) -> None:

@@ -1,22 +1,19 @@
-"""Means and intervals by variant: the look of each generator in all pictures, rows of marks, a grid of panels.
+"""Means and intervals by variant: the look of each generator in all pictures, rows of marks.
 
 Colour and mark name a generator's losses; hollow is without the harmony term.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
-from harmolab.lab.figures.style import COLOURS, styled_axes
+from harmolab.lab.figures.style import COLOURS
 from harmolab.types import FloatArray
 
 Record = Mapping[str, Any]
@@ -56,9 +53,14 @@ LOOKS = MappingProxyType(
         "recorded": Look("recorded motion", COLOURS["ink"], "D", True),
     }
 )
-PRINTED: Mapping[str, Any] = MappingProxyType(
-    {"facecolor": COLOURS["faint"], "edgecolor": COLOURS["chance"], "hatch": "//"}
-)  # bars that are no generator's
+
+
+def by_corpus(rows: Iterable[Record]) -> dict[str, list[Record]]:
+    """Records with "corpus", by it, in the order of their first."""
+    groups: dict[str, list[Record]] = {}
+    for row in rows:
+        groups.setdefault(row["corpus"], []).append(row)
+    return groups
 
 
 def rows_by_name(ax: Axes, names: Sequence[str], labels: Mapping[str, str] | None = None) -> dict[str, int]:
@@ -81,42 +83,3 @@ def spread(rows: Iterable[Record]) -> tuple[float, float]:
     """Least and greatest of means and ends of intervals."""
     values: FloatArray = np.array([[row["mean"], row["low"], row["high"]] for row in rows], np.float64)
     return float(np.nanmin(values)), float(np.nanmax(values))
-
-
-def panels(
-    rows: Iterable[Record],
-    measures: Sequence[str],
-    draw: Callable[[Axes, list[Record], str], object],
-    *,
-    size: tuple[float, float],
-    top: float = 0.0,
-    handles: Sequence[Artist] = (),
-    legend: Literal["outside upper center", "outside lower center"] = "outside upper center",
-) -> Figure:
-    """A row of panels for each corpus, one for each measure; a free row of `top` inches above them if there is one.
-
-    Parameters
-    ----------
-    rows : records with "corpus"
-    draw : draws a measure of the records of one corpus on axes, and its title
-    size : inches, width of the figure and height of a row
-    handles, legend : entries of a legend in one line, and its place
-    """
-    by_corpus: dict[str, list[Record]] = {}
-    for row in rows:
-        by_corpus.setdefault(row["corpus"], []).append(row)
-    heights = [*([top] if top else []), *[size[1]] * len(by_corpus)]
-    columns = len(measures)
-    with styled_axes((size[0], sum(heights) + 0.5), len(heights), columns, height_ratios=heights) as (figure, axes):
-        cells = [(records, measure) for records in by_corpus.values() for measure in measures]
-        for place, (ax, cell) in enumerate(zip(axes[columns * bool(top) :], cells, strict=True)):
-            draw(ax, *cell)
-            ax.tick_params(axis="y", labelleft=place % columns == 0)
-        if handles:
-            figure.legend(handles=handles, loc=legend, ncols=len(handles))
-    return figure
-
-
-def shaded(label: str) -> Patch:
-    """Legend entry of a pale green region."""
-    return Patch(facecolor=COLOURS["hit"], alpha=0.13, label=label)

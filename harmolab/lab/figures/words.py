@@ -1,0 +1,62 @@
+"""Corpora and findings in words, for titles of figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+Record = Mapping[str, Any]
+
+CORPUS_WORDS = MappingProxyType(
+    {
+        "beatlocked": "recordings on the beat",
+        "synthetic": "synthetic dancers",
+        "realdance/dance": "choreographed dances",
+        "realdance/replays": "players of a rhythm game",
+        "realdance/robots_not_in_tempo": "robots out of tempo",
+        "tang2018": "Tang et al., as shipped",
+        "tang2018_rebuilt": "Tang et al., re-timed",
+    }
+)
+
+
+def corpus_words(corpus: str) -> str:
+    """A corpus as a reader would call it; its own name if nothing better is in `CORPUS_WORDS`.
+
+    >>> corpus_words("beatlocked")
+    'recordings on the beat'
+    """
+    return CORPUS_WORDS.get(corpus, corpus)
+
+
+def is_synthetic(corpus: str) -> bool:
+    """True if a corpus, or a source in the manifest, has synthetic data in it."""
+    return "synthetic" in corpus.lower()
+
+
+def sentence(text: str) -> str:
+    """`text` with a capital letter; other letters stay as they are."""
+    return text[:1].upper() + text[1:]
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and "and".
+
+    >>> listed(["one", "two", "three"])
+    'one, two and three'
+    """
+    return " and ".join([part for part in (", ".join(words[:-1]), *words[-1:]) if part])
+
+
+def clearly_above(high: Record, low: Record) -> bool:
+    """True if one record's interval lies above another's; of records without intervals, if its mean does.
+
+    Parameters
+    ----------
+    high, low : records with "mean", "low" and "high" (NaN for no interval)
+    """
+    bottom, top = high["low"], low["high"]
+    return bool(high["mean"] > low["mean"] if np.isnan(bottom) or np.isnan(top) else bottom > top)

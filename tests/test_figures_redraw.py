@@ -1,0 +1,33 @@
+"""Figures that are drawn again from the tables beside them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from harmolab.lab.figures.redraw import figures_of_tables, redraw
+from harmolab.lab.figures.style import MANIFEST, smallest_text
+from harmolab.lab.profile import RunProfile
+
+SHIPPED = Path(__file__).parents[1] / "figures"
+
+
+def test_shipped_tables_give_figures_whose_letters_are_large_enough_on_a_page_of_the_report():
+    sizes = {name: smallest_text(figure) for name, figure in figures_of_tables(SHIPPED).items()}
+    assert {name for name, size in sizes.items() if size < 9} == set()
+    assert "fig11_harmony_loss" in sizes
+
+
+def test_figure_drawn_again_keeps_its_source_and_title_in_the_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    for path in [*SHIPPED.glob("table*.csv"), SHIPPED / MANIFEST]:
+        shutil.copy(path, tmp_path)
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    saved = redraw(RunProfile.full())
+    assert all(each.path.parent == tmp_path and each.path.stat().st_size > 10_000 for each in saved)
+    before, after = (json.loads((folder / MANIFEST).read_text("utf-8")) for folder in (SHIPPED, tmp_path))
+    assert [{**entry, "version": ""} for entry in after.values()] == [
+        {**entry, "version": ""} for entry in before.values()
+    ]
