@@ -1,6 +1,7 @@
 from .beats.audio import audio_beats as audio_beats
 from .beats.audio import music_beats as music_beats
 from .beats.audio import onset_envelope as onset_envelope
+from .beats.clicks import with_clicks as with_clicks
 from .beats.flow import flow_envelope as flow_envelope
 from .beats.impacts import envelope_beats as envelope_beats
 from .beats.meter import MeterUnit as MeterUnit

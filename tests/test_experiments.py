@@ -12,8 +12,10 @@ import pytest
 import soundfile
 
 from harmolab.corpora.folders import Recording, load_recording, recording_beats
+from harmolab.harmony import score_clip
 from harmolab.io.motion import save_motion
-from harmolab.lab.experiments import study
+from harmolab.lab.experiments import examples, study
+from harmolab.lab.experiments.examples import excerpt, waltz_example
 from harmolab.lab.experiments.study import (
     Agreement,
     agreement,
@@ -21,7 +23,6 @@ from harmolab.lab.experiments.study import (
     clip_of_study,
     corpus_folders,
     data_root,
-    excerpt,
     pattern_of_study,
     readable_recordings,
     strong_by_place,
@@ -29,7 +30,7 @@ from harmolab.lab.experiments.study import (
     synthetic_corpus,
 )
 from harmolab.lab.profile import RunProfile
-from harmolab.params import BarPattern
+from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Motion
 from tests.builders import track
 
@@ -179,10 +180,31 @@ def test_an_excerpt_of_a_sequence_without_motion_is_refused(recordings: Path):
         excerpt(still, 4.0)
 
 
-def test_without_recordings_the_clip_of_study_is_synthetic():
+def test_without_recordings_the_clip_of_study_is_free_movement_on_a_synthetic_song():
     clip = clip_of_study(TINY, dance="jive", seconds=3.0, beats="annotated")
-    assert (clip.dance, clip.source, clip.motion.duration) == ("jive", "synthetic", 3.0)
+    assert (clip.dance, clip.motion.duration) == ("jive", 3.0)
+    assert clip.source == "synthetic song, CMU motion capture"
     assert 60 / np.median(np.diff(clip.beats.times)) == pytest.approx(164, abs=20)  # jive: 144 to 184
+
+
+def test_the_example_is_the_clip_of_study_without_recordings_and_can_come_half_a_beat_late():
+    clip, studied, late = waltz_example(), clip_of_study(TINY), waltz_example(late=1 / 3)
+    assert (clip.offset, late.offset, clip.audio.duration, clip.motion.duration) == (0.0, 0.0, 12.0, 12.0)
+    for one, other in ((clip.motion.positions, studied.motion.positions), (clip.beats.times, studied.beats.times)):
+        np.testing.assert_array_equal(one, other)
+    # A third of a second is ten frames of thirty in one.
+    np.testing.assert_array_equal(late.motion.positions[10:], clip.motion.positions[:-10])
+    np.testing.assert_array_equal(late.audio.samples, clip.audio.samples)
+
+
+def test_the_example_is_on_the_beat_and_not_when_it_comes_half_a_beat_late():
+    clip = waltz_example()
+    half = float(np.median(np.diff(clip.beats.times))) / 2
+    levels = [
+        score_clip(each, HarmonyParams.recommended()).judgement.level for each in (clip, waltz_example(late=half))
+    ]
+    assert levels[0] == 4
+    assert levels[1] < 4
 
 
 def test_the_pattern_of_study_counts_figures_from_the_exact_start(recordings: Path, monkeypatch: pytest.MonkeyPatch):
@@ -230,7 +252,7 @@ def test_agreement_without_music_is_defined():
 
 
 def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(study, "recording_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
+    monkeypatch.setattr(examples, "recording_beats", lambda sequence, beats: recording_beats(sequence, "annotated"))
     table = beat_agreement(TINY, detectors=["turns", "valleys"], delays=[0.12, 0.25])
     assert table[["detector", "tolerance (s)"]].values.tolist() == [
         ["turns", 0.12], ["turns", 0.25], ["valleys", 0.12], ["valleys", 0.25],

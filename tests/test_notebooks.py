@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+from itertools import groupby
 from pathlib import Path
 
 import nbformat
@@ -38,6 +39,7 @@ NAMES = [
     "19_sound_to_hands",
     "20_players_and_avatars",
 ]
+PARTS = ["the score", "the generator", "your own dance", "Music2Dance", "players"]
 MOST_CELLS = 15
 MOST_LINES = 12
 # Under a minute is the aim on two cores; but the first notebook that needs generators trains them for all others, which
@@ -51,6 +53,10 @@ every_notebook = pytest.mark.parametrize("path", PATHS, ids=[path.stem for path 
 
 def code_cells(path: Path) -> list[nbformat.NotebookNode]:
     return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+
+
+def markdown_cells(path: Path) -> list[nbformat.NotebookNode]:
+    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "markdown"]
 
 
 def form_faults(source: str) -> list[str]:
@@ -100,6 +106,35 @@ def test_notebook_starts_with_a_title_and_takes_its_profile_from_one_tagged_cell
 def test_every_notebook_says_which_items_of_the_paper_it_builds():
     items = {path.stem: nbformat.read(path, as_version=4).metadata["harmolab"]["paper"] for path in PATHS}
     assert {name: sorted(set(named) - set(PAPER)) for name, named in items.items() if set(named) - set(PAPER)} == {}
+
+
+@every_notebook
+def test_notebook_opens_with_its_finding_and_a_committed_picture_of_it(path: Path):
+    notebook = nbformat.read(path, as_version=4)
+    facts = notebook.metadata["harmolab"]
+    title, finding = notebook.cells[0].source.split("\n\n")
+    assert finding == f"**{facts['finding']}**"
+    assert title.startswith(f"# {path.stem[:2]} ")
+    assert any(digit.isdigit() for digit in facts["finding"])  # one with its number
+    entry = json.loads((ROOT / "figures" / "manifest.json").read_text("utf-8"))[facts["picture"]]
+    assert (entry["notebook"], Path(facts["picture"]).suffix) == (path.name, ".png")
+
+
+def test_story_has_its_parts_in_one_piece_each():
+    parts = [nbformat.read(path, as_version=4).metadata["harmolab"]["part"] for path in PATHS]
+    assert [part for part, _ in groupby(parts)] == PARTS
+
+
+@every_notebook
+def test_notebook_asks_before_it_answers(path: Path):
+    headings = re.findall(r"^## (.+)$", "\n".join(cell.source for cell in markdown_cells(path)), flags=re.MULTILINE)
+    assert sum("?" in heading for heading in headings) >= 3
+
+
+@every_notebook
+def test_notebook_does_not_greet_with_its_settings(path: Path):
+    tagged = [cell for cell in code_cells(path) if "parameters" in cell.metadata.get("tags", [])]
+    assert not isinstance(ast.parse(tagged[0].source).body[-1], ast.Expr)
 
 
 @every_notebook

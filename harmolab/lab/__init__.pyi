@@ -89,6 +89,9 @@ from .experiments.discrimination import (
 from .experiments.discrimination import (
     pick_table as pick_table,
 )
+from .experiments.examples import example_recording as example_recording
+from .experiments.examples import excerpt as excerpt
+from .experiments.examples import waltz_example as waltz_example
 from .experiments.feet import foot_table as foot_table
 from .experiments.feet import foot_trials as foot_trials
 from .experiments.generation import (
@@ -214,9 +217,6 @@ from .experiments.study import (
 )
 from .experiments.study import (
     clip_of_study as clip_of_study,
-)
-from .experiments.study import (
-    excerpt as excerpt,
 )
 from .experiments.study import (
     pattern_of_study as pattern_of_study,
@@ -396,6 +396,7 @@ from .widgets.labs.detector import detector_lab as detector_lab
 from .widgets.labs.meter import meter_lab as meter_lab
 from .widgets.labs.scoring import saliency_lab as saliency_lab
 from .widgets.labs.scoring import scoring_lab as scoring_lab
+from .widgets.own_files import OwnFiles as OwnFiles
 from .widgets.player import Dancer as Dancer
 from .widgets.player import Player as Player
 from .widgets.player import blind_page as blind_page

@@ -17,9 +17,10 @@ import pandas as pd
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_harmony
 from harmolab.lab.experiments.ablation import group_means
+from harmolab.lab.experiments.examples import excerpt
 from harmolab.lab.experiments.generation import SYNTHETIC, generator_corpora
 from harmolab.lab.experiments.judging import MODES, danced_units, harmony_columns, meter_motion, unit_columns
-from harmolab.lab.experiments.study import data_root, excerpt, readable_recordings, study_recordings, synthetic_corpus
+from harmolab.lab.experiments.study import data_root, readable_recordings, study_recordings, synthetic_corpus
 from harmolab.lab.profile import RunProfile
 from harmolab.metrics.quality import jerk
 from harmolab.types import BeatTrack, Motion

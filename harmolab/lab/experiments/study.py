@@ -22,10 +22,11 @@ from harmolab.corpora.folders import (
     load_recording,
     recording_beats,
 )
-from harmolab.corpora.synthetic import ClipSettings, planted_clip, write_corpus
+from harmolab.corpora.synthetic import write_corpus
 from harmolab.harmony import hit_mask
 from harmolab.io.files import cache_folder
 from harmolab.lab.compare.windows import cut_clips, learn_patterns
+from harmolab.lab.experiments.examples import EXAMPLE_SECONDS, example_recording, excerpt, middle_span
 from harmolab.lab.profile import RunProfile
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.significance import rotations
@@ -103,11 +104,12 @@ def readable_recordings(root: Path) -> Iterator[Recording]:
     return (item for item in iter_recordings(root) if not isinstance(item, Problem))
 
 
-def clip_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0, beats: str = "tracked") -> Clip:
+def clip_of_study(
+    profile: RunProfile, *, dance: str = "waltz", seconds: float = EXAMPLE_SECONDS, beats: str = "tracked"
+) -> Clip:
     """One clip to look at closely: the middle of the first recording of that dance (of any dance when there is none).
 
-    Without recordings a synthetic dancer who is as inexact as people are: some movements end early or late, some beats
-    are left out, some movements come between the beats.
+    Without recordings the middle of an `example_recording`: `waltz_example`, unless another dance is named.
 
     Parameters
     ----------
@@ -126,17 +128,13 @@ def clip_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float
     ValueError
         If there are recordings, and none can be read.
     """
-    return excerpt(_first_of_dance(profile, dance, seconds), seconds, beats)
+    return excerpt(_first_of_dance(profile, dance), seconds, beats)
 
 
-def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> Recording:
+def _first_of_dance(profile: RunProfile, dance: str) -> Recording:
     """The recording that `clip_of_study` cuts from."""
     if data_root() is None:
-        settings = ClipSettings(
-            dance, 3 * seconds, jitter=0.05, omission=0.15, redundancy=0.15, noise=0.004, seed=profile.seed
-        )
-        planted = planted_clip(settings)
-        return Recording(planted.clip, planted.annotation, Path(planted.clip.name))
+        return example_recording(dance)
     first = None
     for recording in study_recordings(profile):
         first = first or recording
@@ -147,47 +145,17 @@ def _first_of_dance(profile: RunProfile, dance: str, seconds: float) -> Recordin
     return first
 
 
-def middle_span(recording: Recording, seconds: float) -> tuple[float, float]:
-    """Start in the music and length, in seconds, of the middle of what music and motion of a recording share.
-
-    It starts on a frame of the motion and is at most `seconds` long.
-
-    Raises
-    ------
-    ValueError
-        If the recording has no motion.
-    """
-    clip, motion = recording.clip, recording.clip.motion
-    if motion is None:
-        raise ValueError(f"{recording.folder}: no motion")
-    first, last = max(0.0, -clip.offset), min(motion.duration, clip.audio.duration - clip.offset)
-    length = min(seconds, last - first)
-    # On a frame, and never before the music.
-    start = float(np.ceil((first + (last - first - length) / 2) * motion.fps - 1e-6) / motion.fps)
-    return max(0.0, clip.offset + start), length
-
-
-def excerpt(recording: Recording, seconds: float, beats: str = "tracked") -> Clip:
-    """`middle_span` of a recording as a clip that starts at 0 s, with its music beats; as `clip_of_study`.
-
-    Raises
-    ------
-    ValueError
-        If the recording has no motion.
-    """
-    start, length = middle_span(recording, seconds)
-    track = recording_beats(recording, "tracked" if recording.annotation is None else beats)
-    clip = replace(recording.clip, name=f"{recording.clip.name} from {start:.1f} s", beats=track)
-    return replace(clip.span(start, length), offset=0.0)  # the span starts on a frame
-
-
-def pattern_of_study(profile: RunProfile, *, dance: str = "cha-cha", seconds: float = 6.0) -> BarPattern | None:
+def pattern_of_study(
+    profile: RunProfile, *, dance: str = "waltz", seconds: float = EXAMPLE_SECONDS
+) -> BarPattern | None:
     """The bar pattern to expect in `clip_of_study`: learnt on other recordings and other figures of its dance.
 
-    None where nothing can be learnt: in synthetic clips, who rest on every beat, and without annotated beats.
+    None where nothing can be learnt: in the example, who rests on every beat, and without annotated beats.
     """
-    recording = _first_of_dance(profile, dance, seconds)
-    if data_root() is None or recording.annotation is None:
+    if data_root() is None:
+        return None
+    recording = _first_of_dance(profile, dance)
+    if recording.annotation is None:
         return None
     start, _ = middle_span(recording, seconds)
     near = [

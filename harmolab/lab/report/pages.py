@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import html
-import json
 import re
-from collections.abc import Sequence
+import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from latex2mathml.converter import convert as latex_to_mathml
 from nbconvert import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 
-from harmolab.lab.figures.style import MANIFEST
+from harmolab.lab.report.pictures import FULL, Picture, manifest_of, pair_pictures, picture_of, plain_source
 from harmolab.lab.report.templates import TEMPLATES, rendered
 
 MARK = '<meta name="generator" content="harmolab">'
@@ -89,6 +90,11 @@ class NotebookRun:
         return f"{self.path.stem}.html"
 
     @property
+    def number(self) -> str:
+        """Its place in the story, two digits of its file name."""
+        return self.path.stem[:2]
+
+    @property
     def title(self) -> str:
         """Its first heading, or its file name."""
         text = "\n".join(cell.source for cell in self.node.cells if cell.cell_type == "markdown")
@@ -99,29 +105,95 @@ class NotebookRun:
     @property
     def paper(self) -> tuple[str, ...]:
         """The figures and tables of the paper that it builds, from its metadata."""
-        return tuple(self.node.metadata.get("harmolab", {}).get("paper", ()))
+        return tuple(self._facts.get("paper", ()))
+
+    @property
+    def part(self) -> str:
+        """The part of the story that it belongs to, from its metadata."""
+        return str(self._facts.get("part", ""))
+
+    @property
+    def finding(self) -> str:
+        """One sentence, from its metadata."""
+        return str(self._facts.get("finding", ""))
+
+    @property
+    def picture(self) -> str:
+        """File of the figure that shows the finding best, from its metadata."""
+        return str(self._facts.get("picture", ""))
+
+    @property
+    def _facts(self) -> Mapping[str, Any]:
+        return dict(self.node.metadata.get("harmolab", {}))
 
 
-def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str) -> None:
-    """A page for every notebook, and the index, in `folder` beside the figures already there."""
+@dataclass(frozen=True)
+class Chapter:
+    """A notebook's run in the story: its neighbours, and the picture of its finding."""
+
+    run: NotebookRun
+    before: NotebookRun | None
+    after: NotebookRun | None
+    picture: Picture | None
+
+
+def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str, committed: Path | None = None) -> None:
+    """A page for every notebook, and the index, in `folder` beside the figures already there.
+
+    Parameters
+    ----------
+    folder : the report's
+    runs : in the order of the story
+    profile : "quick" or "full"
+    committed : folder of full-profile figures, optional; they are copied, to stand beside those of a quick run
+    """
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    for run in runs:
-        (folder / run.page).write_text(_page(run, f"{profile} profile, {date}"), "utf-8")
     figures = folder / "figures"
-    manifest = json.loads((figures / MANIFEST).read_text("utf-8")) if (figures / MANIFEST).is_file() else {}
+    manifest = manifest_of(figures)
+    full = _full_pictures(figures, committed, runs) if committed is not None and profile != "full" else {}
+    drawn = {
+        name: picture_of(figures, name, entry, run="this run")
+        for name, entry in manifest.items()
+        if name.endswith(".png")
+    }
+    chapters = [
+        Chapter(run, before, after, full.get(run.picture) or drawn.get(run.picture))
+        for before, run, after in zip([None, *runs], runs, [*runs[1:], None], strict=False)
+    ]
+    for chapter in chapters:
+        pair_pictures(chapter.run.node, figures, full)
+        (folder / chapter.run.page).write_text(_page(chapter, f"{profile} profile, {date}"), "utf-8")
     index = rendered(
         "index.html.j2",
+        parts=[(part, list(chapters)) for part, chapters in groupby(chapters, lambda chapter: chapter.run.part)],
         runs=runs,
         failures=[run for run in runs if run.error],
-        figures={name: entry for name, entry in manifest.items() if name.endswith(".png")},
+        figures=[(drawn.get(name), full.get(name), manifest[name]) for name in drawn],
         tables=[(name, entry, *_table(figures / name)) for name, entry in manifest.items() if ".csv" in name],
         paper=[_paper_row(item, subject, runs) for item, subject in PAPER.items()],
-        sources=sorted({entry["source"] for entry in manifest.values()}),
+        sources=sorted({plain_source(entry["source"]) for entry in manifest.values()}),
         profile=profile,
         version=version("harmolab"),
         date=date,
     )
     (folder / "index.html").write_text(index, "utf-8")
+
+
+def _full_pictures(figures: Path, committed: Path, runs: Sequence[NotebookRun]) -> dict[str, Picture]:
+    """The committed pictures of these notebooks by file name, copied below the report's figures."""
+    names = {run.path.name for run in runs}
+    entries = {
+        name: entry
+        for name, entry in manifest_of(committed).items()
+        if name.endswith(".png") and entry["notebook"] in names and (committed / name).is_file()
+    }
+    (figures / FULL).mkdir(parents=True, exist_ok=True)
+    for name in entries:
+        shutil.copyfile(committed / name, figures / FULL / name)
+    return {
+        name: picture_of(figures / FULL, name, entry, run="full run", below=f"figures/{FULL}")
+        for name, entry in entries.items()
+    }
 
 
 def _paper_row(item: str, subject: str, runs: Sequence[NotebookRun]) -> tuple[str, str, str, list[NotebookRun]]:
@@ -139,14 +211,15 @@ def _table(path: Path) -> tuple[list[str], list[list[str]], int]:
     return header, rows[:TABLE_ROWS], max(0, len(rows) - TABLE_ROWS)
 
 
-def _page(run: NotebookRun, about: str) -> str:
+def _page(chapter: Chapter, about: str) -> str:
     """The notebook as one HTML page that needs no network."""
+    run = chapter.run
     for cell in run.node.cells:
-        for output in cell.get("outputs", []):
-            if "image/png" in output.get("data", {}):
-                output.metadata.setdefault("alt", f"figure of notebook {run.path.stem}")
+        if cell.cell_type == "markdown":  # the bar below says what comes next
+            cell.source = re.sub(r"^Next: .*$", "", cell.source, flags=re.MULTILINE)
+            cell.source = re.sub(r"\]\((\w+)\.ipynb\)", r"](\1.html)", cell.source)
     exporter = _OfflineExporter(template_file=str(TEMPLATES / "notebook.html.j2"), embed_images=True)
-    facts = {"about": f"{about}, {run.seconds:.0f} s", "error": run.error}
+    facts = {"about": f"{about}, {run.seconds:.0f} s", "error": run.error, "chapter": chapter}
     resources = {"metadata": {"name": run.title, "path": str(run.path.parent)}, "harmolab": facts}
     page, _ = exporter.from_notebook_node(run.node, resources=resources)
     return str(page)

@@ -22,6 +22,7 @@ from tqdm import tqdm
 from harmolab.io.files import atomic_folder, atomic_write
 from harmolab.lab.figures.style import MANIFEST
 from harmolab.lab.report.pages import MARK, NotebookRun, write_pages
+from harmolab.lab.report.pictures import SAVED, manifest_of
 
 TIMEOUTS = {"quick": 300.0, "full": 21600.0}  # seconds a cell may take, by profile
 
@@ -86,7 +87,7 @@ def build(
         pictures.mkdir()
         variables = {"HARMOLAB_PROFILE": profile, "HARMOLAB_FIGURES": str(pictures)}
         runs = asyncio.run(_run_all(paths, variables, timeout, jobs, progress))
-        write_pages(part, runs, profile)
+        write_pages(part, runs, profile, committed=notebooks.parent / "figures")
         if figures is not None and not any(run.error for run in runs):
             _publish(pictures, Path(figures))
     return Report(index, tuple(runs))
@@ -124,6 +125,8 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
     """One notebook in one kernel; its own errors end up in the result."""
     node = nbformat.read(path, as_version=4)
     started: list[int] = []
+    environment = {**os.environ, **variables}
+    saved = SavedByCell(path.name, environment.get("HARMOLAB_FIGURES"))
     client = NotebookClient(
         node,
         timeout=timeout,
@@ -132,12 +135,13 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
         resources={"metadata": {"path": str(path.parent)}},
         extra_arguments=["--log-level=ERROR"],  # every kernel would warn of its local TCP connection
         on_cell_start=lambda cell, cell_index: started.append(cell_index),
+        on_cell_executed=lambda cell, cell_index, execute_reply: saved.note(cell),
     )
     # Set outright: a plain "Agg" from outside would leave every figure out of the page.
     inline = {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
     before, fault = time.perf_counter(), ""
     try:
-        await client.async_execute(env={**os.environ, **inline, **variables})
+        await client.async_execute(env={**environment, **inline})
     except CellExecutionError as error:
         fault = f"{error.ename}: {strip_ansi(error.evalue)}"
     except CellTimeoutError:
@@ -147,6 +151,23 @@ async def _run(path: Path, variables: Mapping[str, str], timeout: float) -> Note
     # The code cell that ran last, counted as the reader counts them.
     number = sum(cell.cell_type == "code" for cell in node.cells[: max(started, default=0) + 1])
     return NotebookRun(path, node, time.perf_counter() - before, fault and f"code cell {number}: {fault}")
+
+
+class SavedByCell:
+    """Notes in each executed cell which figures and tables it wrote; the manifest beside them names their notebook."""
+
+    def __init__(self, notebook: str, folder: str | None) -> None:
+        self.notebook, self.folder = notebook, folder
+        self.names = set(self._entries())
+
+    def note(self, cell: nbformat.NotebookNode) -> None:
+        """Name what is new since the cell before."""
+        cell.metadata[SAVED] = [name for name in self._entries() if name not in self.names]
+        self.names.update(cell.metadata[SAVED])
+
+    def _entries(self) -> list[str]:
+        entries = manifest_of(Path(self.folder)) if self.folder else {}
+        return [name for name, entry in entries.items() if entry["notebook"] == self.notebook]
 
 
 def _publish(pictures: Path, figures: Path) -> None:
