@@ -1,24 +1,28 @@
-"""The scoring lab: its controls, its picture, and that its numbers are those of `score_clip`."""
+"""The live labs in Python: controls, settings to copy, numbers that are those of the score, and the page."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
+from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_clip, score_motion
-from harmolab.lab.widgets.explorer import Explorer
-from harmolab.lab.widgets.labs.scoring import N_ROTATIONS, draw_lab, lab_params, scoring_lab
+from harmolab.lab.widgets.labs.corpus import corpus_lab
+from harmolab.lab.widgets.labs.live import LiveLab
+from harmolab.lab.widgets.labs.saliency import saliency_content, saliency_lab, saliency_numbers
+from harmolab.lab.widgets.labs.scoring import N_ROTATIONS, lab_params, lags, scoring_content, scoring_lab
+from harmolab.lab.widgets.labs.scoring import scoring_numbers as numbers_of
 from harmolab.lab.widgets.labs.stage import Stage
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.lab.widgets.words import percent
+from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion
 from tests.builders import along_x, planted_dance
-
-PNG = b"\x89PNG\r\n"
-HALF_BAR = BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")
 
 
 @pytest.fixture
@@ -26,34 +30,10 @@ def stage(planted_clip: Clip) -> Stage:
     return Stage.of(planted_clip)
 
 
-def board(figure: Figure) -> dict[str, str]:
-    """What stands on the board."""
-    ax = figure.axes[3]
-    return dict(
-        zip([label.get_text() for label in ax.get_xticklabels()], [text.get_text() for text in ax.texts], strict=True)
-    )
-
-
-def numbers(figure: Figure) -> dict[str, float]:
-    """The board of a mode that counts hits."""
-    values = board(figure)
-    hits, beats = values["music beats hit"].split("/")
-    found = {"h": values["harmony h"], "hits": hits, "beats": beats, "chance": values["chance"]}
-    found |= {"above": values["above chance"], "p": values["p-value"].replace("–", "nan")}
-    return {name: float(value) for name, value in found.items()}
-
-
 @pytest.fixture(scope="module")
 def judged() -> Stage:
     """Enough beats for a verdict: a waltz danced on the beat."""
     return Stage.of(planted_dance("waltz", seconds=30.0, seed=3))
-
-
-def test_one_to_one_matching_leaves_a_music_beat_without_the_visual_beat_it_shared():
-    music = BeatTrack([1.0, 1.3, 3.0], [1.0, 1.0, 1.0], fps=43.0, duration=6.0)
-    stage = Stage(music, shared_turn())
-    many, nearest = (numbers(draw_lab(stage, mode="valleys", delay=0.2, matching=how)) for how in ("many", "nearest"))
-    assert (many["hits"], nearest["hits"]) == (2, 1)
 
 
 def shared_turn() -> Motion:
@@ -63,9 +43,117 @@ def shared_turn() -> Motion:
     return along_x(np.cumsum(speed) / 50, fps=50.0)
 
 
+MAKERS: dict[str, Callable[..., LiveLab]] = {
+    "scoring": scoring_lab,
+    "saliency": saliency_lab,
+    "corpus": lambda clip, **values: corpus_lab([clip], **values),
+}
+
+
+# Numbers
+
+
+def test_one_to_one_matching_leaves_a_music_beat_without_the_visual_beat_it_shared():
+    music = BeatTrack([1.0, 1.3, 3.0], [1.0, 1.0, 1.0], fps=43.0, duration=6.0)
+    stage = Stage(music, shared_turn())
+    many, nearest = (numbers_of(stage, mode="valleys", delay=0.2, matching=how) for how in ("many", "nearest"))
+    assert (many["hits"], nearest["hits"]) == (2, 1)
+
+
+def test_a_beat_dragged_away_from_its_movement_is_missed():
+    music = BeatTrack([1.1, 3.0], [1.0, 1.0], fps=43.0, duration=6.0)
+    stage = Stage(music, shared_turn())
+    assert numbers_of(stage, mode="valleys")["hits"] == 1
+    assert numbers_of(stage, mode="valleys", moves={"music": {"0": 1.4}})["hits"] == 0
+    assert numbers_of(stage, mode="valleys", moves={"dance": {"0": 2.95}})["pairs"].tolist() == [-1, 0]
+
+
+@pytest.mark.parametrize("mode", ["paper", "valleys"])
+def test_numbers_are_what_score_clip_says(planted_clip: Clip, stage: Stage, mode: str):
+    numbers = numbers_of(stage, mode=mode)
+    score = score_clip(planted_clip, getattr(HarmonyParams, mode)(), n_rotations=N_ROTATIONS)
+    assert (numbers["harmony"], numbers["chance"], numbers["p"]) == (score.harmony, score.chance, score.p_value)
+    assert (numbers["hits"], numbers["beats"]) == (score.hits.sum(), score.n_audio)
+    words = f"Now {score.hits.sum()} of {score.n_audio} music beats are met; by chance alone {100 * score.chance:.0f} %"
+    assert numbers["sentence"].startswith(words)
+
+
+def test_recommended_mode_says_the_verdict_and_its_numbers(judged: Stage):
+    numbers = numbers_of(judged, mode="recommended")
+    judgement = score_motion(judged.music, judged.motion).judgement
+    assert numbers["sentence"] == judgement.verdict
+    assert numbers["sentence"].startswith("You are on the beat: you rest on it")
+    assert (numbers["level"], numbers["above"]) == (4, judgement.harmony_above_chance)
+    assert (numbers["p_time"], numbers["p_place"]) == (judgement.p_time, judgement.p_place)
+
+
+def test_evidence_holds_a_verdict_for_each_step_of_the_lag(judged: Stage):
+    verdicts = scoring_content(judged).to_browser()["evidence"]["verdicts"]
+    steps = lags()
+    assert (steps[0], steps[20], steps[-1]) == (-0.4, 0.0, 0.4)
+    sentence = score_motion(
+        judged.music, judged.motion, params=replace(HarmonyParams.recommended(), lag=0.24)
+    ).judgement
+    assert verdicts[steps.index(0.24)]["sentence"] == sentence.verdict
+    assert verdicts[20]["sentence"] != sentence.verdict
+
+
+def test_few_beats_have_a_sentence_and_no_number(stage: Stage):
+    numbers = numbers_of(stage, mode="recommended")
+    assert numbers["sentence"].startswith("Cannot tell: ")
+    assert numbers["level"] == 0
+    assert np.isnan(numbers["above"])
+    assert len(numbers["curve"]) == 0
+
+
+def test_wider_tolerance_brings_chance_close_to_one(stage: Stage):
+    narrow, wide = (numbers_of(stage, mode="paper", delay=delay) for delay in (0.05, 0.25))
+    assert narrow["chance"] < 0.5
+    assert wide["chance"] > 0.95
+    assert wide["hits"] >= narrow["hits"]
+
+
+@pytest.mark.parametrize("mode", ["paper", "valleys"])
+def test_beats_that_all_go_unnoticed_leave_an_empty_score_and_a_sentence(stage: Stage, mode: str):
+    numbers = numbers_of(stage, mode=mode, lambda1=99.0)
+    assert (numbers["harmony"], numbers["hits"], numbers["beats"]) == (0.0, 0, 0)
+    assert numbers["sentence"] == "No music beat is loud enough to count."
+
+
+def test_saliency_lab_keeps_what_was_counted_by_hand(planted_clip: Clip):
+    music = BeatTrack([0.5, 1.0, 1.5, 2.0, 2.5], [2.0, 4.0, 0.1, 3.0, 1.0], fps=100, duration=3.0)
+    dance = BeatTrack([0.2, 0.55, 0.8, 1.15, 1.6, 2.45], [4.0, 1.0, 5.0, 2.0, 2.2, 6.0], fps=100, duration=3.0)
+    stage = Stage(music, planted_clip.motion.span(0.0, 3.0))
+    numbers = saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0)
+    assert numbers["sentence"] == "Now 4 of 5 music beats and 5 of 6 movements are noticed."
+    assert saliency_numbers(stage, dance, lambda1=0.1, lambda2=0.0)["dance"] == 6
+    # SD(s_a) is .36 of the largest; the formula as printed keeps what exceeds it, whatever λ1: .5, 1 and .75.
+    assert saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0, saliency="literal")["music"] == 3
+    evidence = saliency_content(stage, dance).to_browser()["evidence"]
+    assert evidence["music"]["max"]["spread"] == pytest.approx(0.363, abs=0.001)
+
+
+def test_higher_thresholds_keep_fewer_beats(planted_clip: Clip):
+    assert planted_clip.beats is not None
+    strengths = np.where(np.arange(len(planted_clip.beats)) % 3 == 0, 1.0, 0.2)
+    lab = saliency_lab(replace(planted_clip, beats=replace(planted_clip.beats, strengths=strengths)))
+    kept = []
+    for value in (0.1, 2.0, 4.0):  # SD is .38: the weak beats go first, then the strong ones
+        lab.set(lambda1=value)
+        kept.append(lab.numbers["music"])
+    assert kept == [strengths.size, (strengths == 1.0).sum(), 0]
+
+
+def test_halves_of_a_per_cent_are_rounded_up():
+    assert [percent(share) for share in (0.0, 0.125, 0.974, 1.0)] == ["0", "13", "97", "100"]
+
+
+# Controls and settings
+
+
 def test_a_mode_sets_the_other_controls_to_its_own(planted_clip: Clip):
     lab = scoring_lab(planted_clip)
-    lab.controls["mode"].value = "recommended"
+    lab.set(mode="recommended")
     own = HarmonyParams.recommended()
     assert lab.values == {
         "mode": "recommended",
@@ -77,128 +165,48 @@ def test_a_mode_sets_the_other_controls_to_its_own(planted_clip: Clip):
         "beta": own.beta,
         "lag": 0.0,
     }
+    assert lab.params == own
 
 
-def test_a_change_of_mode_draws_one_picture(planted_clip: Clip, monkeypatch: pytest.MonkeyPatch):
-    drawn = []
+def test_a_lab_can_start_elsewhere(planted_clip: Clip):
+    assert scoring_lab(planted_clip, delay=0.1).line == "HarmonyParams(reaction_delay=0.1)"
+    assert saliency_lab(planted_clip, lambda2=0.0).line == "HarmonyParams(visual_threshold=None)"
+    lab = corpus_lab([planted_clip], mode="valleys", lag=0.1)
+    assert lab.line.endswith("subframe=True, lag=0.1)")
+    assert eval(lab.line) == lab.params == replace(HarmonyParams.valleys(), lag=0.1)
+
+
+def test_settings_of_a_browser_arrive_as_python_has_them(planted_clip: Clip):
     lab = scoring_lab(planted_clip)
-    original = lab._draw
-    monkeypatch.setattr(lab, "_draw", lambda **values: drawn.append(values["mode"]) or original(**values))
-    lab.controls["mode"].value = "valleys"
-    assert drawn == ["valleys"]
+    lab.settings = {**lab.settings, "beta": 1, "lag": 0}  # a browser writes 1.0 as 1
+    assert lab.line == "HarmonyParams(beta=1.0)"
 
 
-def test_picture_is_the_one_that_draw_lab_makes_when_called_directly(planted_clip: Clip):
-    lab = scoring_lab(planted_clip, pattern=HALF_BAR)
-    lab.controls["mode"].value = "recommended"
-    lab.controls["lag"].value = 0.1
-    stage = Stage.of(planted_clip, HALF_BAR)
-    plain = {name: type(widget)(**widget_state(widget)) for name, widget in lab.controls.items()}
-    assert Explorer(partial(draw_lab, stage), **plain).png == lab.png
+@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize(
+    ("values", "fault"),
+    [
+        ({"tolerance": 0.1}, "no control tolerance; there are "),
+        ({"lambda1": -1.0}, "lambda1 must lie between 0 and 15, got -1.0"),
+        ({"lambda2": "two"}, "lambda2 must lie between 0 and 6, got 'two'"),
+    ],
+)
+def test_control_or_value_that_does_not_exist_is_refused_by_name(
+    planted_clip: Clip, name: str, values: dict[str, Any], fault: str
+):
+    with pytest.raises(ValueError, match=fault):
+        MAKERS[name](planted_clip, **values)
 
 
-def widget_state(widget: object) -> dict[str, object]:
-    names = ("options", "min", "max", "step", "value")
-    return {name: getattr(widget, name) for name in names if hasattr(widget, name)}
-
-
-@pytest.mark.parametrize("mode", ["paper", "valleys"])
-def test_headline_tells_what_score_clip_finds(planted_clip: Clip, stage: Stage, mode: str):
-    found = numbers(draw_lab(stage, mode=mode))
-    score = score_clip(planted_clip, getattr(HarmonyParams, mode)(), n_rotations=N_ROTATIONS)
-    assert found["h"] == pytest.approx(score.harmony, abs=0.006)
-    assert (found["hits"], found["beats"]) == (score.hits.sum(), score.n_audio)
-    assert found["chance"] == pytest.approx(score.chance, abs=0.006)
-    assert found["above"] == pytest.approx(score.harmony_above_chance, abs=0.006)
-    assert found["p"] == pytest.approx(score.p_value, abs=0.0006)
-
-
-def test_recommended_mode_shows_the_verdict_and_its_numbers(judged: Stage):
-    figure = draw_lab(judged, mode="recommended")
-    judgement = score_motion(judged.music, judged.motion).judgement
-    assert [text.get_text() for text in figure.axes[1].texts] == [judgement.verdict]
-    assert judgement.verdict.startswith("You are on the beat: you rest on it")
-    assert board(figure) == {
-        "level": "4 of 4",
-        "H, above chance": f"{judgement.harmony_above_chance:+.2f}",
-        "p in time": f"{judgement.p_time:.3f}",
-        "p in place": f"{judgement.p_place:.3f}",
-        "lag (ms)": f"{1000 * judgement.lag_s:+.0f}",
-    }
-
-
-def test_few_beats_have_a_sentence_and_no_number(stage: Stage):
-    figure = draw_lab(stage, mode="recommended")
-    (sentence,) = [text.get_text() for text in figure.axes[1].texts]
-    assert sentence.startswith("Cannot tell: ")
-    assert list(board(figure).values()) == ["0 of 4", "–", "–", "–", "–"]
-    assert len(figure.axes[2].lines) == 0
-
-
-def test_picture_of_synthetic_data_says_so(stage: Stage):
-    assert draw_lab(stage).axes[1].get_xlabel() == "time (s)   |   synthetic data"
-
-
-def test_wider_tolerance_brings_chance_close_to_one(stage: Stage):
-    narrow, wide = (numbers(draw_lab(stage, delay=delay)) for delay in (0.05, 0.25))
-    assert narrow["chance"] < 0.5
-    assert wide["chance"] > 0.95
-    assert wide["hits"] >= narrow["hits"]
-
-
-def test_diamond_stands_on_the_curve_of_the_moved_music(judged: Stage):
-    for mode in ("paper", "recommended"):
-        right = draw_lab(judged, mode=mode).axes[2]
-        curve, _, diamond = right.lines
-        height = np.interp(0.0, curve.get_xdata(), curve.get_ydata())
-        # The nearest shifts lie a hundredth of a second to either side.
-        assert diamond.get_ydata()[0] == pytest.approx(height, abs=0.12)
-        assert diamond.get_xdata()[0] == 0.0
-
-
-def test_planted_beats_put_the_diamond_at_the_top_of_the_recommended_mode(judged: Stage):
-    curve, _, diamond = draw_lab(judged, mode="recommended").axes[2].lines
-    assert diamond.get_ydata()[0] >= 0.99 * curve.get_ydata().max()
-
-
-def test_expected_speed_is_lowest_on_the_beats_and_moves_with_the_lag(stage: Stage):
-    for lag in (0.0, 0.1):
-        expected = draw_lab(stage, mode="recommended", lag=lag).axes[1].lines[1]
-        times, speed = expected.get_xdata(), expected.get_ydata()
-        valleys = times[1:-1][(speed[1:-1] < speed[:-2]) & (speed[1:-1] <= speed[2:])]
-        inner = stage.music.times[1:-1] + lag
-        assert np.abs(valleys[:, None] - inner[None, :]).min(axis=0).max() <= 1.0 / stage.motion.fps
-
-
-def test_pattern_over_two_beats_is_not_laid_on_beats_whose_places_nobody_knows(planted_clip: Clip):
-    unknown = Stage.of(planted_clip).music
-    known = replace(unknown, bar_places=np.arange(len(unknown)) % 4)
-    motion = Stage.of(planted_clip).motion
-    lines = [draw_lab(Stage(track, motion, HALF_BAR), mode="recommended").axes[1].lines for track in (known, unknown)]
-    assert [len(found) for found in lines] == [2, 1]
-
-
-@pytest.mark.parametrize("mode", ["paper", "valleys"])
-def test_beats_that_all_go_unnoticed_leave_an_empty_score_and_no_error(planted_clip: Clip, mode: str):
-    flat = BeatTrack([1.0, 2.0, 3.0], [1.0, 0.9, 1.1], fps=43.0, duration=6.0)
-    stage = Stage(flat, Stage.of(planted_clip).motion)
-    found = numbers(draw_lab(stage, mode=mode, lambda1=99.0))
-    assert (found["h"], found["hits"], found["beats"]) == (0.0, 0, 0)
-
-
-def test_music_without_beats_draws_too(planted_clip: Clip):
-    silence = Stage(BeatTrack([], [], fps=43.0, duration=6.0), Stage.of(planted_clip).motion)
-    assert numbers(draw_lab(silence, mode="paper"))["beats"] == 0
-    assert board(draw_lab(silence, mode="recommended"))["level"] == "0 of 4"
-
-
-def test_lab_can_start_elsewhere(planted_clip: Clip):
-    assert scoring_lab(planted_clip, delay=0.1).values["delay"] == 0.1
+def test_unknown_mode_is_refused_by_name(planted_clip: Clip):
+    with pytest.raises(ValueError, match="mode must be one of paper, recommended, valleys; got 'tea leaves'"):
+        scoring_lab(planted_clip, mode="tea leaves")
 
 
 def test_clip_without_motion_is_refused(planted_clip: Clip):
-    with pytest.raises(ValueError, match="no motion"):
-        scoring_lab(Clip("song", planted_clip.audio))
+    for maker in MAKERS.values():
+        with pytest.raises(ValueError, match="no motion"):
+            maker(Clip("song", planted_clip.audio))
 
 
 def test_controls_stand_for_params_and_a_lambda2_of_zero_keeps_every_visual_beat():
@@ -209,3 +217,52 @@ def test_controls_stand_for_params_and_a_lambda2_of_zero_keeps_every_visual_beat
     assert params.visual_threshold is None
     assert (params.reaction_delay, params.beta, params.lag) == (0.1, 1.0, 0.2)
     assert params.fps == HarmonyParams.paper().fps
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_each_preset_is_a_setting_of_the_lab_with_a_sentence(planted_clip: Clip, name: str):
+    lab = MAKERS[name](planted_clip)
+    sentences = {}
+    for preset in lab.content.presets:
+        lab.set(**preset.values)
+        assert preset.note.endswith(".")
+        sentences[preset.label] = lab.sentence
+    assert len(set(sentences.values())) > 1
+
+
+def test_silence_and_a_dancer_who_stands_still_have_labs_too(planted_clip: Clip):
+    still = Motion(np.zeros((180, 1, 3)), 30.0, shared_turn().skeleton)
+    clip = replace(planted_clip, motion=still, beats=BeatTrack([], [], fps=43.0, duration=6.0))
+    for maker in MAKERS.values():
+        assert maker(clip).page
+    lab = scoring_lab(clip)
+    assert lab.sentence == "No music beat is loud enough to count."
+    lab.set(mode="recommended")
+    assert lab.sentence.startswith("Cannot tell: ")
+
+
+# The page
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_a_notebook_gets_the_page_and_the_sentence_beside_the_live_widget(planted_clip: Clip, name: str):
+    lab = MAKERS[name](planted_clip)
+    data, _ = lab._repr_mimebundle_()
+    assert "application/vnd.jupyter.widget-view+json" in data
+    assert data["text/plain"] == f"{lab.sentence}\n{lab.line}"
+    assert data["text/html"].startswith(f'<iframe title="{lab.content.title}" srcdoc="')
+
+
+def test_names_of_clips_are_escaped_and_the_page_asks_for_no_file(planted_clip: Clip, tmp_path: Path):
+    clip = replace(planted_clip, name="</script><script>alert(1)</script>")
+    lab = corpus_lab([clip, synthetic_clip("rumba", seconds=6.0, fps=30.0)])
+    lab.save(tmp_path / "lab.html")
+    page = (tmp_path / "lab.html").read_text("utf-8")
+    assert page == lab.page
+    assert page.count("<script") == page.count("</script>") == 1
+    assert re.findall(r'(?:src|href)="(?!data:)', page) == []
+
+
+def test_the_page_of_synthetic_data_says_so(planted_clip: Clip):
+    for maker in MAKERS.values():
+        assert maker(planted_clip).data["evidence"]["source"] == "synthetic"

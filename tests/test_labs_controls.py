@@ -1,10 +1,9 @@
-"""What all labs have in common: controls that change the picture, the picture in reports, the settings to copy."""
+"""What the detector and the meter lab share: controls that change the picture, its copy in reports, the settings."""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,15 +16,13 @@ from PIL import Image
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.lab.figures.style import figure_style
 from harmolab.lab.widgets import explorer
-from harmolab.lab.widgets.labs.corpus import corpus_lab
 from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.lab.widgets.labs.lab import Lab, params_line
 from harmolab.lab.widgets.labs.meter import meter_lab
-from harmolab.lab.widgets.labs.scoring import saliency_lab, scoring_lab
 from harmolab.lab.widgets.quickdraw import plain
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
-from tests.builders import along_x, planted_dance
+from tests.builders import along_x
 
 DPI = 30  # of all pictures here
 PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())
@@ -54,19 +51,10 @@ def human_clip() -> Clip:
 
 
 def make_lab(name: str, clip: Clip) -> Lab:
-    """The lab of that name on a clip, some of its controls away from where they usually start."""
-    if name == "corpus":
-        return corpus_lab([clip, synthetic_clip("rumba", seconds=6.0, fps=30.0, jitter=0.08, seed=3)], delay=0.15)
-    if name == "corpus, recommended":
-        lab = make_lab("corpus", clip)
-        lab.controls["mode"].value = "recommended"
-        return lab
-    if name == "scoring, recommended":
-        return scoring_lab(planted_dance("waltz", seconds=30.0, seed=3), mode="recommended")
+    """The lab of that name on a clip."""
     if name == "meter":
         return meter_lab(clip, annotated=replace(clip.beats, strengths=1.0 + np.arange(len(clip.beats)) % 2))
-    makers: dict[str, Callable[..., Lab]] = {"scoring": scoring_lab, "detector": detector_lab, "saliency": saliency_lab}
-    return makers[name](clip)
+    return detector_lab(clip)
 
 
 def texts(lab: Lab) -> list[str]:
@@ -80,33 +68,17 @@ def pixels(png: bytes) -> np.ndarray:
 
 # A value that shows, for every control of every lab.
 MOVES: dict[str, dict[str, object]] = {
-    "scoring": {
-        "mode": "recommended", "detector": "direction", "lambda1": 1.0, "lambda2": 2.0, "delay": 0.05, "beta": 0.5,
-        "lag": 0.1,
-    },
-    "scoring, recommended": {"lag": 0.1},
     "detector": {
         "detector": "valleys", "fps": 25.0, "smoothing": 0.1, "position_smoothing": 0.1, "subframe": True,
     },
-    "saliency": {
-        "lambda1": 1.5, "lambda2": 2.5, "normalisation": "mean", "saliency": "literal", "visual_saliency": "strength",
-        "first_beat": "drop",
-    },
     "meter": {"beats": "annotated", "lambda1": 1.0, "every": 2, "first": 3, "error": 0.5},
-    "corpus": {
-        "mode": "valleys", "score": "above chance", "late": 0.3, "lambda1": 1.5, "lambda2": 2.0, "delay": 0.05,
-        "beta": 0.5, "lag": 0.1, "clip": 1,
-    },
-    "corpus, recommended": {"beta": 4.0, "lag": 0.1, "late": 0.3},
 }  # fmt: skip
-LABS = ("scoring", "detector", "saliency", "meter", "corpus")
+LABS = ("detector", "meter")
 # Nothing of these shows on this clip: each has a test of its own.
-UNSEEN = {"scoring": {"matching"}, "detector": {"plateau"}}
+UNSEEN = {"detector": {"plateau"}}
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * name.endswith(", recommended")) for name in MOVES]
-)
+@pytest.mark.parametrize("name", LABS)
 def test_each_control_changes_the_picture_which_comes_back_with_its_value(human_clip: Clip, name: str):
     lab = make_lab(name, human_clip)
     first, start = pixels(lab.png), lab.values
@@ -135,29 +107,6 @@ def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(human_clip: Cli
     assert lab.png != before
 
 
-@pytest.mark.parametrize(
-    ("name", "idle"),
-    [
-        ("scoring", {"detector", "matching", "lambda1", "lambda2", "delay", "beta"}),
-        ("corpus", {"lambda1", "lambda2", "delay"}),
-    ],
-)
-def test_controls_that_mean_nothing_in_a_mode_are_greyed_out_and_do_nothing(
-    human_clip: Clip, name: str, idle: set[str]
-):
-    lab = make_lab(name, human_clip)
-    lab.controls["mode"].value = "recommended"
-    assert {control for control, widget in lab.controls.items() if widget.disabled} == idle
-    before = lab.png
-    moves = {"matching": "nearest", "detector": "peaks", "lambda1": 2.0, "lambda2": 2.5, "delay": 0.4, "beta": 2.5}
-    for control, value in moves.items():
-        if control in idle:
-            lab.controls[control].value = value
-    assert lab.png == before
-    lab.controls["mode"].value = "valleys"
-    assert not any(widget.disabled for widget in lab.controls.values())
-
-
 @pytest.mark.parametrize("name", LABS)
 def test_report_gets_the_picture_that_is_drawn_when_called_directly(human_clip: Clip, name: str):
     lab = make_lab(name, human_clip)
@@ -176,24 +125,17 @@ def test_report_gets_the_picture_that_is_drawn_when_called_directly(human_clip: 
 
 @pytest.mark.parametrize("name", LABS)
 def test_unknown_control_is_refused_by_name(human_clip: Clip, name: str):
-    makers = {"scoring": scoring_lab, "detector": detector_lab, "saliency": saliency_lab, "meter": meter_lab}
-    make = makers.get(name, lambda clip, **values: corpus_lab([clip], **values))
     with pytest.raises(ValueError, match="no control tolerance; there are "):
-        make(human_clip, tolerance=0.1)
+        {"detector": detector_lab, "meter": meter_lab}[name](human_clip, tolerance=0.1)
 
 
 @pytest.mark.parametrize(
     ("name", "control", "value", "line"),
     [
-        ("scoring", "delay", 0.1, "HarmonyParams(reaction_delay=0.1)"),
-        ("scoring", "mode", "valleys", "HarmonyParams.valleys()"),
         ("detector", "smoothing", 0.05, "HarmonyParams(smoothing=0.05)"),
         ("detector", "fps", None, "HarmonyParams(fps=None)"),
-        ("saliency", "lambda2", 0.0, "HarmonyParams(visual_threshold=None)"),
-        ("saliency", "first_beat", "drop", "HarmonyParams(first_beat='drop')"),
         ("meter", "lambda1", 1.0, "HarmonyParams(audio_threshold=1.0)"),
         ("meter", "first", 2, "HarmonyParams.paper()"),
-        ("corpus", "lag", 0.1, "HarmonyParams(reaction_delay=0.15, lag=0.1)"),
     ],
 )
 def test_line_under_the_picture_follows_the_controls(
@@ -251,10 +193,9 @@ def test_any_settings_come_back_from_their_line(params: HarmonyParams):
 def test_silence_and_a_dancer_who_stands_still_draw_too(human_clip: Clip):
     still = Motion(np.zeros((180, 1, 3)), 30.0, Skeleton.unnamed(1))
     clip = replace(human_clip, motion=still, beats=BeatTrack([], [], fps=43.0, duration=6.0))
-    labs = [detector_lab(clip, planted=[]), saliency_lab(clip), meter_lab(clip, annotated=clip.beats)]
-    labs += [scoring_lab(clip), corpus_lab([clip])]
+    labs = [detector_lab(clip, planted=[]), meter_lab(clip, annotated=clip.beats)]
     for lab in labs:
-        for control, value in [("lambda1", 1.0), ("detector", "valleys"), ("score", "hit rate"), ("every", 2)]:
+        for control, value in [("lambda1", 1.0), ("detector", "valleys"), ("every", 2)]:
             if control in lab.controls:
                 lab.controls[control].value = value
                 assert lab.error == ""

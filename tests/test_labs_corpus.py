@@ -1,22 +1,22 @@
-"""The corpus lab: its recommended mode, and what a click on a dot does."""
+"""The corpus lab: scores of many clips in each mode, music that was moved, and the player of the chosen clip."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from html import unescape
+from typing import Any
 
 import numpy as np
 import pytest
 
+from harmolab.beats.visual import visual_beats
 from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.harmony import score_motion
-from harmolab.lab.widgets.labs.corpus import PLACES, CorpusLab, corpus_lab
+from harmolab.harmony import score_harmony, score_motion
+from harmolab.lab.compare.batch import BeatBatch
+from harmolab.lab.widgets.labs.corpus import Corpus, corpus_lab, corpus_numbers, corpus_scores
 from harmolab.lab.widgets.labs.stage import Stage
-from harmolab.types import Clip
-
-SIZE = np.array([900.0, 486.0])  # of the picture, pixels
-WIDTHS = (900.0, 640.0, 1800.0)  # at which a page may show it
+from harmolab.params import HarmonyParams
+from harmolab.types import BeatTrack, Clip
 
 
 @pytest.fixture(scope="module")
@@ -25,90 +25,90 @@ def clips() -> list[Clip]:
     return [synthetic_clip(kind, seconds=5.0, fps=30.0, jitter=0.08, seed=seed) for seed, kind in enumerate(kinds)]
 
 
-@pytest.fixture
-def lab(clips: list[Clip]) -> CorpusLab:
-    return corpus_lab(clips, mode="valleys")
+def metronome(count: int) -> BeatTrack:
+    """Beats every half second from 0.25 s on."""
+    return BeatTrack(0.25 + 0.5 * np.arange(count), np.ones(count), 43.0, 0.5 * count)
 
 
-def dots(lab: CorpusLab) -> list[tuple[float, float]]:
-    """(wrong, true) of every clip, as the line of text over the dots tells them, two digits each."""
-    found = []
-    for clip in range(len(lab.controls["clip"].options)):
-        lab.controls["clip"].value = clip
-        text = lab._figure.axes[1].texts[0].get_text()
-        true, wrong = re.search(r"(-?[\d.]+) true, (-?[\d.]+) wrong", text).groups()
-        found.append((float(wrong), float(true)))
-    lab.controls["clip"].value = 0
-    return found
+def exact_corpus() -> Corpus:
+    """Three dancers with a visual beat on every music beat."""
+    pairs = [(metronome(count), metronome(count)) for count in (12, 16, 20)]
+    return Corpus(("a", "b", "c"), {"paper": BeatBatch.of(pairs), "valleys": BeatBatch.of(pairs)}, np.full(3, 0.5))
 
 
-def spot(wrong: float, true: float, low: float = 0.0) -> tuple[float, float]:
-    """Where such a dot stands, in shares of the picture: worked out from the panel's place and its limits."""
-    left, bottom, width, height = PLACES[1]
-    first, last = low - 0.03, 1.05
-    x, y = ((value - first) / (last - first) for value in (wrong, true))
-    return left + width * x, 1 - (bottom + height * y)
+def exact_numbers(**values: Any) -> tuple[float, int, int, float]:
+    """AUC, wins, ties and mean score with wrong music, of the exact dancers."""
+    numbers = corpus_numbers(exact_corpus(), mode="valleys", score="hit_rate", **values)
+    return numbers["auc"], numbers["wins"], numbers["ties"], numbers["mean_wrong"]
+
+
+def test_music_half_a_beat_late_loses_against_exact_dancers_in_a_narrow_field_only():
+    assert exact_numbers(delay=0.1) == (1.0, 3, 0, 0.0)
+    assert exact_numbers(delay=0.25) == (0.5, 0, 3, 1.0)
+
+
+def test_the_sentence_counts_wins_and_ties():
+    numbers = corpus_numbers(exact_corpus(), mode="valleys", delay=0.1)
+    assert numbers["sentence"].startswith("The true music wins in 3 of 3 dances, with 0 ties. AUC 100 %")
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_music_a_whole_beat_late_is_as_good_as_the_true_one(late: float):
+    assert exact_numbers(late=late)[:3] == (0.5, 0, 3)
+
+
+def test_moved_music_scores_as_score_harmony_says():
+    clip = synthetic_clip("cha-cha", seconds=6.0, fps=30.0, jitter=0.1, seed=4)
+    corpus = Corpus.of([clip])
+    stage = Stage.of(clip)
+    moved = np.sort(np.mod(stage.music.times + 0.4 * corpus.periods[0], stage.music.duration))
+    params = replace(HarmonyParams.valleys(), audio_threshold=0.0)
+    flat = replace(stage.music, times=moved, strengths=np.ones(moved.size))
+    by_hand = score_harmony(flat, visual_beats(stage.motion, params=params), params=params, n_rotations=0)
+    assert corpus_scores(corpus, "valleys", params, 0.4).hit_rate[0] == pytest.approx(by_hand.hit_rate)
 
 
 def test_recommended_mode_scores_every_clip_as_score_motion():
     kinds = ("cha-cha", "jive", "waltz")
     clips = [synthetic_clip(kind, seconds=14.0, fps=30.0, jitter=0.08, seed=seed) for seed, kind in enumerate(kinds)]
-    lab = corpus_lab(clips, mode="recommended", score="above chance", late=0.25)
-    for clip, (wrong, true) in zip(clips, dots(lab), strict=True):
+    numbers = corpus_lab(clips, mode="recommended", score="harmony_above_chance", late=0.25).numbers
+    for clip, true, wrong in zip(clips, numbers["true"], numbers["wrong"], strict=True):
         stage = Stage.of(clip)
         score = score_motion(stage.music, stage.motion)
         late = score.judgement.place.curve[12]  # the quarter of a beat is 12 of 48 moments
-        assert true == pytest.approx(score.harmony_above_chance, abs=0.0051)
-        assert wrong == pytest.approx((late - score.chance) / (1 - score.chance), abs=0.0051)
+        assert true == pytest.approx(score.harmony_above_chance)
+        assert wrong == pytest.approx((late - score.chance) / (1 - score.chance))
 
 
-def test_click_on_a_dot_rings_its_clip_at_any_size_of_the_picture(lab: CorpusLab):
-    for number, dot in enumerate(dots(lab)):
-        # Two digits of the score are two pixels of the picture at most.
-        assert [lab.clip_at(*spot(*dot), width) for width in WIDTHS] == [number] * len(WIDTHS)
+def test_mode_sets_the_sliders_and_the_chosen_clip_stays():
+    lab = corpus_lab(exact_corpus(), clip=2)
+    lab.set(mode="valleys")
+    assert (lab.values["delay"], lab.values["lambda2"], lab.values["clip"]) == (0.1, 0.0, 2)
+    assert lab.params == HarmonyParams.valleys()
 
 
-def test_click_counts_as_far_from_a_dot_as_a_dozen_pixels_of_the_screen(lab: CorpusLab):
-    points = np.array([spot(*dot) for dot in dots(lab)]) * SIZE
-    lowest = int(np.argmax(points[:, 1]))
-    x, y = points[lowest]
-    for width in WIDTHS:
-        near, far = (y + pixels * SIZE[0] / width for pixels in (9.0, 16.0))
-        assert lab.clip_at(x / SIZE[0], near / SIZE[1], width) == lowest
-        assert lab.clip_at(x / SIZE[0], far / SIZE[1], width) is None
+def test_corpus_without_a_mode_has_no_button_for_it():
+    lab = corpus_lab(exact_corpus())
+    assert "recommended" not in [preset.label for preset in lab.content.presets]
+    with pytest.raises(ValueError, match="mode must be one of paper, valleys"):
+        lab.set(mode="recommended")
 
 
-def test_click_moves_the_ring_and_opens_the_player_which_no_slider_does(lab: CorpusLab, clips: list[Clip]):
-    places = dots(lab)
-    lab.controls["lag"].value = 0.02
-    lab.controls["lag"].value = 0.0
-    assert lab._player.value == ""
-    lab.click(*spot(*places[2]), 900.0)
-    ring = lab._figure.axes[1].lines[-1]
-    assert (ring.get_xdata()[0], ring.get_ydata()[0]) == pytest.approx(places[2], abs=0.0051)
-    assert lab.values["clip"] == 2
-    page = unescape(lab._player.value)
-    assert lab._player.layout.display == "block"
-    assert f'title="{clips[2].name}: player"' in page
-    shown = lab._player.value
-    lab.controls["clip"].value = 3
-    assert lab._player.value == shown
+def test_the_button_opens_the_chosen_clip_and_no_slider_does(clips: list[Clip]):
+    lab = corpus_lab(clips, mode="valleys", clip=2)
+    lab.set(lag=0.02)
+    assert lab.player == ""
+    lab._handle_custom_msg({"play": True}, [])
+    assert f'title="{clips[2].name}: player"' in unescape(lab.player)
+    shown = lab.player
+    lab.set(clip=3)
+    assert lab.player == shown
 
 
-def test_click_beside_all_dots_does_nothing(lab: CorpusLab):
-    lab.click(0.3, 0.4, 900.0)  # the histogram
-    assert lab.values["clip"] == 0
-    assert lab._player.value == ""
-
-
-def test_clips_on_one_spot_take_turns(clips: list[Clip]):
-    lab = corpus_lab([clips[0]] * 3, mode="valleys")
-    place = spot(*dots(lab)[0])
-    seen = []
-    for _ in range(4):
-        lab.click(*place, 900.0)
-        seen.append(lab.values["clip"])
-    assert seen == [1, 2, 0, 1]
+def test_a_corpus_of_beats_alone_has_no_player():
+    lab = corpus_lab(exact_corpus())
+    lab.play()
+    assert (lab.player, lab.data["plays"]) == ("", False)
 
 
 def test_sound_of_the_player_starts_with_the_motion(clips: list[Clip]):
@@ -120,14 +120,23 @@ def test_sound_of_the_player_starts_with_the_motion(clips: list[Clip]):
         np.testing.assert_array_equal(sound.samples, other.audio.span(start, sound.duration).samples)
 
 
-def test_clip_that_cannot_be_played_says_why_above_the_picture(clips: list[Clip]):
+def test_clip_that_cannot_be_played_says_why_under_the_picture(clips: list[Clip]):
     silent = replace(clips[0].audio, sample_rate=clips[0].audio.sample_rate * 100)
     lab = corpus_lab([replace(clips[0], audio=replace(silent, samples=np.zeros(round(silent.sample_rate * 5))))])
     lab.play()
-    assert "the player takes sound of 3000 to 192000 Hz" in lab.error
+    assert "the player takes sound of 3000 to 192000 Hz" in lab.player
 
 
-def test_click_is_told_by_the_page_as_shares_and_width(lab: CorpusLab):
-    place = dict(zip(("x", "y"), spot(*dots(lab)[1]), strict=True))
-    lab._image._handle_custom_msg({**place, "width": 640.0}, [])
-    assert lab.values["clip"] == 1
+def test_corpus_whose_parts_do_not_fit_is_refused():
+    pairs = [(metronome(12), metronome(12))]
+    with pytest.raises(ValueError, match="as many clips as names and periods; got paper with 1, 2 clips"):
+        Corpus(("a", "b"), {"paper": BeatBatch.of(pairs)}, np.array([0.5]))
+    with pytest.raises(ValueError, match="a batch for some of paper, recommended, valleys"):
+        Corpus(("a",), {"literal": BeatBatch.of(pairs)}, np.array([0.5]))
+    with pytest.raises(ValueError, match="the recommended mode cannot score a BeatBatch"):
+        Corpus(("a",), {"recommended": BeatBatch.of(pairs)}, np.array([0.5]))
+
+
+def test_empty_corpus_is_refused():
+    with pytest.raises(ValueError, match="at least one clip"):
+        corpus_lab([])

@@ -1,4 +1,4 @@
-"""The pictures of the labs say what is true: planted beats, beats counted by hand, music that was moved."""
+"""The pictures of the detector lab and the meter lab say what is true: planted beats, beats counted by hand."""
 
 from __future__ import annotations
 
@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from harmolab.beats.visual import visual_beats
-from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
-from harmolab.harmony import score_harmony
-from harmolab.lab.compare.batch import BeatBatch
-from harmolab.lab.widgets.labs.corpus import Corpus, corpus_lab, corpus_scores, draw_corpus_lab
+from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.lab.widgets.labs.meter import Song, draw_meter_lab, meter_lab
-from harmolab.lab.widgets.labs.scoring import draw_saliency_lab, saliency_lab
-from harmolab.lab.widgets.labs.stage import Stage
-from harmolab.params import BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip
 
 
@@ -68,32 +61,6 @@ def test_lab_without_a_truth_makes_no_claim_about_planted_beats(planted_clip: Cl
     assert not any("planted" in name for name in board(detector_lab(planted_clip)._figure))
 
 
-# The saliency lab
-
-
-def test_saliency_lab_keeps_what_was_counted_by_hand(planted_clip: Clip):
-    music = BeatTrack([0.5, 1.0, 1.5, 2.0, 2.5], [2.0, 4.0, 0.1, 3.0, 1.0], fps=100, duration=3.0)
-    dance = BeatTrack([0.2, 0.55, 0.8, 1.15, 1.6, 2.45], [4.0, 1.0, 5.0, 2.0, 2.2, 6.0], fps=100, duration=3.0)
-    stage = Stage(music, planted_clip.motion.span(0.0, 3.0), BarPattern.stop_on_the_beat())
-    values = {"lambda1": 0.1, "lambda2": 1.0}
-    found = board(draw_saliency_lab(stage, dance, **values))
-    assert (found["music beats kept"], found["visual beats kept"]) == ("4/5", "5/6")
-    assert board(draw_saliency_lab(stage, dance, lambda1=0.1, lambda2=0.0))["visual beats kept"] == "6/6"
-    # SD(s_a) is .36 of the largest; the formula as printed keeps what exceeds it, whatever λ1: .5, 1 and .75.
-    assert board(draw_saliency_lab(stage, dance, **values, saliency="literal"))["music beats kept"] == "3/5"
-
-
-def test_higher_thresholds_keep_fewer_beats(planted_clip: Clip):
-    assert planted_clip.beats is not None
-    strengths = np.where(np.arange(len(planted_clip.beats)) % 3 == 0, 1.0, 0.2)
-    lab = saliency_lab(replace(planted_clip, beats=replace(planted_clip.beats, strengths=strengths)))
-    kept = []
-    for value in (0.1, 2.0, 4.0):  # SD is .38: the weak beats go first, then the strong ones
-        lab.controls["lambda1"].value = value
-        kept.append(int(board(lab._figure)["music beats kept"].split("/")[0]))
-    assert kept == [strengths.size, (strengths == 1.0).sum(), 0]
-
-
 # The meter lab
 
 
@@ -128,77 +95,3 @@ def test_downbeats_are_counted_only_where_somebody_annotated_them(planted_clip: 
 def test_weak_beats_below_the_threshold_are_not_compared():
     track = metronome(12, [1.0, 0.2, 2.0] * 4)
     assert board(draw_meter_lab(Song({"of the clip": track}), lambda1=1.0))["beats"] == "8"
-
-
-# The corpus lab
-
-
-def exact_corpus() -> Corpus:
-    """Three dancers with a visual beat on every music beat."""
-    pairs = [(metronome(count), metronome(count)) for count in (12, 16, 20)]
-    return Corpus(("a", "b", "c"), {"paper": BeatBatch.of(pairs), "valleys": BeatBatch.of(pairs)}, np.full(3, 0.5))
-
-
-def test_music_half_a_beat_late_loses_against_exact_dancers_in_a_narrow_field_only():
-    narrow = board(draw_corpus_lab(exact_corpus(), mode="valleys", score="hit rate", delay=0.1))
-    assert narrow == {
-        "AUC": "1.00", "true music wins": "3/3", "ties": "0", "mean, true": "1.00", "mean, wrong": "0.00",
-    }  # fmt: skip
-    wide = board(draw_corpus_lab(exact_corpus(), mode="valleys", score="hit rate", delay=0.25))
-    assert (wide["AUC"], wide["ties"], wide["mean, wrong"]) == ("0.50", "3", "1.00")
-
-
-@pytest.mark.parametrize("late", [0.0, 1.0])
-def test_music_a_whole_beat_late_is_as_good_as_the_true_one(late: float):
-    found = board(draw_corpus_lab(exact_corpus(), mode="valleys", late=late))
-    assert (found["AUC"], found["ties"]) == ("0.50", "3")
-
-
-def test_moved_music_scores_as_score_harmony_says():
-    clip = synthetic_clip("cha-cha", seconds=6.0, fps=30.0, jitter=0.1, seed=4)
-    corpus = Corpus.of([clip])
-    stage = Stage.of(clip)
-    moved = np.sort(np.mod(stage.music.times + 0.4 * corpus.periods[0], stage.music.duration))
-    params = replace(HarmonyParams.valleys(), audio_threshold=0.0)
-    flat = replace(stage.music, times=moved, strengths=np.ones(moved.size))
-    by_hand = score_harmony(flat, visual_beats(stage.motion, params=params), params=params, n_rotations=0)
-    assert corpus_scores(corpus, "valleys", params, 0.4).hit_rate[0] == pytest.approx(by_hand.hit_rate)
-
-
-def test_mode_sets_the_sliders_and_the_chosen_clip_stays():
-    lab = corpus_lab(exact_corpus(), clip=2)
-    lab.controls["mode"].value = "valleys"
-    assert (lab.values["delay"], lab.values["lambda2"], lab.values["clip"]) == (0.1, 0.0, 2)
-    assert lab.params == HarmonyParams.valleys()
-
-
-def test_lab_that_starts_in_a_mode_has_its_settings():
-    assert corpus_lab(exact_corpus(), mode="valleys").params == HarmonyParams.valleys()
-    assert corpus_lab(exact_corpus(), mode="valleys", lag=0.1).line.endswith("subframe=True, lag=0.1)")
-
-
-def test_chosen_clip_is_named_over_the_dots():
-    lab = corpus_lab(exact_corpus(), mode="valleys")
-    lab.controls["clip"].value = 1
-    right = lab._figure.axes[1]
-    assert [text.get_text() for text in right.texts] == ["b: 1.00 true, 0.00 wrong"]
-
-
-def test_corpus_whose_parts_do_not_fit_is_refused():
-    pairs = [(metronome(12), metronome(12))]
-    with pytest.raises(ValueError, match="as many clips as names and periods; got paper with 1, 2 clips"):
-        Corpus(("a", "b"), {"paper": BeatBatch.of(pairs)}, np.array([0.5]))
-    with pytest.raises(ValueError, match="a batch for some of paper, recommended, valleys"):
-        Corpus(("a",), {"literal": BeatBatch.of(pairs)}, np.array([0.5]))
-    with pytest.raises(ValueError, match="the recommended mode cannot score a BeatBatch"):
-        Corpus(("a",), {"recommended": BeatBatch.of(pairs)}, np.array([0.5]))
-
-
-def test_clip_without_motion_is_refused(planted_clip: Clip):
-    with pytest.raises(ValueError, match="there is no motion to score"):
-        corpus_lab([Clip("song", planted_clip.audio)])
-
-
-def test_empty_corpus_is_refused():
-    with pytest.raises(ValueError, match="at least one clip"):
-        corpus_lab([])

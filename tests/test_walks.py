@@ -21,7 +21,7 @@ from harmolab.beats import visual
 from harmolab.cli import app
 from harmolab.corpora import files
 from harmolab.io import audio as sound_files
-from harmolab.lab.widgets.labs.scoring import scoring_lab
+from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.params import HarmonyParams
 from harmolab.systems.choreographer.banks import shipped_bank
 from tests.builders import called, planted_dance, write_dance, write_song
@@ -111,14 +111,14 @@ def test_a_dance_made_of_recordings_walks_thirty_more_for_each_of_them(song: Pat
 
 
 def test_a_move_of_a_slider_walks_at_most_thirty_five_passes() -> None:
-    lab = scoring_lab(planted_dance())
-    delay = lab.controls["delay"]
-    delay.value, before = 0.15, lab.png
-    delay.value = 0.2
+    lab = detector_lab(planted_dance())
+    smoothing = lab.controls["smoothing"]
+    smoothing.value, before = 0.15, lab.png
+    smoothing.value = 0.2
     assert lab.png != before
 
     def move() -> None:
-        delay.value = 0.1
+        smoothing.value = 0.1
 
     before = lab.png
     assert passes(move) <= 35

@@ -394,7 +394,8 @@ from .widgets.evaluation_page import write_evaluation as write_evaluation
 from .widgets.labs.corpus import corpus_lab as corpus_lab
 from .widgets.labs.detector import detector_lab as detector_lab
 from .widgets.labs.meter import meter_lab as meter_lab
-from .widgets.labs.scoring import saliency_lab as saliency_lab
+from .widgets.labs.pages import write_lab_pages as write_lab_pages
+from .widgets.labs.saliency import saliency_lab as saliency_lab
 from .widgets.labs.scoring import scoring_lab as scoring_lab
 from .widgets.own_files import OwnFiles as OwnFiles
 from .widgets.player import Dancer as Dancer

@@ -64,7 +64,7 @@ class Explorer(widgets.VBox):
         self._controls = {name: control(name, spec, LOOK) for name, spec in controls.items()}
         self._drawing = self._stale = False
         self._message = widgets.HTML(layout={"display": "none"})
-        self._image = self._picture(self._render())
+        self._image = widgets.Image(value=self._render(), format="png")
         # On a phone the picture goes on beyond the screen's edge: any narrower it could not be read.
         self._image.layout.min_width, self._image.layout.max_width = NARROWEST, "none"
         self._image.layout.width = "100%"
@@ -93,10 +93,6 @@ class Explorer(widgets.VBox):
     def error(self) -> str:
         """Error of the latest drawing as text; empty if there was none."""
         return html.unescape(self._message.value.removeprefix("<pre>").removesuffix("</pre>"))
-
-    def _picture(self, png: bytes) -> Any:
-        """The widget that shows the picture; its ``value`` is the PNG."""
-        return widgets.Image(value=png, format="png")
 
     def _redraw(self, _change: object = None) -> None:
         """Draws the current values; changes that arrive meanwhile lead to one more picture, not to one each."""

@@ -1,7 +1,8 @@
-"""Words of a player's page: of a dance to its music, and of a musician's hands and the sound."""
+"""Words of a player's page, of a dance or of a musician's hands, and the sentences that follow the sliders of a lab."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -47,3 +48,22 @@ PLAYING: Mapping[str, PageWords] = MappingProxyType(
         )
     }
 )  # fmt: skip
+
+# The labs' script in the browser fills the same sentences.
+LAB_SENTENCES: Mapping[str, str] = MappingProxyType(
+    {
+        "hits": "Now {hits} of {beats} music beats are met; by chance alone {chance} % would be.",
+        "more": " Hardly any other start of the music would do as well (p = {p}).",
+        "luck": " Other starts of the music do as well (p = {p}).",
+        "unheard": "No music beat is loud enough to count.",
+        "unseen": "No movement is large enough to count.",
+        "kept": "Now {music} of {beats} music beats and {dance} of {movements} movements are noticed.",
+        "corpus": "The true music wins in {wins} of {clips} dances, with {ties} ties. AUC {auc} %; a coin has 50 %.",
+    }
+)
+LUCK = 0.05  # p-values above it are called luck
+
+
+def percent(share: float) -> str:
+    """A share in whole per cent; halves are rounded up, in the browser too."""
+    return str(math.floor(100 * share + 0.5))

@@ -3,36 +3,66 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
-from types import MappingProxyType
 from typing import Any
 
-import ipywidgets as widgets
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import score_motion
 from harmolab.lab.compare.batch import BatchScores, BeatBatch, PlaceBatch, rescore, rescore_places
-from harmolab.lab.figures.beats import draw_marks
-from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.widgets.labs.lab import LOOK, MODES, SCORE_SLIDERS, Lab, menu, setting_controls, slider, with_settings
-from harmolab.lab.widgets.labs.stage import Stage, axis_label, draw_board, placed_axes, write_above
-from harmolab.lab.widgets.picture import ClickPicture
+from harmolab.lab.widgets.labs.controls import MODE, named_controls
+from harmolab.lab.widgets.labs.lab import MODES, with_settings
+from harmolab.lab.widgets.labs.live import LabContent, LiveLab, Menu, Preset, Slider
+from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.lab.widgets.player import Dancer, Player
+from harmolab.lab.widgets.words import LAB_SENTENCES, percent
 from harmolab.params import HarmonyParams
 from harmolab.significance import auc
 from harmolab.types import Clip, FloatArray
 
-PLACES = ((0.085, 0.12, 0.4, 0.7), (0.59, 0.12, 0.39, 0.7))
-EDGE = 0.02  # of the picture, round the dots' panel
-REACH = 12.0  # pixels of the screen: a click this far from a dot still means it
-IDLE = MappingProxyType({"recommended": ("lambda1", "lambda2", "delay")})  # all beats count, and no hits
-SCORES = MappingProxyType({"harmony h": "harmony", "above chance": "harmony_above_chance", "hit rate": "hit_rate"})
-LOWEST = MappingProxyType({"harmony h": 0.0, "above chance": -1.0, "hit rate": 0.0})
+IDLE = {"recommended": ("lambda1", "lambda2", "delay")}  # all beats count, and no hits
+SCORES = {"harmony": "harmony h", "harmony_above_chance": "harmony above chance", "hit_rate": "share of beats met"}
+SETTINGS = ("delay", "lambda1", "lambda2", "beta", "lag")
+ABOUT = (
+    "Left: scores of all dances with their true music (blue) and with the same music late (outline). Right: a mark for "
+    "each dance, a green circle where the true music wins. Click a mark to choose its dance, and hear it."
+)
+STOPS: Mapping[str, Any] = {"mode": "valleys", "late": 0.5}
+PRESETS = (
+    Preset("the paper's", {"mode": "paper", "late": 0.5}, "Half a beat late, the music meets the peaks of the speed."),
+    Preset(
+        "0.1 s",
+        {"mode": "paper", "late": 0.5, "delay": 0.1},
+        "Fewer hits, but hardly more right answers: half a beat late, the music meets the peaks instead of the stops.",
+    ),
+    Preset(
+        "stops only",
+        STOPS,
+        "The cloud leaves the diagonal and right answers rise: the peaks, which lie between the beats, are out.",
+    ),
+    Preset(
+        "recommended",
+        {"mode": "recommended", "late": 0.5},
+        "The shape of the body at every moment, and no hits; right answers rise once more.",
+    ),
+    Preset(
+        "a whole beat late",
+        {**STOPS, "late": 1.0},
+        "The cloud goes back to the diagonal: music that is a whole beat late fits nearly as well.",
+    ),
+    Preset(
+        "loud beats, large movements",
+        {**STOPS, "lambda1": 12.0, "lambda2": 1.0},
+        "All scores move; the share of right answers moves much less.",
+    ),
+    Preset(
+        "expect a late dance",
+        {**STOPS, "lag": 0.26},
+        "The dance is expected about half a beat later than it is, and the wrong music wins.",
+    ),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,232 +116,119 @@ def _batch(stages: Sequence[Stage], params: HarmonyParams) -> BeatBatch | PlaceB
     return BeatBatch.of([(one.music, visual_beats(one.motion, params=params)) for one in stages])
 
 
-@lru_cache(maxsize=2)  # the wrong music stays where it is while other sliders move
-def _late(corpus: Corpus, mode: str, beats: float) -> BeatBatch | PlaceBatch:
-    """The batch with each clip's music moved by `beats` beats, round its end."""
-    return corpus.batches[mode].moved(beats * corpus.periods)
-
-
-@lru_cache(maxsize=4)  # the true music's scores stay while another clip is chosen, or the wrong music moves
+@lru_cache(maxsize=4)  # true and wrong music, and those of the setting before
 def corpus_scores(corpus: Corpus, mode: str, params: HarmonyParams, late: float | None = None) -> BatchScores:
     """Scores of all clips with true music, or with music that is `late` beats late."""
-    batch = corpus.batches[mode] if late is None else _late(corpus, mode, late)
+    batch = corpus.batches[mode]
+    if late is not None:
+        batch = batch.moved(late * corpus.periods)
     return rescore_places(batch, params) if isinstance(batch, PlaceBatch) else rescore(batch, params)
 
 
-class CorpusLab(Lab):
-    """The corpus lab: a Lab in which a click on a dot chooses its clip, and opens it if there is a `play`.
-
-    Parameters
-    ----------
-    corpus : Corpus
-    play : callable, optional
-        ``play(number, params)`` returns the page element (HTML) that plays a clip; called on a click only.
-    controls, values
-        As for `Lab`.
-    """
-
-    def __init__(
-        self,
-        corpus: Corpus,
-        play: Callable[[int, HarmonyParams], str] | None,
-        controls: Mapping[str, Any],
-        values: Mapping[str, Any],
-    ) -> None:
-        self._corpus, self._play = corpus, play
-        super().__init__(partial(draw_corpus_lab, corpus), corpus_params, controls, values, idle=IDLE)
-        self._player = widgets.HTML(layout={"width": "100%", "display": "none"})
-        hint = widgets.HTML(f"{self._image.hint}, or choose it with the clip slider.")
-        # The name stands here in full; the slider would cut it off.
-        self._button = widgets.Button(icon="play", layout={"width": "auto", "max_width": "100%"})
-        self._button.on_click(lambda _: self.play())
-        self._controls["clip"].observe(lambda _: self._name_button(), names="value")
-        self._name_button()
-        line = [hint] if play is None else [self._button, hint]
-        self.children = (*self.children, widgets.Box(line, layout={"flex_flow": "row wrap"}), self._player)
-
-    def _name_button(self) -> None:
-        self._button.description = f"Play {self._corpus.names[self.values['clip']]}"
-
-    def _picture(self, png: bytes) -> ClickPicture:
-        left, bottom, width, height = PLACES[1]
-        area = [left - EDGE, 1 - bottom - height - EDGE, left + width + EDGE, 1 - bottom + EDGE]
-        hint = "Click a dot to choose its clip" if self._play is None else "Click a dot to see and hear it"
-        return ClickPicture(self.click, value=png, area=area, hint=hint)
-
-    def click(self, x: float, y: float, width: float) -> None:
-        """Ring and open the clip of the nearest dot; do nothing where no dot is near.
-
-        Parameters
-        ----------
-        x, y : float, shares of the picture's width and height, from its top left corner
-        width : float, pixels of the screen that the picture is wide
-        """
-        clip = self.clip_at(x, y, width)
-        if clip is not None:
-            self._controls["clip"].value = clip
-            self.play()
-
-    def clip_at(self, x: float, y: float, width: float) -> int | None:
-        """Number of the clip whose dot is shown there, or None; clips on one spot take turns. As for `click`."""
-        values = self.values
-        points = _dots(self._corpus, self.params, values["mode"], values["score"], values["late"])[:2]
-        figure: Any = self._figure
-        ax, size = figure.axes[1], figure.bbox.size
-        away = ax.transData.transform(np.column_stack(points[::-1])) - size * np.array([x, 1.0 - y])
-        distance = np.hypot(*away.T) * width / size[0]
-        if not distance.min() <= REACH:
-            return None
-        nearest = np.flatnonzero(distance <= distance.min() + 1e-6)
-        return int(nearest[np.argmax(nearest > values["clip"])])
-
-    def play(self) -> None:
-        """Open the chosen clip in the player under the picture."""
-        if self._play is None:
-            return
-        try:
-            self._player.value = self._play(self.values["clip"], self.params)
-        except ValueError as error:
-            self._complain(error)
-        else:
-            self._player.layout.display = "block"
-
-
-def corpus_lab(clips: Corpus | Sequence[Clip], **values: Any) -> CorpusLab:
+def corpus_lab(clips: Corpus | Sequence[Clip], **values: Any) -> LiveLab:
     """Sliders for the score's settings above the scores of a whole corpus, with the AUC of true against wrong music.
 
     Parameters
     ----------
     clips : clips with motion, or a Corpus of their beats
-        A click on a dot opens its clip in a player under the picture; of a Corpus it only rings the dot.
+        In JupyterLab a button opens the chosen clip in a player under the picture; that of a Corpus cannot be played.
     **values
         Where controls start instead of at the first mode's settings: ``delay=0.1``; a mode brings its own.
 
+    Raises
+    ------
+    ValueError
+        Without clips, if one has no motion, for an unknown control, or for a value that it cannot have.
+
     Examples
     --------
-    >>> lab = corpus_lab(clips)  # doctest: +SKIP
-    >>> lab.controls["delay"].value = 0.1  # doctest: +SKIP
+    >>> lab = corpus_lab(clips, delay=0.1)  # doctest: +SKIP
+    >>> lab.numbers["auc"]  # doctest: +SKIP
     """
-    corpus = clips if isinstance(clips, Corpus) else Corpus.of(clips)
+    if isinstance(clips, Corpus):
+        return LiveLab(corpus_content(clips), values)
+    return LiveLab(corpus_content(Corpus.of(clips), play=partial(_player_element, clips)), values)
+
+
+def corpus_content(corpus: Corpus, *, play: Callable[..., str] | None = None) -> LabContent:
+    """The corpus lab of a corpus."""
     modes = tuple(corpus.batches)
-    numbered = [(name, place) for place, name in enumerate(corpus.names)]
     controls = {
-        "mode": menu("mode", modes, modes[0]),
-        "score": menu("score", tuple(SCORES), "harmony h"),
-        "late": slider("late (beats)", 0.0, 1.0, 0.05, 0.5),
-        **setting_controls(MODES[modes[0]], *SCORE_SLIDERS),
-        "clip": widgets.SelectionSlider(options=numbered, value=0, description="clip", readout=False, **LOOK),
+        "late": Slider("wrong music comes later by", "late", 0.0, 1.0, 0.05, "beats"),
+        **named_controls(*SETTINGS),
+        "clip": Slider("dance", "number", 0, len(corpus.names) - 1, 1),
+        "mode": Menu("way to score", "mode", {mode: MODE[mode] for mode in modes}),
+        "score": Menu("score shown", "score", SCORES),
     }
-    play = None if isinstance(clips, Corpus) else partial(_player_element, clips)
-    return CorpusLab(corpus, play, controls, values)
+    content = LabContent(
+        kind="corpus",
+        title="The corpus lab",
+        about=ABOUT,
+        evidence=_evidence(corpus),
+        controls=controls,
+        presets=tuple(preset for preset in PRESETS if preset.values["mode"] in modes),
+        start={"score": "harmony", "late": 0.5, "clip": 0},
+        params=corpus_params,
+        numbers=partial(corpus_numbers, corpus),
+        words=LAB_SENTENCES,
+        idle=IDLE,
+        play=play,
+    )
+    return replace(content, start={**content.start, **content.mode_values(modes[0])})
 
 
-def _player_element(clips: Sequence[Clip], number: int, params: HarmonyParams) -> str:
+def _evidence(corpus: Corpus) -> dict[str, Any]:
+    return {
+        "source": corpus.source,
+        "names": corpus.names,
+        "periods": corpus.periods,
+        "batches": {
+            mode: {field.name: getattr(batch, field.name) for field in fields(batch)}
+            for mode, batch in corpus.batches.items()
+        },
+    }
+
+
+def _player_element(clips: Sequence[Clip], *, clip: float, **values: Any) -> str:
     """The player of one clip, with its true music, as an element of a page."""
-    clip = clips[number]
-    stage = Stage.of(clip)
-    score = score_motion(stage.music, stage.motion, params=params, n_rotations=0)
-    dancer = Dancer(clip.dance or "dancer", stage.motion, score)
-    return Player(clip.shared().audio, [dancer], music=stage.music, title=clip.name)._repr_html_()
+    chosen = clips[int(clip)]
+    stage = Stage.of(chosen)
+    score = score_motion(stage.music, stage.motion, params=corpus_params(**values), n_rotations=0)
+    dancer = Dancer(chosen.dance or "dancer", stage.motion, score)
+    return Player(chosen.shared().audio, [dancer], music=stage.music, title=chosen.name)._repr_html_()
 
 
-def corpus_params(*, mode: str, score: str = "", late: float = 0.0, clip: int = 0, **values: Any) -> HarmonyParams:
+def corpus_params(*, mode: str, score: str = "", late: float = 0.0, clip: float = 0, **values: Any) -> HarmonyParams:
     """A mode's settings but for those of the lab's controls; score, clip and delay of the music are no settings."""
     return with_settings(MODES[mode], **values)
 
 
-def draw_corpus_lab(
-    corpus: Corpus,
-    *,
-    mode: str = "paper",
-    score: str = "harmony h",
-    late: float = 0.5,
-    clip: int = 0,
-    figure: Figure | None = None,
-    **values: Any,
-) -> Figure:
-    """The lab's picture: histograms of the scores with true and with wrong music, and every clip as a dot.
+def corpus_numbers(
+    corpus: Corpus, *, mode: str, score: str = "harmony", late: float = 0.5, clip: float = 0, **values: Any
+) -> dict[str, Any]:
+    """The numbers of the lab: scores of every clip with true and with wrong music, the AUC, and the sentence.
 
     Parameters
     ----------
     corpus : Corpus
     mode : "paper", "recommended" or "valleys"
-    score : "harmony h", "above chance" or "hit rate"
+    score : "harmony", "harmony_above_chance" or "hit_rate"
     late : float, beats by which the wrong music is moved
-    clip : int, the dot that is ringed
-    figure : Figure, optional, drawn on if given
+    clip : number of the chosen clip; no number depends on it
     **values
-        The other arguments of `corpus_params`; those of the mode when left out.
+        The other controls, by name; those of the mode when left out.
     """
     params = corpus_params(mode=mode, **values)
-    figure, (left, right, board) = placed_axes(figure, (10.0, 5.4), PLACES)
-    true, wrong, low = _dots(corpus, params, mode, score, late)
-    _draw_spread(left, true, wrong, low)
-    left.set_xlabel(axis_label(score, "lower ones at -1" if low < 0 else "", source=corpus.source))
-    write_above(left, f"wrong: {late:g} beat late (outline)", side="right", color=COLOURS["ink"])
-    _draw_clips(right, true, wrong, low, clip)
-    exact = _scores(corpus, params, mode, score, late)
-    write_above(right, f"{corpus.names[clip]}: {exact[0][clip]:.2f} true, {exact[1][clip]:.2f} wrong")
-    right.set(xlabel=f"{score}, wrong music", ylabel=f"{score}, true music")
-    draw_board(board, _numbers(*exact))
-    return figure
-
-
-def _scores(corpus: Corpus, params: HarmonyParams, mode: str, score: str, late: float) -> tuple[FloatArray, FloatArray]:
-    """Scores of all clips with true and with wrong music."""
-    true, wrong = (getattr(corpus_scores(corpus, mode, params, beats), SCORES[score]) for beats in (None, late))
-    return true, wrong
-
-
-def _dots(
-    corpus: Corpus, params: HarmonyParams, mode: str, score: str, late: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Scores of all clips with true and with wrong music as drawn, and the lowest that is drawn."""
-    low = LOWEST[score]
-    true, wrong = _scores(corpus, params, mode, score, late)
-    return np.maximum(true, low), np.maximum(wrong, low), low
-
-
-def _draw_spread(ax: Axes, true: FloatArray, wrong: FloatArray, low: float) -> None:
-    """Two histograms: true music blue, wrong music a grey outline; lines at the means."""
-    edges = np.linspace(low, 1.0 + 1e-9, 26)
-    highest = 1
-    looks: tuple[tuple[FloatArray, str, dict[str, Any]], ...] = (
-        (true, "-", {"color": COLOURS["audio"], "fill": True, "alpha": 0.55}),
-        (wrong, "--", {"color": COLOURS["ink"], "linewidth": 1.6}),
-    )
-    for values, line, look in looks:
-        counts, _ = np.histogram(np.minimum(values, 1.0), edges)
-        ax.stairs(counts, edges, **look)
-        ax.axvline(float(values.mean()), color=look["color"], linestyle=line, linewidth=1.4)
-        highest = max(highest, int(counts.max()))
-    write_above(ax, "true music", color=COLOURS["audio"])
-    ax.xaxis.set_major_locator(MaxNLocator(5))
-    ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    top = 10 * 2 ** np.ceil(np.log2(max(1.1 * highest / 10, 1)))  # in steps, so that the axis seldom changes
-    ax.set(xlim=(low, 1.02), ylim=(0, top), ylabel="clips")
-
-
-def _draw_clips(ax: Axes, true: FloatArray, wrong: FloatArray, low: float, clip: int) -> None:
-    """A mark for every clip: green circles where the true music wins, red crosses where not, grey squares for ties."""
-    ax.plot([low, 1.0], [low, 1.0], color=COLOURS["chance"], linestyle="--", linewidth=1.2)
+    true, wrong = (getattr(corpus_scores(corpus, mode, params, beats), score) for beats in (None, late))
     tied = np.isclose(true, wrong)
-    draw_marks(ax, wrong[~tied], true[~tied], (true > wrong)[~tied])
-    ax.plot(wrong[tied], true[tied], linestyle="none", marker="s", markersize=6, color=COLOURS["chance"], zorder=3)
-    ax.plot(
-        [wrong[clip]], [true[clip]], marker="s", markersize=17, markerfacecolor="none", markeredgewidth=2.0,
-        color=COLOURS["ink"], zorder=5, clip_on=False,
-    )  # fmt: skip
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(MaxNLocator(5))
-    ax.set(xlim=(low - 0.03, 1.05), ylim=(low - 0.03, 1.05))
-
-
-def _numbers(true: FloatArray, wrong: FloatArray) -> dict[str, str]:
+    area = auc(true, wrong)
+    counts = {"wins": int(((true > wrong) & ~tied).sum()), "ties": int(tied.sum()), "clips": true.size}
     return {
-        "AUC": f"{auc(true, wrong):.2f}",
-        "true music wins": f"{((true > wrong) & ~np.isclose(true, wrong)).sum()}/{true.size}",
-        "ties": f"{np.isclose(true, wrong).sum()}",
-        "mean, true": f"{true.mean():.2f}",
-        "mean, wrong": f"{wrong.mean():.2f}",
+        **counts,
+        "auc": area,
+        "mean_true": float(true.mean()),
+        "mean_wrong": float(wrong.mean()),
+        "true": true,
+        "wrong": wrong,
+        "sentence": LAB_SENTENCES["corpus"].format(**counts, auc=percent(area)),
     }

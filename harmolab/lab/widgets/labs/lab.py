@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from types import MappingProxyType
@@ -25,14 +25,10 @@ LOOK: Mapping[str, Any] = MappingProxyType(
 
 # Fields of HarmonyParams by the names of their controls, if these differ.
 FIELDS = MappingProxyType({"lambda1": "audio_threshold", "lambda2": "visual_threshold", "delay": "reaction_delay"})
-SCORE_SLIDERS = ("lambda1", "lambda2", "delay", "beta", "lag")  # of every lab of a score
 
 
 class Lab(Explorer):
     """An Explorer that writes the settings its controls stand for as a line to copy (one click selects it).
-
-    A control called ``mode``, if there is one, sets those of `CONTROLS` to the mode's values, with one new picture for
-    all of them.
 
     Parameters
     ----------
@@ -41,8 +37,7 @@ class Lab(Explorer):
     params : callable
         ``params(**values)`` returns the HarmonyParams that the controls' values stand for.
     controls : name -> widget
-    values : name -> value at which a control starts instead; a mode brings its own for controls not named here
-    idle : mode -> names of controls that mean nothing in it, and are greyed out
+    values : name -> value at which a control starts instead
 
     Raises
     ------
@@ -50,21 +45,19 @@ class Lab(Explorer):
         If a value is given for a control that does not exist.
     """
 
-    _following = False
-
     def __init__(
         self,
         draw: Callable[..., Figure],
         params: Callable[..., HarmonyParams],
         controls: Mapping[str, Any],
         values: Mapping[str, Any],
-        *,
-        idle: Mapping[str, Collection[str]] = MappingProxyType({}),
     ) -> None:
-        self._params, self._idle = params, idle
-        _start(controls, values)
+        self._params = params
+        if unknown := set(values) - set(controls):
+            raise ValueError(f"no control {', '.join(sorted(unknown))}; there are {', '.join(controls)}")
+        for name, value in values.items():
+            controls[name].value = value
         super().__init__(draw, **controls)
-        self._grey_out()
         self._line = widgets.HTML(value=self._settings())
         self.children: tuple[Any, ...] = (*self.children, self._line)
 
@@ -89,37 +82,6 @@ class Lab(Explorer):
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
         return {**super()._repr_mimebundle_(**kwargs), "text/plain": self.line}
 
-    def _grey_out(self) -> None:
-        for name, widget in self._controls.items():
-            widget.disabled = name in self._idle.get(self.values.get("mode", ""), ())
-
-    def _redraw(self, change: Any = None) -> None:
-        if self._following:
-            return
-        if change is not None and change["owner"] is self._controls.get("mode"):
-            self._following = True
-            try:
-                _set(self._controls, mode_values(change["new"], self._controls))
-                self._grey_out()
-            finally:
-                self._following = False
-        super()._redraw(change)
-
-
-def _start(controls: Mapping[str, Any], values: Mapping[str, Any]) -> None:
-    """Sets controls to the values at which they start, the mode first."""
-    if unknown := set(values) - set(controls):
-        raise ValueError(f"no control {', '.join(sorted(unknown))}; there are {', '.join(controls)}")
-    if "mode" in values:
-        controls["mode"].value = values["mode"]  # refuses an unknown one
-        values = {**mode_values(values["mode"], controls), **values}
-    _set(controls, values)
-
-
-def _set(controls: Mapping[str, Any], values: Mapping[str, Any]) -> None:
-    for name, value in values.items():
-        controls[name].value = value
-
 
 def params_line(params: HarmonyParams) -> str:
     """Python text that makes these settings: a preset by its name, else the fields in which they differ from the paper.
@@ -136,6 +98,11 @@ def params_line(params: HarmonyParams) -> str:
             return f"HarmonyParams.{name}()"
     paper = MODES["paper"]
     return _call(params, [name for name, value in vars(params).items() if value != getattr(paper, name)])
+
+
+def field_texts(params: HarmonyParams) -> dict[str, str]:
+    """Every field of the settings as Python text, by name."""
+    return {name: _text(value) for name, value in vars(params).items()}
 
 
 def _call(record: HarmonyParams | BarPattern, names: Sequence[str]) -> str:
@@ -167,20 +134,11 @@ RATES = (("its own", None), ("60", 60.0), ("30", 30.0), ("25", 25.0), ("15", 15.
 CONTROLS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
     {
         "lambda1": partial(slider, "λ1 (music)", 0.0, 8.0, 0.1),
-        "lambda2": partial(slider, "λ2 (dance)", 0.0, 3.0, 0.1),
-        "delay": partial(slider, "T_delay (s)", 0.0, 0.5, 0.01),
-        "beta": partial(slider, "β", 0.25, 4.0, 0.25),
-        "lag": partial(slider, "lag (s)", -0.4, 0.4, 0.02),
         "smoothing": partial(slider, "speed σ (s)", 0.0, 0.3, 0.01),
         "position_smoothing": partial(slider, "position σ (s)", 0.0, 0.3, 0.01),
-        "visual_saliency": partial(menu, "dance compares", CHOICES["visual_saliency"]),
-        "first_beat": partial(menu, "first beat", CHOICES["first_beat"]),
         "fps": partial(menu, "frames a second", RATES),
         "subframe": partial(menu, "beats", (("on frames", False), ("between frames", True))),
-        **{
-            name: partial(menu, name, CHOICES[name])
-            for name in ("detector", "matching", "plateau", "normalisation", "saliency")
-        },
+        **{name: partial(menu, name, CHOICES[name]) for name in ("detector", "plateau")},
     }
 )
 
@@ -194,11 +152,6 @@ def setting(params: HarmonyParams, name: str) -> Any:
     """The value at which a control stands for its field of `params`; λ2 = 0 keeps every visual beat."""
     value = getattr(params, FIELDS.get(name, name))
     return value or 0.0 if name == "lambda2" else value
-
-
-def mode_values(mode: str, names: Collection[str]) -> dict[str, Any]:
-    """Values of a mode for those of the named controls that stand for a setting."""
-    return {name: setting(MODES[mode], name) for name in names if name in CONTROLS}
 
 
 def with_settings(params: HarmonyParams, **values: Any) -> HarmonyParams:

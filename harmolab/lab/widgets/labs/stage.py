@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -62,11 +61,6 @@ def placed_axes(
         board.set(ylim=(0, 1), frame_on=False)
         board.yaxis.set_visible(False)
     return figure, figure.axes
-
-
-def write_above(ax: Axes, text: str, *, side: str = "left", **look: Any) -> None:
-    """Text over the left or the right end of axes."""
-    ax.text(0.0 if side == "left" else 1.0, 1.02, text, transform=ax.transAxes, ha=side, va="bottom", **look)
 
 
 def draw_board(ax: Axes, numbers: Mapping[str, str]) -> Axes:

@@ -1,0 +1,257 @@
+"""The labs as pages, driven in Chromium: numbers as in Python, sliders by mouse, touch and keyboard, beats dragged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harmolab.lab.widgets.labs.corpus import corpus_lab
+from harmolab.lab.widgets.labs.live import LiveLab, Menu, Slider
+from harmolab.lab.widgets.labs.pages import inexact_corpus, inexact_dance, write_lab_pages
+from harmolab.lab.widgets.labs.saliency import saliency_lab
+from harmolab.lab.widgets.labs.scoring import lags, scoring_lab
+
+pytestmark = pytest.mark.browser
+
+N_SETTINGS = {"scoring": 300, "saliency": 100, "corpus": 100}
+LABS: dict[str, Callable[[], LiveLab]] = {
+    "scoring": lambda: scoring_lab(inexact_dance()),
+    "saliency": lambda: saliency_lab(inexact_dance()),
+    "corpus": lambda: corpus_lab(inexact_corpus(14)),
+}
+WIDE, PHONE = {"width": 1280, "height": 1000}, {"width": 390, "height": 844}
+
+
+@pytest.fixture(scope="module", params=LABS)
+def lab(request: pytest.FixtureRequest) -> LiveLab:
+    return LABS[request.param]()
+
+
+def opened(chromium: Any, path: Path, **context: Any) -> Any:
+    """The page; `page.faults` collects its errors, and what it asks the network for."""
+    page = chromium.new_context(**{"viewport": WIDE, **context}).new_page()
+    page.faults = []
+    page.on("pageerror", lambda error: page.faults.append(str(error)))
+    page.on("request", lambda request: page.faults.append(request.url) if request.url.startswith("http") else None)
+    page.goto(path.as_uri())
+    page.wait_for_function("window.harmolabLab")
+    return page
+
+
+@pytest.fixture
+def page(chromium: Any, lab: LiveLab, tmp_path: Path) -> Iterator[Any]:
+    lab.save(tmp_path / "lab.html")
+    page = opened(chromium, tmp_path / "lab.html")
+    yield page
+    assert page.faults == []
+    page.context.close()
+
+
+@pytest.fixture(scope="module")
+def scoring_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("lab") / "scoring.html"
+    LABS["scoring"]().save(path)
+    return path
+
+
+def random_values(lab: LiveLab, rng: np.random.Generator) -> dict[str, Any]:
+    """Any values of the controls: a third of the sliders on a step, the others between; and beats that were dragged."""
+    values: dict[str, Any] = {}
+    for name, control in lab.content.controls.items():
+        if isinstance(control, Menu):
+            values[name] = str(rng.choice(list(control.options)))
+        else:
+            values[name] = slider_value(control, rng)
+    if values.get("mode") == "recommended" and lab.content.kind == "scoring":
+        values["lag"] = float(rng.choice(lags()))  # the verdict is computed at the slider's steps
+    if lab.content.kind == "corpus":
+        values["clip"] = float(round(values["clip"]))
+    if lab.content.kind == "scoring" and values["mode"] != "recommended" and rng.random() < 0.3:
+        values["moves"] = random_moves(lab, values, rng)
+    return values
+
+
+def slider_value(slider: Slider, rng: np.random.Generator) -> float:
+    steps = round((slider.high - slider.low) / slider.step)
+    if rng.random() < 1 / 3:
+        return round(slider.low + int(rng.integers(steps + 1)) * slider.step, 6)
+    return float(rng.uniform(slider.low, slider.high))
+
+
+def random_moves(lab: LiveLab, values: dict[str, Any], rng: np.random.Generator) -> dict[str, dict[str, float]]:
+    """One music beat and one visual beat, each moved to somewhere between its neighbours."""
+    evidence = lab.data["evidence"]
+    moves = {}
+    for kind, times in (
+        ("music", evidence["music"]["times"]),
+        ("dance", evidence["dance"][f"{values['mode']} {values['detector']}"]["times"]),
+    ):
+        beat = int(rng.integers(1, len(times) - 1))
+        moves[kind] = {str(beat): float(rng.uniform(times[beat - 1] + 0.001, times[beat + 1] - 0.001))}
+    return moves
+
+
+def differences(ours: Any, theirs: Any, name: str = "") -> list[str]:
+    """Names of what is not equal: numbers to 1e-9, all else exactly."""
+    if isinstance(ours, dict):
+        return [fault for key in ours for fault in differences(ours[key], theirs[key], f"{name}.{key}")]
+    ours = ours.tolist() if isinstance(ours, np.ndarray | np.generic) else ours
+    if isinstance(ours, list | tuple):
+        if len(ours) != len(theirs):
+            return [f"{name}: {len(ours)} and {len(theirs)}"]
+        return [fault for one, other in zip(ours, theirs, strict=True) for fault in differences(one, other, name)]
+    if isinstance(ours, float) and np.isnan(ours):
+        ours = None
+    is_equal = np.isclose(ours, theirs, rtol=1e-9, atol=1e-12) if isinstance(ours, float) else ours == theirs
+    return [] if is_equal else [f"{name}: {ours} in Python, {theirs} in the page"]
+
+
+def test_numbers_and_sentences_of_five_hundred_settings_are_those_of_python(lab: LiveLab, page: Any) -> None:
+    rng = np.random.default_rng(17)
+    settings = [random_values(lab, rng) for _ in range(N_SETTINGS[lab.content.kind])]
+    theirs = page.evaluate("all => all.map(one => [harmolabLab.numbers(one), harmolabLab.line(one)])", settings)
+    wrong = []
+    for values, (numbers, line) in zip(settings, theirs, strict=True):
+        lab.settings = values
+        faults = differences(lab.numbers, numbers) + differences(lab.line, line, "line")
+        wrong += [(values, faults)] if faults else []
+    assert wrong == []
+
+
+def test_the_shown_sentence_and_line_are_those_of_python_for_every_preset(lab: LiveLab, page: Any) -> None:
+    buttons = page.locator(".presets button")
+    assert buttons.count() == len(lab.content.presets) > 5
+    for number, preset in enumerate(lab.content.presets):
+        buttons.nth(number).click()
+        lab.set(**{**lab.content.start, **preset.values, **({"mode": "paper"} if "mode" in lab.values else {})})
+        lab.set(**preset.values)
+        assert page.locator(".sentence").inner_text() == lab.sentence
+        assert page.locator("code").inner_text() == lab.line
+        assert page.locator(".note").inner_text() == preset.note
+        assert buttons.nth(number).get_attribute("aria-pressed") == "true"
+
+
+def picture(page: Any) -> str:
+    """The picture's pixels, as text."""
+    return str(page.evaluate("document.querySelector('canvas').toDataURL()"))
+
+
+def slider(page: Any, name: str) -> Any:
+    return page.locator(f'input[data-name="{name}"]')
+
+
+def value(page: Any, name: str) -> float:
+    return float(page.evaluate("name => harmolabLab.state.settings[name]", name))
+
+
+@pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
+def test_a_slider_moved_by(way: str, chromium: Any, scoring_page: Path) -> None:
+    page = opened(chromium, scoring_page, viewport=PHONE, has_touch=True)
+    before = picture(page), page.locator(".sentence").inner_text()
+    delay = slider(page, "delay")
+    delay.scroll_into_view_if_needed()
+    box = delay.bounding_box()
+    left, middle, y = box["x"] + 0.1 * box["width"], box["x"] + 0.5 * box["width"], box["y"] + box["height"] / 2
+    if way == "mouse":
+        page.mouse.move(middle, y)
+        page.mouse.down()
+        page.mouse.move(left, y, steps=8)
+        page.mouse.up()
+    elif way == "touch":
+        page.touchscreen.tap(left, y)
+    else:
+        delay.focus()
+        for _ in range(20):
+            page.keyboard.press("ArrowLeft")
+    assert value(page, "delay") == pytest.approx(0.05, abs=0.011)
+    assert picture(page) != before[0]
+    assert page.locator(".sentence").inner_text() != before[1]
+    assert page.faults == []
+    page.context.close()
+
+
+def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_page: Path) -> None:
+    page = opened(chromium, scoring_page)
+    page.get_by_role("button", name="stops only").click()
+    page.locator("canvas").scroll_into_view_if_needed()
+    spot = page.evaluate("harmolabLab.state.picture.beats.find(beat => beat.kind === 'music' && beat.index === 5)")
+    frame = page.locator("canvas").bounding_box()
+    hits = page.evaluate("harmolabLab.state.numbers.hits")
+    page.mouse.move(frame["x"] + spot["x"], frame["y"] + spot["middle"] - 20)
+    page.mouse.down()
+    page.mouse.move(frame["x"] + spot["x"] + 17, frame["y"] + spot["middle"] - 20, steps=6)
+    page.mouse.up()
+    moved = page.evaluate("harmolabLab.state.settings.moves.music[5]")
+    seconds = 17 / page.evaluate("harmolabLab.state.picture.chart.x(1) - harmolabLab.state.picture.chart.x(0)")
+    assert moved == pytest.approx(spot["time"] + seconds, abs=0.01)
+    assert page.evaluate("harmolabLab.state.numbers.hits") == hits - 1
+    assert page.evaluate("harmolabLab.state.sound.count") > 3
+    page.get_by_role("button", name="stops only").click()
+    assert page.evaluate("harmolabLab.state.numbers.hits") == hits
+    assert page.faults == []
+    page.context.close()
+
+
+def test_a_beat_is_chosen_and_moved_by_keys_and_stays_between_its_neighbours(chromium: Any, scoring_page: Path) -> None:
+    page = opened(chromium, scoring_page)
+    page.locator("canvas").focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    selected = page.evaluate("harmolabLab.state.selected")
+    page.keyboard.press("Shift+ArrowRight")
+    moves = page.evaluate("harmolabLab.state.settings.moves")
+    assert moves[selected["kind"]][str(selected["index"])] == pytest.approx(selected["time"] + 0.01, abs=0.002)
+    for _ in range(60):
+        page.keyboard.press("Shift+ArrowRight")
+    times = page.evaluate(f"harmolabLab.state.numbers.{'allMusic' if selected['kind'] == 'music' else 'allDance'}")
+    assert times == sorted(times)
+    assert page.faults == []
+    page.context.close()
+
+
+def test_clicks_are_played_half_a_beat_apart_where_the_dance_is_expected_late(
+    chromium: Any, scoring_page: Path
+) -> None:
+    page = opened(chromium, scoring_page)
+    page.get_by_role("button", name="Play the clicks").click()
+    page.wait_for_function("harmolabLab.state.sound && harmolabLab.state.sound.time() > 0.2")
+    beats = page.evaluate("harmolabLab.state.numbers.music.length + harmolabLab.state.numbers.dance.length")
+    assert page.evaluate("harmolabLab.state.sound.count") == beats
+    page.get_by_role("button", name="Play the clicks").click()
+    assert page.evaluate("harmolabLab.state.sound") is None
+    page.context.close()
+
+
+def test_a_click_on_a_mark_chooses_its_dance(chromium: Any, tmp_path: Path) -> None:
+    LABS["corpus"]().save(tmp_path / "lab.html")
+    page = opened(chromium, tmp_path / "lab.html")
+    spot = page.evaluate("harmolabLab.state.picture.beats.reduce((a, b) => (b.y > a.y ? b : a))")
+    page.locator("canvas").click(position={"x": spot["x"], "y": spot["y"]})
+    assert value(page, "clip") == spot["index"]
+    assert page.faults == []
+    page.context.close()
+
+
+def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, scoring_page: Path) -> None:
+    page = opened(chromium, scoring_page)
+    page.locator('select[data-name="mode"]').select_option("recommended")
+    assert slider(page, "delay").is_disabled()
+    assert not slider(page, "lag").is_disabled()
+    assert page.locator("code").inner_text() == "HarmonyParams.recommended()"
+    page.context.close()
+
+
+@pytest.mark.parametrize("viewport", [WIDE, PHONE])
+def test_pages_of_a_site_fit_the_screen_and_ask_for_nothing(chromium: Any, tmp_path: Path, viewport: Any) -> None:
+    paths = write_lab_pages(tmp_path)
+    assert [path.name for path in paths] == ["scoring_lab.html", "saliency_lab.html", "corpus_lab.html"]
+    for path in paths:
+        page = opened(chromium, path, viewport=viewport)
+        assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+        assert page.evaluate("document.querySelector('input[type=range]').clientWidth") > 250
+        assert page.faults == []
+        page.context.close()
