@@ -20,7 +20,7 @@ from typer.models import ArgumentInfo
 from typer.testing import Result
 
 from harmolab.cli import app
-from harmolab.cli.common import printable
+from harmolab.cli.screen import printable
 from harmolab.cli.comparing import print_comparison
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import is_own_file, keep_arrays

@@ -10,7 +10,6 @@ import typer
 from harmolab import __version__
 from harmolab.cli.beats import beats, tap
 from harmolab.cli.checks import CheckedCommand
-from harmolab.cli.common import plain_errors
 from harmolab.cli.comparing import compare, learn
 from harmolab.cli.converting import convert
 from harmolab.cli.dancing import dance
@@ -22,25 +21,30 @@ from harmolab.cli.playing import play
 from harmolab.cli.rendering import render
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
+from harmolab.cli.screen import Quiet, Verbose, plain_errors
 from harmolab.cli.studying import study_app
 from harmolab.cli.training import train
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="markdown",
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
-COMMANDS = (
-    score, compare, evaluate, learn, train, dance, perform, play, render, retime, explain, beats, tap, convert,
-)  # fmt: skip
-for command in COMMANDS:
-    app.command(cls=CheckedCommand)(command)
-app.add_typer(data_app, name="data")
-app.add_typer(study_app, name="study")
+PANELS = {
+    "Start here": (score, explain, play, dance, render),
+    "The music": (beats, tap),
+    "Many dances": (evaluate, compare, learn),
+    "Movement": (retime, convert),
+    "Networks": (train, perform),
+}
+for panel, commands in PANELS.items():
+    for command in commands:
+        app.command(cls=CheckedCommand, rich_help_panel=panel)(command)
+app.add_typer(study_app, name="study", rich_help_panel="Many dances")
+app.add_typer(data_app, name="data", rich_help_panel="Movement")
 
 
-@app.command(cls=CheckedCommand)
+@app.command(cls=CheckedCommand, rich_help_panel="Many dances")
 def report(
     notebooks: Annotated[Path, typer.Option(help="Folder of notebooks.")] = Path("notebooks"),
     out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("report"),
@@ -63,6 +67,8 @@ def version(value: bool) -> None:
 
 @app.callback()
 def common(
+    quiet: Quiet = False,
+    verbose: Verbose = False,
     _: Annotated[bool, typer.Option("--version", callback=version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
     """Options of every command."""

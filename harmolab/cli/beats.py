@@ -10,6 +10,7 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import Beats, DanceName, One, Song
+from harmolab.cli.screen import finding_beats, plain_errors, wrote
 
 if TYPE_CHECKING:
     from harmolab.types import Audio, BeatTrack, FloatArray
@@ -47,7 +48,7 @@ def beats(
     from harmolab.io.beats import save_beats
     from harmolab.io.video_sound import load_sound
 
-    with common.plain_errors():
+    with plain_errors():
         if out is not None:
             common.check_out(out, "a file of beats", (".beats",))
         if clicks is not None:
@@ -63,7 +64,7 @@ def beats(
     if not dance and track.quality is not None and len(track) > 1:
         typer.echo(octave_remark(track.tempo))
     for path in filter(None, (out, clicks)):
-        common.wrote(path)
+        wrote(path)
 
 
 def _beats(
@@ -77,7 +78,7 @@ def _beats(
         if beats is not None or one is not None:
             raise ValueError("--tracker beat_this finds the beats and the bars itself; leave out --beats and --one")
         return neural_beats(audio, checkpoint)
-    with common.finding_beats():
+    with finding_beats():
         return song_beats(audio, dance=dance, beats=beats, one=one)
 
 
@@ -107,7 +108,7 @@ def tap(
         return lines[-1]
 
     lines: list[str] = []
-    with common.plain_errors():
+    with plain_errors():
         common.check_out(out, "a file of beats", (".beats",))
         common.check_pages("harmolab tap")
         from harmolab.lab.listening.tapping import TapServer

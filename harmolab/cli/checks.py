@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator
+from collections.abc import Callable, Container, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
-from harmolab.cli.common import plain_errors, refuse
+from harmolab.cli.screen import Quiet, Verbose, detail, plain_errors, quiet_decoders, refuse, said_level
 from harmolab.io import files
 
 OUTPUTS = ("out", "plot", "clicks")  # parameters that name what a command writes; every other path is read
@@ -26,9 +26,10 @@ class CheckedCommand(TyperCommand):
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
+        self.params += options_of(_said)
         writes = any(one.name in OUTPUTS and one.param_type_name == "option" for one in self.params)
         if writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params):
-            self.params.append(_force_option())
+            self.params += options_of(_forced)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """The remaining arguments; ends with one line for a value that an option does not take."""
@@ -41,12 +42,14 @@ class CheckedCommand(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Result of the command."""
-        with plain_errors():
-            check_numbers(ctx)
-            for name in OUTPUTS:
-                for out in _paths(ctx.params.get(name)):
-                    check_output(ctx, out)
-        return super().invoke(ctx)
+        with said_level(ctx), quiet_decoders():
+            detail(f"{ctx.command_path}: {_settings(ctx)}")
+            with plain_errors():
+                check_numbers(ctx)
+                for name in OUTPUTS:
+                    for out in _paths(ctx.params.get(name)):
+                        check_output(ctx, out)
+            return super().invoke(ctx)
 
 
 def _keep(context: typer.Context, value: bool) -> None:
@@ -63,11 +66,23 @@ def _forced(
     """A command that has the option alone, from which others take it."""
 
 
-def _force_option() -> Any:
-    """The option that lets a command write over files of other programs."""
+def _said(quiet: Quiet = False, verbose: Verbose = False) -> None:
+    """A command that has these options alone, from which others take them."""
+
+
+def options_of(function: Callable[..., None]) -> list[Any]:
+    """The options of a command."""
     app = typer.Typer(add_completion=False)
-    app.command()(_forced)
-    return typer.main.get_command(app).params[0]
+    app.command()(function)
+    return [one for one in typer.main.get_command(app).params if one.name != "help"]
+
+
+def _settings(context: typer.Context) -> str:
+    """Names and values of all parameters of a call, those that were told apart from the others."""
+    values = {name: value for name, value in context.params.items() if value not in (None, "", [], ())}
+    told = [f"{name} {value}" for name, value in values.items() if is_told(context, name)]
+    usual = [f"{name} {value}" for name, value in values.items() if not is_told(context, name)]
+    return "; ".join([", ".join(told) or "no options", *([f"by default {', '.join(usual)}"] if usual else [])])
 
 
 def check_numbers(context: typer.Context) -> None:

@@ -1,18 +1,17 @@
-"""Shared by several commands: arguments and options, plain errors, progress bars, numbers for tables."""
+"""Shared by several commands: arguments and options, checks of outputs, numbers for tables."""
 
 from __future__ import annotations
 
 import os
-import sys
 import webbrowser
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from harmolab.cli.screen import note, refuse
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
@@ -27,37 +26,6 @@ PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")
-
-
-def printable(text: str) -> str:
-    """`text` in one line: new lines, and all else that no terminal should get, as escape sequences."""
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
-
-
-def note(message: str) -> None:
-    """One line on standard error."""
-    typer.echo(f"harmolab: {printable(message)}", err=True)
-
-
-def wrote(path: Path, *, err: bool = False) -> None:
-    """The line that a file was written."""
-    typer.echo(printable(f"wrote {path}"), err=err)
-
-
-def refuse(message: str) -> NoReturn:
-    """One line on standard error, and exit code 2."""
-    note(message)
-    raise typer.Exit(2)
-
-
-@contextmanager
-def plain_errors() -> Iterator[None]:
-    """One line on standard error and exit code 2 in place of a traceback for bad input."""
-    try:
-        yield
-    except (ValueError, OSError) as error:
-        is_plain = isinstance(error, OSError) and error.filename is not None and error.strerror
-        refuse(f"{error.filename}: {error.strerror}" if is_plain else str(error))  # type: ignore[union-attr]
 
 
 def _not(suffixes: tuple[str, ...], path: Path | None) -> Path | None:
@@ -193,13 +161,6 @@ def names_in(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
-    """`items` with a progress bar on standard error; silent when that is no terminal."""
-    from tqdm import tqdm
-
-    return tqdm(items, desc=label, unit="", leave=False, disable=not sys.stderr.isatty())
-
-
 def left_out(problem: Problem) -> None:
     """A line about a recording that cannot be read."""
     note(f"left out: {problem.message}")
@@ -226,15 +187,6 @@ def check_place(out: Path) -> None:
         raise ValueError(f"{out.parent}: no such folder")
     if out.is_dir():
         raise ValueError(f"{out}: is a folder; name a file in it")
-
-
-@contextmanager
-def finding_beats() -> Iterator[None]:
-    """A note on the screen while beats are tracked, which takes long the first time on a machine."""
-    from rich.console import Console
-
-    with Console(stderr=True).status("finding the beats (the first time on a machine: half a minute)"):
-        yield
 
 
 def serve(page: LocalPage, no_open: bool, comfort: str) -> None:

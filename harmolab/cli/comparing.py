@@ -18,11 +18,10 @@ from harmolab.cli.common import (
     check_out,
     left_out,
     names_in,
-    plain_errors,
     processes,
-    progress,
     show,
 )
+from harmolab.cli.screen import plain_errors, progress
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -9,6 +9,7 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import Fps, Joints, Scale, Smpl, Up
+from harmolab.cli.screen import plain_errors, printable, wrote
 
 
 def convert(
@@ -36,7 +37,7 @@ def convert(
     from harmolab.corpora.folders import read_any_motion, recorded_offset
     from harmolab.io.motion import save_motion
 
-    with common.plain_errors():
+    with plain_errors():
         common.check_out(out, "a motion", (".npz", ".bvh"))
         if out.exists() and not force:
             raise ValueError(f"{out}: is there already; --force writes over it")
@@ -46,9 +47,7 @@ def convert(
         about = f"converted from {motion.name}: {'; '.join((read.kind, *read.notes))}"
         save_motion(out, read.motion, offset=recorded_offset(motion), about=about)
     frames, count, _ = read.motion.positions.shape
-    typer.echo(
-        common.printable(f"{motion}: {read.kind}, {frames} frames of {count} joints at {read.motion.fps:g} a second")
-    )
+    typer.echo(printable(f"{motion}: {read.kind}, {frames} frames of {count} joints at {read.motion.fps:g} a second"))
     for sentence in read.notes:
-        typer.echo(common.printable(f"read: {sentence}"))
-    common.wrote(out)
+        typer.echo(printable(f"read: {sentence}"))
+    wrote(out)

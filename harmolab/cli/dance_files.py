@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harmolab.cli.common import PAGES, VIDEOS_OUT, check_out, check_pages, check_place, note, progress
+from harmolab.cli.common import PAGES, VIDEOS_OUT, check_out, check_pages, check_place
+from harmolab.cli.screen import note, progress
 
 if TYPE_CHECKING:
     from harmolab.cli.dance_report import DanceReport

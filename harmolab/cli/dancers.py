@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import typer
 
 from harmolab.cli.checks import is_told
-from harmolab.cli.common import note, progress
+from harmolab.cli.screen import note, progress
 from harmolab.cli.training import accepted
 
 if TYPE_CHECKING:

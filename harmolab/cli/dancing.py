@@ -17,18 +17,13 @@ from harmolab.cli.common import (
     PatternFile,
     Scale,
     Song,
-    finding_beats,
-    note,
-    plain_errors,
     print_music,
-    printable,
-    progress,
     recommended,
-    wrote,
 )
 from harmolab.cli.dance_files import dance_files, write_files
 from harmolab.cli.dance_report import DanceReport
 from harmolab.cli.dancers import dancer_of
+from harmolab.cli.screen import finding_beats, note, plain_errors, printable, progress, wrote
 from harmolab.io.files import plain
 
 if TYPE_CHECKING:

@@ -11,7 +11,11 @@ from typing import Annotated
 import typer
 
 from harmolab.cli.checks import CheckedCommand
-from harmolab.cli.common import AsJson, plain_errors, printable, progress, show
+from harmolab.cli.common import (
+    AsJson,
+    show,
+)
+from harmolab.cli.screen import plain_errors, printable, progress
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 

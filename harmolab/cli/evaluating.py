@@ -17,13 +17,9 @@ from harmolab.cli.common import (
     Smpl,
     Up,
     check_pages,
-    note,
-    plain_errors,
-    printable,
     processes,
-    progress,
-    wrote,
 )
+from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -12,6 +12,7 @@ from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.checks import is_told
 from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Smpl, Song, Up
+from harmolab.cli.screen import plain_errors, progress, waiting, wrote
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 
@@ -69,19 +70,17 @@ def explain(
     if instrument is not None:
         _explain_playing(context, song, motion, instrument, out=out, offset=offset, fps=fps, as_json=as_json)
         return
-    from rich.console import Console
-
     from harmolab.lab.timing.performance import explain_performance, load_performance
 
-    with common.plain_errors():
+    with plain_errors():
         if out is not None:
             common.check_out(out, "the page", common.PAGES)
         params = common.recommended(pattern, dance)
         performance = load_performance(
             motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
-            report=common.note_assumptions, progress=common.progress,
+            report=common.note_assumptions, progress=progress,
         )  # fmt: skip
-        with Console(stderr=True).status("listening (the first time on a machine: half a minute)"):
+        with waiting("listening (the first time on a machine: half a minute)"):
             result = explain_performance(
                 song,
                 performance,
@@ -105,7 +104,7 @@ def explain(
     for sentence in result.words.sentences:
         typer.echo(sentence)
     if out is not None:
-        common.wrote(out)
+        wrote(out)
 
 
 def _explain_playing(
@@ -119,18 +118,16 @@ def _explain_playing(
     **options: Any,
 ) -> None:
     """The same for a musician's hands; options as of `load_playing`."""
-    from rich.console import Console
-
     from harmolab.corpora.performances import load_playing
     from harmolab.io.video_sound import load_sound
     from harmolab.lab.timing.playing import explain_playing
 
-    with common.plain_errors():
+    with plain_errors():
         if out is not None:
             common.check_out(out, "the page", common.PAGES)
         if dancing := [name for name in FOR_DANCES if is_told(context, name)]:
             raise ValueError(f"--{dancing[0]} is for dances; leave it out with --instrument")
-        with Console(stderr=True).status("listening"):
+        with waiting("listening"):
             audio = load_sound(song, sample_rate=None)
             result = explain_playing(load_playing(points, audio, instrument=instrument, **options))
         if out is not None:
@@ -142,4 +139,4 @@ def _explain_playing(
         return
     typer.echo("\n".join([result.words.verdict, *result.words.sentences]))
     if out is not None:
-        common.wrote(out)
+        wrote(out)

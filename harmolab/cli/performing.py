@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from harmolab.cli.checks import check_output
-from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, note, plain_errors, printable, progress, wrote
+from harmolab.cli.common import (
+    PAGES,
+    VIDEOS_OUT,
+    Fps,
+    Offset,
+    Song,
+)
 from harmolab.cli.dance_files import files_to_write, written
 from harmolab.cli.dancers import TRAIN_HINT
+from harmolab.cli.screen import note, plain_errors, printable, progress, waiting, wrote
 
 if TYPE_CHECKING:
     from harmolab.corpora.instruments import Performance
@@ -78,8 +85,6 @@ def perform(
 
     Example: `harmolab perform take/audio.wav --instrument violin --truth take --points --out beside.html`
     """
-    from rich.console import Console
-
     with plain_errors():
         paths = files_to_write(out, song, "performance", UNASKED)
         for path in paths:
@@ -91,7 +96,7 @@ def perform(
         from harmolab.io.video_sound import load_sound
         from harmolab.lab.timing.performed import performed
 
-        with Console(stderr=True).status("listening"):
+        with waiting("listening"):
             audio = load_sound(song, sample_rate=None)
             begin = perf_counter()
             own = None if truth is None else _truth(truth, audio, system, offset=offset, fps=fps)

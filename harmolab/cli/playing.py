@@ -24,6 +24,7 @@ from harmolab.cli.common import (
     Start,
     Up,
 )
+from harmolab.cli.screen import finding_beats, plain_errors, wrote
 
 
 def play(
@@ -58,13 +59,13 @@ def play(
     from harmolab.corpora.folders import load_any_motion, recorded_offset
     from harmolab.lab.widgets.player import player_of
 
-    with common.plain_errors():
+    with plain_errors():
         common.check_out(out, "the player", common.PAGES)
         params = common.recommended(pattern, dance)
         reading: dict[str, Any] = {
             "fps": fps, "scale": scale, "smpl": smpl, "up": up or "", "report": common.note_assumptions
         }  # fmt: skip
-        with common.finding_beats():
+        with finding_beats():
             clip = load_clip(
                 song, motion, offset=offset, dance=dance, beats=beats, one=one, sample_rate=None, **reading
             )
@@ -75,4 +76,4 @@ def play(
             clips.append(replace(clip, name=name, motion=movement, offset=begins))
         title = f"{clip.name} to {song.name}"
         player_of(clips, start=start, seconds=seconds, title=title, params=params).save(out)
-    common.wrote(out)
+    wrote(out)

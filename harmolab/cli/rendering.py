@@ -24,6 +24,7 @@ from harmolab.cli.common import (
     Up,
     show,
 )
+from harmolab.cli.screen import finding_beats, plain_errors, progress, wrote
 
 
 def render(
@@ -71,22 +72,20 @@ def render(
     from harmolab.lab.render.video import write_dance
 
     names = common.names_in(joints) or None
-    with common.plain_errors():
+    with plain_errors():
         common.check_out(out, "a video", common.VIDEOS_OUT)
         params = common.recommended(pattern, dance)
         report = common.note_assumptions
         movement = load_points(motion, fps=fps, joints=names, report=report) if over else motion
-        with common.finding_beats():
+        with finding_beats():
             clip = load_clip(
                 song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, track=marks, fps=fps,
                 scale=scale, joints=names, smpl=smpl, up=up or "", sample_rate=None, report=report,
             )  # fmt: skip
-        write_dance(
-            out, clip, over=over, marks=marks, rate=rate, height=height, params=params, progress=common.progress
-        )
+        write_dance(out, clip, over=over, marks=marks, rate=rate, height=height, params=params, progress=progress)
         score = score_clip(clip, params) if marks else None
     if score is not None:
         common.print_verdict(score.judgement)
         common.print_music(score.music)
         typer.echo(f"harmony above chance {show(score.above_chance)}, p {show(score.p_value)}")
-    common.wrote(out)
+    wrote(out)

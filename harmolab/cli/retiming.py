@@ -10,6 +10,7 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Song, show
+from harmolab.cli.screen import plain_errors, progress, wrote
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -56,15 +57,15 @@ def retime(
     from harmolab.io.video import is_video
     from harmolab.lab.render.video import retime_files
 
-    with common.plain_errors():
+    with plain_errors():
         common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))
         retimed = retime_files(
             song, motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest, fastest=fastest,
-            dance=dance, beats=beats, one=one, method=method.value, fps=fps, scale=scale, progress=common.progress,
+            dance=dance, beats=beats, one=one, method=method.value, fps=fps, scale=scale, progress=progress,
             params=common.recommended(pattern, dance),
         )  # fmt: skip
     _print(retimed)
-    common.wrote(out)
+    wrote(out)
 
 
 def _print(retimed: Retimed) -> None:

@@ -28,6 +28,7 @@ from harmolab.cli.common import (
     Up,
     show,
 )
+from harmolab.cli.screen import finding_beats, plain_errors
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -106,7 +107,7 @@ def score(
     from harmolab.corpora.folders import recording_files
     from harmolab.harmony import music_and_motion, other_measures, score_motion
 
-    with common.plain_errors():
+    with plain_errors():
         if plot:
             common.check_place(plot)
         if motion is None:
@@ -116,7 +117,7 @@ def score(
             song, motion, beats, dance = files.song, song, beats or files.beats, dance or files.dance
         modes = settings(mode, pattern, dance, lag, clock)
         names = common.names_in(joints) or None
-        with common.finding_beats():
+        with finding_beats():
             clip = load_clip(
                 song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps, scale=scale,
                 joints=names, smpl=smpl, up=up or "", report=common.note_assumptions,

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from harmolab.cli.checks import CheckedCommand, check_folder
-from harmolab.cli.common import AsJson, left_out, plain_errors, progress, serve, show, write_text
+from harmolab.cli.common import AsJson, left_out, serve, show, write_text
+from harmolab.cli.screen import plain_errors, progress
 
 if TYPE_CHECKING:
     from harmolab.lab.listening.answers import Answers

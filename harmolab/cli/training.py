@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from harmolab.cli.checks import is_told
-from harmolab.cli.common import plain_errors, progress
+from harmolab.cli.screen import plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples", "pattern", "one"}

@@ -1,0 +1,192 @@
+"""All that commands say beside their results: notes, errors, progress; less of it with --quiet, more with --verbose."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sized
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from threading import Event, Thread
+from time import monotonic
+from typing import Annotated, Any, NoReturn
+
+import typer
+
+EVERY = 5.0  # seconds between the lines about long work where there is no terminal
+QUIET, USUAL, VERBOSE = -1, 0, 1
+LEVEL = ContextVar("level", default=USUAL)  # of what a command says
+KEY = "harmolab.level"  # of the same in the meta data of a call, as long as its options are read
+
+
+def printable(text: str) -> str:
+    """`text` in one line: new lines, and all else that no terminal should get, as escape sequences."""
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
+@contextmanager
+def said_level(context: typer.Context) -> Iterator[None]:
+    """The level that the options of a call ask for, inside the block."""
+    token = LEVEL.set(context.meta.get(KEY, USUAL))
+    try:
+        yield
+    finally:
+        LEVEL.reset(token)
+
+
+def _set_level(value: int) -> Callable[[typer.Context, bool], None]:
+    """A callback of an option that sets the level."""
+
+    def keep(context: typer.Context, is_on: bool) -> None:
+        if is_on and context.meta.setdefault(KEY, value) != value:
+            refuse("--quiet and --verbose exclude each other")
+
+    return keep
+
+
+Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet", "-q", help="Print results only: no notes, no progress.", callback=_set_level(QUIET),
+        expose_value=False, is_eager=True,
+    ),
+]  # fmt: skip
+Verbose = Annotated[
+    bool,
+    typer.Option(
+        "--verbose", "-v", help="Print also what is read and how, all settings, and where an error arose.",
+        callback=_set_level(VERBOSE), expose_value=False, is_eager=True,
+    ),
+]  # fmt: skip
+
+
+def note(message: str) -> None:
+    """One line on standard error, unless it is to be quiet."""
+    if LEVEL.get() > QUIET:
+        _line(message)
+
+
+def detail(message: str) -> None:
+    """One line on standard error for those who want to know all."""
+    if LEVEL.get() >= VERBOSE:
+        _line(message)
+
+
+def _line(message: str) -> None:
+    typer.echo(f"harmolab: {printable(message)}", err=True)
+
+
+def wrote(path: Path, *, err: bool = False) -> None:
+    """The line that a file was written, unless it is to be quiet."""
+    if LEVEL.get() > QUIET:
+        typer.echo(printable(f"wrote {path}"), err=err)
+
+
+def refuse(message: str) -> NoReturn:
+    """One line on standard error, and exit code 2."""
+    _line(message)
+    raise typer.Exit(2)
+
+
+@contextmanager
+def plain_errors() -> Iterator[None]:
+    """One line on standard error and exit code 2 in place of a traceback for bad input; both with --verbose."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        if LEVEL.get() >= VERBOSE:
+            typer.echo(traceback.format_exc(), err=True)
+        is_plain = isinstance(error, OSError) and error.filename is not None and error.strerror
+        refuse(f"{error.filename}: {error.strerror}" if is_plain else str(error))  # type: ignore[union-attr]
+
+
+def progress(items: Iterable[Any], label: str) -> Iterable[Any]:
+    """`items` with a progress bar on standard error, or a line every few seconds where that is no terminal."""
+    if LEVEL.get() <= QUIET:
+        return items
+    if not sys.stderr.isatty():
+        return _counted(items, label)
+    from tqdm import tqdm
+
+    return tqdm(items, desc=label, unit="", leave=False)
+
+
+def _counted(items: Iterable[Any], label: str) -> Iterator[Any]:
+    """`items` with a line every few seconds that says how many are done."""
+    total = f" of {len(items)}" if isinstance(items, Sized) else ""
+    done = 0
+    with _lines(lambda: f"{label}: {done}{total}"):
+        for item in items:
+            yield item
+            done += 1
+
+
+@contextmanager
+def waiting(text: str) -> Iterator[None]:
+    """Words on the screen while something takes long that cannot be counted."""
+    if LEVEL.get() <= QUIET:
+        yield
+    elif not sys.stderr.isatty():
+        with _lines(lambda: text):
+            yield
+    else:
+        from rich.console import Console
+
+        with Console(stderr=True).status(text):
+            yield
+
+
+@contextmanager
+def _lines(text: Callable[[], str]) -> Iterator[None]:
+    """A line on standard error every few seconds: the text of that moment and the seconds since the begin."""
+    begin, stderr, done = monotonic(), sys.stderr, Event()
+
+    def print_lines() -> None:
+        while not done.wait(EVERY):
+            typer.echo(f"harmolab: {printable(text())} ({monotonic() - begin:.0f} s)", file=stderr)
+
+    thread = Thread(target=print_lines, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
+
+
+def finding_beats() -> Any:
+    """`waiting` for the beats of a song, which takes long the first time on a machine."""
+    return waiting("finding the beats (the first time on a machine: half a minute)")
+
+
+@contextmanager
+def quiet_decoders() -> Iterator[None]:
+    """Keep what decoders in C print ("part2_3_length too large") off the screen, but for those who want to know all.
+
+    They write to file 2 past Python, so Python's own standard error moves to another file meanwhile.
+    """
+    if LEVEL.get() >= VERBOSE or not _is_file_2(sys.stderr):
+        yield
+        return
+    python, screen, nothing = sys.stderr, os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    python.flush()
+    sys.stderr = open(screen, "w", encoding=python.encoding, errors=python.errors, buffering=1)  # noqa: SIM115, PTH123
+    os.dup2(nothing, 2)
+    try:
+        yield
+    finally:
+        sys.stderr.flush()
+        os.dup2(screen, 2)
+        sys.stderr.close()
+        os.close(nothing)
+        sys.stderr = python
+
+
+def _is_file_2(stream: Any) -> bool:
+    try:
+        return bool(stream.fileno() == 2)
+    except (AttributeError, io.UnsupportedOperation):
+        return False
