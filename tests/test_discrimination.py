@@ -18,7 +18,17 @@ from harmolab.lab.experiments.discrimination import (
     disturbance_table,
     pick_table,
 )
-from harmolab.lab.figures.results import disturbances_figure, draw_auc, draw_disturbances, draw_patterns, draw_picks
+from harmolab.lab.figures.results import (
+    SCORE_LABELS,
+    auc_figure,
+    disturbances_figure,
+    draw_auc,
+    draw_disturbances,
+    draw_picks,
+    patterns_figure,
+    picks_figure,
+)
+from harmolab.lab.figures.style import COLOURS, smallest_text
 from harmolab.lab.profile import RunProfile
 from harmolab.params import BarPattern
 
@@ -76,19 +86,42 @@ def test_frame_rate_hardly_moves_the_recommended_score(profile: RunProfile) -> N
 
 
 def test_auc_picture_marks_what_lies_above_its_chance_band() -> None:
-    scores = {"recommended": {"auc": 0.9, "chance_band": [0.4, 0.6]}, "paper": {"auc": 0.5, "chance_band": [0.4, 0.6]}}
-    ax = draw_auc(Figure().subplots(), scores, title="planted")
+    rows = [auc_row("recommended", 0.9), auc_row("paper", 0.5), auc_row("hit_rate", 0.3)]
+    ax = draw_auc(Figure().subplots(), rows)
     marks = {line.get_xdata()[0]: line.get_marker() for line in ax.lines if line.get_marker() in "ox"}
-    assert marks == {0.9: "o", 0.5: "x"}
-    assert "AUC" in ax.get_xlabel()
-    assert [bar.get_width() for bar in ax.patches] == pytest.approx([0.2, 0.2])
+    assert marks == {0.9: "o", 0.5: "x", 0.3: "x"}
+    assert [bar.get_width() for bar in ax.patches] == pytest.approx([0.2] * 3)
+    colours = [line.get_color() for line in ax.lines if line.get_marker() in "ox"]
+    assert colours == [COLOURS["hit"], COLOURS["chance"], COLOURS["miss"]]
+    assert [text.get_fontweight() for text in ax.get_yticklabels()] == ["normal", "normal", "bold"]
 
 
-def test_pattern_picture_has_a_line_for_each_dance_and_each_beat() -> None:
-    patterns = {"waltz": BarPattern(3, (1.0,), (0.0,)), "rumba": BarPattern(2, (1.0,), (0.0,))}
-    ax = draw_patterns(Figure().subplots(), patterns)
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["waltz (3 beats)", "rumba (2 beats)"]
-    assert sum(len(line.get_xdata()) == 200 for line in ax.lines) == 2
+def auc_row(score: str, auc: float, corpus: str = "beatlocked") -> dict[str, object]:
+    about = {"corpus": corpus, "windows": 9, "beats": "annotated", "score": score}
+    return {**about, "AUC": auc, "chance low": 0.4, "chance high": 0.6}
+
+
+def test_auc_figure_sorts_scores_by_the_first_corpus_and_counts_those_that_tell() -> None:
+    first = [auc_row("paper", 0.5), auc_row("recommended", 0.9), auc_row("valleys", 0.7)]
+    second = [auc_row("paper", 0.9, "synthetic"), auc_row("recommended", 0.5, "synthetic")]
+    figure = auc_figure(pd.DataFrame([*first, *second]))
+    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert labels == [SCORE_LABELS[name] for name in ("paper", "valleys", "recommended")]  # from below
+    assert [ax.get_title(loc="left").split("\n")[1] for ax in figure.axes] == [
+        "2 of 3 scores tell, ours too (annotated beats)", "1 of 2 scores tell (annotated beats)",
+    ]  # fmt: skip
+    assert [ax.get_title(loc="right").strip() for ax in figure.axes] == ["", "synthetic data"]
+    assert smallest_text(figure) >= 9
+
+
+def test_pattern_picture_has_a_panel_for_each_dance_beats_by_number_and_the_fastest_moment() -> None:
+    patterns = {"waltz": BarPattern(3, (1.0,), (0.0,)), "rumba": BarPattern(2, (0.0,), (1.0,))}
+    figure = patterns_figure(patterns, corpus="beatlocked")
+    assert [ax.get_title(loc="left") for ax in figure.axes] == ["waltz: fastest on 1", "rumba: fastest between 1 and 2"]
+    assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == ["1", "2", "3", "1"]
+    (arrow,) = figure.axes[1].texts
+    assert arrow.xy[0] == pytest.approx(0.5, abs=0.01)
+    assert "do not all stop on the beat" in figure.get_suptitle()
 
 
 def test_picks_picture_draws_people_and_scores_apart() -> None:
@@ -98,6 +131,8 @@ def test_picks_picture_draws_people_and_scores_apart() -> None:
     )  # fmt: skip
     ax = draw_picks(Figure().subplots(), table)
     assert sorted(bar.get_width() for bar in ax.patches) == [0.6, 0.78]
+    assert [(text.get_text(), text.xy[0]) for text in ax.texts[:2]] == [("78%", 0.02), ("60%", 0.02)]
+    assert "score, not clearly better than guessing" in picks_figure(table, corpus="a").axes[0].get_title(loc="left")
     assert len({bar.get_facecolor() for bar in ax.patches}) == 2
 
 

@@ -28,57 +28,86 @@ _NARROW = (
 LARGER = 10.0  # times the reach of the recorded dancers' hands: no body, but another unit
 
 
-def table_notes(evaluation: Evaluation) -> Iterator[str]:
+class Note(str):
+    """A remark on a table, and `about`: the names of the rows and measures that it concerns; none where it is on all.
+
+    >>> Note("ours has 2 songs", "ours").about
+    ('ours',)
+    """
+
+    __slots__ = ("about",)
+    about: tuple[str, ...]
+
+    def __new__(cls, text: str, *about: str) -> Note:
+        self = super().__new__(cls, text)
+        self.about = about
+        return self
+
+
+def table_notes(evaluation: Evaluation) -> Iterator[Note]:
     """Remarks that a reader needs beside this table: small samples, missing columns and controls, doubtful harmony."""
     counts, protocol = evaluation.counts, evaluation.settings.protocol
     columns = (*evaluation.measures, *evaluation.set_measures)
     if protocol and not any(name.startswith(f"{protocol} ") for name in columns):
-        yield f"No dance has numbers of {protocol}: they are of joints that these bodies do not have by name."
+        yield Note(f"No dance has numbers of {protocol}: they are of joints that these bodies do not have by name.")
     if OTHER_SONG not in evaluation.controls:
-        yield "The recorded dances have one song only, so there is no row of recorded dances with another song."
+        yield Note(
+            "The recorded dances have one song only, so there is no row of recorded dances with another song.", RECORDED
+        )
     if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
-        yield f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more."
+        yield Note(f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more.")
     yield from _doubtful_inputs(evaluation)
     if deaf := list(_deaf_measures(evaluation)):
-        yield (
+        yield Note(
             "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
-            f"may say nothing about the music: {'; '.join(deaf)}."
+            f"may say nothing about the music: {'; '.join(measure_of(name).words for name in deaf)}.",
+            *deaf,
         )
     for name in FEATURES:
         if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
-            yield f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}."
-    distances = [one for (row, name), one in evaluation.sets.items() if name.startswith("fid_") and row != RECORDED]
+            yield Note(f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}.", *missing)
+    frechet = [name for name in evaluation.set_measures if name.startswith("fid_")]
+    distances = [one for (row, name), one in evaluation.sets.items() if name in frechet and row != RECORDED]
     if distances and min(one.n for one in distances) < FEW:
-        yield (
+        yield Note(
             f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
             "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
             "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
             "Chance stays too: below "
-            f"about {FEW} dances small differences mean nothing."
+            f"about {FEW} dances small differences mean nothing.",
+            *frechet,
         )
-    if any(one.value < 0 for (_, name), one in evaluation.sets.items() if name.startswith("fid_")):
-        yield "A Fréchet distance below 0 is chance, as two samples of one distribution have it in every second case."
+    if below := dict.fromkeys(name for (_, name), one in evaluation.sets.items() if name in frechet and one.value < 0):
+        yield Note(
+            "A Fréchet distance below 0 is chance, as two samples of one distribution have it in every second case.",
+            *below,
+        )
     for row in evaluation.systems:
         if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
-            yield (
+            yield Note(
                 f"Only {likely:.0%} of the dances of {row} move like the recorded dancers: its harmony means little, "
-                "as that of a statue on a turntable does."
+                "as that of a statue on a turntable does.",
+                row,
             )
         if len(evaluation.systems) > 1 and counts[row].songs < FEWEST_SONGS:
-            yield f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}."
+            yield Note(f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}.", row)
     if "likeness" in evaluation.measures and evaluation.options.limits is None:
-        yield "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in."
+        yield Note(
+            "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in.",
+            "likeness",
+        )
     elif "likeness" in evaluation.measures:
-        yield (
+        yield Note(
             "The limits of likeness are the recorded dances' own, so that it is no finding that these pass."
-            + (_NARROW if counts[RECORDED].dances < ENOUGH else "")
+            + (_NARROW if counts[RECORDED].dances < ENOUGH else ""),
+            "likeness",
         )
     yield from _assumptions(evaluation)
     if evaluation.errors:
-        yield f"{len(evaluation.errors)} dances could not be measured and are in no number."
+        yield Note(f"{len(evaluation.errors)} dances could not be measured and are in no number.")
 
 
-def _doubtful_inputs(evaluation: Evaluation) -> Iterator[str]:
+def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
     """Remarks on means over fewer songs than others, on frame rates that differ, and on bodies of no human size."""
     means, rows = evaluation.means, (*evaluation.systems, RECORDED)
     rates = {row: _listed(evaluation.facts[row]["fps"]) for row in rows}
@@ -88,33 +117,37 @@ def _doubtful_inputs(evaluation: Evaluation) -> Iterator[str]:
     ):
         songs = evaluation.songs[name].groupby(level="system").agg(["count", "size"])
         if few := [f"{row} ({one['count']} of {one['size']})" for row, one in songs.iterrows() if one.nunique() > 1]:
-            yield (
+            yield Note(
                 f'No number "{measure_of(name).words}" for some songs of {", ".join(few)}: {reason}. Means over '
-                "different songs do not compare; the differences are over common songs."
+                "different songs do not compare; the differences are over common songs.",
+                name,
             )
     if len(set(rates.values())) > 1:
         listed = "; ".join(f"{row}: {rate}" for row, rate in rates.items())
-        yield (
+        yield Note(
             f"The frame rates differ ({listed}). Harmony and the beat measures hardly change with them; physical foot "
-            "contact, jerk and Fréchet distances may by some per cent: bring all to one rate before you rank by these."
+            "contact, jerk and Fréchet distances may by some per cent: bring all to one rate before you rank by these.",
+            *("pfc", "jerk"),
+            *(name for name in evaluation.set_measures if name.startswith("fid_")),
         )
     hands = {row: means[row, "hands"].mean for row in evaluation.rows if (row, "hands") in means}
     for row in evaluation.systems:
         if hands.get(row, 0.0) > LARGER * hands.get(RECORDED, math.inf):
-            yield (
+            yield Note(
                 f"The hands of {row} range over {hands[row]:.0f} m, those of the recorded dancers over "
                 f"{hands[RECORDED]:.1f} m: the files are hardly in metres; bring them there by `harmolab convert "
-                "--scale`."
+                "--scale`.",
+                row,
             )
 
 
 def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:
-    """The words of `MUSICAL` measures that are not clearly higher for recorded dances with their own songs."""
+    """The `MUSICAL` measures that are not clearly higher for recorded dances with their own songs."""
     for one in evaluation.differences:
         if {one.a, one.b} == {RECORDED, OTHER_SONG} and one.measure in MUSICAL:
             low = one.low if one.a == RECORDED else -one.high
             if one.songs >= FEWEST_SONGS and not low > 0:
-                yield measure_of(one.measure).words
+                yield one.measure
 
 
 def _reason(evaluation: Evaluation, name: str) -> str:
@@ -154,12 +187,12 @@ def _data(evaluation: Evaluation) -> Iterator[str]:
         )
 
 
-def _assumptions(evaluation: Evaluation) -> Iterator[str]:
+def _assumptions(evaluation: Evaluation) -> Iterator[Note]:
     """A sentence for each row on what was guessed or assumed when its dances were read; none where nothing was."""
     for row in (*evaluation.systems, RECORDED):
         if counts := {text: count for text, count in evaluation.facts[row]["assumptions"].items() if text}:
             dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
-            yield f"Assumptions in reading {row} (dances): {dances}."
+            yield Note(f"Assumptions in reading {row} (dances): {dances}.", row)
 
 
 def _listed(values: Mapping[str, int]) -> str:

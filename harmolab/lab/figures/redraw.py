@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from harmolab.lab.figures.ablation import ablation_figure, trade_off_figure
 from harmolab.lab.figures.cheating import listening_figure, tricks_figure
 from harmolab.lab.figures.quality import distances_figure
-from harmolab.lab.figures.results import disturbances_figure
+from harmolab.lab.figures.results import auc_figure, disturbances_figure
 from harmolab.lab.figures.style import MANIFEST, Saved, figures_folder, save_figure
 from harmolab.lab.figures.variants import Record
 from harmolab.lab.profile import RunProfile
@@ -35,6 +35,7 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
     return {
         "cheating_generators": listening_figure(_records(folder, "table_generators_late")),
         "cheating_tricks": tricks_figure(_records(folder, "table_cheating_tricks")),
+        "fig08b_auc_of_all_scores": auc_figure(pd.read_csv(folder / "table08b_auc.csv")),
         "fig08d_disturbances": disturbances_figure(pd.read_csv(folder / "table08g_beat_jitter.csv")),
         "fig09_frechet_distances": distances_figure(_records(folder, "table09_motion_quality")),
         "fig11_harmony_loss": ablation_figure(means, _records(folder, "table11b_gains")),

@@ -10,10 +10,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from harmolab.bar_pattern import evaluate_pattern
-from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.lab.figures.variants import LOOKS, Record, rows_by_name
+from harmolab.lab.figures.style import COLOURS, mark_synthetic, styled_axes
+from harmolab.lab.figures.variants import LOOKS, Record, by_corpus, rows_by_name
+from harmolab.lab.figures.words import corpus_words, is_synthetic, sentence
 from harmolab.params import BarPattern
 
 SCORE_LABELS = {
@@ -30,6 +33,9 @@ SCORE_LABELS = {
     "mir_eval_f": "mir_eval F, 70 ms",
 }
 
+OURS = "recommended"
+NEAR = 0.15  # beats, within which a moment is on a beat
+
 # Lines for scores and dances; none of them has a meaning elsewhere (audio, visual, hit, miss).
 SCORE_COLOURS = ("#222222", "#CC79A7", "#56B4E9", "#8C6D31", "#7F7F7F", "#6A3D9A", "#B8A9C9")
 SCORE_MARKS = ("o-", "s--", "^-.", "x:", "d-", "v--", "P-.")
@@ -38,48 +44,53 @@ JITTER_SCORES = ("recommended", "valleys", "paper", "beat_align_motion", "mir_ev
 JUDGES = MappingProxyType({"paper's harmony": ("^", SCORE_COLOURS[2]), "above chance": ("s", SCORE_COLOURS[1])})
 
 
-def draw_auc(ax: Axes, scores: Mapping[str, Mapping[str, Any]], *, title: str = "") -> Axes:
-    """AUC of each score as a dot on its chance band: a dot inside its grey band tells nothing.
+def draw_auc(ax: Axes, rows: Sequence[Record]) -> Axes:
+    """AUC of each score on its chance band, in the order of the rows; only what leaves its band has a colour.
 
     Parameters
     ----------
     ax : Axes
-    scores : the "scores" of a `harmolab compare` summary
-    title : str
+    rows : records with "score", "AUC", "chance low" and "chance high", of one corpus
     """
-    places = rows_by_name(ax, [name for name in SCORE_LABELS if name in scores], SCORE_LABELS)
-    for name, row in places.items():
-        (low, high), value = scores[name]["chance_band"], scores[name]["auc"]
-        label = None if row else "chance band (95 %)"
-        ax.barh(row, high - low, left=low, height=0.7, color=COLOURS["faint"], label=label)
-        colour = COLOURS["hit"] if value > high else COLOURS["ink"] if value >= low else COLOURS["miss"]
-        ax.plot(value, row, "o" if value > high else "x", color=colour, markersize=8, markeredgewidth=2)
-        ax.annotate(f"{value:.2f}", (value, row), xytext=(9, 0), textcoords="offset points", va="center", color=colour)
+    places = rows_by_name(ax, [row["score"] for row in rows], SCORE_LABELS)
+    for row in rows:
+        place, low, high, value = places[row["score"]], row["chance low"], row["chance high"], row["AUC"]
+        ax.barh(place, high - low, left=low, height=0.7, color=COLOURS["faint"], label="chance band (95 %)")
+        colour = COLOURS["hit"] if value > high else COLOURS["chance"] if value >= low else COLOURS["miss"]
+        ax.plot(value, place, "o" if value > high else "x", color=colour, markersize=7, markeredgewidth=2)
+        ax.annotate(
+            f"{value:.2f}", (max(value, high), place), xytext=(8, 0), textcoords="offset points", va="center",
+            fontsize=9, color=colour,
+        )  # fmt: skip
+    for label in ax.get_yticklabels():
+        if label.get_text() == SCORE_LABELS[OURS]:
+            label.set_fontweight("bold")
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
-    ax.set_xlim(0, 1.1)
-    ax.set_xlabel("AUC: true above wrong music (0.5 = coin, 1 = always)")
-    ax.set_title(title)
+    ax.set_xlim(0, 1.15)
     return ax
 
 
-def draw_patterns(ax: Axes, patterns: Mapping[str, BarPattern]) -> Axes:
-    """Learnt course of shape speed over the beats, one line a dance; beats are vertical lines."""
-    longest = max(pattern.beats for pattern in patterns.values())
-    styles = zip(patterns.items(), ["-", "--", "-.", ":", "-", "--", "-."], SCORE_COLOURS, strict=False)
-    for (name, pattern), style, colour in styles:
-        positions = np.linspace(0, pattern.beats, 200)
-        values = evaluate_pattern(pattern, positions)
-        ax.plot(positions, values, style, color=colour, label=f"{name} ({pattern.beats} beats)")
-    for beat in range(longest + 1):
+def draw_pattern(ax: Axes, pattern: BarPattern) -> Axes:
+    """Learnt course of shape speed over the beats of a bar, named 1, 2, 3; an arrow to the fastest moment."""
+    positions = np.linspace(0, pattern.beats, 200)
+    values = evaluate_pattern(pattern, positions)
+    ax.fill_between(positions, values, 0.0, color=COLOURS["visual"], alpha=0.25, linewidth=0)
+    ax.plot(positions, values, color=COLOURS["visual"], linewidth=2)
+    top = int(np.argmax(values))
+    ax.annotate(
+        "fastest here", (positions[top], values[top]), (0, 16), textcoords="offset points", ha="center", va="bottom",
+        fontsize=9, arrowprops={"arrowstyle": "->", "color": COLOURS["ink"]}, annotation_clip=False,
+    )  # fmt: skip
+    for beat in range(pattern.beats + 1):
         ax.axvline(beat, color=COLOURS["audio"], linewidth=1, alpha=0.6)
-    ax.axhline(0, color=COLOURS["faint"], linewidth=1, zorder=0)
-    ax.set(xlabel="beat of the cycle (0 = first beat of the bar)", ylabel="shape speed (SD from its mean)")
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    ax.axhline(0, color=COLOURS["chance"], linewidth=0.8, zorder=0)
+    ax.set_xticks(range(pattern.beats + 1), [*(str(beat + 1) for beat in range(pattern.beats)), "1"])
+    ax.set_xlim(0, pattern.beats)
     return ax
 
 
 def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
-    """Share of inharmonious clips picked out, one bar a judge; the paper's viewers hatched, in their own colour.
+    """Share of inharmonious clips picked out, one bar a judge, its number inside; the paper's viewers hatched.
 
     Parameters
     ----------
@@ -88,15 +99,18 @@ def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
     places = rows_by_name(ax, list(table["judge"]))
     for judge in table.to_dict("records"):
         human, row = pd.notna(judge["paper"]), places[judge["judge"]]
-        value, end = (judge["paper"], judge["paper"]) if human else (judge["harmolab"], judge["high"])
+        value = judge["paper"] if human else judge["harmolab"]
         colour, hatch = (COLOURS["chance"], "//") if human else (SCORE_COLOURS[2], None)
         ax.barh(row, value, color=colour, hatch=hatch, height=0.65, edgecolor="white")
         if not human:
-            ax.plot([judge["low"], judge["high"]], [row, row], color=COLOURS["ink"], linewidth=2)
-        ax.annotate(f" {value:.0%}", (max(value, end), row), va="center")
-    ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1.5)
-    ax.set_xlim(0, 1.12)
-    ax.set_xlabel("inharmonious clips picked out (dotted: by guessing; black: 95 % of draws)")
+            ax.plot([judge["low"], judge["high"]], [row, row], color=COLOURS["ink"], linewidth=2, gid="interval")
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+        ax.annotate(f"{value:.0%}", (0.02, row), va="center", fontweight="bold", bbox=box)
+    ax.axvline(0.5, color=COLOURS["ink"], linestyle=":", linewidth=1.5)
+    ax.annotate("guessing", (0.5, len(places) - 0.45), ha="center", va="bottom", fontsize=9)
+    ax.set_ylim(-0.6, len(places) - 0.1)
+    ax.set_xlim(0, 1.0)
+    ax.set_xlabel("share of inharmonious clips picked out (black: 95 % of draws)")
     return ax
 
 
@@ -117,34 +131,90 @@ def draw_disturbances(ax: Axes, table: pd.DataFrame, scores: Sequence[str]) -> A
     return ax
 
 
-def auc_figure(summaries: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """`draw_auc` for several corpora, four in a row at most.
+def auc_figure(table: pd.DataFrame) -> Figure:
+    """`draw_auc` for each corpus, two in a row, scores in the order of their AUC in the first; titles count who tells.
 
     Parameters
     ----------
-    summaries : corpus -> the summary of its comparison
+    table : DataFrame with a row a corpus and score, as `harmolab.lab.experiments.discrimination.auc_table` returns it
     """
-    columns = min(len(summaries), 4)
-    rows = -(-len(summaries) // columns)
-    with styled_axes((4.4 + 3.6 * columns, 4.6 * rows), rows, columns, sharey=True) as (figure, axes):
-        for ax, (name, summary) in zip(axes, summaries.items(), strict=False):
-            draw_auc(ax, summary["scores"], title=f"{name} (n = {summary['n']}, {summary['beats']} beats)")
-        for ax in axes[len(summaries) :]:
+    corpora = by_corpus([dict(row) for _, row in table.iterrows() if row["score"] in SCORE_LABELS])
+    order = [row["score"] for row in sorted(next(iter(corpora.values())), key=lambda row: -row["AUC"])]
+    lines = -(-len(corpora) // 2)
+    with styled_axes((9.0, (0.24 * len(order) + 0.75) * lines + 0.9), lines, 2, sharey=True) as (figure, axes):
+        for ax, (corpus, rows) in zip(axes, corpora.items(), strict=False):
+            draw_auc(ax, sorted(rows, key=lambda row: order.index(row["score"]))).set_title(_tellers(rows), fontsize=10)
+            if is_synthetic(corpus):
+                mark_synthetic(ax)
+        for ax in axes[len(corpora) :]:
             ax.set_visible(False)
+        figure.supxlabel("AUC: how often the true music scores above late music (0.5: a coin, 1: always)", fontsize=10)
+        look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 2}
+        handles = [
+            Line2D([], [], marker="o", color=COLOURS["hit"], label="above its chance band: tells", **look),
+            Line2D([], [], marker="x", color=COLOURS["chance"], label="inside: tells nothing", **look),
+            Line2D([], [], marker="x", color=COLOURS["miss"], label="below: prefers late music", **look),
+            Patch(color=COLOURS["faint"], label="chance band (95 %)"),
+        ]
+        figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=9)
     return figure
 
 
-def patterns_figure(patterns: Mapping[str, BarPattern], *, title: str) -> Figure:
-    """`draw_patterns` in a figure of its own."""
-    with styled_axes((8.0, 3.8)) as (figure, (ax,)):
-        draw_patterns(ax, patterns).set_title(title)
+def _tellers(rows: Sequence[Record]) -> str:
+    """The scores of a corpus that lie above their chance bands, counted, and whether ours is one of them."""
+    corpus, windows, beats = (rows[0][name] for name in ("corpus", "windows", "beats"))
+    above = [row["score"] for row in rows if row["AUC"] > row["chance high"]]
+    ours = (", ours too" if len(above) > 1 else ", ours") if OURS in above else ""
+    about = f"{sentence(corpus_words(corpus))} ({windows} windows):"
+    return f"{about}\n{len(above) or 'none'} of {len(rows)} scores tell{ours} ({beats} beats)"
+
+
+def patterns_figure(patterns: Mapping[str, BarPattern], *, corpus: str) -> Figure:
+    """`draw_pattern` of each dance in a panel of its own, with the place of its fastest moment as title."""
+    lines = -(-len(patterns) // 2)
+    with styled_axes((9.0, 2.5 * lines + 0.4), lines, 2, sharey=True) as (figure, axes):
+        for ax, (dance, pattern) in zip(axes, patterns.items(), strict=False):
+            draw_pattern(ax, pattern).set_title(f"{dance}: {_fastest(pattern)}", pad=26, fontsize=10.5)
+            ax.set_xlabel("beat of the cycle")
+        for ax in axes[len(patterns) :]:
+            ax.set_visible(False)
+        for ax in axes[::2]:
+            ax.set_ylabel("shape speed (SD)")
+        title = f"Dancers do not all stop on the beat ({corpus_words(corpus)})" if _any_off_beat(patterns) else ""
+        figure.suptitle(title or corpus_words(corpus), x=0.01, ha="left", fontsize=12)
     return figure
 
 
-def picks_figure(table: pd.DataFrame, *, title: str) -> Figure:
-    """`draw_picks` in a figure of its own."""
-    with styled_axes((8.0, 2.8)) as (figure, (ax,)):
-        draw_picks(ax, table).set_title(title)
+def _slowest(pattern: BarPattern) -> float:
+    """Beats from the slowest moment of a pattern to the nearest beat."""
+    positions = np.linspace(0, pattern.beats, 200)
+    place = float(positions[np.argmin(evaluate_pattern(pattern, positions))])
+    return abs(place - round(place))
+
+
+def _any_off_beat(patterns: Mapping[str, BarPattern]) -> bool:
+    return any(_slowest(pattern) > NEAR for pattern in patterns.values())
+
+
+def _fastest(pattern: BarPattern) -> str:
+    """The place of the fastest moment in words: on a beat, or between two."""
+    positions = np.linspace(0, pattern.beats, 200)
+    place = float(positions[np.argmax(evaluate_pattern(pattern, positions))])
+    beat = round(place) % pattern.beats + 1
+    if abs(place - round(place)) <= NEAR:
+        return f"fastest on {beat}"
+    before = int(place) % pattern.beats + 1
+    return f"fastest between {before} and {before % pattern.beats + 1}"
+
+
+def picks_figure(table: pd.DataFrame, *, corpus: str) -> Figure:
+    """`draw_picks` in a figure of its own; its title is the best score beside guessing."""
+    scores = table[table["paper"].isna()]
+    best = scores.sort_values("harmolab").iloc[-1]
+    sure = "better than guessing" if best["low"] > 0.5 else "not clearly better than guessing"
+    with styled_axes((9.0, 3.0)) as (figure, (ax,)):
+        draw_picks(ax, table).set_title(f"Best score: {best['judge']}, {sure}")
+        ax.set_xlabel(f"{ax.get_xlabel()}; {corpus_words(corpus)}")
     return figure
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from textwrap import fill
@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 from harmolab.io.files import PathLike, plain, write_text
 from harmolab.lab.evaluate.evaluation import CLIPS, Evaluation, Extreme
-from harmolab.lab.evaluate.methods import methods_paragraph, table_notes
+from harmolab.lab.evaluate.methods import Note, methods_paragraph, table_notes
+from harmolab.lab.evaluate.pairing import RECORDED
 from harmolab.lab.evaluate.rows import pair_clip
 from harmolab.lab.evaluate.summary import measure_of
 from harmolab.lab.evaluate.table_files import number_text, table_content, table_csv, table_records, table_tex
@@ -64,18 +65,22 @@ def evaluation_page(evaluation: Evaluation) -> str:
     records = table_records(evaluation)
     panels = [_panel(evaluation, name) for name in DRAWN if name in evaluation.measures]
     left_out = [*evaluation.errors, *evaluation.unpaired]
+    notes = list(table_notes(evaluation))
     return rendered(
         "evaluation.html.j2",
         title=f"{', '.join(evaluation.systems)}: harmony and movement",
-        records=records,
-        groups=[[_line(records, name) for name in names] for names in (evaluation.measures, evaluation.set_measures)],
+        findings=list(findings(evaluation)),
+        records=[{**record, "marks": _marks(notes, record["system"])} for record in records],
+        groups=[
+            [_line(records, name, notes) for name in names] for names in (evaluation.measures, evaluation.set_measures)
+        ],
         wide=png_text(distributions_figure(panels, columns=WIDE[0], width=WIDE[1])),
         narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
         differences=list(_differences(evaluation)),
         compared=len(evaluation.systems) > 1,
         dances=list(_players(evaluation)),
         shown_seconds=SHOWN_SECONDS,
-        notes=list(table_notes(evaluation)),
+        notes=notes,
         methods=methods_paragraph(evaluation),
         left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
         more=max(0, len(left_out) - LISTED),
@@ -83,11 +88,35 @@ def evaluation_page(evaluation: Evaluation) -> str:
     )
 
 
-def _line(records: list[dict[str, Any]], name: str) -> dict[str, Any]:
-    """A line of the page's table: the words for a measure, its direction, and a cell for each row of the table."""
+def _line(records: list[dict[str, Any]], name: str, notes: Sequence[Note]) -> dict[str, Any]:
+    """A line of the page's table: a measure in words, its direction, remarks, and a cell for each row of the table."""
     measure = measure_of(name)
     cells = [_cell(record, name) for record in records]
-    return {"words": measure.words, "better": measure.better, "cells": cells}
+    return {"words": measure.words, "better": measure.better, "cells": cells, "marks": _marks(notes, name)}
+
+
+def _marks(notes: Sequence[Note], name: str) -> list[int]:
+    """Numbers of the remarks that concern a row or a measure, from 1."""
+    return [number for number, note in enumerate(notes, 1) if name in note.about]
+
+
+def findings(evaluation: Evaluation) -> Iterator[str]:
+    """A sentence for each system: its harmony above chance beside that of the recorded dances, and its likeness."""
+    clear = {frozenset((one.a, one.b)): one.is_clear for one in evaluation.differences if one.measure == "harmony"}
+    recorded = evaluation.means.get((RECORDED, "harmony"))
+    for system in evaluation.systems:
+        mean = evaluation.means.get((system, "harmony"))
+        if mean is None or recorded is None:
+            yield f"{system}: no harmony above chance could be measured."
+            continue
+        if not clear.get(frozenset((system, RECORDED))):
+            relation = "cannot be told from the recorded dances"
+        else:
+            relation = f"goes with its music {'more' if mean.mean > recorded.mean else 'less'} than the recorded dances"
+        likeness = evaluation.means.get((system, "likeness"))
+        likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like theirs."
+        numbers = f"harmony above chance {number_text(mean.mean)} beside {number_text(recorded.mean)}"
+        yield f"{system} {relation} ({numbers}).{likely}"
 
 
 def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
