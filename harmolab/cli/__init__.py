@@ -14,6 +14,7 @@ from harmolab.cli.comparing import compare, learn
 from harmolab.cli.converting import convert
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
+from harmolab.cli.demonstrating import demo
 from harmolab.cli.evaluating import evaluate
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
@@ -31,7 +32,7 @@ app = typer.Typer(
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
 PANELS = {
-    "Start here": (score, explain, play, dance, render),
+    "Start here": (demo, score, explain, play, dance, render),
     "The music": (beats, tap),
     "Many dances": (evaluate, compare, learn),
     "Movement": (retime, convert),

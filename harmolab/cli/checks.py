@@ -13,7 +13,7 @@ from typer.core import TyperCommand
 from harmolab.cli.screen import Quiet, Verbose, detail, plain_errors, quiet_decoders, refuse, said_level
 from harmolab.io import files
 
-OUTPUTS = ("out", "plot", "clicks")  # parameters that name what a command writes; every other path is read
+OUTPUTS = ("out", "plot", "clicks", "csv")  # parameters that name what a command writes; every other path is read
 FOLDERS = ("train", "report")  # commands whose output is a folder that they look into themselves
 FORCE = "--force"
 
