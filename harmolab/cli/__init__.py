@@ -51,7 +51,10 @@ def report(
     out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("report"),
     profile: Annotated[Literal["quick", "full"], typer.Option(help="quick (minutes) or full.")] = "quick",
 ) -> None:
-    """Run the notebooks and build the offline HTML report."""
+    """Run the notebooks and build the offline HTML report.
+
+    Example: `harmolab report --notebooks notebooks --out report`
+    """
     from harmolab.lab.report.run import TIMEOUTS, build, print_outcome
 
     with plain_errors():

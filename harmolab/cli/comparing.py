@@ -133,7 +133,10 @@ def learn(
     corpus: Annotated[Path, typer.Argument(help="Folder of recordings with beats.json.")],
     out: Annotated[Path, typer.Option(help="Where to write the patterns (JSON).")],
 ) -> None:
-    """Learn each dance's bar pattern, for `harmolab score --pattern`."""
+    """Learn each dance's bar pattern, for `harmolab score --pattern`.
+
+    Example: `harmolab learn recordings --out patterns.json`
+    """
     from harmolab.bar_pattern import save_patterns
     from harmolab.lab.compare.windows import dance_patterns
 

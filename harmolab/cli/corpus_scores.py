@@ -43,8 +43,8 @@ def score_corpus(context: typer.Context, corpus: Path, scored: Scored, *, table:
     as_json : print the rows as JSON
     """
     with plain_errors():
-        if told := [name for name in FOR_ONE if is_told(context, name)]:
-            raise ValueError(f"--{told[0]} is for one recording, and {corpus} holds several; leave it out")
+        if misplaced := [name for name in FOR_ONE if is_told(context, name)]:
+            raise ValueError(f"--{misplaced[0]} is for one recording, and {corpus} holds several; leave it out")
         if table is not None:
             check_out(table, "a table", (".csv",))
         rows = list(recording_rows(corpus, scored))

@@ -31,9 +31,9 @@ def demo(
     with plain_errors():
         common.check_out(out, "the page", common.PAGES)
         with waiting("making the page"):
-            from harmolab.lab.widgets.demo import demo as made
+            from harmolab.lab.widgets import demo as pages
 
-            page = made()
+            page = pages.demo()
             page.player.save(out)
     typer.echo("A page with two dancers, who are one: recorded salsa, laid on the beats of a synthetic song.")
     for name, score in (("left, in time", page.in_time), (f"right, {page.late:.2f} s late", page.delayed)):

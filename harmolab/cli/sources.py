@@ -52,17 +52,17 @@ def sources(
     """
     from harmolab.corpora.files import check_dance
 
-    found = _paired(context, song, motion)
-    found = found._replace(beats=beats or found.beats, dance=dance or found.dance)
+    files = _paired(context, song, motion)
+    files = files._replace(beats=beats or files.beats, dance=dance or files.dance)
     # A name on the command line is to be known, or it would change nothing; a pattern file has names of its own.
     is_free = not dance or context.params.get("pattern") is not None
-    check_dance(found.dance, found.beats if is_free else None, one)
-    if found.is_video and (told := [name for name in FOR_FILES if is_told(context, name)]):
-        raise ValueError(f"--{told[0]} is for motion files, and {found.motion} is a video; leave it out")
-    for word, path in {"song": found.song, "dance": found.motion, "beats": found.beats}.items():
+    check_dance(files.dance, files.beats if is_free else None, one)
+    if files.is_video and (misplaced := [name for name in FOR_FILES if is_told(context, name)]):
+        raise ValueError(f"--{misplaced[0]} is for motion files, and {files.motion} is a video; leave it out")
+    for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
         if path is not None:
             detail(f"reads {word}: {path}")
-    return found
+    return files
 
 
 def _paired(context: typer.Context, song: Path, motion: Path | None) -> Sources:
