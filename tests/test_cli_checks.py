@@ -20,8 +20,8 @@ from typer.models import ArgumentInfo
 from typer.testing import Result
 
 from harmolab.cli import app
-from harmolab.cli.screen import printable
 from harmolab.cli.comparing import print_comparison
+from harmolab.cli.screen import printable
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.files import is_own_file, keep_arrays
 from harmolab.io.motion import load_motion, save_motion

@@ -14,6 +14,7 @@ from harmolab.cli.comparing import compare, learn
 from harmolab.cli.converting import convert
 from harmolab.cli.dancing import dance
 from harmolab.cli.data import data_app
+from harmolab.cli.demonstrating import demo
 from harmolab.cli.evaluating import evaluate
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
@@ -31,7 +32,7 @@ app = typer.Typer(
     help="Is this motion in harmony with this music? A number beside its chance level, a picture, a comparison.",
 )
 PANELS = {
-    "Start here": (score, explain, play, dance, render),
+    "Start here": (demo, score, explain, play, dance, render),
     "The music": (beats, tap),
     "Many dances": (evaluate, compare, learn),
     "Movement": (retime, convert),
@@ -50,7 +51,10 @@ def report(
     out: Annotated[Path, typer.Option(help="Folder to write.")] = Path("report"),
     profile: Annotated[Literal["quick", "full"], typer.Option(help="quick (minutes) or full.")] = "quick",
 ) -> None:
-    """Run the notebooks and build the offline HTML report."""
+    """Run the notebooks and build the offline HTML report.
+
+    Example: `harmolab report --notebooks notebooks --out report`
+    """
     from harmolab.lab.report.run import TIMEOUTS, build, print_outcome
 
     with plain_errors():

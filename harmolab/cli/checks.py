@@ -13,7 +13,7 @@ from typer.core import TyperCommand
 from harmolab.cli.screen import Quiet, Verbose, detail, plain_errors, quiet_decoders, refuse, said_level
 from harmolab.io import files
 
-OUTPUTS = ("out", "plot", "clicks")  # parameters that name what a command writes; every other path is read
+OUTPUTS = ("out", "plot", "clicks", "csv")  # parameters that name what a command writes; every other path is read
 FOLDERS = ("train", "report")  # commands whose output is a folder that they look into themselves
 FORCE = "--force"
 
@@ -80,9 +80,11 @@ def options_of(function: Callable[..., None]) -> list[Any]:
 def _settings(context: typer.Context) -> str:
     """Names and values of all parameters of a call, those that were told apart from the others."""
     values = {name: value for name, value in context.params.items() if value not in (None, "", [], ())}
-    told = [f"{name} {value}" for name, value in values.items() if is_told(context, name)]
-    usual = [f"{name} {value}" for name, value in values.items() if not is_told(context, name)]
-    return "; ".join([", ".join(told) or "no options", *([f"by default {', '.join(usual)}"] if usual else [])])
+    asked, usual = (
+        ", ".join(f"{name} {value}" for name, value in values.items() if is_told(context, name) is is_asked)
+        for is_asked in (True, False)
+    )
+    return f"{asked or 'no options'}; by default {usual or 'nothing'}"
 
 
 def check_numbers(context: typer.Context) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import webbrowser
+from collections.abc import Callable
 from enum import StrEnum
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harmolab.cli.screen import note, refuse
+from harmolab.cli.screen import detail, note, refuse
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
@@ -25,13 +26,14 @@ if TYPE_CHECKING:
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
+LEVELS = ("cannot tell", "no sign", "no place", "late or early", "on the beat")  # of the verdict, in a few words
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")
 
 
 def _not(suffixes: tuple[str, ...], path: Path | None) -> Path | None:
     """The path of a song or a dance; an end of the command where its name is that of the other."""
     if path is not None and path.suffix.lower() in suffixes:
-        refuse(f"{path}: the order is SONG DANCE, the music first and then the movement; swap the two")
+        refuse(f"{path}: the order is SONG DANCE, the music first and then the movement")
     return path
 
 
@@ -56,11 +58,11 @@ Song = Annotated[
 _DANCE: Any = typer.Argument(
     metavar="DANCE",
     callback=lambda path: _not(SOUNDS, path),
-    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE), key points, or a Tang "
-    "2018 folder; to explain and retime also a video.",
+    help="The motion: npz, npy, bvh, c3d, SMPL parameters (AMASS, AIST++, EDGE, FACT, LODGE), key points, a Tang 2018 "
+    "folder, or a video. Left out where SONG is the folder of a recording, or a video with its music.",
+    show_default=False,
 )
-Dance = Annotated[Path, _DANCE]
-DanceOrNone = Annotated[Path | None, _DANCE]
+Dance = Annotated[Path | None, _DANCE]
 Offset = Annotated[
     float | None,
     typer.Option(
@@ -69,10 +71,26 @@ Offset = Annotated[
 ]
 Start = Annotated[float | None, typer.Option(help="Audio time in seconds to begin at (default: with the motion).")]
 Seconds = Annotated[float | None, typer.Option(help="Only so many seconds from there.")]
+
+
+def dance_names(incomplete: str) -> list[str]:
+    """The dances that begin so, for the shell to complete."""
+    from harmolab.params import DANCES
+
+    return [name for name in DANCES if name.startswith(incomplete)]
+
+
+def completed(*names: str) -> Callable[[str], list[str]]:
+    """A function that completes names in the shell."""
+    return lambda incomplete: [name for name in names if name.startswith(incomplete)]
+
+
 DanceName = Annotated[
     str,
     typer.Option(
-        "--dance", help="Dance of the music (waltz, ...): what its dancers do in the bar, and its usual tempo."
+        "--dance",
+        autocompletion=dance_names,
+        help="Dance of the music (waltz, ...): what its dancers do in the bar, and its usual tempo.",
     ),
 ]
 Beats = Annotated[
@@ -151,7 +169,11 @@ def print_music(beats: BeatTrack) -> None:
 
 
 def note_assumptions(path: PathLike, file: MotionFile) -> None:
-    """A line on what was guessed or assumed when a motion file was read; none where nothing was."""
+    """A line on what was guessed or assumed when a motion file was read; with --verbose on all of it."""
+    frames, joints, _ = file.motion.positions.shape
+    detail(f"{Path(path).name}: {file.kind}, {frames} frames of {joints} joints at {file.motion.fps:g} a second")
+    for sentence in file.notes:
+        detail(f"{Path(path).name}: read: {sentence}")
     if file.assumptions:
         note(f"{Path(path).name}: read as {'; '.join(file.assumptions)}")
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harmolab.cli.common import (
+    LEVELS,
     AsJson,
     Force,
     Jobs,
@@ -72,14 +73,17 @@ def compare(
 
     Example of a large corpus, called again after it was cut off: `harmolab compare demo --out rows --resume`
     """
+    from harmolab.corpora.files import check_dances, corpus_dances
     from harmolab.lab.compare.auc import compare as run
     from harmolab.lab.compare.rows import Processes
 
     with plain_errors():
         if resume and out is None:
             raise ValueError("--resume goes on with the rows in a folder; name it by --out")
+        if names := names_in(dances):
+            check_dances(corpus, names, corpus_dances(corpus))
         result = run(
-            corpus, dances=names_in(dances), window=window or None, null=null.value, fit_on=fit_on,
+            corpus, dances=names, window=window or None, null=null.value, fit_on=fit_on,
             beats=beats.value if beats else None, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
             processes=Processes(processes(jobs), scheduler, out, resume, force),
         )  # fmt: skip
@@ -119,8 +123,7 @@ def _level_table(levels: dict[str, list[int]]) -> Table:
     """A table of the number of whole recordings that reach each level."""
     from rich.table import Table
 
-    names = ("cannot tell", "no sign", "no place", "late or early", "on the beat")
-    table = Table("music", *(f"{level} {name}" for level, name in enumerate(names)), title="recordings by verdict")
+    table = Table("music", *(f"{level} {name}" for level, name in enumerate(LEVELS)), title="recordings by verdict")
     for music, counts in levels.items():
         table.add_row(music, *map(str, counts))
     return table
@@ -130,7 +133,10 @@ def learn(
     corpus: Annotated[Path, typer.Argument(help="Folder of recordings with beats.json.")],
     out: Annotated[Path, typer.Option(help="Where to write the patterns (JSON).")],
 ) -> None:
-    """Learn each dance's bar pattern, for `harmolab score --pattern`."""
+    """Learn each dance's bar pattern, for `harmolab score --pattern`.
+
+    Example: `harmolab learn recordings --out patterns.json`
+    """
     from harmolab.bar_pattern import save_patterns
     from harmolab.lab.compare.windows import dance_patterns
 

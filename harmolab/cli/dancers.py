@@ -145,6 +145,7 @@ def _check_choice(
 
 def _choreographer(context: typer.Context, corpus: Path | None, scale: float | None, style: str, dance: str) -> Dancer:
     """The choreographer of a corpus or of a bank; ValueError for a dance that neither it nor the tempo table knows."""
+    from harmolab.corpora.files import unknown_dance
     from harmolab.params import DANCES
     from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
     from harmolab.systems.choreographer.kept import load_corpus
@@ -153,7 +154,7 @@ def _choreographer(context: typer.Context, corpus: Path | None, scale: float | N
         shipped_bank(style, dance) if corpus is None else load_corpus(corpus, scale=scale, progress=progress)
     )
     if dance and dance not in (dances := {*DANCES, *choreographer.dances}):
-        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted(dances))}")
+        raise unknown_dance(dance, dances)
     if corpus is not None:
         return _of_recordings(context, choreographer)
     limits = None if style == PUPPET else choreographer.limits

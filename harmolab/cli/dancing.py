@@ -17,6 +17,8 @@ from harmolab.cli.common import (
     PatternFile,
     Scale,
     Song,
+    completed,
+    dance_names,
     print_music,
     recommended,
 )
@@ -59,13 +61,17 @@ def dance(
     scale: Scale = None,
     style: Annotated[
         str | None,
-        typer.Option(help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic)."),
+        typer.Option(
+            help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic).",
+            autocompletion=completed("salsa", "indian", "puppet"),
+        ),
     ] = None,
     dance: Annotated[
         str,
         typer.Option(
             help="What the music is (waltz, ...): its usual tempo, and the dance to be judged as. With --weights of "
-            'music2dance, --dance "" asks their classifier.'
+            'music2dance, --dance "" asks their classifier.',
+            autocompletion=dance_names,
         ),
     ] = "",
     one: One = None,
@@ -78,7 +84,11 @@ def dance(
         typer.Option(metavar="CM", help="Move joints by so many cm at most, to fit the beats better (needs torch)."),
     ] = None,
     system: Annotated[
-        str | None, typer.Option(help="choreographer (default), harmogan, or another; package.module:Class.")
+        str | None,
+        typer.Option(
+            help="choreographer (default), harmogan, or another; package.module:Class.",
+            autocompletion=completed("choreographer", "harmogan", "lee2019", "music2dance", "ren2020"),
+        ),
     ] = None,
     weights: Annotated[
         Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file; it knows its system.")
@@ -88,7 +98,8 @@ def dance(
     feet: Annotated[
         str | None,
         typer.Option(
-            help="How, in music2dance: planted (default), model (a network that was trained for it), or none."
+            help="How, in music2dance: planted (default), model (a network that was trained for it), or none.",
+            autocompletion=completed("planted", "model", "none"),
         ),
     ] = None,
     temperature: Annotated[

@@ -25,7 +25,10 @@ def data_check(
     path: Annotated[Path, typer.Argument(help="A file, a sequence folder or a corpus.")],
     as_json: AsJson = False,
 ) -> None:
-    """Contents of a file or corpus, and what is odd about it."""
+    """Contents of a file or corpus, and what is odd about it.
+
+    Example: `harmolab data check dance.bvh`
+    """
     from rich.console import Console
     from rich.table import Table
 
@@ -71,6 +74,8 @@ def data_synth(
     """Make music and dance whose beats were planted, as ordinary files (wav, npz, beats.json).
 
     A run that was cut off goes on where it stopped.
+
+    Example: `harmolab data synth demo --clips 14 --seconds 20`
     """
     from harmolab.corpora.synthetic import write_corpus
 

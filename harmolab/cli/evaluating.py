@@ -17,6 +17,7 @@ from harmolab.cli.common import (
     Smpl,
     Up,
     check_pages,
+    completed,
     processes,
 )
 from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
@@ -54,7 +55,13 @@ def evaluate(
         Path | None,
         typer.Option(help="CSV with the columns motion, music and perhaps system, seed, in place of names."),
     ] = None,
-    protocol: Annotated[str, typer.Option(help="Also the numbers of a published code: aist++, edge, bailando.")] = "",
+    protocol: Annotated[
+        str,
+        typer.Option(
+            help="Also the numbers of a published code: aist++, edge, bailando.",
+            autocompletion=completed("aist++", "edge", "bailando"),
+        ),
+    ] = "",
     fps: Fps = None,
     scale: Scale = None,
     smpl: Smpl = None,

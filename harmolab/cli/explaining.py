@@ -12,7 +12,8 @@ from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.checks import is_told
 from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Smpl, Song, Up
-from harmolab.cli.screen import plain_errors, progress, waiting, wrote
+from harmolab.cli.screen import plain_errors, progress, refuse, waiting, wrote
+from harmolab.cli.sources import sources
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 
@@ -20,7 +21,7 @@ FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "j
 def explain(
     context: typer.Context,
     song: Song,
-    motion: Dance,
+    motion: Dance = None,
     out: Annotated[Path | None, typer.Option(help="Also write a page, .html, with pictures and player.")] = None,
     offset: Annotated[
         float | None,
@@ -61,13 +62,17 @@ def explain(
 
     Example: `harmolab explain song.mp3 phone_video.mp4 --out dance.html`
 
-    For a video whose own sound is the only copy of the song: `harmolab explain video.mp4 video.mp4 --out dance.html`
+    For a video whose own sound is the only copy of the song: `harmolab explain video.mp4 --out dance.html`
+
+    For the folder of a recording: `harmolab explain recordings/DANCE_W_3 --out dance.html`
 
     **A pianist or violinist**: do the hands meet the notes, and where do they part?
 
     `harmolab explain take/audio.wav take/points.json --instrument piano --out playing.html`
     """
     if instrument is not None:
+        if motion is None:
+            refuse(f"{song}: --instrument takes SONG and the playing, key points or the folder of a performance")
         _explain_playing(context, song, motion, instrument, out=out, offset=offset, fps=fps, as_json=as_json)
         return
     from harmolab.lab.timing.performance import explain_performance, load_performance
@@ -75,21 +80,22 @@ def explain(
     with plain_errors():
         if out is not None:
             common.check_out(out, "the page", common.PAGES)
-        params = common.recommended(pattern, dance)
+        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        params = common.recommended(pattern, files.dance)
         performance = load_performance(
-            motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
+            files.motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
             report=common.note_assumptions, progress=progress,
         )  # fmt: skip
         with waiting("listening (the first time on a machine: half a minute)"):
             result = explain_performance(
-                song,
+                files.song,
                 performance,
                 offset=offset,
                 guess=guess,
                 search=search,
-                beats=beats,
+                beats=files.beats,
                 one=one,
-                dance=dance,
+                dance=files.dance,
                 params=params,
             )
         if out is not None:

@@ -24,13 +24,20 @@ from harmolab.cli.common import (
     Start,
     Up,
 )
-from harmolab.cli.screen import finding_beats, plain_errors, wrote
+from harmolab.cli.screen import plain_errors, wrote
+from harmolab.cli.sources import clip_of, note_lengths, sources
+
+VIDEO = (
+    "{video}: is a video, of which no body is known to play; `harmolab explain {video} --out {stem}.html` makes a page "
+    "about it, `harmolab render {video} --out {stem}_marked.mp4` marks its beats"
+)
 
 
 def play(
+    context: typer.Context,
     song: Song,
-    motion: Dance,
     out: Annotated[Path, typer.Option(help="The page to write, .html.")],
+    motion: Dance = None,
     other: Annotated[Path | None, typer.Option(help="A second motion to the same music, shown beside it.")] = None,
     offset: Offset = None,
     other_offset: Annotated[
@@ -54,26 +61,26 @@ def play(
     marks are rests of the body, or hits where it hits the beats, within a tenth of a second of the music.
 
     Example: `harmolab play song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.html`
+
+    Example: `harmolab play recordings/DANCE_W_3 --out dance.html`
     """
-    from harmolab.corpora.files import load_clip
     from harmolab.corpora.folders import load_any_motion, recorded_offset
     from harmolab.lab.widgets.player import player_of
 
     with plain_errors():
         common.check_out(out, "the player", common.PAGES)
-        params = common.recommended(pattern, dance)
-        reading: dict[str, Any] = {
-            "fps": fps, "scale": scale, "smpl": smpl, "up": up or "", "report": common.note_assumptions
-        }  # fmt: skip
-        with finding_beats():
-            clip = load_clip(
-                song, motion, offset=offset, dance=dance, beats=beats, one=one, sample_rate=None, **reading
-            )
+        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        if files.is_video:
+            raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
+        params = common.recommended(pattern, files.dance)
+        reading: dict[str, Any] = {"fps": fps, "scale": scale, "smpl": smpl, "up": up or ""}
+        clip = clip_of(files, offset=offset, seconds=None, one=one, sample_rate=None, **reading)
+        note_lengths(clip, files.song)
         clips = [clip]
         if other is not None:
             begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
-            movement, name = load_any_motion(other, **reading), other.stem or other.name
+            movement, name = load_any_motion(other, report=common.note_assumptions, **reading), other.stem or other.name
             clips.append(replace(clip, name=name, motion=movement, offset=begins))
-        title = f"{clip.name} to {song.name}"
+        title = f"{clip.name} to {files.song.name}"
         player_of(clips, start=start, seconds=seconds, title=title, params=params).save(out)
     wrote(out)

@@ -1,9 +1,9 @@
-"""`harmolab render`: a motion and its music as a video that plays anywhere."""
+"""`harmolab render`: a motion and its music as a video that plays anywhere, or as a moving picture."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -21,20 +21,36 @@ from harmolab.cli.common import (
     Seconds,
     Smpl,
     Song,
+    Start,
     Up,
     show,
 )
-from harmolab.cli.screen import finding_beats, plain_errors, progress, wrote
+from harmolab.cli.screen import plain_errors, progress, wrote
+from harmolab.cli.sources import clip_of, note_lengths, sources
+
+GIF = ".gif"
+GIF_SECONDS, GIF_HEIGHT, GIF_RATE = 5.0, 240, 12.5  # unless asked for otherwise: some hundred kilobytes
+HEIGHT = 480
+NO_GIF = "a video has more colours than a gif; choose a name that ends in .mp4 or .webm"
+NO_START = "a video is drawn from its first picture on; leave out --start"
 
 
 def render(
+    context: typer.Context,
     song: Song,
-    motion: Dance,
-    out: Annotated[Path, typer.Option(help="The video to write: .mp4 (plays everywhere) or .webm.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="The video to write: .mp4 (plays everywhere) or .webm; or .gif, for a README: without sound, 5 s "
+            "unless --seconds says otherwise."
+        ),
+    ],
+    motion: Dance = None,
     over: Annotated[
         Path | None, typer.Option(help="Draw the skeleton over this video, in which the points were found.")
     ] = None,
     offset: Offset = None,
+    start: Start = None,
     seconds: Seconds = None,
     marks: Annotated[
         bool, typer.Option(help="Marks that light up on beats: of the music, of the dancer, hits.")
@@ -44,10 +60,17 @@ def render(
     one: One = None,
     pattern: PatternFile = None,
     height: Annotated[
-        int, typer.Option(help="Pixels; the width is 4/3 of it, or the video's (never enlarged).", min=120, max=2160)
-    ] = 480,
+        int | None,
+        typer.Option(
+            help="Pixels; the width is 4/3 of it, or the video's (never enlarged).",
+            min=120,
+            max=2160,
+            show_default="480; 240 of a gif",
+        ),
+    ] = None,
     rate: Annotated[
-        float | None, typer.Option(help="Pictures a second: 30, or those of the video.", min=10, max=120)
+        float | None,
+        typer.Option(help="Pictures a second: 30 (12.5 of a gif), or those of the video.", min=10, max=120),
     ] = None,
     fps: Fps = None,
     scale: Scale = None,
@@ -58,31 +81,52 @@ def render(
     """Write a video of a motion with its music: a person on a floor, or a skeleton over the dancer's own video.
 
     With marks, the verdict and the number of `harmolab score` are printed too; the marks are rests of the body, or hits
-    where it hits the beats.
+    where it hits the beats. A video alone gets the marks, and no skeleton.
 
     Examples:
 
     `harmolab render song.mp3 dance.bvh --offset 12.4 --seconds 30 --out dance.mp4`
 
+    `harmolab render recordings/DANCE_W_3 --start 20 --out dance.gif`
+
+    `harmolab render phone_video.mp4 --out marked.mp4`
+
     `harmolab render take.mp4 keypoints/ --fps 25 --over take.mp4 --out checked.webm`
     """
-    from harmolab.corpora.files import load_clip
     from harmolab.harmony import score_clip
     from harmolab.lab.render.overlay import load_points
     from harmolab.lab.render.video import write_dance
 
-    names = common.names_in(joints) or None
+    is_gif = out.suffix.lower() == GIF
     with plain_errors():
-        common.check_out(out, "a video", common.VIDEOS_OUT)
-        params = common.recommended(pattern, dance)
-        report = common.note_assumptions
-        movement = load_points(motion, fps=fps, joints=names, report=report) if over else motion
-        with finding_beats():
-            clip = load_clip(
-                song, movement, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, track=marks, fps=fps,
-                scale=scale, joints=names, smpl=smpl, up=up or "", sample_rate=None, report=report,
-            )  # fmt: skip
-        write_dance(out, clip, over=over, marks=marks, rate=rate, height=height, params=params, progress=progress)
+        common.check_out(out, "a video", (*common.VIDEOS_OUT, GIF))
+        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        over = over or (files.motion if files.is_video else None)
+        if over is not None and (is_gif or start is not None):
+            raise ValueError(f"{over}: {NO_GIF if is_gif else NO_START}")
+        params = common.recommended(pattern, files.dance)
+        seconds = GIF_SECONDS if is_gif and seconds is None else seconds
+        reading: dict[str, Any] = {
+            "fps": fps,
+            "scale": scale,
+            "joints": common.names_in(joints) or None,
+            "smpl": smpl,
+            "up": up or "",
+        }
+        points = None
+        if over is not None and not files.is_video:
+            points = load_points(files.motion, fps=fps, joints=reading["joints"], report=common.note_assumptions)
+        clip = clip_of(
+            files, offset=offset, seconds=seconds if start is None else None, one=one, track=marks,
+            sample_rate=None, movement=points, **reading,
+        )  # fmt: skip
+        note_lengths(clip, files.song)
+        if start is not None:
+            clip = clip.span(start, seconds or clip.audio.duration - start)
+        write_dance(
+            out, clip, over=over, marks=marks, rate=rate or (GIF_RATE if is_gif else None),
+            height=height or (GIF_HEIGHT if is_gif else HEIGHT), params=params, progress=progress,
+        )  # fmt: skip
         score = score_clip(clip, params) if marks else None
     if score is not None:
         common.print_verdict(score.judgement)

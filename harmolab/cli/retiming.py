@@ -10,7 +10,8 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Song, show
-from harmolab.cli.screen import plain_errors, progress, wrote
+from harmolab.cli.screen import note, plain_errors, progress, wrote
+from harmolab.cli.sources import sources
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
@@ -29,9 +30,10 @@ class Method(StrEnum):
 
 
 def retime(
+    context: typer.Context,
     song: Song,
-    motion: Dance,
     out: Annotated[Path, typer.Option(help="npz, bvh, or mp4 or webm (with sound); mp4 or webm for a video.")],
+    motion: Dance = None,
     strength: Annotated[float, typer.Option(help="Share of every shift that is made, 0 to 1.")] = 1.0,
     phase: Annotated[float, typer.Option(help="Where in the beat to land: 0 on it, 0.5 half way to the next.")] = 0.0,
     offset: Offset = None,
@@ -53,16 +55,20 @@ def retime(
     they were before and as they are after.
 
     Example: `harmolab retime song.mp3 dance.bvh --out mended.mp4 --dance waltz`
+
+    Example: `harmolab retime phone_video.mp4 --out mended.mp4`
     """
-    from harmolab.io.video import is_video
     from harmolab.lab.render.video import retime_files
 
     with plain_errors():
-        common.check_out(out, "this", common.VIDEOS_OUT if is_video(motion) else (".npz", ".bvh", *common.VIDEOS_OUT))
+        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
+        if files.is_video and files.song != files.motion and offset is None:
+            note(f"{files.motion.name} is taken to begin with the song; --offset says where else")
         retimed = retime_files(
-            song, motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest, fastest=fastest,
-            dance=dance, beats=beats, one=one, method=method.value, fps=fps, scale=scale, progress=progress,
-            params=common.recommended(pattern, dance),
+            files.song, files.motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest,
+            fastest=fastest, dance=files.dance, beats=files.beats, one=one, method=method.value, fps=fps, scale=scale,
+            progress=progress, params=common.recommended(pattern, files.dance),
         )  # fmt: skip
     _print(retimed)
     wrote(out)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -14,8 +14,8 @@ from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.common import (
     Beats,
+    Dance,
     DanceName,
-    DanceOrNone,
     Fps,
     Joints,
     Offset,
@@ -28,10 +28,13 @@ from harmolab.cli.common import (
     Up,
     show,
 )
-from harmolab.cli.screen import finding_beats, plain_errors
+from harmolab.cli.corpus_scores import is_corpus, score_corpus
+from harmolab.cli.screen import plain_errors
+from harmolab.cli.sources import Sources, clip_of, note_lengths, sources
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
+    from harmolab.types import BeatTrack, Clip
     from harmolab.verdict.score import HarmonyScore
 
 
@@ -58,8 +61,9 @@ class Mode(StrEnum):
 
 
 def score(
+    context: typer.Context,
     song: Song,
-    motion: DanceOrNone = None,
+    motion: Dance = None,
     offset: Offset = None,
     seconds: Seconds = None,
     mode: Annotated[
@@ -79,6 +83,9 @@ def score(
         float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.", min=0.1, max=10.0)
     ] = 1.0,
     as_json: common.AsJson = False,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", help="Write a table, .csv, of a folder of recordings, a row each.")
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Save a picture of beats, hits and misses as PNG.")] = None,
     others: Annotated[
         bool, typer.Option("--others", help="Print the field's other measures too: beat alignment, mir_eval.")
@@ -101,29 +108,38 @@ def score(
     `harmolab score song.mp3 dance.bvh --offset 12.4 --dance waltz --plot score.png`
 
     `harmolab score recordings/DANCE_W_3` reads song, motion, dance and annotated beats from one folder.
+
+    `harmolab score recordings --csv table.csv` scores all recordings in a folder.
+
+    `harmolab score phone_video.mp4` scores a video with its music in it.
     """
     from harmolab.beats.meter import describe_beats
-    from harmolab.corpora.files import load_clip
-    from harmolab.corpora.folders import recording_files
-    from harmolab.harmony import music_and_motion, other_measures, score_motion
+    from harmolab.harmony import other_measures
+
+    reading: dict[str, Any] = {
+        "fps": fps,
+        "scale": scale,
+        "joints": common.names_in(joints) or None,
+        "smpl": smpl,
+        "up": up or "",
+    }
+
+    def scored(files: Sources) -> Scored:
+        modes = settings(mode, pattern, dance or files.dance, lag, clock)
+        clip = clip_of(files, offset=offset, seconds=seconds, one=one, **reading)
+        note_lengths(clip, files.song)
+        return scored_clip(clip, modes, clock)
 
     with plain_errors():
+        if motion is None and is_corpus(song):
+            score_corpus(context, song, lambda files: scored(files).scores, table=csv, as_json=as_json)
+            return
+        if csv is not None:
+            raise ValueError(f"{song}: --csv is for a folder of recordings; --json has all numbers of one")
         if plot:
             common.check_place(plot)
-        if motion is None:
-            if not song.is_dir():
-                raise ValueError(f"{song}: score takes SONG DANCE, or the folder of one recording")
-            files = recording_files(song)
-            song, motion, beats, dance = files.song, song, beats or files.beats, dance or files.dance
-        modes = settings(mode, pattern, dance, lag, clock)
-        names = common.names_in(joints) or None
-        with finding_beats():
-            clip = load_clip(
-                song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps, scale=scale,
-                joints=names, smpl=smpl, up=up or "", report=common.note_assumptions,
-            )  # fmt: skip
-        music, movement = music_and_motion(clip, clock=clock)
-        scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
+        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        clip, music, scores = scored(files)
         measures = other_measures(clip, clock=clock) if others else {}
         if plot:
             from harmolab.lab.figures.beats import score_figure
@@ -131,14 +147,30 @@ def score(
 
             write_figure(score_figure(scores, title=clip.name), plot)
     if as_json:
-        about = {"audio": str(song), "motion": str(motion), "offset": clip.offset, "version": __version__}
-        about |= {"beats": "tracked" if beats is None else str(beats), "dance": dance, "music": describe_beats(music)}
+        about = {"audio": str(files.song), "motion": str(files.motion), "offset": clip.offset, "version": __version__}
+        about |= {"beats": str(files.beats or "tracked"), "dance": files.dance, "music": describe_beats(music)}
         content = {"clip": about, **{name: result.to_dict() for name, result in scores.items()}}
         typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
         return
     common.print_verdict(next((score.judgement for score in scores.values() if score.judgement), None))
     common.print_music(music)
     print_scores(scores, measures)
+
+
+class Scored(NamedTuple):
+    """A clip, its music's beats on the motion's time line, and mode -> score."""
+
+    clip: Clip
+    music: BeatTrack
+    scores: dict[str, HarmonyScore]
+
+
+def scored_clip(clip: Clip, modes: dict[str, HarmonyParams], clock: float) -> Scored:
+    """The scores of a clip with the settings of each mode."""
+    from harmolab.harmony import music_and_motion, score_motion
+
+    music, movement = music_and_motion(clip, clock=clock)
+    return Scored(clip, music, {name: score_motion(music, movement, params=params) for name, params in modes.items()})
 
 
 def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: float) -> dict[str, HarmonyParams]:

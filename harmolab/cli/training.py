@@ -7,14 +7,16 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 from harmolab.cli.checks import is_told
+from harmolab.cli.common import completed
 from harmolab.cli.screen import plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
+LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples", "pattern", "one"}
 ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
@@ -27,7 +29,8 @@ def train(
         str,
         typer.Option(
             help="harmogan, music2dance (or its parts feet and attributes), lee2019, ren2020; audio2body (musicians); "
-            "package.module:Class."
+            "package.module:Class.",
+            autocompletion=completed(*LEARNERS),
         ),
     ] = "harmogan",
     preset: Annotated[
@@ -39,7 +42,8 @@ def train(
         ),
     ] = "small",
     params: Annotated[
-        str, typer.Option(help="HarmoGAN's losses and features: paper (Sec. 5.2) or recommended.")
+        Literal["recommended", "paper"],
+        typer.Option(help="HarmoGAN's losses and features: paper (Sec. 5.2) or recommended."),
     ] = "recommended",
     harmony_weight: Annotated[
         float | None,
@@ -55,9 +59,9 @@ def train(
         Path | None, typer.Option(help="Run of HarmoGAN on the same data whose pretraining is taken over.")
     ] = None,
     representation: Annotated[
-        str | None,
+        Literal["positions", "rotations"] | None,
         typer.Option(
-            help="Motion of music2dance and feet: positions or rotations.",
+            help="Motion of music2dance and feet.",
             show_default="positions; rotations in paper",
         ),
     ] = None,
@@ -88,7 +92,7 @@ def train(
         int, typer.Option(help="Parts of a batch; as many as processes: the same result to the last bit.", min=1)
     ] = 1,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out; start it if none.")] = False,
-    accelerator: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
+    accelerator: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Device that is trained on.")] = "auto",
 ) -> None:
     """Train a system, or a part of one. Without --system: HarmoGAN, 16 epochs of pretraining and 16 adversarial ones.
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from contextlib import suppress
 from dataclasses import replace
+from difflib import get_close_matches
 from math import inf
 from pathlib import Path
 
@@ -110,7 +112,7 @@ def load_clip(
         Both name the file. ValueError also for an unknown dance without annotated beats or with `one`, and where no
         beat is near `one`.
     """
-    _check_dance(dance, beats, one)
+    check_dance(dance, beats, one)
     if seconds is not None and not 0 < seconds < inf:
         raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
     path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
@@ -137,12 +139,19 @@ def load_clip(
     return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))
 
 
-def _check_dance(dance: str, beats: PathLike | None, one: float | None) -> None:
-    """ValueError for an unknown dance where its tempo or its bars are needed."""
+def check_dance(dance: str, beats: PathLike | None = None, one: float | None = None) -> None:
+    """ValueError for an unknown dance where its tempo or its bars are needed; names the one that was meant."""
     if dance and beats is None and dance not in DANCES:
-        raise ValueError(f"unknown dance {dance!r}; known: {', '.join(DANCES)}")
+        raise unknown_dance(dance, DANCES)
     if one is not None and dance not in DANCES:
         raise ValueError(f"to count from --one, say how long the bars are with --dance: {', '.join(DANCES)}")
+
+
+def unknown_dance(dance: str, names: Iterable[str]) -> ValueError:
+    """The error that a dance is none of `names`, with the likeliest of them."""
+    known = sorted(names)
+    meant = "".join(f"; did you mean {near!r}?" for near in get_close_matches(dance.casefold(), known, 1))
+    return ValueError(f"unknown dance {dance!r}{meant or ';'} known: {', '.join(known)}")
 
 
 def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, one: float | None = None) -> BeatTrack:
@@ -158,7 +167,7 @@ def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, 
     FileNotFoundError, ValueError
         As in `load_clip`.
     """
-    _check_dance(dance, beats, one)
+    check_dance(dance, beats, one)
     annotated = None if beats is None else load_annotation(beats).track(audio.duration)
     track = music_beats(Clip("", audio, beats=annotated, dance=dance))
     return track if one is None else with_one(track, one, DANCES[dance].meter)
@@ -211,6 +220,18 @@ def recording_folders(corpus: PathLike) -> RecordingFolders:
     if not complete.folders:
         raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
     return complete
+
+
+def corpus_dances(corpus: PathLike) -> set[str]:
+    """Names of the dances in a corpus, "" among them for recordings that name none; errors as `recording_folders`.
+
+    Neither sound nor movement is read. Recordings whose annotation is damaged are left out.
+    """
+    names = set()
+    for folder in recording_folders(corpus).folders:
+        with suppress(ValueError, OSError):
+            names.add(folders.recording_files(folder).dance)
+    return names
 
 
 def check_dances(corpus: PathLike, dances: Sequence[str], names: Set[str]) -> None:

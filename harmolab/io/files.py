@@ -44,10 +44,10 @@ LEFTOVER_SECONDS = 86_400.0  # a file that is written for a day was left by a ki
 _LEFTOVER = re.compile(r"\..+\.npz\.\d+\.\d+\.tmp")
 WRITTEN_BY = "written by harmolab"  # stands at the begin or the end of files whose format has room for it
 _ENDS = 65_536  # bytes at either end of a file that are searched for it
-# What it is in an .npz and on a page; a file of bar patterns and a BVH of ours are known by what they alone have.
+# What it is in an .npz and on a page; bar patterns, a BVH and a table of recordings are known by what ours alone have.
 _OWN = re.compile(
     rb"""written by harmolab|written_by_harmolab|<meta name="generator" content="harmolab">|"cosines": \["""
-    rb"""|End Site\n\t+\{\n\t+OFFSET 0 0 0\n\t+\}"""
+    rb"""|\Aname,dance,error,|End Site\n\t+\{\n\t+OFFSET 0 0 0\n\t+\}"""
 )
 UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
 

@@ -278,7 +278,7 @@ def write_video(
         _encode(container, coding, path, map(np.asarray, frames), Fraction(fps).limit_denominator(100_000), audio)
 
 
-def _check_frame(path: Path, frame: Frame, number: int) -> None:
+def check_frame(path: Path, frame: Frame, number: int) -> None:
     """ValueError unless the frame is a picture that a video can hold."""
     if frame.dtype != np.uint8 or frame.ndim not in (2, 3) or frame.shape[2:] not in ((), (3,)):
         raise ValueError(f"{path}: frame {number} must be (H, W) or (H, W, 3) of uint8, got {frame.shape}")
@@ -293,7 +293,7 @@ def _encode(
     first = next(frames, None)
     if first is None:
         raise ValueError(f"{path}: a video needs at least one frame, got none")
-    _check_frame(path, first, 0)
+    check_frame(path, first, 0)
     odd = [(0, side % 2) for side in first.shape[:2]] + [(0, 0)] * (first.ndim - 2)
     video = container.add_stream(coding.video, rate=rate, options=coding.options)
     video.height, video.width, video.pix_fmt = *(side + side % 2 for side in first.shape[:2]), "yuv420p"
@@ -306,7 +306,7 @@ def _encode(
         _encode_audio(container, sound, audio)
     for index, frame in enumerate(itertools.chain([first], frames)):
         if frame.shape != first.shape or frame.dtype != first.dtype:
-            _check_frame(path, frame, index)
+            check_frame(path, frame, index)
             raise ValueError(f"{path}: frame {index} has shape {frame.shape}, the first has {first.shape}")
         even = np.pad(frame, odd, mode="edge") if any(map(any, odd)) else frame
         picture = av.VideoFrame.from_ndarray(even, format="gray" if frame.ndim == 2 else "rgb24")

@@ -11,11 +11,12 @@ from harmolab.beats.audio import music_beats
 from harmolab.corpora.files import load_clip
 from harmolab.harmony import score_clip, score_motion
 from harmolab.io.files import PathLike, Progress, check_output, silent
+from harmolab.io.gif import write_gif
 from harmolab.io.motion import save_motion
-from harmolab.io.video import CODINGS, is_video, video_frames, write_video
+from harmolab.io.video import CODINGS, VideoFrames, is_video, video_frames, write_video
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import render_dance
-from harmolab.lab.timing.movement import picture_motion
+from harmolab.lab.timing.movement import PICTURE, picture_motion
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.retime.matching import Method
 from harmolab.retime.retime import Retimed, retime, warp_video
@@ -41,9 +42,10 @@ def write_dance(
 
     Parameters
     ----------
-    out : str or path that ends in .mp4 or .webm
+    out : str or path that ends in .mp4, .webm or .gif, which has no sound
     clip : Clip with a motion
     over : str or path of the video in which the points of the motion were found, to draw them over it
+        Of a `picture_motion` the marks alone are drawn.
     marks : bool, whether marks light up on the beats of the clip, if it has any, on the dancer's and on hits
     rate : float, pictures a second, 30 when left out; a video keeps its own
     height : int, pixels
@@ -67,9 +69,13 @@ def write_dance(
     else:
         check_output(out, [over])
         video = video_frames(over, height=height, colour=True)
-        motion, rate = points_in_picture(motion, video), video.fps
+        motion, rate = _over(motion, video), video.fps
         frames = overlay_skeleton(video, rate, motion, score=(score or _score(clip, motion, params)) if marks else None)
-    write_video(out, progress(frames, "drawing"), rate, audio=sound_of(clip))
+    drawn = progress(frames, "drawing")
+    if Path(out).suffix.lower() == ".gif":
+        write_gif(out, drawn, rate)
+    else:
+        write_video(out, drawn, rate, audio=sound_of(clip))
 
 
 def retime_files(
@@ -134,6 +140,13 @@ def sound_of(clip: Clip) -> Audio:
     silence = max(0.0, -clip.offset)
     sound = clip.audio.span(max(0.0, clip.offset), _motion(clip).duration - silence)
     return Audio(np.pad(sound.samples, (round(silence * sound.sample_rate), 0)), sound.sample_rate)
+
+
+def _over(motion: Motion, video: VideoFrames) -> Motion:
+    """The points to be drawn over a video; none are seen of the movement of the whole picture, which has no points."""
+    if motion.skeleton == PICTURE:
+        return replace(motion, valid=np.zeros(motion.n_frames, bool))
+    return points_in_picture(motion, video)
 
 
 def _motion(clip: Clip) -> Motion:

@@ -1,0 +1,177 @@
+"""The song and the dance that a command is called with: two files, or one folder or video that holds both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import typer
+
+from harmolab.cli.checks import is_told
+from harmolab.cli.common import MOTIONS, SOUNDS, note_assumptions
+from harmolab.cli.screen import detail, finding_beats, note, progress
+
+if TYPE_CHECKING:
+    from harmolab.types import Clip, Motion
+
+ALONE = "the folder of one recording, or a video with its music, may stand alone"
+FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
+UNPLACED = (
+    "{0.motion}: its sound does not tell where in {0.song} it begins; pass --offset, or let `harmolab explain` find "
+    "what its movement tells"
+)
+UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
+
+
+class Sources(NamedTuple):
+    """A song and a dance to it, which may be one video; the song's annotated beats; and the name of the dance."""
+
+    song: Path
+    motion: Path
+    beats: Path | None
+    dance: str
+
+    @property
+    def is_video(self) -> bool:
+        """True where the dance is a video."""
+        from harmolab.io.video import is_video
+
+        return is_video(self.motion)
+
+
+def sources(
+    context: typer.Context, song: Path, motion: Path | None, *, beats: Path | None, one: float | None, dance: str
+) -> Sources:
+    """The files that a command reads, with what the folder of a recording says beside them; checked before any work.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        There is no such file, no dance, more than one, or no dance of that name; options of motion files go with a
+        video.
+    """
+    from harmolab.corpora.files import check_dance
+
+    files = _paired(context, song, motion)
+    files = files._replace(beats=beats or files.beats, dance=dance or files.dance)
+    # A name on the command line is to be known, or it would change nothing; a pattern file has names of its own.
+    is_free = not dance or context.params.get("pattern") is not None
+    check_dance(files.dance, files.beats if is_free else None, one)
+    if files.is_video and (misplaced := [name for name in FOR_FILES if is_told(context, name)]):
+        raise ValueError(f"--{misplaced[0]} is for motion files, and {files.motion} is a video; leave it out")
+    for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
+        if path is not None:
+            detail(f"reads {word}: {path}")
+    return files
+
+
+def _paired(context: typer.Context, song: Path, motion: Path | None) -> Sources:
+    """The files, before options are looked at."""
+    from harmolab.io.video import is_video
+
+    if song.is_dir():
+        files = _in_folder(song)
+        return files if motion is None else Sources(files.song, motion, files.beats, files.dance)
+    for path in (song, motion):
+        if path is not None and not path.exists():
+            raise FileNotFoundError(f"{path}: no such file")
+    if motion is None:
+        if not is_video(song):
+            raise ValueError(f"{song}: {context.info_name} takes SONG DANCE; {ALONE}")
+        motion = song
+    if motion.is_dir():
+        return Sources(song, _only(motion, MOTIONS) or motion, None, "")
+    return Sources(song, motion, None, "")
+
+
+def _in_folder(folder: Path) -> Sources:
+    """The files of a recording's folder; or its only sound and only motion; or its only video.
+
+    Raises
+    ------
+    FileNotFoundError
+        For a folder of something else; says what it lacks.
+    """
+    from harmolab.corpora.folders import missing_parts, recording_files
+    from harmolab.io import video
+
+    if missing_parts(folder):
+        sound, motion, film = (_only(folder, suffixes) for suffixes in (SOUNDS, MOTIONS, video.SUFFIXES))
+        song = sound or film
+        if song and (motion or film):
+            return Sources(song, motion or film or song, _only(folder, (".beats",)), "")
+    files = recording_files(folder)
+    return Sources(files.song, folder, files.beats, files.dance)
+
+
+OWN = ("motion.npz", "skeletons.json", "config.json", "beats.json")  # parts of a recording, which is read as a whole
+
+
+def _only(folder: Path, suffixes: tuple[str, ...]) -> Path | None:
+    """The only file of a folder with one of these endings; None where there are none or several, or a part of ours."""
+    files = [path for path in folder.iterdir() if path.suffix.lower() in suffixes]
+    return files[0] if len(files) == 1 and files[0].name not in OWN else None
+
+
+def clip_of(
+    files: Sources,
+    *,
+    offset: float | None,
+    seconds: float | None,
+    one: float | None,
+    track: bool = True,
+    sample_rate: float | None = 22050.0,
+    movement: Motion | None = None,
+    **reading: Any,
+) -> Clip:
+    """The song and the dance with the music's beats; a video moves as its picture does as a whole.
+
+    Parameters
+    ----------
+    files : Sources
+    offset, seconds, one, track, sample_rate : as in `load_clip`
+    movement : Motion in place of that of the file
+    reading : fps, scale, joints, smpl and up, as in `load_clip`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; ValueError where it is not clear from its sound where in the song a video begins.
+    """
+    from harmolab.corpora.files import load_clip
+
+    if movement is None and files.is_video:
+        movement, offset = _of_video(files, offset)
+    with finding_beats():
+        return load_clip(
+            files.song, movement or files.motion, offset=offset, seconds=seconds, dance=files.dance, beats=files.beats,
+            one=one, track=track, sample_rate=sample_rate, report=note_assumptions, **reading,
+        )  # fmt: skip
+
+
+def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
+    """The movement of a video, and the song's time at which it begins, by its sound unless told."""
+    from harmolab.io.video_sound import load_sound
+    from harmolab.lab.timing.performance import load_performance
+    from harmolab.lab.timing.sound import find_sound_offset
+
+    performance = load_performance(files.motion, progress=progress)
+    if offset is not None or files.song.resolve() == files.motion.resolve():
+        return performance.motion, offset or 0.0
+    place = None if performance.sound is None else find_sound_offset(performance.sound, load_sound(files.song))
+    if place is None or not place.is_clear:
+        raise ValueError(UNPLACED.format(files))
+    note(f"{files.motion.name} begins at {place.seconds:.2f} s of the song, by its sound")
+    return performance.motion, place.seconds
+
+
+def note_lengths(clip: Clip, song: Path) -> None:
+    """A line where a good part of the dance has no music."""
+    if clip.motion is None:
+        return
+    beyond = clip.offset + clip.motion.duration - clip.audio.duration
+    if beyond > UNHEARD:
+        note(
+            f"{song.name} ends {beyond:.1f} s before the dance does: of its {clip.motion.duration:.1f} s the rest is "
+            "neither judged nor counted"
+        )
