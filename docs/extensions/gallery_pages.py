@@ -12,6 +12,8 @@ from generated_pages import write_pages
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[2]
+
+
 def finding(notebook: dict[str, Any]) -> tuple[str, str]:
     """(title, the finding in one sentence) of a notebook: of its metadata, else of the first bold words in it."""
     text = next("".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "markdown")
@@ -25,7 +27,9 @@ def figures(path: Path, notebook: dict[str, Any], manifest: dict[str, Any]) -> l
     """Names of the pictures that a notebook writes, the one that stands for it first."""
     first = notebook["metadata"].get("harmolab", {}).get("picture")
     names = [name for name, entry in manifest.items() if entry["notebook"] == path.name and name.endswith(".png")]
-    return sorted(filter(lambda name: (ROOT / "figures" / name).exists(), names), key=lambda name: (name != first, name))
+    return sorted(
+        filter(lambda name: (ROOT / "figures" / name).exists(), names), key=lambda name: (name != first, name)
+    )
 
 
 def card(path: Path, title: str, said: str, picture: str) -> str:
@@ -45,7 +49,16 @@ def page(path: Path, title: str, said: str, entries: dict[str, Any]) -> Iterator
     yield from (f"# {title}", "", said, "", f"Notebook: {{download}}`{path.name} <../../../notebooks/{path.name}>`", "")
     for name, entry in entries.items():
         heading = entry["title"].replace("[", "(").replace("]", ")")
-        yield from (f"## {heading}", "", f"Data: {entry['source']}.", "", f"::::{{div}} figure", f"![{heading}](../../../figures/{name})", "::::", "")
+        yield from (
+            f"## {heading}",
+            "",
+            f"Data: {entry['source']}.",
+            "",
+            "::::{div} figure",
+            f"![{heading}](../../../figures/{name})",
+            "::::",
+            "",
+        )
 
 
 def gallery() -> dict[str, str]:
@@ -56,10 +69,25 @@ def gallery() -> dict[str, str]:
         notebook = json.loads(path.read_text("utf-8"))
         title, said = finding(notebook)
         pictures = figures(path, notebook, manifest)
-        pages[f"gallery/{path.stem}.md"] = "\n".join(page(path, title, said, {name: manifest[name] for name in pictures}))
+        pages[f"gallery/{path.stem}.md"] = "\n".join(
+            page(path, title, said, {name: manifest[name] for name in pictures})
+        )
         cards.append(card(path, title, said, pictures[0]))
         names.append(f"generated/gallery/{path.stem}")
-    grid = ["::::{grid} 1 1 2 2", ":gutter: 3", "", *cards, "::::", "", "```{toctree}", ":hidden:", "", *names, "```", ""]
+    grid = [
+        "::::{grid} 1 1 2 2",
+        ":gutter: 3",
+        "",
+        *cards,
+        "::::",
+        "",
+        "```{toctree}",
+        ":hidden:",
+        "",
+        *names,
+        "```",
+        "",
+    ]
     return {"cards.inc": "\n".join(grid), **pages}
 
 

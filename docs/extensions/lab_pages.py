@@ -10,8 +10,14 @@ from sphinx.application import Sphinx
 import harmolab.lab
 
 LABS = {
-    "scoring_lab.html": ("Scoring", "Two rows of beats, the settings of the score, and how many beats are met by chance alone."),
-    "saliency_lab.html": ("Which beats count", "Every movement makes small beats; choose how large one must be to count."),
+    "scoring_lab.html": (
+        "Scoring",
+        "Two rows of beats, the settings of the score, and how many beats are met by chance alone.",
+    ),
+    "saliency_lab.html": (
+        "Which beats count",
+        "Every movement makes small beats; choose how large one must be to count.",
+    ),
     "corpus_lab.html": ("A corpus", "Every recording as a dot: with its own music, and with the same music late."),
 }
 
