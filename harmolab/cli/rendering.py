@@ -38,6 +38,7 @@ def render(
     marks: Annotated[
         bool, typer.Option(help="Marks that light up on beats: of the music, of the dancer, hits.")
     ] = True,
+    follow: Annotated[bool, typer.Option("--follow", help="Keep the hips in the middle of the picture.")] = False,
     dance: DanceName = "",
     beats: Beats = None,
     one: One = None,
@@ -82,8 +83,9 @@ def render(
                 scale=scale, joints=names, smpl=smpl, up=up or "", sample_rate=None, report=report,
             )  # fmt: skip
         write_dance(
-            out, clip, over=over, marks=marks, rate=rate, height=height, params=params, progress=common.progress
-        )
+            out, clip, over=over, marks=marks, rate=rate, height=height, follow=follow, params=params,
+            progress=common.progress,
+        )  # fmt: skip
         score = score_clip(clip, params) if marks else None
     if score is not None:
         common.print_verdict(score.judgement)
