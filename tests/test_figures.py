@@ -16,6 +16,7 @@ from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 
 from harmolab import HarmonyParams, score_clip, synthetic_clip
 from harmolab.beats.meter import MeterUnit
+from harmolab.corpora.tang2018 import TANG_23
 from harmolab.lab.figures.beats import (
     draw_curve,
     draw_hits,
@@ -31,7 +32,9 @@ from harmolab.lab.figures.beats import (
 from harmolab.lab.figures.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
 from harmolab.lab.figures.motion import draw_frames, draw_poses
 from harmolab.lab.figures.style import COLOURS, MARKERS, smallest_text
+from harmolab.lab.person.camera import ANGLE
 from harmolab.types import BeatTrack, Motion, Skeleton
+from tests.test_person import standing
 
 MUSIC = BeatTrack([0.5, 1.0, 1.5], [4.0, 1.0, 2.0], fps=100.0, duration=2.0)
 DANCE = BeatTrack([0.6, 0.8, 1.4, 1.9], [1.0, 1.0, 1.0, 1.0], fps=15.0, duration=2.0)
@@ -276,51 +279,61 @@ def boxes(ax: Axes, gid: str) -> list[AnnotationBbox]:
     return [artist for artist in ax.artists if isinstance(artist, AnnotationBbox) and artist.get_gid() == gid]
 
 
-def lines_of(box: AnnotationBbox) -> list[Line2D]:
+def people_of(box: AnnotationBbox) -> list[PolyCollection]:
     assert isinstance(box.offsetbox, DrawingArea)
-    return [child for child in box.offsetbox.get_children() if isinstance(child, Line2D)]
+    return [child for child in box.offsetbox.get_children() if isinstance(child, PolyCollection)]
+
+
+def corners_of(person: PolyCollection) -> np.ndarray:
+    """(corners, 2) of all parts."""
+    return np.concatenate([path.vertices for path in person.get_paths()])
 
 
 def test_there_is_a_figure_at_each_time_with_its_ghosts(ax: Axes):
     assert draw_poses(ax, moving_arm(), [1.0, 2.0, 3.0], 0.5) is ax
     assert [box.xy for box in boxes(ax, "pose")] == [(1.0, 0.5), (2.0, 0.5), (3.0, 0.5)]
-    assert [len(lines_of(box)) for box in boxes(ax, "pose")] == [3, 3, 3]
+    assert [len(people_of(box)) for box in boxes(ax, "pose")] == [3, 3, 3]
 
 
-def test_figure_is_as_high_as_asked_and_stands_upright(ax: Axes):
-    draw_poses(ax, moving_arm(), [1.0], 0.5, height=60.0, trail=())
-    (line,) = lines_of(boxes(ax, "pose")[0])
-    heights = line.get_ydata()
-    assert np.nanmax(heights) - np.nanmin(heights) == pytest.approx(60.0)
-    assert heights[0] == pytest.approx(60.0)  # the shoulder, which is the first bone's start
-
-
-def test_two_dimensional_motion_with_y_down_stands_upright_too(ax: Axes):
-    draw_poses(ax, moving_arm(2), [1.0], 0.5, height=60.0, trail=())
-    assert lines_of(boxes(ax, "pose")[0])[0].get_ydata()[0] == pytest.approx(60.0)
+@pytest.mark.parametrize("axes", [2, 3])
+def test_figure_is_as_high_as_its_bones_and_flesh_and_stands_in_the_middle(ax: Axes, axes: int):
+    draw_poses(ax, moving_arm(axes), [1.0], 0.5, height=60.0, trail=())
+    (person,) = people_of(boxes(ax, "pose")[0])
+    heights = corners_of(person)[:, 1]
+    assert 60.0 <= np.ptp(heights) < 66.0
+    assert (heights.max() + heights.min()) / 2 == pytest.approx(30.0, abs=1.0)
 
 
 def test_ghosts_of_a_moving_body_trail_behind_and_older_ones_more(ax: Axes):
     draw_poses(ax, moving_arm(), [5.0], 0.5, height=60.0, trail=(0.4, 0.2))
-    old, young, now = (float(line.get_xdata()[0]) for line in lines_of(boxes(ax, "pose")[0]))
-    # 60 points are two metres, and the arm moves a metre a second.
-    assert now - young == pytest.approx(0.2 * 30)
-    assert now - old == pytest.approx(0.4 * 30)
+    old, young, now = (corners_of(person)[:, 0].mean() for person in people_of(boxes(ax, "pose")[0]))
+    # 60 points are two metres, and the arm moves a metre a second, seen a little from the side.
+    assert now - young == pytest.approx(0.2 * 30 * np.cos(ANGLE), rel=0.05)
+    assert now - old == pytest.approx(0.4 * 30 * np.cos(ANGLE), rel=0.05)
 
 
-def test_turning_the_camera_by_a_right_angle_hides_movement_to_the_side(ax: Axes):
-    draw_poses(ax, moving_arm(), [5.0], 0.5, trail=(0.4,), turn=90.0)
-    ghost, now = (float(line.get_xdata()[0]) for line in lines_of(boxes(ax, "pose")[0]))
-    assert now - ghost == pytest.approx(0.0, abs=1e-9)
+def test_turning_the_camera_to_the_side_hides_movement_to_the_side(ax: Axes):
+    draw_poses(ax, moving_arm(), [5.0], 0.5, trail=(0.4,), turn=90.0 - np.degrees(ANGLE))
+    ghost, now = (corners_of(person)[:, 0].mean() for person in people_of(boxes(ax, "pose")[0]))
+    assert now - ghost == pytest.approx(0.0, abs=0.2)
 
 
 def test_skeleton_without_bones_is_drawn_as_dots(ax: Axes):
     motion = moving_arm()
     draw_poses(ax, Motion(motion.positions, 10.0, Skeleton.unnamed(3)), [1.0], 0.5, trail=())
-    (line,) = lines_of(boxes(ax, "pose")[0])
-    assert line.get_marker() == "."
-    assert line.get_linestyle() == "None"
-    assert len(line.get_xdata()) == 3
+    (person,) = people_of(boxes(ax, "pose")[0])
+    dots = [path.vertices for path in person.get_paths()]
+    assert len(dots) == 3
+    assert all(np.ptp(dot, axis=0) == pytest.approx(np.ptp(dots[0], axis=0), rel=0.05) for dot in dots)
+
+
+def test_colour_of_a_figure_is_that_of_its_trunk_and_the_sides_keep_theirs(ax: Axes):
+    body = standing(TANG_23)
+    draw_poses(ax, Motion(body, 30.0, TANG_23), [0.0], 0.5, trail=(), colour=COLOURS["hit"])
+    (person,) = people_of(boxes(ax, "pose")[0])
+    colours = [to_hex(colour).upper() for colour in person.get_facecolors()]
+    assert colours.count(COLOURS["hit"]) == 3  # trunk, neck, head
+    assert len(set(colours)) > 2
 
 
 def test_times_beyond_the_motion_show_its_first_or_last_pose(ax: Axes, swinging_arm: Callable[..., Motion]):

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgba
 
 from harmolab import LikenessLimits, likeness, synthetic_motion
 from harmolab.corpora.folders import Recording, iter_recordings
 from harmolab.lab import DOCTORED, contact_sheet, guard_table
 from harmolab.lab.evaluate.dance_scores import OF_HARMONY, dance_scores
-from harmolab.lab.figures.sheets import CELL, SIDES
+from harmolab.lab.figures.sheets import CELL
+from harmolab.lab.person.plan import PAINTS
 from harmolab.metrics.body_measures import MEASURES, body_measures
 from harmolab.metrics.likeness import AMOUNTS, LOWER, MARGIN, UPPER, motion_windows
 from harmolab.metrics.quality import foot_skating, jerk
@@ -392,16 +392,17 @@ def test_times_of_a_fine_sheet_are_hundredths() -> None:
 def test_a_sheet_goes_along_with_a_dancer_who_travels() -> None:
     motion = dancer(0, seconds=3.0)
     path = np.linspace(0, 9, motion.n_frames)[:, None, None] * np.array([1.0, 0.0, 0.0])
-    assert np.allclose(limb_ends(motion), limb_ends(replace(motion, positions=motion.positions + path)))
+    assert np.allclose(outlines(motion), outlines(replace(motion, positions=motion.positions + path)))
 
 
 def test_left_and_right_limbs_have_their_colours() -> None:
     axes = contact_sheet({"": Motion(standing(), FPS, BODY)}, columns=40).axes[0]
-    (limbs,) = [item for item in axes.collections if item.get_gid() == "limbs"]
-    colours, middles = limbs.get_colors(), np.array(limbs.get_segments()).mean(axis=1)[:, 0] % CELL[0] - CELL[0] / 2
+    (people,) = [item for item in axes.collections if item.get_gid() == "person"]
+    middles = np.array([path.vertices[:, 0].mean() for path in people.get_paths()]) % CELL[0] - CELL[0] / 2
+    hues = people.get_facecolors()[:, 2] - people.get_facecolors()[:, 0]
     # Seen from the front, the dancer's left is at the right.
-    assert (middles[(colours == to_rgba(SIDES["left"])).all(axis=1)] > 0.03).all()
-    assert (middles[(colours == to_rgba(SIDES["right"])).all(axis=1)] < -0.03).all()
+    assert (PAINTS["left"][2] > PAINTS["left"][0]) and (PAINTS["right"][2] < PAINTS["right"][0])
+    assert middles[hues > 0.15].mean() > 0.02 and middles[hues < -0.15].mean() < -0.02
 
 
 @pytest.mark.parametrize("motion", [still(60, fps=30.0), still(60, fps=30.0, axes=2)])
@@ -416,8 +417,8 @@ def test_a_sheet_of_nothing_is_refused() -> None:
         contact_sheet({"one": dancer(0)}, every=0.0)
 
 
-def limb_ends(motion: Motion) -> FloatArray:
-    """Ends of all limbs of a sheet with six columns."""
+def outlines(motion: Motion) -> FloatArray:
+    """Corners of all parts of the people on a sheet with six columns."""
     axes = contact_sheet({"": motion}, columns=6).axes[0]
-    (limbs,) = [item for item in axes.collections if item.get_gid() == "limbs"]
-    return np.array(limbs.get_segments())
+    (people,) = [item for item in axes.collections if item.get_gid() == "person"]
+    return np.concatenate([path.vertices for path in people.get_paths()])

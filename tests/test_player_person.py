@@ -193,7 +193,8 @@ def test_voice_of_this_machine_speaks_the_count(page: Any) -> None:
           window.SpeechSynthesisUtterance = function (text) { this.text = text; };
           const voices = [{ localService: false, lang: "en-GB" }, { localService: true, lang: "en-US" }];
           speechSynthesis.getVoices = () => voices;
-          speechSynthesis.speak = word => window.words.push([word.text, word.voice.localService, harmolabPlayer.time()]);
+          const noted = word => [word.text, word.voice.localService, harmolabPlayer.time()];
+          speechSynthesis.speak = word => window.words.push(noted(word));
         }"""
     )
     page.keyboard.press("c")

@@ -55,6 +55,7 @@ def render(
     marks: Annotated[
         bool, typer.Option(help="Marks that light up on beats: of the music, of the dancer, hits.")
     ] = True,
+    follow: Annotated[bool, typer.Option("--follow", help="Keep the hips in the middle of the picture.")] = False,
     dance: DanceName = "",
     beats: Beats = None,
     one: One = None,
@@ -125,7 +126,7 @@ def render(
             clip = clip.span(start, seconds or clip.audio.duration - start)
         write_dance(
             out, clip, over=over, marks=marks, rate=rate or (GIF_RATE if is_gif else None),
-            height=height or (GIF_HEIGHT if is_gif else HEIGHT), params=params, progress=progress,
+            height=height or (GIF_HEIGHT if is_gif else HEIGHT), follow=follow, params=params, progress=progress,
         )  # fmt: skip
         score = score_clip(clip, params) if marks else None
     if score is not None:

@@ -1,4 +1,4 @@
-"""Pictures of movement on a time axis: stick figures and video frames, each at its moment, never distorted."""
+"""Pictures of movement on a time axis: people and video frames, each at its moment, never distorted."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.lab.figures.style import COLOURS
-from harmolab.skeletons import turned
-from harmolab.types import FloatArray, Motion, Skeleton
+from harmolab.lab.figures.people import figure_stage, middles_of, person_polygons, posed, stage_shapes
+from harmolab.lab.person.shapes import Shape
+from harmolab.types import Motion
 
 BOX: Mapping[str, Any] = MappingProxyType({"frameon": False, "pad": 0.0, "annotation_clip": False})
 GHOSTS = ("#C9C9C9", "#A8A8A8")  # oldest first
@@ -29,9 +28,9 @@ def draw_poses(
     height: float = 75.0,
     trail: Sequence[float] = (0.16, 0.08),
     turn: float = 0.0,
-    colour: str = COLOURS["ink"],
+    colour: str | None = None,
 ) -> Axes:
-    """A stick figure at each time, with grey ghosts of its poses just before.
+    """A person at each time, with grey ghosts of the poses just before.
 
     A figure in motion is smeared by its ghosts; one at rest covers them. The figures keep their proportions whatever
     the axes are, and are centred on the dancer.
@@ -44,24 +43,28 @@ def draw_poses(
     y : float or (P,) array, where the figures stand on the y axis (their middle)
     height : float, points, of a picture as high as the dancer stretches anywhere in the motion
     trail : seconds from each ghost to the figure, oldest first; empty for none
-    turn : float, degrees
-        Turns a 3-D motion about the vertical axis; at 0 the camera looks from the positive z side.
+    turn : float, degrees that the camera stands farther to the dancer's left than in all other pictures
+    colour : of trunk and head, in place of their own
     """
     moments = np.atleast_1d(np.asarray(times, np.float64))
     levels = np.broadcast_to(np.asarray(y, np.float64), moments.shape)
-    heights = np.ptp(motion.positions[..., 1], axis=1)
-    places = _projected(motion, turn) * (height / max(float(heights.max()), 1e-9))
+    tallest = max(float(np.ptp(motion.positions[..., 1], axis=1).max()), 1e-9)
+    stage = figure_stage(motion, turn, tallest)
     shades = [GHOSTS[-min(len(trail) - place, len(GHOSTS))] for place in range(len(trail))]
-    looks = [*((age, shade, 1.2) for age, shade in zip(trail, shades, strict=True)), (0.0, colour, 1.8)]
     for moment, level in zip(moments, levels, strict=True):
-        pose = places[_frame_at(motion, moment)]
-        offset = height / 2 - (pose.min(axis=0) + pose.max(axis=0)) / 2
+        frames = np.array([_frame_at(motion, moment - age) for age in (*trail, 0.0)])
+        middle = middles_of(stage.positions[frames[-1:]])
+        *ghosts, (person, _) = stage_shapes(posed(stage, frames, middle.repeat(len(frames), axis=0)), height)
         box = DrawingArea(height, height, clip=False)
-        for age, shade, width in looks:
-            earlier = places[_frame_at(motion, moment - age)]
-            box.add_artist(_pose_line(earlier + offset, motion.skeleton, shade, width))
+        for (earlier, _), shade in zip(ghosts, shades, strict=True):
+            box.add_artist(person_polygons(stage, _centred(earlier, height), shade=shade))
+        box.add_artist(person_polygons(stage, _centred(person, height), trunk=colour))
         ax.add_artist(AnnotationBbox(box, (moment, level), **BOX, gid="pose"))
     return ax
+
+
+def _centred(shapes: list[Shape], height: float) -> list[Shape]:
+    return [shape._replace(outline=shape.outline + height / 2) for shape in shapes]
 
 
 def draw_film(
@@ -75,24 +78,8 @@ def draw_film(
     return ax
 
 
-def _projected(motion: Motion, turn: float) -> FloatArray:
-    """(T, J, 2): to the right and upwards, as a camera far away sees the motion."""
-    if motion.positions.shape[2] == 2:
-        return motion.positions * (1.0, -1.0)
-    return turned(motion.positions, np.radians(turn))[..., :2]
-
-
 def _frame_at(motion: Motion, moment: float) -> int:
     return int(np.clip(round(moment * motion.fps), 0, motion.n_frames - 1))
-
-
-def _pose_line(pose: FloatArray, skeleton: Skeleton, colour: str, width: float) -> Line2D:
-    """All bones as one line with gaps; dots when there are no bones."""
-    if not skeleton.bones:
-        return Line2D(pose[:, 0], pose[:, 1], linestyle="none", marker=".", markersize=3, color=colour)
-    gap = np.full(2, np.nan)
-    path = np.array([point for parent, child in skeleton.bones for point in (pose[parent], pose[child], gap)])
-    return Line2D(path[:, 0], path[:, 1], color=colour, linewidth=width, solid_capstyle="round")
 
 
 def draw_frames(

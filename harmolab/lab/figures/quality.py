@@ -128,10 +128,8 @@ def shot_times(motion: Motion, shots: int) -> FloatArray:
     return np.arange(shots) * step / motion.fps
 
 
-def draw_sequence(
-    ax: Axes, motion: Motion, *, shots: int = 12, start: float = 0.0, colour: str = COLOURS["ink"]
-) -> Axes:
-    """Stick figures along time; what lies before `start` (seconds) is input of the generator and shaded.
+def draw_sequence(ax: Axes, motion: Motion, *, shots: int = 12, start: float = 0.0, colour: str | None = None) -> Axes:
+    """People along time; what lies before `start` (seconds) is input of the generator and shaded.
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,3 +155,11 @@ def picture_corners(points: FloatArray, plan: BodyPlan) -> FloatArray:
     """(2, 2): low and high corner of a picture in which the figure of points (T, J, 2) has room, but for outliers."""
     lows, highs = np.percentile(np.einsum("qj,tjd->tqd", plan.weights, points), OUTLIERS, axis=0)
     return np.stack([lows.min(axis=0) - FLESH * plan.stature, highs.max(axis=0) + FLESH * plan.stature])
+
+
+def shared_wall(motions: Sequence[Motion]) -> FloatArray:
+    """(2, 2): low and high corner of one picture with two motions in image coordinates; ValueError for any others."""
+    if len(motions) != 2 or any(motion.positions.shape[2] != 2 for motion in motions):
+        raise ValueError("two motions in image coordinates can lie over each other: a truth, and a prediction of it")
+    corners = [picture_corners(motion.positions, body_plan(motion.positions, motion.skeleton)) for motion in motions]
+    return np.stack([np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))])

@@ -15,7 +15,7 @@ from harmolab.io.video import write_video
 from harmolab.lab.render.marks import INK, BeatMarks
 from harmolab.lab.render.points import render_points
 from harmolab.lab.render.scene import render_dance
-from harmolab.lab.render.stick import Frame, render_skeleton
+from harmolab.lab.render.stick import Frame
 from harmolab.lab.render.video import RATE
 from harmolab.lab.timing.performed import Performed
 
@@ -55,11 +55,10 @@ def _pictures(performed: Performed, height: int) -> Iterator[Frame]:
     if performed.is_avatar:
         return render_dance(performed.figure, height=height, fps=RATE)
     beside, room, width = performed.compared, round(MARKS_SHARE * height), round(height * 4 / 3)
-    size = {"height": height - room, "width": width}
     if beside is not None:
-        frames = render_points(beside.truth, beside.prediction, fps=RATE, **size)
+        frames = render_points(beside.truth, beside.prediction, fps=RATE, height=height - room, width=width)
     else:
-        frames = render_skeleton(performed.points, fps=RATE, colour=True, **size)
+        frames = render_dance(performed.points, fps=RATE, height=height - room, width=width)
     return (np.pad(frame, ((room, 0), (0, 0), (0, 0)), mode="edge") for frame in frames)
 
 

@@ -5,18 +5,22 @@ The colours are those of a miss and a hit, which differ in brightness too; the w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
+import cv2
 import numpy as np
 
-from harmolab.io.player_points import limb_widths
 from harmolab.kinematics import resample_motion, upsample_motion
-from harmolab.lab.render.stick import Frame, Stroke, check_positive, draw_strokes, fixed, in_picture
-from harmolab.skeletons import skull_and_limbs
-from harmolab.types import FloatArray, Motion, Skeleton
+from harmolab.lab.person.camera import Stage, shared_wall, stage_of
+from harmolab.lab.person.plan import OUTLINES, Part
+from harmolab.lab.person.shapes import person_shapes
+from harmolab.lab.render.stick import FRACTION_BITS, Frame, check_positive, fixed
+from harmolab.types import Motion
 
 PAPER, TRUTH, PREDICTION = (250, 250, 250), (178, 24, 43), (0, 158, 115)
-BROAD, NARROW = 1 / 60, 1 / 110  # of a limb, in picture heights
+LOOKS = ((TRUTH, 0.9), (PREDICTION, 0.4))  # colour, and thickness of limbs in that of a person's
+LINE = 1 / 110  # thickness of the outline of trunk and head, in picture heights
 
 
 def render_points(
@@ -49,24 +53,30 @@ def render_points(
     check_positive(fps=fps)
     both = [resample_motion(upsample_motion(motion, fps), fps) for motion in (truth, prediction)]
     count = min(motion.n_frames for motion in both)
-    places = in_picture(np.concatenate([motion.positions[:count] for motion in both], axis=1), height, width)
-    split = len(truth.skeleton.joints)
-    return _frames(np.split(places[..., :2], [split], axis=1), [m.skeleton for m in both], height, width)
+    wall = shared_wall(both)
+    return _frames([stage_of(motion, wall=wall) for motion in both], count, height, width)
 
 
-def _frames(places: list[FloatArray], skeletons: list[Skeleton], height: int, width: int) -> Iterator[Frame]:
-    looks = ((TRUTH, BROAD), (PREDICTION, NARROW))
-    bodies = [skull_and_limbs(skeleton)[1] for skeleton in skeletons]
-    widths = [limb_widths(*body) for body in zip(skeletons, bodies, strict=True)]
-    for index in range(len(places[0])):
+def _frames(stages: list[Stage], count: int, height: int, width: int) -> Iterator[Frame]:
+    people = []
+    for stage, (_, broad) in zip(stages, LOOKS, strict=True):
+        frames, plan = slice(0, count), replace(stage.plan, parts=tuple(_scaled(stage.plan.parts, broad)))
+        people.append(person_shapes(plan, stage.camera(height, width), stage.positions[frames], frames))
+    for pair in zip(*people, strict=True):
         frame = np.full((height, width, 3), PAPER, np.uint8)
-        for points, limbs, sizes, (colour, share) in zip(places, bodies, widths, looks, strict=True):
-            ends = fixed(points[index]).tolist()
-            draw_strokes(
-                frame,
-                (
-                    Stroke(ends[start], ends[end], max(1, round(size * share * height)), colour)
-                    for (start, end), size in zip(limbs, sizes, strict=True)
-                ),
-            )
+        for stage, shapes, (colour, broad) in zip(stages, pair, LOOKS, strict=True):
+            for shape in shapes:
+                outline = [fixed(shape.outline)]
+                if stage.plan.parts[shape.part].paint in OUTLINES:
+                    thick = max(1, round(broad * LINE * height))
+                    cv2.polylines(frame, outline, True, colour, thick, cv2.LINE_AA, FRACTION_BITS)
+                else:
+                    cv2.fillPoly(frame, outline, colour, cv2.LINE_AA, FRACTION_BITS)
         yield frame
+
+
+def _scaled(parts: Iterable[Part], broad: float) -> Iterator[Part]:
+    """The parts, the limbs among them thicker or thinner."""
+    for part in parts:
+        size = 1.0 if part.paint in OUTLINES else broad
+        yield part._replace(radii=tuple(size * radius for radius in part.radii))

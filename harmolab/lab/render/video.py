@@ -34,11 +34,12 @@ def write_dance(
     marks: bool = True,
     rate: float | None = None,
     height: int = 480,
+    follow: bool = False,
     score: HarmonyScore | None = None,
     params: HarmonyParams | None = None,
     progress: Progress = silent,
 ) -> None:
-    """Write the motion of a clip with its part of the sound as a video, a stick figure on a floor or over a video.
+    """Write the motion of a clip with its part of the sound as a video, a person on a floor or lines over a video.
 
     Parameters
     ----------
@@ -49,6 +50,7 @@ def write_dance(
     marks : bool, whether marks light up on the beats of the clip, if it has any, on the dancer's and on hits
     rate : float, pictures a second, 30 when left out; a video keeps its own
     height : int, pixels
+    follow : bool, whether the hips stay in the middle of the picture
     score : HarmonyScore, optional
         Of the motion with its music, whose beats and hits the marks show; that by `params` when left out.
     params : HarmonyParams, default the recommended ones with the pattern of the clip's dance, if known
@@ -62,7 +64,11 @@ def write_dance(
     if over is None:
         rate = rate or RATE
         frames = render_dance(
-            motion, fps=rate, height=height, score=(score or _score(clip, motion, params)) if marks else None
+            motion,
+            fps=rate,
+            height=height,
+            score=(score or _score(clip, motion, params)) if marks else None,
+            follow=follow,
         )
     elif rate is not None:
         raise ValueError(f"{over}: is drawn at its own frame rate; leave out --rate")

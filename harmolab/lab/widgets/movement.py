@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,7 @@ from numpy.typing import NDArray
 
 from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.person import camera, plan, shapes
-from harmolab.lab.person.camera import picture_corners, stage_of
-from harmolab.lab.person.plan import body_plan
+from harmolab.lab.person.camera import stage_of
 from harmolab.types import FloatArray, Motion
 
 SLOWEST, FASTEST = 30.0, 60.0  # frames per second that the page holds
@@ -70,14 +68,6 @@ def page_motion(motion: Motion) -> Motion:
 def _sparse(weights: FloatArray) -> list[tuple[int, float]]:
     """(joint, weight) where weights (J,) are not 0."""
     return [(int(joint), float(weights[joint])) for joint in np.flatnonzero(weights)]
-
-
-def shared_wall(motions: Sequence[Motion]) -> FloatArray:
-    """(2, 2): low and high corner of one picture with two motions in image coordinates; ValueError for any others."""
-    if len(motions) != 2 or any(motion.positions.shape[2] != 2 for motion in motions):
-        raise ValueError("two motions in image coordinates can lie over each other: a truth, and a prediction of it")
-    corners = [picture_corners(motion.positions, body_plan(motion.positions, motion.skeleton)) for motion in motions]
-    return np.stack([np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))])
 
 
 def quantised(values: FloatArray) -> dict[str, Any]:

@@ -18,8 +18,9 @@ from harmolab.beats.visual import curve_delay, motion_curve
 from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, write_text
 from harmolab.kinematics import resample_motion, upsample_motion
+from harmolab.lab.person.camera import shared_wall
 from harmolab.lab.report.templates import framed, rendered
-from harmolab.lab.widgets.movement import FASTEST, LOOK, movement_data, quantised, shared_wall
+from harmolab.lab.widgets.movement import FASTEST, LOOK, movement_data, quantised
 from harmolab.lab.widgets.words import DANCING, PageWords
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
