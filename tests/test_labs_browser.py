@@ -44,6 +44,7 @@ def opened(chromium: Any, path: Path, **context: Any) -> Any:
 
 @pytest.fixture
 def page(chromium: Any, lab: LiveLab, tmp_path: Path) -> Iterator[Any]:
+    lab.settings = dict(lab.content.start)  # another test may have moved them
     lab.save(tmp_path / "lab.html")
     page = opened(chromium, tmp_path / "lab.html")
     yield page
@@ -178,14 +179,14 @@ def test_a_dragged_beat_moves_counts_and_can_be_heard(chromium: Any, scoring_pag
     page = opened(chromium, scoring_page)
     page.get_by_role("button", name="stops only").click()
     page.locator("canvas").scroll_into_view_if_needed()
-    spot = page.evaluate("harmolabLab.state.picture.beats.find(beat => beat.kind === 'music' && beat.index === 5)")
+    spot = page.evaluate("harmolabLab.state.picture.beats.find(beat => beat.kind === 'music' && beat.index === 7)")
     frame = page.locator("canvas").bounding_box()
     hits = page.evaluate("harmolabLab.state.numbers.hits")
     page.mouse.move(frame["x"] + spot["x"], frame["y"] + spot["middle"] - 20)
     page.mouse.down()
     page.mouse.move(frame["x"] + spot["x"] + 17, frame["y"] + spot["middle"] - 20, steps=6)
     page.mouse.up()
-    moved = page.evaluate("harmolabLab.state.settings.moves.music[5]")
+    moved = page.evaluate("harmolabLab.state.settings.moves.music[7]")
     seconds = 17 / page.evaluate("harmolabLab.state.picture.chart.x(1) - harmolabLab.state.picture.chart.x(0)")
     assert moved == pytest.approx(spot["time"] + seconds, abs=0.01)
     assert page.evaluate("harmolabLab.state.numbers.hits") == hits - 1

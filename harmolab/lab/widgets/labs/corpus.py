@@ -29,23 +29,16 @@ ABOUT = (
     "Left: scores of all dances with their true music (blue) and with the same music late (outline). Right: a mark for "
     "each dance, a green circle where the true music wins. Click a mark to choose its dance, and hear it."
 )
-STOPS: Mapping[str, Any] = {"mode": "valleys", "late": 0.5}
+PAPER: Mapping[str, Any] = {"mode": "paper", "late": 0.5, "score": "harmony"}
+STOPS: Mapping[str, Any] = {**PAPER, "mode": "valleys"}
+RECOMMENDED: Mapping[str, Any] = {"mode": "recommended", "late": 0.5, "score": "harmony_above_chance"}
 PRESETS = (
-    Preset("the paper's", {"mode": "paper", "late": 0.5}, "Half a beat late, the music meets the peaks of the speed."),
-    Preset(
-        "0.1 s",
-        {"mode": "paper", "late": 0.5, "delay": 0.1},
-        "Fewer hits, but hardly more right answers: half a beat late, the music meets the peaks instead of the stops.",
-    ),
+    Preset("the paper's", PAPER, "Half a beat late, the music meets the peaks of the speed instead of the stops."),
+    Preset("0.1 s", {**PAPER, "delay": 0.1}, "Fewer hits, but no more right answers: peaks are met as well as stops."),
     Preset(
         "stops only",
         STOPS,
         "The cloud leaves the diagonal and right answers rise: the peaks, which lie between the beats, are out.",
-    ),
-    Preset(
-        "recommended",
-        {"mode": "recommended", "late": 0.5},
-        "The shape of the body at every moment, and no hits; right answers rise once more.",
     ),
     Preset(
         "a whole beat late",
@@ -53,14 +46,25 @@ PRESETS = (
         "The cloud goes back to the diagonal: music that is a whole beat late fits nearly as well.",
     ),
     Preset(
-        "loud beats, large movements",
-        {**STOPS, "lambda1": 12.0, "lambda2": 1.0},
-        "All scores move; the share of right answers moves much less.",
+        "large movements only",
+        {**STOPS, "lambda2": 2.0},
+        "Small movements are ignored, and with them goes some of what tells the two apart.",
     ),
+    Preset("missed beats cost more", {**STOPS, "beta": 4.0}, "The scores move a little, and the right answers hardly."),
     Preset(
         "expect a late dance",
         {**STOPS, "lag": 0.26},
         "The dance is expected about half a beat later than it is, and the wrong music wins.",
+    ),
+    Preset(
+        "recommended",
+        RECOMMENDED,
+        "It is not told the dance, and a rest half a beat late is a hit on the beat: so late it cannot know.",
+    ),
+    Preset(
+        "recommended, a quarter late",
+        {**RECOMMENDED, "late": 0.25},
+        "A quarter of a beat late lies between rest and hit, and the true music wins again.",
     ),
 )
 

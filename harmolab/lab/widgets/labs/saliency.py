@@ -25,27 +25,6 @@ ABOUT = (
     "The longer a stem, the more the beat stands out. Beats below the dotted threshold are grey: they do not count. At "
     "the right: the share that any threshold would keep, and where the sliders stand."
 )
-PRESETS = (
-    Preset("the paper's", {}, "λ1 = 0.1 lies below almost any music beat, and λ2 = 1 keeps most movements."),
-    Preset("loud beats only", {"lambda1": 12.0}, "Beat after beat of the music turns grey as the threshold rises."),
-    Preset("large movements only", {"lambda2": 2.0}, "Small turns of the dance go first."),
-    Preset("of the mean", {"normalisation": "mean"}, "The axis of the music changes; the choice of beats is the same."),
-    Preset(
-        "as printed",
-        {"saliency": "literal"},
-        "The formula of the paper as printed: one standard deviation, whatever λ; the sliders do nothing.",
-    ),
-    Preset(
-        "by speed",
-        {"visual_saliency": "strength"},
-        "Slowest moments go and fastest stay, since a slow moment has little speed.",
-    ),
-    Preset(
-        "without the first",
-        {"first_beat": "drop"},
-        "The first movement has no step of its own: it takes the second's, or is left out, as now.",
-    ),
-)
 
 
 def saliency_lab(clip: Clip, **values: Any) -> LiveLab:
@@ -78,13 +57,40 @@ def saliency_content(stage: Stage, visual: BeatTrack) -> LabContent:
         about=ABOUT,
         evidence=_evidence(stage, visual),
         controls=named_controls(*NAMES),
-        presets=PRESETS,
+        presets=_presets(stage.middle_lambda),
         start={},
         params=paper_with,
         numbers=partial(saliency_numbers, stage, visual),
         words=LAB_SENTENCES,
     )
     return replace(content, start=content.mode_values("paper"))
+
+
+def _presets(loud: float) -> tuple[Preset, ...]:
+    """The buttons; `loud` is the λ1 of the one for loud beats."""
+    return (
+        Preset("the paper's", {}, "λ1 = 0.1 lies below almost any music beat, and λ2 = 1 keeps most movements."),
+        Preset("loud beats only", {"lambda1": loud}, "Beat after beat of the music turns grey as the threshold rises."),
+        Preset("large movements only", {"lambda2": 2.0}, "Small turns of the dance go first."),
+        Preset(
+            "of the mean", {"normalisation": "mean"}, "The axis of the music changes; the choice of beats is the same."
+        ),
+        Preset(
+            "as printed",
+            {"saliency": "literal"},
+            "The formula of the paper as printed: one standard deviation, whatever λ is, unless it is 0.",
+        ),
+        Preset(
+            "by speed",
+            {"visual_saliency": "strength"},
+            "Slowest moments go and fastest stay, since a slow moment has little speed.",
+        ),
+        Preset(
+            "without the first",
+            {"first_beat": "drop"},
+            "The first movement has no step of its own: it takes the second's, or is left out, as now.",
+        ),
+    )
 
 
 def _evidence(stage: Stage, visual: BeatTrack) -> dict[str, Any]:

@@ -108,7 +108,11 @@ def _presets(stage: Stage) -> tuple[Preset, ...]:
             {**stops, "lag": round(late, 2)},
             "The dance is expected half a beat later than it is: the diamond falls. Press Play, and hear it.",
         ),
-        Preset("loud beats only", {**paper, "lambda1": 12.0}, "Quiet music beats turn grey and leave the count."),
+        Preset(
+            "loud beats only",
+            {**paper, "lambda1": stage.middle_lambda},
+            "Quiet music beats turn grey and leave the count.",
+        ),
         Preset(
             "large movements only",
             {**paper, "lambda2": 2.0},

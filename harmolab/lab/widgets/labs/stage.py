@@ -37,6 +37,13 @@ class Stage:
         return cls(*music_and_motion(clip), pattern, clip.source)
 
     @property
+    def middle_lambda(self) -> float:
+        """λ1 to one decimal that keeps the louder half of the music beats or so; at most that of the labs' slider."""
+        strengths = self.music.strengths
+        spread = float(strengths.std()) if strengths.size else 0.0
+        return min(np.floor(10 * float(np.median(strengths)) / spread) / 10, 15.0) if spread > 0 else 0.0
+
+    @property
     def time_label(self) -> str:
         """Label of a time axis: the unit, and the source of the data."""
         return axis_label("time (s)", source=self.source)
