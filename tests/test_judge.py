@@ -41,7 +41,7 @@ def statue(size: float) -> Motion:
 def test_resting_on_the_beat_is_level_four() -> None:
     judgement = judged(dancer())
     assert judgement.level == 4
-    assert judgement.verdict.startswith("You are on the beat: you rest on it (lag ")
+    assert judgement.verdict.startswith("You are on the beat: you rest on it (")
     assert judgement.harmony_above_chance > 0.4
     assert judgement.p_value == max(judgement.p_time, judgement.p_place)
 
@@ -56,7 +56,8 @@ def test_hitting_the_beat_is_level_four_and_no_286_ms_early() -> None:
 def test_a_quarter_beat_late_is_told_of_rest_or_hit() -> None:
     judgement = judged(dancer(0.25))
     assert judgement.level == 3
-    assert re.fullmatch(r"You keep time, steadily \d+ ms (late|early) of rest or hit\.", judgement.verdict)
+    pattern = r"You keep time, steadily \d+ ms (late|early) for a rest or a hit on the beat\."
+    assert re.fullmatch(pattern, judgement.verdict)
     assert abs(judgement.lag_s) == pytest.approx(0.125, abs=0.02)
 
 
@@ -114,7 +115,7 @@ def test_a_dance_is_named_where_its_pattern_is_asked_for() -> None:
     rest = replace(BarPattern.stop_on_the_beat(), dance="waltz")
     assert "you move as in a waltz" in judged(dancer(), pattern=rest).verdict
     late = judged(dancer(0.3), pattern=rest)
-    assert re.fullmatch(r"You keep time, steadily \d+ ms late of where a waltz is danced\.", late.verdict)
+    assert re.fullmatch(r"You keep time, steadily \d+ ms late for a waltz\.", late.verdict)
 
 
 def test_no_level_below_three_says_late_early_or_milliseconds() -> None:

@@ -80,7 +80,7 @@ def change_of(dance: OwnDance) -> float:
 def test_known_offset_tells_what_was_planted(late: OwnDance):
     assert change_of(late) == pytest.approx(0.08, abs=0.015)
     assert [half.mean for half in late.words.halves] == pytest.approx([0.0, 0.08], abs=0.015)
-    assert re.match(r"You are on the beat: you rest on it \(lag \+\d\d ms of rest or hit\)\.", late.verdict)
+    assert re.match(r"You are on the beat: you rest on it \(\d\d ms late\)\.", late.verdict)
     assert late.is_together
 
 
@@ -102,7 +102,7 @@ def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folde
 
 @pytest.mark.parametrize(
     ("shift", "words"),
-    [(0.1, "ms late of rest or hit"), (-0.1, "ms early of rest or hit"), (0.0, "You are on the beat")],
+    [(0.1, "ms late for a rest or a hit"), (-0.1, "ms early for a rest or a hit"), (0.0, "You are on the beat")],
 )
 def test_constant_shift_is_told_only_where_the_offset_is_known(
     folder: Path, clip: Clip, tmp_path: Path, shift: float, words: str

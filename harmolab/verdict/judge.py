@@ -206,9 +206,9 @@ def _no_place(judgement: Judgement) -> str:
 
 
 def _steadily(judgement: Judgement) -> str:
-    side = "late" if judgement.lag > 0 else "early"
     steadily = "" if _is_anywhere(judgement) else "steadily "
-    return f"You keep time, {steadily}{abs(judgement.lag_s) * 1000:.0f} ms {side} of {_place(judgement)}."
+    place = "a rest or a hit on the beat" if judgement.pattern is None else _dance(judgement)
+    return f"You keep time, {steadily}{_late_or_early(judgement)} for {place}."
 
 
 def _is_anywhere(judgement: Judgement) -> bool:
@@ -222,18 +222,17 @@ def _is_anywhere(judgement: Judgement) -> bool:
 
 def _on_the_beat(judgement: Judgement) -> str:
     movement = _MOVEMENTS.get(judgement.reading, f"you move as in {_dance(judgement)}")
-    return f"You are on the beat: {movement} (lag {judgement.lag_s * 1000:+.0f} ms of {_place(judgement)})."
+    return f"You are on the beat: {movement} ({_late_or_early(judgement)})."
+
+
+def _late_or_early(judgement: Judgement) -> str:
+    return f"{abs(judgement.lag_s) * 1000:.0f} ms {'early' if judgement.lag < 0 else 'late'}"
 
 
 def _dance(judgement: Judgement) -> str:
     """The dance with its article, or the pattern."""
     name = judgement.reading
     return "this pattern" if name == "pattern" else f"{'an' if name[:1] in 'aeiou' else 'a'} {name}"
-
-
-def _place(judgement: Judgement) -> str:
-    """The place that the lag is counted from."""
-    return "rest or hit" if judgement.pattern is None else f"where {_dance(judgement)} is danced"
 
 
 _VERDICTS = (_cannot_tell, _no_sign, _no_place, _steadily, _on_the_beat)
