@@ -33,6 +33,7 @@ suppress_warnings = ["ref.python"]
 # One backquote in the docstrings is a name or a value, not a link.
 default_role = "code"
 autodoc_typehints = "signature"
+autodoc_type_aliases = {name: name for name in ("BoolArray", "FloatArray", "IntArray", "PathLike", "Progress")}
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True

@@ -12,6 +12,13 @@ from generated_pages import write_pages
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[2]
+# Folders of data in the manifest, in words; the first that fits a name is taken.
+SOURCES = {
+    "beatlocked": "recorded ballroom figures laid on the beat",
+    "tang2018_rebuilt": "Tang et al. 2018, rebuilt",
+    "tang2018": "Tang et al. 2018, as published",
+    "realdance/": "free recordings: ",
+}
 
 
 def finding(notebook: dict[str, Any]) -> tuple[str, str]:
@@ -21,6 +28,14 @@ def finding(notebook: dict[str, Any]) -> tuple[str, str]:
     bold = re.search(r"\*\*(.+?)\*\*", text, flags=re.DOTALL)
     said = notebook["metadata"].get("harmolab", {}).get("finding") or (bold[1] if bold else "")
     return title, " ".join(said.split())
+
+
+def source(entry: dict[str, Any]) -> str:
+    """The data behind a figure in words."""
+    parts = entry["source"].split(" + ")
+    for folder, words in SOURCES.items():
+        parts = [part.replace(folder, words, 1) if part.startswith(folder) else part for part in parts]
+    return "; ".join(parts).replace("_", " ")
 
 
 def figures(path: Path, notebook: dict[str, Any], manifest: dict[str, Any]) -> list[str]:
@@ -52,7 +67,7 @@ def page(path: Path, title: str, said: str, entries: dict[str, Any]) -> Iterator
         yield from (
             f"## {heading}",
             "",
-            f"Data: {entry['source']}.",
+            f"Data: {source(entry)}.",
             "",
             "::::{div} figure",
             f"![{heading}](../../../figures/{name})",
