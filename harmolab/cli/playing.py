@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,8 +24,7 @@ from harmolab.cli.common import (
     Start,
     Up,
 )
-
-GENERIC = ("audio", "skeletons")  # files of a corpus, which the name of their folder tells apart
+from harmolab.cli.naming import dance_title, video_command
 
 
 def play(
@@ -76,22 +74,7 @@ def play(
             begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
             movement, name = load_any_motion(other, **reading), other.stem or other.name
             clips.append(replace(clip, name=name, motion=movement, offset=begins))
-        command = (
-            "" if start is not None else shlex.join(_video_command(song, motion, out, clip.offset, seconds, dance))
-        )
-        title = f"{_plain_name(motion)} to {_plain_name(song)}"
+        command = video_command(song, motion, out, dance, offset=offset, start=start, seconds=seconds)
+        title = dance_title(motion, song)
         player_of(clips, start=start, seconds=seconds, title=title, params=params, command=command).save(out)
     common.wrote(out)
-
-
-def _plain_name(path: Path) -> str:
-    """The name of a file, or of its folder where all of a kind are called so, such as audio.mp3 of a corpus."""
-    return path.resolve().parent.name if path.stem in GENERIC else path.stem or path.name
-
-
-def _video_command(song: Path, motion: Path, out: Path, offset: float, seconds: float | None, dance: str) -> str:
-    """The line of a shell that writes the same dance as a video."""
-    numbers = {"--offset": offset, "--seconds": seconds or 0.0}
-    options = {name: f"{value:g}" for name, value in numbers.items() if value} | ({"--dance": dance} if dance else {})
-    words = [word for option in options.items() for word in option]
-    return shlex.join(["harmolab", "render", str(song), str(motion), *words, "--out", str(out.with_suffix(".mp4"))])
