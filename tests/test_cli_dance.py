@@ -242,7 +242,7 @@ def test_html_is_the_player_with_the_scores(dance: Callable[..., Result], tmp_pa
     data = json.loads(re.search(r"^const data = (.*);$", page, flags=re.MULTILINE)[1])
     assert data["duration"] == pytest.approx(2.0)
     assert [dancer["name"] for dancer in data["dancers"]] == ["generated"]
-    assert '<th scope="row">harmony above chance</th>' in page
+    assert '<th scope="row">harmony above chance (0: as by luck, 1: all)</th>' in page
     assert [file.name for file in tmp_path.iterdir()] == ["dance.html"]
 
 

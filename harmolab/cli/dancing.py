@@ -25,6 +25,7 @@ from harmolab.cli.common import (
 from harmolab.cli.dance_files import dance_files, write_files
 from harmolab.cli.dance_report import DanceReport
 from harmolab.cli.dancers import dancer_of
+from harmolab.cli.naming import plain_name
 from harmolab.cli.screen import finding_beats, note, plain_errors, printable, progress, wrote
 from harmolab.io.files import plain
 
@@ -160,7 +161,8 @@ def dance(
         paths: list[Path] = []
         for number in files:
             reports.append(_likely(danced, number) if is_open else danced(number))
-            paths += write_files(files[number], reports[-1], sound, song.stem, is_asked=out is not None)
+            title = f"A generated dance to {plain_name(song)}"
+            paths += write_files(files[number], reports[-1], sound, title, is_asked=out is not None)
     if len(reports[0].music) < 2:
         note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)

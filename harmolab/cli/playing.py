@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,15 +24,14 @@ from harmolab.cli.common import (
     Start,
     Up,
 )
+from harmolab.cli.naming import dance_title, video_command
 from harmolab.cli.screen import plain_errors, wrote
-from harmolab.cli.sources import Sources, clip_of, note_lengths, sources
+from harmolab.cli.sources import clip_of, note_lengths, sources
 
 VIDEO = (
     "{video}: is a video, of which no body is known to play; `harmolab explain {video} --out {stem}.html` makes a page "
     "about it, `harmolab render {video} --out {stem}_marked.mp4` marks its beats"
 )
-
-GENERIC = ("audio", "skeletons")  # files of a corpus, which the name of their folder tells apart
 
 
 def play(
@@ -84,22 +82,8 @@ def play(
             begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
             movement, name = load_any_motion(other, report=common.note_assumptions, **reading), other.stem or other.name
             clips.append(replace(clip, name=name, motion=movement, offset=begins))
-        title = f"{_plain_name(files.motion)} to {_plain_name(files.song)}"
-        command = "" if start is not None else _video_command(files, out, clip.offset, seconds)
+        where = {"offset": clip.offset, "start": start, "seconds": seconds}
+        command = video_command(files.song, files.motion, out, files.dance, **where)
+        title = dance_title(files.motion, files.song)
         player_of(clips, start=start, seconds=seconds, title=title, params=params, command=command).save(out)
     wrote(out)
-
-
-def _plain_name(path: Path) -> str:
-    """The name of a file, or of its folder where all of a kind are called so, such as audio.mp3 of a corpus."""
-    return path.resolve().parent.name if path.stem in GENERIC else path.stem or path.name
-
-
-def _video_command(files: Sources, out: Path, offset: float, seconds: float | None) -> str:
-    """The line of a shell that writes the same dance as a video."""
-    numbers = {"--offset": offset, "--seconds": seconds or 0.0}
-    options = {name: f"{value:g}" for name, value in numbers.items() if value}
-    options |= {"--dance": files.dance} if files.dance else {}
-    words = [word for option in options.items() for word in option]
-    video = str(out.with_suffix(".mp4"))
-    return shlex.join(["harmolab", "render", str(files.song), str(files.motion), *words, "--out", video])

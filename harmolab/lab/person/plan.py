@@ -49,7 +49,10 @@ RADII: Mapping[str, float] = MappingProxyType(
     {"shoulder": 0.026, "elbow": 0.021, "wrist": 0.016, "hip": 0.042, "knee": 0.029, "ankle": 0.019, "toes": 0.013}
 )
 HAND, HEEL, STICK, PALM = 0.013, 0.015, 0.018, 0.006
-SHOULDER_GIRDLE, PELVIS, NECK = 0.029, 0.036, 0.022
+# The trunk's discs lie inside shoulders and hips, so that it has depth from the side: radii, share of the way inwards
+# and, of those at the shoulders, down.
+CHEST, PELVIS, NECK = 0.045, 0.046, 0.022
+INWARDS, DOWN = 0.1, 0.1
 # The head reaches from chin to crown: how far its two discs lie above the shoulders, and their radii.
 HEAD_UP, CHIN, CROWN = 0.115, (0.101, 0.045), (0.132, 0.054)
 HEAD_STRETCH = (0.5, 2.5)  # of the distance from shoulders to the head's joint, which may be at the skull's base or top
@@ -211,7 +214,7 @@ def _skull(skeleton: Skeleton) -> FloatArray:
 def _upper_body(
     positions: FloatArray, skeleton: Skeleton, trunk: Sequence[int], stature: float
 ) -> tuple[FloatArray, list[Part]]:
-    """Shoulders' middle, chin and crown as (3, J) points, and trunk, neck and head made of them."""
+    """Shoulders' middle, chin, crown and the trunk's corners as (7, J) points, and the parts made of them."""
     count = len(skeleton.joints)
     joints = np.eye(count)
     shoulders, hips = joints[trunk[:2]].mean(axis=0), joints[trunk[2:]].mean(axis=0)
@@ -221,14 +224,22 @@ def _upper_body(
     else:
         length = float(np.median(np.linalg.norm(np.einsum("j,tjd->td", head - shoulders, positions), axis=-1)))
         way = (head - shoulders) / HEAD_UP * np.clip(HEAD_UP * stature / max(length, 1e-9), *HEAD_STRETCH)
-    points = np.stack([shoulders, shoulders + CHIN[0] * way, shoulders + CROWN[0] * way])
-    neck, chin, crown = range(count, count + 3)
+    corners = [joints[joint] + INWARDS * (joints[other] - joints[joint]) for joint, other in _across(trunk)]
+    corners[:2] = [corner + DOWN * (hips - shoulders) for corner in corners[:2]]
+    points = np.stack([shoulders, shoulders + CHIN[0] * way, shoulders + CROWN[0] * way, *corners])
+    neck, chin, crown, *inside = range(count, count + len(points))
     paint = "head" if head is not None else "assumed"
     return points, [
-        Part(tuple(trunk), (SHOULDER_GIRDLE,) * 2 + (PELVIS,) * 2, "body"),
+        Part(tuple(inside), (CHEST,) * 2 + (PELVIS,) * 2, "body"),
         Part((neck, chin), (NECK, NECK), "body", NECK_NUDGE),
         Part((chin, crown), (CHIN[1], CROWN[1]), paint, HEAD_NUDGE),
     ]
+
+
+def _across(trunk: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Each corner joint of the trunk with the one on the other side."""
+    left, right, right_hip, left_hip = trunk
+    yield from ((left, right), (right, left), (right_hip, left_hip), (left_hip, right_hip))
 
 
 def _head(skeleton: Skeleton) -> FloatArray | None:

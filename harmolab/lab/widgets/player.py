@@ -21,7 +21,7 @@ from harmolab.kinematics import resample_motion, upsample_motion
 from harmolab.lab.person.camera import shared_wall
 from harmolab.lab.report.templates import framed, rendered
 from harmolab.lab.widgets.movement import FASTEST, LOOK, movement_data, quantised
-from harmolab.lab.widgets.words import DANCING, PageWords
+from harmolab.lab.widgets.words import DANCING, PLAIN_FACTS, PageWords
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
 from harmolab.verdict.score import HarmonyScore
@@ -121,7 +121,8 @@ class Player:
             "overlaid": overlaid,
         }
         self.title = title
-        texts = {"title": title, "facts": facts, "words": words, "notice": notice, "command": command}
+        plain = {PLAIN_FACTS.get(name, name): text for name, text in facts.items()}
+        texts = {"title": title, "facts": plain, "words": words, "notice": notice, "command": command}
         self.page = rendered("player.html.j2", data=data, **texts)
 
     def _repr_html_(self) -> str:

@@ -67,3 +67,22 @@ LUCK = 0.05  # p-values above it are called luck
 def percent(share: float) -> str:
     """A share in whole per cent; halves are rounded up, in the browser too."""
     return str(math.floor(100 * share + 0.5))
+
+
+# Names of numbers, as tables of computed scores have them, in words that say what they mean.
+PLAIN_FACTS: Mapping[str, str] = MappingProxyType(
+    {
+        "harmony above chance": "harmony above chance (0: as by luck, 1: all)",
+        "p value": "how often luck alone does as well (p)",
+        "level, 0 to 4": "level of the verdict, 0 to 4",
+        "pulse, 1/s": "pulse of the movement, 1/s",
+        "share inside the body": "share of the movement inside the body",
+        "music beats N": "beats of the music that count",
+        "paper: harmony": "harmony as the paper computes it",
+        "paper: hit rate": "beats met, as the paper counts (share)",
+        "paper: chance": "the same by luck alone",
+        "paper: visual beats M": "beats of the dancer, as the paper counts",
+        "jerk, m/s³": "jerk: how abrupt the movement is, m/s³",
+        "foot skating, m/s": "speed of feet that slide on the floor, m/s",
+    }
+)
