@@ -188,7 +188,7 @@ def test_votes_say_in_the_picture_that_nobody_was_asked():
     ours, papers = (LOOKS[name].label for name in ("recommended", "paper"))
     assert figure.axes[0].get_title(loc="left") == (
         "Made up, 25 units, no people asked:\n"
-        f"“above chance” likes “{ours}” best; “paper's harmony” likes “{papers}” best"
+        f"“above chance” likes “{ours}” best\n“paper's harmony” likes “{papers}” best"
     )
     assert smallest_text(figure) >= 9
 

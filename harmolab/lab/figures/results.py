@@ -280,4 +280,4 @@ def _favourites(rows: Sequence[Record]) -> str:
     best = {judge: LOOKS[max(own, key=own.__getitem__)].label for judge, own in votes.items()}
     if len(best) > 1 and len(set(best.values())) == 1:
         return f"both scores like “{next(iter(best.values()))}” best"
-    return "; ".join(f"“{judge}” likes “{name}” best" for judge, name in best.items())
+    return "\n".join(f"“{judge}” likes “{name}” best" for judge, name in best.items())
