@@ -58,7 +58,7 @@ def test_panels_are_those_of_the_paper_and_harmony_above_chance_for_each_contest
     other = [{**one, "music": "other songs"} for one in ROWS]
     figure = comparison_figure([*ROWS, *other])
     assert [ax.get_xlabel() for ax in figure.axes] == [*COMPARED.values()] * 2
-    title = figure.axes[3].get_title("left")
+    (title,) = [text.get_text() for text in figure.axes[3].texts if text.get_gid() == "title"]
     assert title == "Other songs; trained on mine:\nmost above chance is HarmoGAN with 0.50, recorded dancers 0.30"
     assert smallest_text(figure) >= 9
 

@@ -108,9 +108,10 @@ def comparison_figure(rows: Iterable[Record]) -> Figure:
             for ax, measure in zip(panels, COMPARED, strict=True):
                 draw_compared(ax, records, measure=measure)
             about = f"{sentence(music)}; trained on {corpus_words(corpus)}:"
-            # It runs over the panels beside it: an empty title of theirs keeps its height free, and none its width.
-            panels[0].set_title(f"{about}\n{_finding(records)}", fontsize=10.5).set_in_layout(False)
-            panels[1].set_title(" \n ", fontsize=10.5)
+            # It runs over the panels beside it: an empty title keeps its height free, and nothing its width.
+            panels[0].set_title(" \n ", fontsize=10.5)
+            words, place = f"{about}\n{_finding(records)}", {"transform": panels[0].transAxes, "gid": "title"}
+            panels[0].text(0.0, 1.02, words, va="bottom", fontsize=10.5, **place).set_in_layout(False)
             if is_synthetic(music + corpus):
                 mark_synthetic(panels[-1])
         figure.legend(handles=_handles(), loc="outside upper center", ncols=2, fontsize=9)
