@@ -273,7 +273,7 @@ def draw_tolerances(
         ax.axvline(used, color=COLOURS["ink"], linestyle=":", linewidth=1.2, label=f"paper: {used:g} s")
         if name:
             hit, chance = (np.interp(used, seconds, values) for values in (rates, floor))
-            ax.set_title(f"{name}:\n{hit:.0%} met within {used:g} s, {chance:.0%} by chance")
+            ax.set_title(f"{name}:\n{hit:.0%} met within {used:g} s, {chance:.0%} by chance", loc="left")
     ax.set(xlim=(seconds.min(), seconds.max()), ylim=(0.0, 1.03), xlabel="delay allowed, $T_{delay}$ (s)")
     ax.set_ylabel("share of music beats hit")
     return ax

@@ -100,7 +100,9 @@ def draw_places(ax: Axes, strong_shares: ArrayLike, counts: ArrayLike, *, chance
     more = shares[0] - spread[0] > chance
     less = shares[0] + spread[0] < chance
     often = "more often than" if more else "less often than" if less else "no more often than"
-    ax.set_title(f"{shares.size} beats in a bar: downbeats are called\nstrong {often} other beats", fontsize=10.5)
+    ax.set_title(
+        f"{shares.size} beats in a bar: downbeats are called\nstrong {often} other beats", loc="left", fontsize=10.5
+    )
     ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.6, label=f"chance {chance:.2f}")
     ax.set(ylim=(0.0, 1.18), xlabel="place in the annotated bar", ylabel="share called strong")
     ax.yaxis.set_major_locator(FixedLocator([0.0, 0.25, 0.5, 0.75, 1.0]))
