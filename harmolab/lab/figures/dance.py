@@ -114,7 +114,7 @@ def dance_figure(
 
 
 def _claim(scores: Mapping[str, HarmonyScore], titles: Mapping[str, str]) -> str:
-    """Who meets the most beats, and how many."""
+    """Names of those that meet the most beats, and the number of these."""
     met = {name: int(score.hits.sum()) for name, score in scores.items()}
     most = max(met.values())
     best = [titles.get(name, name).split(":")[0] for name, hits in met.items() if hits == most]

@@ -22,7 +22,7 @@ LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
 
 
 def offset_figure(lags: FloatArray, curve: FloatArray, *, best: float, others: Sequence[float] = ()) -> Figure:
-    """How well a motion fits its music by the place of its first frame; the best place and its rivals are named.
+    """Fit of a motion to its music by the place of its first frame; the best place and its rivals are named.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def losses_figure(rows: Iterable[Record]) -> Figure:
 
 
 def _course(rows: Sequence[Record], column: str, names: Sequence[str]) -> str:
-    """How many of some variants end lower than they begin, or the two values of the only one."""
+    """Number of variants that end lower than they begin; of a single one, both values."""
     ends = []
     for name in names:
         values = _column(rows, column, name)
