@@ -42,7 +42,7 @@ from harmolab.lab.evaluate.sets import SetNumber, set_numbers
 from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
 from harmolab.lab.evaluate.table_files import number_text, table_tex
 from harmolab.lab.widgets import evaluation_page
-from harmolab.lab.widgets.evaluation_page import write_evaluation
+from harmolab.lab.widgets.evaluation_page import findings, write_evaluation
 from harmolab.metrics.frechet import frechet_distance
 from harmolab.types import BeatTrack, Motion, Skeleton
 from tests.builders import called
@@ -392,6 +392,17 @@ def test_the_methods_name_what_was_done(planted: Path, table: Evaluation) -> Non
     for words in ("14 dances to 7 songs, 2 seeds, 30 frames per second", "annotated for 28", "1000 resamplings"):
         assert words in content["methods"]
     assert any("pose" in note for note in content["notes"])  # the planted body is not that of the network
+
+
+def test_page_begins_with_findings_and_table_and_marks_what_a_remark_concerns(planted: Path, table: Evaluation) -> None:
+    page = (planted / "table" / "index.html").read_text("utf-8")
+    assert page.index('class="finding"') < page.index("<table>") < page.index('id="note-1"')
+    notes = list(table_notes(table))
+    (limits,) = (note for note in notes if note.startswith("The limits of likeness are the recorded"))
+    assert limits.about == ("likeness",)
+    line = page.split("share that moves like the recorded dancers")[1].split("</th>")[0]
+    assert f'href="#note-{notes.index(limits) + 1}"' in line
+    assert [one.split(" goes ")[0].split(" cannot ")[0] for one in findings(table)] == list(table.systems)
 
 
 def test_it_is_remarked_that_recorded_dances_set_their_own_limits(table: Evaluation) -> None:

@@ -204,6 +204,8 @@ def test_tolerances_fill_what_lies_between_hit_rate_and_chance(ax: Axes):
     np.testing.assert_allclose(named(ax, "hit rate").get_ydata(), [0.0, 0.6, 0.9])
     np.testing.assert_allclose(named(ax, "chance").get_ydata(), [0.0, 0.4, 0.8])
     np.testing.assert_allclose(named(ax, "paper: 0.25 s").get_xdata(), 0.25)
+    draw_tolerances(ax, [0.0, 0.1, 0.2], [0.0, 0.6, 0.9], [0.0, 0.4, 0.8], used=0.1, name="turns")
+    assert ax.get_title(loc="left") == "turns:\n60% met within 0.1 s, 40% by chance"
     corners = {(round(x, 6), round(y, 6)) for x, y in ax.collections[0].get_paths()[0].vertices}
     assert {(0.1, 0.4), (0.1, 0.6), (0.2, 0.8), (0.2, 0.9)} <= corners
 
@@ -260,6 +262,9 @@ def test_places_show_each_share_its_interval_and_chance(ax: Axes):
     np.testing.assert_allclose(half, [0.098, 0.0392, 0.0], atol=1e-9)
     assert named(ax, "chance 0.40").get_ydata()[0] == 0.4
     assert [tick.get_text() for tick in ax.get_xticklabels()] == ["1\n(downbeat)", "2", "3"]
+    assert ax.get_title(loc="left").endswith("strong more often than other beats")
+    draw_places(ax, [0.45, 0.2], [100, 400], chance=0.4)
+    assert ax.get_title(loc="left").endswith("strong no more often than other beats")
 
 
 # motion

@@ -166,14 +166,14 @@ def vote(judge: str, share: float, first: str = "paper", second: str = "recommen
     return {"first": first, "second": second, "judge": judge, "share": share, "n": n}
 
 
-def test_votes_for_the_second_lie_to_the_right_where_its_name_stands(ax: Axes):
+def test_votes_for_the_upper_name_lie_to_the_right(ax: Axes):
     draw_choices(ax, [vote("paper's harmony", 0.9), vote("above chance", 0.2)])
     shares = {line.get_label(): line.get_xdata() for line in ax.lines if not line.get_label().startswith("_")}
     np.testing.assert_allclose(shares["paper's harmony"], [0.1])
     np.testing.assert_allclose(shares["above chance"], [0.8])
-    (right,) = ax.child_axes
-    assert [text.get_text() for text in ax.get_yticklabels()] == [LOOKS["paper"].label]
-    assert [text.get_text() for text in right.get_yticklabels()] == [LOOKS["recommended"].label]
+    names = f"{LOOKS['recommended'].label}\nover {LOOKS['paper'].label}"
+    assert [text.get_text() for text in ax.get_yticklabels()] == [names]
+    assert [text.get_text() for text in ax.texts] == ["10%", "80%"]
 
 
 def test_band_of_the_coin_narrows_with_the_root_of_the_number_of_units(ax: Axes):
@@ -183,8 +183,14 @@ def test_band_of_the_coin_narrows_with_the_root_of_the_number_of_units(ax: Axes)
 
 
 def test_votes_say_in_the_picture_that_nobody_was_asked():
-    figure = forced_choice_figure({"made up": [vote("above chance", 0.2)]})
-    assert figure.axes[0].get_title(loc="left") == "made up: two scores as judges, 25 units (no people)"
+    votes = [vote("above chance", 0.2), vote("paper's harmony", 0.9)]
+    figure = forced_choice_figure({"made up": votes})
+    ours, papers = (LOOKS[name].label for name in ("recommended", "paper"))
+    assert figure.axes[0].get_title(loc="left") == (
+        "Made up, 25 units, no people asked:\n"
+        f"“above chance” likes “{ours}” best\n“paper's harmony” likes “{papers}” best"
+    )
+    assert smallest_text(figure) >= 9
 
 
 def test_looks_differ_in_mark_as_well_as_colour_and_take_no_colour_that_means_something_else():

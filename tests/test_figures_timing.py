@@ -12,8 +12,15 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from harmolab.harmony import score_harmony, score_motion
-from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.figures.timing import draw_means, draw_timing, event_name, signed_offsets, timing_figure
+from harmolab.lab.figures.style import COLOURS, smallest_text
+from harmolab.lab.figures.timing import (
+    draw_means,
+    draw_timing,
+    event_name,
+    offset_figure,
+    signed_offsets,
+    timing_figure,
+)
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack
 from tests.builders import track, waving
@@ -94,3 +101,14 @@ def test_narrow_figure_keeps_its_size_and_folds_its_legend():
     figure = timing_figure(SCORE, size=(4.4, 4.4))
     assert figure.get_size_inches().tolist() == [4.4, 4.4]
     assert figure.axes[0].get_legend()._ncols == 2
+
+
+def test_offset_figure_names_the_place_that_was_found_and_marks_the_others():
+    lags = np.linspace(-1.0, 1.0, 5)
+    figure = offset_figure(lags, np.cos(lags), best=0.36, others=(-0.14, 0.86))
+    (ax,) = figure.axes
+    assert [float(line.get_xdata()[0]) for line in ax.lines[1:]] == [0.36, -0.14, 0.86]
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert labels == ["found: 0.36 s", "or some beats earlier or later"]
+    assert ax.get_title(loc="left").startswith("The dance fits best when it begins 0.36 s into the song; 2 other")
+    assert smallest_text(figure) >= 9

@@ -282,8 +282,12 @@ def test_figures_of_simulated_raters_say_so_and_those_of_people_do_not():
     grid = study([0.9, 0.6])
     figure = rates_figure(rater_rows(grid), label="right answers", title="Who was right?")
     assert titles(figure) == ["Who was right? (simulated raters, no people)"]
+    assert [text.get_text() for text in figure.axes[0].texts if text.get_gid() == "watermark"] == [
+        "simulated: no people"
+    ]
     figure = rates_figure(rater_rows(people(["01" * 20])), label="right answers", title="Who was right?")
     assert titles(figure) == ["Who was right?"]
+    assert not [text for text in figure.axes[0].texts if text.get_gid() == "watermark"]
 
 
 def test_rows_that_do_not_say_who_answered_are_not_drawn():

@@ -331,6 +331,7 @@ from .figures.style import (
 from .figures.style import (
     save_table as save_table,
 )
+from .figures.timing import offset_figure as offset_figure
 from .figures.timing import timing_figure as timing_figure
 from .figures.training import (
     VALIDATED as VALIDATED,

@@ -169,8 +169,7 @@ class DancedUnit:
     def verdicts(self) -> dict[str, str]:
         """The result of each motion, in words."""
         return {
-            name: f"{score.hits.sum()} of {score.n_audio} beats met with {score.n_visual} of its own, "
-            f"harmony above chance {score.harmony_above_chance:+.2f} (a statue on this path {self.statues[name]:+.2f})"
+            name: f"{score.hits.sum()} of {score.n_audio} beats met, {score.chance * score.n_audio:.1f} by chance"
             for name, score in self.scores.items()
         }
 

@@ -253,7 +253,7 @@ def draw_rotations(ax: Axes, shifts: ArrayLike, shares: ArrayLike, *, observed: 
 
 
 def draw_tolerances(
-    ax: Axes, delays: ArrayLike, hit_rates: ArrayLike, chances: ArrayLike, *, used: float | None = None
+    ax: Axes, delays: ArrayLike, hit_rates: ArrayLike, chances: ArrayLike, *, used: float | None = None, name: str = ""
 ) -> Axes:
     """Hit rate and chance level as the tolerance grows; between them lies what the dancer adds.
 
@@ -263,14 +263,18 @@ def draw_tolerances(
     delays : (D,) array, seconds, T_delay
     hit_rates, chances : (D,) arrays in [0, 1]
     used : float, seconds, optional; the paper's choice, as a dotted line
+    name : str, of the beats; with it the title is what was hit and what chance hits, at `used`
     """
     seconds, rates, floor = (np.asarray(values, np.float64) for values in (delays, hit_rates, chances))
-    ax.fill_between(seconds, floor, rates, color=COLOURS["faint"], zorder=1)
+    ax.fill_between(seconds, floor, rates, color=COLOURS["faint"], zorder=1, label="what the dancer adds")
     ax.plot(seconds, rates, color=COLOURS["hit"], linewidth=2.0, marker="o", markersize=4, label="hit rate")
     ax.plot(seconds, floor, color=COLOURS["chance"], linewidth=2.0, linestyle="--", label="chance")
     if used is not None:
         ax.axvline(used, color=COLOURS["ink"], linestyle=":", linewidth=1.2, label=f"paper: {used:g} s")
-    ax.set(xlim=(seconds.min(), seconds.max()), ylim=(0.0, 1.03), xlabel="tolerance T_delay (s)")
+        if name:
+            hit, chance = (np.interp(used, seconds, values) for values in (rates, floor))
+            ax.set_title(f"{name}:\n{hit:.0%} met within {used:g} s, {chance:.0%} by chance", loc="left")
+    ax.set(xlim=(seconds.min(), seconds.max()), ylim=(0.0, 1.03), xlabel="delay allowed, $T_{delay}$ (s)")
     ax.set_ylabel("share of music beats hit")
     return ax
 

@@ -11,15 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from harmolab.lab.figures.style import COLOURS, styled_axes
+from harmolab.lab.figures.style import COLOURS, mark_synthetic, styled_axes
 from harmolab.lab.figures.variants import LOOKS, Record
+from harmolab.lab.figures.words import corpus_words, is_synthetic, sentence
 
 # Measures of the panels from left to right, with the words for them.
 COMPARED: Mapping[str, str] = MappingProxyType(
     {
-        "h": "harmony h (paper, Table 1)",
-        "hit_rate": "hit rate (paper, Table 2)",
-        "above_chance": "harmony above chance (0.1 s; not in the paper)",
+        "h": "harmony h (paper's Table 1)",
+        "hit_rate": "hit rate (paper's Table 2)",
+        "above_chance": "harmony above chance",
     }
 )
 WIDE, THIN = 0.72, 0.34  # of bars, of the place of a system
@@ -36,7 +37,7 @@ _RIVAL, _CHOREOGRAPHER = "#56809E", "#3F7F5F"
 
 
 def draw_compared(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
-    """One measure of every system of a contest; thin grey bars on the right are dances that need no training.
+    """One measure of every system of a contest; thin grey bars at the bottom are dances that need no training.
 
     Parameters
     ----------
@@ -44,38 +45,43 @@ def draw_compared(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
     rows : records of `harmolab.lab.experiments.standings.system_table` of one contest; kind says where a bar stands
     measure : name in `COMPARED`
     """
-    systems = [row for row in rows if row["kind"] not in ("recorded", "pieces")]
-    cheap = [row for row in rows if row["kind"] in ("recorded", "pieces")]
+    systems, cheap = _sides(rows)
     places = [*range(len(systems)), *(len(systems) + GAP + np.arange(len(cheap)) * STEP)]
     for place, row in zip(places, [*systems, *cheap], strict=True):
         _draw_bar(ax, row, float(place), measure, thin=row in cheap)
-    names = [str(row["system"]) for row in (*systems, *cheap)]
-    ax.set_xticks(places, names, rotation=38, ha="right", fontsize=8)
-    ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8)
-    ax.set(title=COMPARED.get(measure, measure), xlim=(-0.7, max(places) + 0.5))
+    ax.set_yticks(places, [str(row["system"]) for row in (*systems, *cheap)], fontsize=8.5)
+    ax.tick_params(axis="y", length=0)
+    ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
+    ax.set(ylim=(max(places) + 0.6, -0.7), xlabel=COMPARED.get(measure, measure))
     return ax
+
+
+def _sides(rows: Sequence[Record]) -> tuple[list[Record], list[Record]]:
+    """Systems, and what needs no training."""
+    cheap = [row for row in rows if row["kind"] in ("recorded", "pieces")]
+    return [row for row in rows if row not in cheap], cheap
 
 
 def _draw_bar(ax: Axes, row: Record, place: float, measure: str, *, thin: bool) -> None:
     """The bar of one record, its interval, chance and the paper's value; in words where it was not trained enough."""
     mean, width = row[measure], THIN if thin else WIDE
     if not np.isfinite(mean):
-        words = row["remark"].partition(":")[0] or "no number"
-        ax.text(place, 0.0, f" {words}", rotation=90, ha="center", va="bottom", fontsize=7.5, color=COLOURS["chance"])
+        words = str(row["remark"]).partition(":")[0] if isinstance(row["remark"], str) else ""
+        ax.text(0.0, place, f" {words or 'no number'}", ha="left", va="center", fontsize=8, color=COLOURS["chance"])
     else:
         hollow = row["system"] == "HarmoGAN without L_harmo"
         colour = COLOURS["chance"] if thin else _colour(row)
-        ax.bar(place, mean, width, facecolor="white" if hollow else colour, edgecolor=colour, linewidth=1.4)
+        ax.barh(place, mean, width, facecolor="white" if hollow else colour, edgecolor=colour, linewidth=1.4)
         low, high = row[f"{measure} low"], row[f"{measure} high"]
         if np.isfinite(low):
-            ax.plot([place, place], [low, high], color=COLOURS["ink"], linewidth=1.6, gid="interval", zorder=4)
+            ax.plot([low, high], [place, place], color=COLOURS["ink"], linewidth=1.6, gid="interval", zorder=4)
         chance = row.get(f"{measure} chance", 0.0)
         ends = [place - width / 2 - 0.06, place + width / 2 + 0.06]
-        ax.plot(ends, [chance, chance], color=COLOURS["miss"], linewidth=2.0, gid="chance", zorder=3)
+        ax.plot([chance, chance], ends, color=COLOURS["miss"], linewidth=2.0, gid="chance", zorder=3)
     paper = row.get(f"{measure} paper", np.nan)
     if np.isfinite(paper):
         ax.plot(
-            place, paper, "D", markersize=7, markerfacecolor="white", markeredgecolor="black", gid="paper", zorder=5
+            paper, place, "D", markersize=6, markerfacecolor="white", markeredgecolor="black", gid="paper", zorder=5
         )
 
 
@@ -93,20 +99,34 @@ def comparison_figure(rows: Iterable[Record]) -> Figure:
     contests: dict[tuple[str, str], list[Record]] = {}
     for row in rows:
         contests.setdefault((row["music"], row["corpus"]), []).append(row)
-    size = (17.0, 4.5 * len(contests) + 0.5)
-    with styled_axes(size, len(contests), len(COMPARED)) as (figure, axes):
+    heights = [0.24 * len(records) + 1.0 for records in contests.values()]
+    size = (9.0, sum(heights) + 0.8)
+    ratios = {"height_ratios": heights}
+    with styled_axes(size, len(contests), len(COMPARED), sharey="row", gridspec_kw=ratios) as (figure, axes):
         for line, ((music, corpus), records) in enumerate(contests.items()):
             panels = axes[line * len(COMPARED) : (line + 1) * len(COMPARED)]
             for ax, measure in zip(panels, COMPARED, strict=True):
                 draw_compared(ax, records, measure=measure)
-                if "synthetic" in (music + corpus):
-                    ax.text(
-                        1.0, 1.0, "synthetic", transform=ax.transAxes, ha="right", va="top", fontsize=9,
-                        style="italic", color=COLOURS["miss"], gid="source",
-                    )  # fmt: skip
-            panels[0].set_ylabel(f"{music}; trained on {corpus}")
-        figure.legend(handles=_handles(), loc="outside upper center", ncols=3)
+            about = f"{sentence(music)}; trained on {corpus_words(corpus)}:"
+            # It runs over the panels beside it: an empty title keeps its height free, and nothing its width.
+            panels[0].set_title(" \n ", fontsize=10.5)
+            words, place = f"{about}\n{_finding(records)}", {"transform": panels[0].transAxes, "gid": "title"}
+            panels[0].text(0.0, 1.02, words, va="bottom", fontsize=10.5, **place).set_in_layout(False)
+            if is_synthetic(music + corpus):
+                mark_synthetic(panels[-1])
+        figure.legend(handles=_handles(), loc="outside upper center", ncols=2, fontsize=9)
     return figure
+
+
+def _finding(rows: Sequence[Record]) -> str:
+    """The system with the most harmony above chance, beside recorded dances with the right song."""
+    numbers = {str(row["system"]): row["above_chance"] for row in _sides(rows)[0] if np.isfinite(row["above_chance"])}
+    if not numbers:
+        return "no system has a number"
+    best = max(numbers, key=numbers.__getitem__)
+    recorded = [row["above_chance"] for row in rows if row["system"] == "recorded, right song"]
+    beside = f", recorded dancers {recorded[0]:.2f}" if recorded and np.isfinite(recorded[0]) else ""
+    return f"most above chance is {best} with {numbers[best]:.2f}{beside}"
 
 
 def _handles() -> list[Line2D | Patch]:

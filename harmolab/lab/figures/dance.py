@@ -15,11 +15,12 @@ from harmolab.beats.visual import motion_curve
 from harmolab.lab.figures.beats import MARK_LOOKS, draw_marks, draw_tolerance, timed_curve
 from harmolab.lab.figures.motion import draw_film
 from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
+from harmolab.lab.figures.words import listed
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.score import HarmonyScore
 
 FRAMES = 4  # between two pictures of the paper's Fig. 14, at 15 frames per second
-HEIGHT = 62.0  # points, of a stick figure
+HEIGHT = 92.0  # points, of a stick figure
 
 
 def sheet_times(motion: Motion, *, every: int = FRAMES) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -98,17 +99,28 @@ def dance_figure(
     """
     longest = max(motion.duration for motion in motions.values())
     top = 1.5 * max(float(motion_curve(motion, scores[name].params)[0].max()) for name, motion in motions.items())
-    size = (float(np.clip(2.7 * longest, 9.0, 20.0)), 2.05 * len(motions) + 0.8)
-    ratios = [1.25, 0.8] * len(motions)
+    size = (float(np.clip(2.7 * longest, 9.0, 11.0)), 2.5 * len(motions) + 0.9)
+    ratios = [1.7, 0.8] * len(motions)
     with styled_axes(size, len(ratios), sharex=True, height_ratios=ratios) as (figure, axes):
         for (name, motion), sheet, speed in zip(motions.items(), axes[::2], axes[1::2], strict=True):
             draw_sheet(sheet, motion, beats).set_title((titles or {}).get(name, name))
             draw_speed(speed, motion, scores[name], start=start, top=top).set_ylabel("m/s")
             for ax in (sheet, speed):
                 ax.axvspan(-1.0, start, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=-1)
+        figure.suptitle(_claim(scores, titles or {}), x=0.01, ha="left", fontsize=12)
         axes[-1].set(xlabel="time (s)", xlim=(-0.5 * FRAMES / motion.fps, longest))
         axes[-1].legend(handles=_legend(FRAMES / motion.fps), loc="upper center", bbox_to_anchor=(0.5, -0.6), ncols=3)
     return figure
+
+
+def _claim(scores: Mapping[str, HarmonyScore], titles: Mapping[str, str]) -> str:
+    """Names of those that meet the most beats, and the number of these."""
+    met = {name: int(score.hits.sum()) for name, score in scores.items()}
+    most = max(met.values())
+    best = [titles.get(name, name).split(":")[0] for name, hits in met.items() if hits == most]
+    beats = next(iter(scores.values())).n_audio
+    only = "Only " if len(best) == 1 < len(met) else ""
+    return f"{only}{listed(best)}: {most} of {beats} beats met" if most else f"Nobody meets one of {beats} beats"
 
 
 def _legend(interval: float) -> list[Line2D | Patch]:

@@ -49,6 +49,11 @@ def draw_rates(ax: Axes, rows: Sequence[Record], *, label: str, title: str = "")
     ax.set(yticks=range(len(rows)), yticklabels=names[::-1], xlim=(-0.02, 1.02), ylim=(-0.6, len(rows) - 0.4))
     ax.set_xlabel(f"{label} (dotted: by guessing; lines: 95 % intervals)")
     ax.set_title(study_title(title, rows))
+    if any(row["simulated"] for row in rows):
+        ax.text(
+            0.25, 0.5, "simulated: no people", transform=ax.transAxes, ha="center", va="center", rotation=12,
+            fontsize=22, fontweight="bold", color=COLOURS["faint"], zorder=0, gid="watermark",
+        )  # fmt: skip
     return ax
 
 

@@ -82,6 +82,8 @@ def _draw_bracket(ax: Axes, unit: MeterUnit) -> None:
 def draw_places(ax: Axes, strong_shares: ArrayLike, counts: ArrayLike, *, chance: float) -> Axes:
     """Share of beats that Eq. 22 calls strong at each place of the annotated bar, with 95 % intervals.
 
+    The title says whether downbeats are called strong more often than other beats.
+
     Parameters
     ----------
     ax : Axes
@@ -95,6 +97,12 @@ def draw_places(ax: Axes, strong_shares: ArrayLike, counts: ArrayLike, *, chance
     ax.bar(places, shares, width=0.65, color=faces[: shares.size], edgecolor=COLOURS["audio"], linewidth=1.8)
     spread = 1.96 * np.sqrt(np.maximum(shares * (1 - shares), 0.0) / np.maximum(n_beats, 1.0))
     ax.errorbar(places, shares, yerr=spread, fmt="none", ecolor=COLOURS["ink"], capsize=5)
+    more = shares[0] - spread[0] > chance
+    less = shares[0] + spread[0] < chance
+    often = "more often than" if more else "less often than" if less else "no more often than"
+    ax.set_title(
+        f"{shares.size} beats in a bar: downbeats are called\nstrong {often} other beats", loc="left", fontsize=10.5
+    )
     ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.6, label=f"chance {chance:.2f}")
     ax.set(ylim=(0.0, 1.18), xlabel="place in the annotated bar", ylabel="share called strong")
     ax.yaxis.set_major_locator(FixedLocator([0.0, 0.25, 0.5, 0.75, 1.0]))

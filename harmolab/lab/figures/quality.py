@@ -145,17 +145,27 @@ def draw_sequence(ax: Axes, motion: Motion, *, shots: int = 12, start: float = 0
     return draw_film(ax, motion, times, (-half, times[-1] + half), height=HEIGHT, trail=(), colour=colour)
 
 
-def sequences_figure(motions: Mapping[str, Motion], *, shots: int = 12, start: float = 0.0, title: str = "") -> Figure:
+def sequences_figure(
+    motions: Mapping[str, Motion],
+    *,
+    shots: int = 10,
+    start: float = 0.0,
+    title: str = "",
+    verdicts: Mapping[str, str] | None = None,
+) -> Figure:
     """`draw_sequence` for several dances to the same music, under each other at the same moments.
 
     Parameters
     ----------
     motions : name in `LOOKS` -> Motion, all equally long
+    verdicts : name -> words that its row's title ends with
     """
-    with styled_axes((11.0, 1.5 * len(motions) + 0.9), len(motions), sharex=True) as (figure, axes):
+    with styled_axes((9.0, 1.5 * len(motions) + 0.9), len(motions), sharex=True) as (figure, axes):
         for ax, (name, motion) in zip(axes, motions.items(), strict=True):
             look = LOOKS[name]
-            draw_sequence(ax, motion, shots=shots, start=start, colour=look.colour).set_title(look.label)
+            words = (verdicts or {}).get(name, "")
+            row_title = f"{look.label}: {words}" if words else look.label
+            draw_sequence(ax, motion, shots=shots, start=start, colour=look.colour).set_title(row_title)
         axes[-1].tick_params(axis="x", length=3, labelbottom=True)
         axes[-1].set_xlabel("time (s)")
         shade = Patch(facecolor=COLOURS["faint"], alpha=0.5, label="given: the beats before the meter")

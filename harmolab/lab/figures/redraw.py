@@ -13,10 +13,11 @@ from matplotlib.figure import Figure
 
 from harmolab.lab.figures.ablation import ablation_figure, trade_off_figure
 from harmolab.lab.figures.cheating import listening_figure, tricks_figure
+from harmolab.lab.figures.comparison import comparison_figure
 from harmolab.lab.figures.quality import distances_figure
-from harmolab.lab.figures.results import auc_figure, disturbances_figure
+from harmolab.lab.figures.results import auc_figure, disturbances_figure, forced_choice_figure
 from harmolab.lab.figures.style import MANIFEST, Saved, figures_folder, save_figure
-from harmolab.lab.figures.variants import Record
+from harmolab.lab.figures.variants import Record, by_corpus
 from harmolab.lab.profile import RunProfile
 
 
@@ -38,6 +39,8 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
         "fig08b_auc_of_all_scores": auc_figure(pd.read_csv(folder / "table08b_auc.csv")),
         "fig08d_disturbances": disturbances_figure(pd.read_csv(folder / "table08g_beat_jitter.csv")),
         "fig09_frechet_distances": distances_figure(_records(folder, "table09_motion_quality")),
+        "fig12_systems": comparison_figure(_records(folder, "table12_systems")),
+        "fig13_machine_comparison": forced_choice_figure(by_corpus(_records(folder, "table13_machine_comparison"))),
         "fig11_harmony_loss": ablation_figure(means, _records(folder, "table11b_gains")),
         "fig11b_trade_off": trade_off_figure(means, sweep),
     }

@@ -232,7 +232,7 @@ def disturbances_figure(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCOR
 
 
 def draw_choices(ax: Axes, rows: Sequence[Record]) -> Axes:
-    """Share of units on which each score prefers the right one of two variants; the grey band is a coin's (Fig. 13).
+    """Share of units on which each score prefers one variant over another, a row a pair; the grey band is a coin's.
 
     Parameters
     ----------
@@ -246,23 +246,38 @@ def draw_choices(ax: Axes, rows: Sequence[Record]) -> Axes:
     ax.hlines(range(len(pairs)), 0.0, 1.0, color=COLOURS["faint"], linewidth=1, zorder=1)
     for place, (judge, (marker, colour)) in enumerate(JUDGES.items()):
         choices = [row for row in rows if row["judge"] == judge]
-        levels = [pairs.index((row["first"], row["second"])) + 0.16 - 0.32 * place for row in choices]
+        levels = [pairs.index((row["first"], row["second"])) + 0.18 - 0.36 * place for row in choices]
         shares = [1.0 - row["share"] for row in choices]
-        ax.plot(shares, levels, linestyle="none", marker=marker, markersize=10, color=colour, label=judge, zorder=3)
-    ax.set(yticks=range(len(pairs)), yticklabels=[LOOKS[first].label for first, _ in pairs])
-    ax.set(xlim=(-0.03, 1.03), ylim=(-0.6, len(pairs) - 0.4))
-    ax.set_xlabel("← prefers the left one      share of units      prefers the right one →")
-    other = ax.secondary_yaxis("right")
-    other.set_yticks(range(len(pairs)), [LOOKS[second].label for _, second in pairs])
-    for axis in (ax, other):
-        axis.tick_params(axis="y", length=0)
+        ax.plot(shares, levels, linestyle="none", marker=marker, markersize=9, color=colour, label=judge, zorder=3)
+        for share, level in zip(shares, levels, strict=True):
+            ax.annotate(f"{share:.0%}", (share, level), (8, 0), textcoords="offset points", va="center", fontsize=9)
+    names = [f"{LOOKS[second].label}\nover {LOOKS[first].label}" for first, second in pairs]
+    ax.set(yticks=range(len(pairs)), yticklabels=names, xlim=(-0.03, 1.1), ylim=(-0.6, len(pairs) - 0.4))
+    ax.set_xlabel("share of units on which the score prefers the upper name")
+    ax.tick_params(axis="y", length=0)
     return ax
 
 
 def forced_choice_figure(tables: Mapping[str, Sequence[Record]]) -> Figure:
-    """`draw_choices` for each corpus, one above the other."""
-    with styled_axes((9.0, 3.6 * len(tables)), len(tables)) as (figure, axes):
+    """`draw_choices` for each corpus, one above the other; titles name the variant that each score likes best."""
+    with styled_axes((9.0, 4.3 * len(tables) + 0.4), len(tables)) as (figure, axes):
         for ax, (corpus, rows) in zip(axes, tables.items(), strict=True):
-            draw_choices(ax, rows).set_title(f"{corpus}: two scores as judges, {rows[0]['n']} units (no people)")
-        axes[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
+            about = f"{sentence(corpus_words(corpus))}, {rows[0]['n']} units, no people asked"
+            draw_choices(ax, rows).set_title(f"{about}:\n{_favourites(rows)}", fontsize=10.5)
+            if is_synthetic(corpus):
+                mark_synthetic(ax)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
+
+
+def _favourites(rows: Sequence[Record]) -> str:
+    """The variant that each judge prefers in most comparisons, in words."""
+    votes: dict[str, dict[str, float]] = {}
+    for row in rows:
+        own = votes.setdefault(row["judge"], {})
+        for name, share in ((row["first"], row["share"]), (row["second"], 1.0 - row["share"])):
+            own[name] = own.get(name, 0.0) + share
+    best = {judge: LOOKS[max(own, key=own.__getitem__)].label for judge, own in votes.items()}
+    if len(best) > 1 and len(set(best.values())) == 1:
+        return f"both scores like “{next(iter(best.values()))}” best"
+    return "\n".join(f"“{judge}” likes “{name}” best" for judge, name in best.items())

@@ -21,6 +21,27 @@ DPI = 150
 LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
 
 
+def offset_figure(lags: FloatArray, curve: FloatArray, *, best: float, others: Sequence[float] = ()) -> Figure:
+    """Fit of a motion to its music by the place of its first frame; the best place and its rivals are named.
+
+    Parameters
+    ----------
+    lags, curve : (L,) arrays, seconds and evidence, as in `harmolab.lab.timing.movement.Offset`
+    best, others : seconds, the place that fits best and those that fit nearly as well
+    """
+    with styled_axes((9.0, 3.2)) as (figure, (ax,)):
+        ax.plot(lags, curve, color=COLOURS["visual"])
+        ax.axvline(best, color=COLOURS["ink"], linestyle="--", label=f"found: {best:.2f} s")
+        for number, other in enumerate(others):
+            label = "or some beats earlier or later" if number == 0 else None
+            ax.axvline(other, color=COLOURS["chance"], linestyle=":", label=label)
+        title = f"The dance fits best when it begins {best:.2f} s into the song"
+        ax.set_title(f"{title}; {len(others)} other places fit nearly as well" if others else title)
+        ax.set(xlabel="song time of the first frame (s)", ylabel="slowness on beats (SD)")
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
 def signed_offsets(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
     """Offset of the visual beat nearest to each music beat: (N,) seconds, early is negative; NaN without any.
 

@@ -18,22 +18,12 @@ from harmolab.lab.figures.variants import LOOKS, Record
 from harmolab.types import FloatArray
 
 PRETRAIN = "pretrain"
-# Panels of the losses in reading order: title, column of the history, variants that share its scale (None: all).
+# Panels of the losses in reading order: title, column of the history, variants that share its scale (None: all). The
+# other terms stand in history.csv.
 TERMS: tuple[tuple[str, str, tuple[str, ...] | None], ...] = (
-    ("2-D poses (Eq. 24)", "kl", None),
-    ("poses (Eq. 25)", "mse", None),
-    ("poses, validation units", "val_mse", None),
-    ("pose network (Eq. 26)", "feature", None),
-    ("discriminator $D_{cd}$ (Eq. 29)", "critic_cd", None),
-    ("discriminator $D_{st}$ (Eq. 30)", "critic_st", None),
-    ("$G$ against both (Eq. 31)", "gan", None),
+    ("poses of unseen units (Eq. 25)", "val_mse", None),
     ("paper's harmony (Eq. 27)", "harmony", ("paper",)),
     ("our harmony", "harmony", ("recommended",)),
-    ("jerk, ours only", "smoothness", None),
-    ("energy, ours only", "energy", None),
-    ("turning and travelling, ours only", "path", None),
-    ("variety of poses, ours only", "spread", None),
-    ("sliding feet, ours only", "foot", None),
 )
 VALIDATED = MappingProxyType(
     {
@@ -99,27 +89,36 @@ def draw_validated(ax: Axes, rows: Sequence[Record], column: str) -> Axes:
 
 
 def losses_figure(rows: Iterable[Record]) -> Figure:
-    """`draw_term` for every term of Eq. 32 and its parts, before weighting."""
+    """`draw_term` for both harmony losses and the poses of unseen units; titles say where each begins and ends."""
     table = list(rows)
     names = _named(table)
-    with styled_axes((11.0, 10.6), 4, 4) as (figure, axes):
-        for ax in axes[len(TERMS) :]:
-            ax.set_axis_off()
-        for ax, (title, column, shared) in zip(axes, TERMS, strict=False):
+    with styled_axes((9.0, 4.0), 1, len(TERMS)) as (figure, axes):
+        for ax, (title, column, shared) in zip(axes, TERMS, strict=True):
             finite = [name for name in names if np.isfinite(_column(table, column, name)).any()]
-            draw_term(ax, table, column, [name for name in finite if name in (shared or names)]).set_title(title)
+            kept = [name for name in finite if name in (shared or names)]
+            draw_term(ax, table, column, kept).set_title(f"{title}\n{_course(table, column, kept)}", fontsize=10)
         figure.supxlabel("epoch", fontsize=10)
-        figure.supylabel("mean over the epoch's batches, before the weight of the term", fontsize=10)
+        figure.supylabel("mean over the epoch's batches", fontsize=10)
         band = Patch(facecolor=COLOURS["faint"], alpha=0.5, label="pretraining")
-        coin = Line2D([], [], color=COLOURS["chance"], linestyle=":", label="discriminators guess")
-        figure.legend(handles=[*_handles(names), band, coin], loc="outside upper center", ncols=3)
+        figure.legend(handles=[*_handles(names), band], loc="outside upper center", ncols=3)
     return figure
+
+
+def _course(rows: Sequence[Record], column: str, names: Sequence[str]) -> str:
+    """Number of variants that end lower than they begin; of a single one, both values."""
+    ends = []
+    for name in names:
+        values = _column(rows, column, name)
+        ends.append(values[np.isfinite(values)][[0, -1]])
+    if len(ends) == 1:
+        return f"{ends[0][0]:.2f} → {ends[0][1]:.2f}"
+    return f"lower at the end for {sum(last < first for first, last in ends)} of {len(ends)}"
 
 
 def validation_figure(rows: Iterable[Record]) -> Figure:
     """`draw_validated` for the paper's two scores, beside four measures that they leave out."""
     table = list(rows)
-    with styled_axes((11.0, 6.2), 2, 3) as (figure, axes):
+    with styled_axes((9.0, 6.2), 2, 3) as (figure, axes):
         for ax, column in zip(axes, VALIDATED, strict=True):
             draw_validated(ax, table, column)
         figure.legend(handles=_handles(_named(table)), loc="outside upper left", ncols=4)

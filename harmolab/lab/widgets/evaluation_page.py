@@ -110,12 +110,12 @@ def findings(evaluation: Evaluation) -> Iterator[str]:
             yield f"{system}: no harmony above chance could be measured."
             continue
         if not clear.get(frozenset((system, RECORDED))):
-            relation = "cannot be told from the recorded dances"
+            relation = "cannot be told from the recorded dances by its harmony with the music"
         else:
             relation = f"goes with its music {'more' if mean.mean > recorded.mean else 'less'} than the recorded dances"
         likeness = evaluation.means.get((system, "likeness"))
-        likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like theirs."
-        numbers = f"harmony above chance {number_text(mean.mean)} beside {number_text(recorded.mean)}"
+        likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like recorded dancers."
+        numbers = f"{number_text(mean.mean)} above chance, theirs {number_text(recorded.mean)}"
         yield f"{system} {relation} ({numbers}).{likely}"
 
 
