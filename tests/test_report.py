@@ -15,12 +15,13 @@ import nbformat
 import pytest
 from matplotlib import pyplot
 from matplotlib.figure import Figure
-from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from harmolab.lab.figures import style
 from harmolab.lab.profile import RunProfile
 from harmolab.lab.report import run as report
 from harmolab.lab.report.pages import NotebookRun, write_pages
+from harmolab.lab.report.pictures import SAVED, data_words, plain_source
 
 GOOD = """# 00 The good one
 
@@ -61,10 +62,32 @@ def write_notebook(path: Path, *cells: str, paper: tuple[str, ...] = ()) -> None
     nbformat.write(new_notebook(cells=nodes, metadata={"kernelspec": kernel, "harmolab": {"paper": list(paper)}}), path)
 
 
-def run_of(title: str, paper: tuple[str, ...], error: str = "") -> NotebookRun:
+def run_of(
+    title: str, paper: tuple[str, ...], error: str = "", stem: str = "03_beats", cells: tuple = (), **facts: str
+) -> NotebookRun:
     """A run that never took place."""
-    node = new_notebook(cells=[new_markdown_cell(title)], metadata={"harmolab": {"paper": list(paper)}})
-    return NotebookRun(Path("/planted/03_beats.ipynb"), node, 1.0, error)
+    metadata = {"harmolab": {"paper": list(paper), **facts}}
+    node = new_notebook(cells=[new_markdown_cell(title), *cells], metadata=metadata)
+    return NotebookRun(Path(f"/planted/{stem}.ipynb"), node, 1.0, error)
+
+
+def write_picture(folder: Path, name: str, *, source: str, profile: str = "quick", inches: float = 4.0) -> bytes:
+    """A saved figure of notebook 03 and its entry in the manifest."""
+    folder.mkdir(parents=True, exist_ok=True)
+    figure = Figure(figsize=(inches, 2.0))
+    figure.savefig(folder / f"{name}.png")
+    entry = {"notebook": "03_beats.ipynb", "profile": profile, "seed": 1, "source": source, "title": f"The <{name}>"}
+    manifest = folder / "manifest.json"
+    entries = json.loads(manifest.read_text()) if manifest.is_file() else {}
+    manifest.write_text(json.dumps({**entries, f"{name}.png": entry}))
+    return (folder / f"{name}.png").read_bytes()
+
+
+def cell_with(*pictures: bytes, saved: tuple[str, ...], remark: str = "") -> nbformat.NotebookNode:
+    """An executed cell: the pictures in its outputs, a line of text, and the names of the figures that it saved."""
+    outputs = [new_output("display_data", {"image/png": base64.b64encode(png).decode()}) for png in pictures]
+    outputs += [new_output("execute_result", {"text/plain": remark})] if remark else []
+    return new_code_cell("draw()", outputs=outputs, metadata={SAVED: list(saved)})
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +150,7 @@ def test_page_shows_every_figure_and_the_lab_as_pictures_and_equations_without_a
 def test_index_lists_figures_tables_and_where_the_data_came_from(built):
     _, out, _ = built
     index = (out / "index.html").read_text()
-    assert '<img src="figures/fig01.png" alt="A &lt;planted&gt; title">' in index
+    assert '<img src="figures/fig01.png" alt="A &lt;planted&gt; title" loading="lazy">' in index
     assert "<td>0.875</td>" in index
     assert "data: planted recordings, synthetic" in index
     assert "quick profile" in index
@@ -217,6 +240,87 @@ def test_equation_that_cannot_be_drawn_is_shown_as_its_source(tmp_path: Path):
     (tmp_path / "figures").mkdir()
     write_pages(tmp_path, [run_of("$$ \\left( a < b $$", ())], "quick")
     assert "<code> \\left( a &lt; b </code>" in (tmp_path / "03_beats.html").read_text()
+
+
+def test_picture_of_a_quick_run_stands_beside_the_committed_one_with_both_labels(tmp_path: Path):
+    png = write_picture(tmp_path / "out" / "figures", "a", source="synthetic")
+    write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full", inches=6.0)
+    run = run_of("# 03 Beats", (), picture="a.png", cells=(cell_with(png, saved=("a.png",), remark="saved a.png"),))
+    write_pages(tmp_path / "out", [run], "quick", committed=tmp_path / "committed")
+    page = (tmp_path / "out" / "03_beats.html").read_text()
+    labels = re.findall(r'<label[^>]* for="picture-1-\d">([^<]+)</label>', page)
+    assert labels == ["this run, synthetic data", "full run, recordings"]
+    shown = re.findall(r'<img alt="([^"]+)" src="([^"]{0,40}).*?--pixels: (\d+)px', page)
+    assert shown == [
+        ("The &lt;a&gt; (full run, recordings)", "figures/full/a.png", "600"),  # under the finding
+        ("The &lt;a&gt; (this run, synthetic data)", shown[1][1], "400"),
+        ("The &lt;a&gt; (full run, recordings)", "figures/full/a.png", "600"),
+    ]
+    assert shown[1][1].startswith("data:image/png;base64,")
+    assert "saved a.png" not in page
+    assert (tmp_path / "out" / "figures" / "full" / "a.png").read_bytes() == (
+        tmp_path / "committed" / "a.png"
+    ).read_bytes()
+
+
+def test_report_of_the_full_profile_has_its_own_pictures_alone(tmp_path: Path):
+    png = write_picture(tmp_path / "out" / "figures", "a", source="beatlocked", profile="full")
+    write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full")
+    run = run_of("# 03 Beats", (), picture="a.png", cells=(cell_with(png, saved=("a.png",)),))
+    write_pages(tmp_path / "out", [run], "full", committed=tmp_path / "committed")
+    assert 'for="picture-' not in (tmp_path / "out" / "03_beats.html").read_text()
+    assert not (tmp_path / "out" / "figures" / "full").exists()
+
+
+def test_figures_that_a_loop_saved_and_did_not_show_are_on_the_page_in_order(tmp_path: Path):
+    names = ("a.png", "b.png", "c.png")
+    pngs = [write_picture(tmp_path / "figures", name[0], source="synthetic") for name in names]
+    run = run_of("# 03 Beats", (), cells=(cell_with(pngs[-1], saved=names),))
+    write_pages(tmp_path, [run], "quick")
+    page = (tmp_path / "03_beats.html").read_text()
+    assert re.findall(r'<img alt="The &lt;(\w)&gt;', page) == ["a", "b", "c"]
+
+
+def test_pages_follow_one_another_in_story_order(tmp_path: Path):
+    (tmp_path / "figures").mkdir()
+    text = "[on](04_next.ipynb)\n\nNext: [04 Next](04_next.ipynb)"
+    runs = [
+        run_of("# 03 Beats\n\n" + text, (), part="the score", finding="3 of 4 <b>."),
+        run_of("# 04 Next", (), stem="04_next", part="the generator"),
+    ]
+    write_pages(tmp_path, runs, "quick")
+    first, second = ((tmp_path / f"{stem}.html").read_text() for stem in ("03_beats", "04_next"))
+    assert first.count('href="04_next.html" rel="next"') == second.count('href="03_beats.html" rel="prev"') == 2
+    assert 'rel="prev"' not in first
+    assert '<a href="04_next.html">on</a>' in first
+    assert "Next:" not in first
+    index = index_text(tmp_path)
+    assert re.findall(r"<h2>([^<]+)</h2>", index) == ["the score", "the generator"]
+    assert "<strong>3 of 4 &lt;b&gt;.</strong>" in index
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("synthetic", "synthetic data"),
+        ("synthetic + synthetic songs", "synthetic data"),
+        ("beatlocked", "recordings"),
+        ("beatlocked + synthetic", "recordings and synthetic data"),
+        ("synthetic song, CMU motion capture", "recordings and synthetic data"),
+        ("synthetic and tracked", "recordings and synthetic data"),
+        ("real hands, rendered sound", "recordings"),
+        ("no data: shapes alone", ""),
+        ("", ""),
+    ],
+)
+def test_source_of_a_figure_in_plain_words(source: str, words: str):
+    assert data_words(source) == words
+
+
+def test_corpora_are_named_as_people_know_them():
+    assert plain_source("beatlocked + realdance/a + realdance/b + synthetic") == (
+        "recordings on the beat, recordings, synthetic"
+    )
 
 
 def test_aligned_equations_keep_their_columns(tmp_path: Path):
@@ -326,6 +430,31 @@ def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeyp
 
 
 @pytest.mark.browser
+def test_code_and_full_run_are_switched_without_a_network(tmp_path: Path, chromium):
+    png = write_picture(tmp_path / "out" / "figures", "a", source="synthetic", inches=9.0)
+    write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full")
+    plumbing = new_code_cell(
+        "settings", outputs=[new_output("stream", text="plumbed")], metadata={"tags": ["plumbing"]}
+    )
+    run = run_of("# 03 Beats", (), cells=(plumbing, cell_with(png, saved=("a.png",))))
+    write_pages(tmp_path / "out", [run], "quick", committed=tmp_path / "committed")
+    tab = chromium.new_context(offline=True, viewport={"width": 390, "height": 800}).new_page()
+    tab.goto((tmp_path / "out" / "03_beats.html").as_uri())
+    code, plumbed = tab.get_by_text("draw()"), tab.get_by_text("plumbed")
+    mine, full = (tab.locator(f"img[alt*='{run}']") for run in ("this run", "full run"))
+    assert [part.is_visible() for part in (code, plumbed, mine, full)] == [False, False, False, True]
+    tab.get_by_label("show code").check()
+    tab.get_by_text("this run, synthetic data").click()
+    assert [part.is_visible() for part in (code, plumbed, mine, full)] == [True, True, True, False]
+    tab.get_by_text("swipe sideways").nth(0).wait_for(state="visible")  # nine inches on a phone
+    tab.keyboard.press("ArrowRight")
+    assert full.is_visible()
+    tab.reload()
+    assert code.is_visible()  # the choice stays
+    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.browser
 @pytest.mark.slow
 def test_report_opens_offline_with_every_picture_in_place(built, chromium):
     _, out, _ = built
@@ -333,6 +462,8 @@ def test_report_opens_offline_with_every_picture_in_place(built, chromium):
     tab.on("request", lambda request: asked.append(request.url))
     for page in sorted(out.glob("*.html")):
         tab.goto(page.as_uri())
+        tab.eval_on_selector_all("details", "folds => folds.forEach(fold => { fold.open = true; })")
+        tab.eval_on_selector_all("img", "pictures => Promise.all(pictures.map(picture => picture.decode()))")
         widths = tab.eval_on_selector_all("img", "pictures => pictures.map(picture => picture.naturalWidth)")
         assert all(width > 100 for width in widths), page.name
     assert {url.partition(":")[0] for url in asked} <= {"file", "data"}

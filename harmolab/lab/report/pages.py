@@ -123,6 +123,11 @@ class NotebookRun:
         return str(self._facts.get("picture", ""))
 
     @property
+    def opens_with_picture(self) -> bool:
+        """The figure stands under the finding; not where something is to be heard before any number."""
+        return not self._facts.get("heard_first", False)
+
+    @property
     def _facts(self) -> Mapping[str, Any]:
         return dict(self.node.metadata.get("harmolab", {}))
 
