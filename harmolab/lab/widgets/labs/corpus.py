@@ -195,11 +195,11 @@ def _evidence(corpus: Corpus) -> dict[str, Any]:
 
 def _player_element(clips: Sequence[Clip], *, clip: float, **values: Any) -> str:
     """The player of one clip, with its true music, as an element of a page."""
-    chosen = clips[int(clip)]
-    stage = Stage.of(chosen)
+    one = clips[int(clip)]
+    stage = Stage.of(one)
     score = score_motion(stage.music, stage.motion, params=corpus_params(**values), n_rotations=0)
-    dancer = Dancer(chosen.dance or "dancer", stage.motion, score)
-    return Player(chosen.shared().audio, [dancer], music=stage.music, title=chosen.name)._repr_html_()
+    dancer = Dancer(one.dance or "dancer", stage.motion, score)
+    return Player(one.shared().audio, [dancer], music=stage.music, title=one.name)._repr_html_()
 
 
 def corpus_params(*, mode: str, score: str = "", late: float = 0.0, clip: float = 0, **values: Any) -> HarmonyParams:

@@ -130,8 +130,8 @@ class LabContent:
     def mode_values(self, mode: str) -> dict[str, Any]:
         """The mode, if there is a choice, and its own values of the controls."""
         names = [name for name in self.controls if hasattr(MODES[mode], FIELDS.get(name, name))]
-        chosen = {"mode": mode} if "mode" in self.controls else {}
-        return chosen | {name: setting(MODES[mode], name) for name in names}
+        own = {"mode": mode} if "mode" in self.controls else {}
+        return own | {name: setting(MODES[mode], name) for name in names}
 
     def checked(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Values of controls; ValueError for an unknown control, or a value that it cannot have."""

@@ -150,6 +150,8 @@ export function mount(parent, data, { changed = () => {}, play = null } = {}) {
 
   show();
   soundButtons();
+  // JupyterLab would take arrow keys for shortcuts of its own, and looks for this on the element that has the focus.
+  for (const node of view.root.querySelectorAll("input, select, button, canvas")) node.setAttribute("data-lm-suppress-shortcuts", "true");
   new ResizeObserver(draw).observe(view.canvas);
   return {
     set, update, state, below: view.below, numbers: settings => NUMBERS[data.kind](data, settings),
