@@ -39,9 +39,9 @@ def test_quiet_does_not_silence_a_refusal() -> None:
 
 def test_verbose_says_what_is_read_and_with_which_settings(pair: tuple[object, ...]) -> None:
     lines = run("score", *pair, "--lag", "0.1", "-v").stderr
-    assert "lag 0.1; by default mode both" in lines
+    assert "lag 0.1" in lines and "by default mode both" in lines
     assert f"reads beats: {pair[-1]}" in lines
-    assert "dance.npz: npz, 360 frames of 23 joints at 60 a second" in lines
+    assert "dance.npz: npz, 360 frames of 21 joints at 60 a second" in lines
 
 
 def test_verbose_shows_where_an_error_arose() -> None:
@@ -70,12 +70,12 @@ def test_long_work_says_a_line_every_while_where_there_is_no_terminal(
 ) -> None:
     monkeypatch.setattr(screen, "EVERY", 0.05)
     for _ in screen.progress([1, 2, 3], "scoring"):
-        time.sleep(0.08)
+        time.sleep(0.2)
     with screen.waiting("listening"):
         time.sleep(0.12)
     lines = capsys.readouterr().err.splitlines()
-    assert "harmolab: scoring: 1 of 3 (0 s)" in lines
-    assert "harmolab: listening (0 s)" in lines
+    assert any(line.startswith("harmolab: scoring: 1 of 3 (") for line in lines)
+    assert any(line.startswith("harmolab: listening (") for line in lines)
     assert len(lines) < 10
 
 

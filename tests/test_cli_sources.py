@@ -123,7 +123,7 @@ def test_a_dance_longer_than_its_song_is_said(tmp_path: Path) -> None:
     song = write_song(tmp_path / "song.wav", clip)
     save_motion(tmp_path / "long.npz", Motion(np.tile(clip.motion.positions, (2, 1, 1)), 60.0, clip.motion.skeleton))
     result = run("score", song, tmp_path / "long.npz")
-    assert "song.wav ends 20.0 s before the dance does: of its 40.0 s" in result.stderr
+    assert "song.wav ends 20.0 s before the dance does: only its first 20.0 s have music" in result.stderr
 
 
 # A folder of recordings
@@ -134,7 +134,7 @@ def test_a_folder_of_recordings_is_a_table_and_a_fault_is_a_row(corpus: Path, re
     result = run("score", corpus, "--csv", out)
     assert result.exit_code == 1
     assert "1 of 3 recordings could not be scored" in result.stderr
-    rows = list(csv.DictReader(out.open()))
+    rows = list(csv.DictReader(out.read_text().splitlines()))
     assert [bool(row["error"]) for row in rows] == [False, False, True]
     alone = json.loads(run("score", recording, "--json").stdout)
     assert float(rows[0]["harmony_above_chance"]) == alone["recommended"]["harmony_above_chance"]
@@ -160,7 +160,7 @@ def test_a_gif_repeats_has_few_colours_and_is_known_as_ours(tmp_path: Path, reco
     assert result.exit_code == 0, result.output
     with av.open(str(out)) as container:
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-    assert len(frames) == 12 and frames[0].shape == (120, 160, 3)
+    assert len(frames) == 13 and frames[0].shape == (120, 160, 3)
     assert len(np.unique(frames[0].reshape(-1, 3), axis=0)) <= 64
     assert run("render", recording, "--seconds", 1, "--height", 120, "--out", out).exit_code == 0
 

@@ -80,11 +80,11 @@ def options_of(function: Callable[..., None]) -> list[Any]:
 def _settings(context: typer.Context) -> str:
     """Names and values of all parameters of a call, those that were told apart from the others."""
     values = {name: value for name, value in context.params.items() if value not in (None, "", [], ())}
-    asked, usual = (
-        ", ".join(f"{name} {value}" for name, value in values.items() if is_told(context, name) is is_asked)
-        for is_asked in (True, False)
+    explicit, usual = (
+        ", ".join(f"{name} {value}" for name, value in values.items() if is_told(context, name) is is_explicit)
+        for is_explicit in (True, False)
     )
-    return f"{asked or 'no options'}; by default {usual or 'nothing'}"
+    return f"{explicit or 'no options'}; by default {usual or 'nothing'}"
 
 
 def check_numbers(context: typer.Context) -> None:

@@ -13,7 +13,7 @@ from harmolab.cli import common
 from harmolab.cli.checks import is_told
 from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Smpl, Song, Up
 from harmolab.cli.screen import plain_errors, progress, refuse, waiting, wrote
-from harmolab.cli.sources import sources
+from harmolab.cli.sources import note_music, sources
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 
@@ -98,6 +98,7 @@ def explain(
                 dance=files.dance,
                 params=params,
             )
+        note_music(result.skipped + result.motion.duration, performance.motion.duration, files.song)
         if out is not None:
             from harmolab.lab.timing.page import save_page
 

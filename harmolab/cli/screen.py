@@ -16,7 +16,8 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-EVERY = 5.0  # seconds between the lines about long work where there is no terminal
+EVERY = 5.0  # seconds to the first line about long work where there is no terminal; the gaps grow
+LONGEST = 30.0  # seconds between them in the end
 QUIET, USUAL, VERBOSE = -1, 0, 1
 LEVEL = ContextVar("level", default=USUAL)  # of what a command says
 KEY = "harmolab.level"  # of the same in the meta data of a call, as long as its options are read
@@ -145,7 +146,9 @@ def _lines(text: Callable[[], str]) -> Iterator[None]:
     begin, stderr, done = monotonic(), sys.stderr, Event()
 
     def print_lines() -> None:
-        while not done.wait(EVERY):
+        gap = EVERY
+        while not done.wait(gap):
+            gap = min(1.5 * gap, LONGEST)
             typer.echo(f"harmolab: {printable(text())} ({monotonic() - begin:.0f} s)", file=stderr)
 
     thread = Thread(target=print_lines, daemon=True)

@@ -167,11 +167,14 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
 
 def note_lengths(clip: Clip, song: Path) -> None:
     """A line where a good part of the dance has no music."""
-    if clip.motion is None:
-        return
-    beyond = clip.offset + clip.motion.duration - clip.audio.duration
-    if beyond > UNHEARD:
+    if clip.motion is not None:
+        note_music(clip.audio.duration - clip.offset, clip.motion.duration, song)
+
+
+def note_music(seconds: float, duration: float, song: Path) -> None:
+    """A line where so many seconds of music are under a dance of a longer duration."""
+    if duration - seconds > UNHEARD:
         note(
-            f"{song.name} ends {beyond:.1f} s before the dance does: of its {clip.motion.duration:.1f} s the rest is "
-            "neither judged nor counted"
+            f"{song.name} ends {duration - seconds:.1f} s before the dance does: only its first {seconds:.1f} s have "
+            "music and are judged"
         )

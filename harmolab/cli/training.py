@@ -13,7 +13,7 @@ import typer
 
 from harmolab.cli.checks import is_told
 from harmolab.cli.common import completed
-from harmolab.cli.screen import plain_errors, progress
+from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
@@ -166,8 +166,10 @@ def train(
 
 
 def _notice(line: str) -> None:
-    is_result = line.startswith(("units: ", "songs: ", "test songs: "))
-    typer.echo(line if is_result else f"harmolab: {line}", err=True)
+    if line.startswith(("units: ", "songs: ", "test songs: ")):
+        typer.echo(line, err=True)
+    else:
+        note(line)
 
 
 def accepted(function: Callable[..., Any], context: typer.Context, extras: Mapping[str, Any]) -> dict[str, Any]:
@@ -211,8 +213,8 @@ def epoch_bar() -> Iterator[Callable[[Mapping[str, Any], int], None]]:
         values = {name: value for name, value in row.items() if isinstance(value, float)}
         validation = {name.removeprefix("val_"): value for name, value in values.items() if name.startswith("val_")}
         scores.update(validation)
-        if not console.is_terminal:
-            if validation:
+        if not console.is_terminal or LEVEL.get() < USUAL:
+            if validation and LEVEL.get() >= USUAL:
                 typer.echo(f"{row['phase']} epoch {row['epoch'] + 1}: {_line(values)}", err=True)
             return
         losses = {name: value for name, value in values.items() if not name.startswith("val_")}

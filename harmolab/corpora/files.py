@@ -149,9 +149,10 @@ def check_dance(dance: str, beats: PathLike | None = None, one: float | None = N
 
 def unknown_dance(dance: str, names: Iterable[str]) -> ValueError:
     """The error that a dance is none of `names`, with the likeliest of them."""
-    known = sorted(names)
-    meant = "".join(f"; did you mean {near!r}?" for near in get_close_matches(dance.casefold(), known, 1))
-    return ValueError(f"unknown dance {dance!r}{meant or ';'} known: {', '.join(known)}")
+    alphabetical = sorted(names)
+    nearest = get_close_matches(dance.casefold(), alphabetical, 1)
+    hint = f" did you mean {nearest[0]!r}?" if nearest else ""
+    return ValueError(f"unknown dance {dance!r};{hint} known: {', '.join(alphabetical)}")
 
 
 def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, one: float | None = None) -> BeatTrack:
