@@ -214,9 +214,7 @@ def test_a_beat_is_chosen_and_moved_by_keys_and_stays_between_its_neighbours(chr
     page.context.close()
 
 
-def test_clicks_are_played_half_a_beat_apart_where_the_dance_is_expected_late(
-    chromium: Any, scoring_page: Path
-) -> None:
+def test_play_schedules_a_click_for_each_beat_and_a_second_press_stops_it(chromium: Any, scoring_page: Path) -> None:
     page = opened(chromium, scoring_page)
     page.get_by_role("button", name="Play the clicks").click()
     page.wait_for_function("harmolabLab.state.sound && harmolabLab.state.sound.time() > 0.2")
