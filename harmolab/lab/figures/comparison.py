@@ -110,8 +110,8 @@ def comparison_figure(rows: Iterable[Record]) -> Figure:
             about = f"{sentence(music)}; trained on {corpus_words(corpus)}:"
             # It runs over the panels beside it: an empty title keeps its height free, and nothing its width.
             panels[0].set_title(" \n ", fontsize=10.5)
-            words = panels[0].text(0.0, 1.02, f"{about}\n{_finding(records)}", transform=panels[0].transAxes, gid="title")
-            words.set(va="bottom", fontsize=10.5, in_layout=False)
+            words = panels[0].text(0.0, 1.02, f"{about}\n{_finding(records)}", gid="title")
+            words.set(transform=panels[0].transAxes, va="bottom", fontsize=10.5, in_layout=False)
             if is_synthetic(music + corpus):
                 mark_synthetic(panels[-1])
         figure.legend(handles=_handles(), loc="outside upper center", ncols=2, fontsize=9)
