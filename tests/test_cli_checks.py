@@ -338,18 +338,21 @@ def test_a_dance_in_millimetres_is_read_by_its_scale(pair: tuple[Any, ...]):
 
 
 def test_a_motion_without_a_rate_asks_for_the_option():
+    Path("song.wav").touch()
     np.save("m.npy", np.zeros((9, 3, 3)))
     assert line(run("score", "song.wav", "m.npy")) == "m.npy: holds no frame rate; pass fps, such as --fps 25"
 
 
 def test_an_empty_folder_is_told_what_a_dance_is():
+    Path("song.wav").touch()
     Path("empty").mkdir()
     assert "empty: holds no motion: neither motion.npz nor skeletons.json" in line(run("score", "song.wav", "empty"))
 
 
-def test_a_video_is_sent_to_the_command_that_reads_videos():
-    Path("take.mp4").write_text("x")
-    assert "take.mp4: is a video, no motion file; `harmolab explain`" in line(run("score", "song.wav", "take.mp4"))
+def test_a_video_that_is_none_is_named():
+    for name in ("song.wav", "take.mp4"):
+        Path(name).write_text("x")
+    assert line(run("score", "song.wav", "take.mp4")).startswith("take.mp4: cannot be read as video")
 
 
 def test_a_dance_that_no_recording_dances_gets_the_list_of_those_there_are(corpus: Path):
@@ -372,6 +375,7 @@ def test_a_song_without_beats_is_danced_to_with_a_warning(tmp_path: Path):
 
 
 def test_a_name_with_a_new_line_stays_in_one_line():
+    Path("song.wav").touch()
     assert line(run("score", "song.wav", "two\nlines.npz")) == r"two\nlines.npz: no such file"
     assert line(run("report", "--notebooks", "two\nlines")).endswith(r"two\nlines")
     Path("two\nlines.npz").write_text("x")

@@ -144,7 +144,7 @@ def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (("--out", "x.gif"), "a video is written as .mp4, .webm"),
+        (("--out", "x.avi"), "a video is written as .mp4, .webm, .gif"),
         (("--out", "x.mp4", "--over", "none.mp4"), "is movement in space; over a video go points of its pictures"),
         (("--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
         (("--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),

@@ -16,6 +16,7 @@ import pytest
 import typer
 from typer.testing import CliRunner, Result
 
+from harmolab.cli import app as harmolab
 from harmolab.cli.training import epoch_bar, train
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.systems.common import checkpoints
@@ -87,7 +88,7 @@ def test_folders_become_a_generator(trained: tuple[Path, Result]):
 
 
 def test_without_a_terminal_there_is_a_line_for_each_validated_epoch(trained: tuple[Path, Result]):
-    lines = trained[1].stderr.splitlines()
+    lines = [line for line in trained[1].stderr.splitlines() if "reading sequences" not in line]  # of a slow machine
     assert lines[0].startswith("units: ") and "synth" in lines[0]
     assert [line.split(":")[0] for line in lines[1:]] == ["pretrain epoch 2", "adversarial epoch 3"]
     assert " val_harmony " in lines[2] and " critic_st " in lines[2]
@@ -110,7 +111,6 @@ def told(result: Result) -> str:
     ("option", "value", "line"),
     [
         ("--preset", "large", "preset must be small or paper, got 'large'"),
-        ("--params", "ours", "params must be recommended or paper, got 'ours'"),
         ("--harmony-weight", "-1", "harmony_weight must be zero or more, got -1.0"),
         ("--harmony-weight", "nan", "harmony_weight must be zero or more, got nan"),
     ],
@@ -120,11 +120,10 @@ def test_an_unknown_choice_is_named(option: str, value: str, line: str, run: Run
     assert told(result) == f"harmolab: {line}" and not (tmp_path / "run").exists()
 
 
-def test_an_unknown_accelerator_is_named(corpus: Path, tmp_path: Path):
-    app = typer.Typer()
-    app.command()(train)
-    result = CliRunner().invoke(app, [str(corpus), "--out", str(tmp_path / "run"), "--accelerator", "tpu"])
-    assert told(result) == "harmolab: accelerator must be auto or cpu or cuda, got 'tpu'"
+@pytest.mark.parametrize(("option", "value"), [("--accelerator", "tpu"), ("--params", "ours")])
+def test_a_choice_of_few_is_checked_before_any_work(option: str, value: str, corpus: Path, tmp_path: Path):
+    result = CliRunner().invoke(harmolab, ["train", str(corpus), "--out", str(tmp_path / "run"), option, value])
+    assert told(result).startswith(f"harmolab: Invalid value for '{option}': '{value}' is not one of ")
 
 
 def test_a_missing_corpus_is_named(run: Run, tmp_path: Path):

@@ -38,7 +38,7 @@ class CheckedCommand(TyperCommand):
         except typer.BadParameter as error:
             if type(error) is not typer.BadParameter:  # an argument is missing: the usage says more
                 raise
-            refuse(error.format_message())
+            refuse(error.format_message().replace("Value error, ", ""))
 
     def invoke(self, ctx: Any) -> Any:
         """Result of the command."""

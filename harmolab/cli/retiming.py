@@ -61,6 +61,7 @@ def retime(
     from harmolab.lab.render.video import retime_files
 
     with plain_errors():
+        common.check_place(out)
         files = sources(context, song, motion, beats=beats, one=one, dance=dance)
         common.check_out(out, "this", common.VIDEOS_OUT if files.is_video else (".npz", ".bvh", *common.VIDEOS_OUT))
         if files.is_video and files.song != files.motion and offset is None:

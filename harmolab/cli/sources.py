@@ -54,9 +54,9 @@ def sources(
 
     files = _paired(context, song, motion)
     files = files._replace(beats=beats or files.beats, dance=dance or files.dance)
-    # A name on the command line is to be known, or it would change nothing; a pattern file has names of its own.
-    is_free = not dance or context.params.get("pattern") is not None
-    check_dance(files.dance, files.beats if is_free else None, one)
+    if context.params.get("pattern") is None:  # a file of patterns has names of its own
+        # A name on the command line is to be one of ours, or it would change nothing beside annotated beats.
+        check_dance(files.dance, None if dance else files.beats, one)
     if files.is_video and (misplaced := [name for name in FOR_FILES if is_told(context, name)]):
         raise ValueError(f"--{misplaced[0]} is for motion files, and {files.motion} is a video; leave it out")
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
