@@ -39,7 +39,7 @@ def test_words_are_printed_and_the_page_is_written(long_files: tuple[Path, Path]
     verdict, *remarks = head.splitlines()
     placement, music, *words = body.splitlines()
     assert music.startswith("music: ") and music.endswith('"one": not known')
-    assert verdict.startswith("You are on the beat: you rest on it (lag ")
+    assert verdict.startswith("You are on the beat: you rest on it (")
     assert "movement alone cannot tell which is meant" in " ".join(remarks)
     assert placement == "Your dance begins at 0.00 s of the song, as you said."
     assert words[0].startswith("Harmony above chance is ")

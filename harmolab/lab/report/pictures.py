@@ -114,9 +114,9 @@ def pair_pictures(node: nbformat.NotebookNode, figures: Path, full: Mapping[str,
         hidden = [_output(figures / name) for name in saved[: max(0, len(saved) - len(drawn))]]
         names = [""] * (len(drawn) - len(saved)) + saved
         for output, name in zip([*hidden, *drawn], names, strict=True):
-            mine = _inline(output, name, entries.get(name, {}))
+            now = _inline(output, name, entries.get(name, {}))
             output.metadata["key"] = f"picture-{next(keys)}"
-            output.metadata["pictures"] = [mine, *([full[name]] if name in full else [])]
+            output.metadata["pictures"] = [now, *([full[name]] if name in full else [])]
         if "outputs" in cell:
             cell.outputs = [*hidden, *outputs]
 
