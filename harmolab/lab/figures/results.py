@@ -44,15 +44,16 @@ JITTER_SCORES = ("recommended", "valleys", "paper", "beat_align_motion", "mir_ev
 JUDGES = MappingProxyType({"paper's harmony": ("^", SCORE_COLOURS[2]), "above chance": ("s", SCORE_COLOURS[1])})
 
 
-def draw_auc(ax: Axes, rows: Sequence[Record]) -> Axes:
+def draw_auc(ax: Axes, rows: Sequence[Record], names: Sequence[str] | None = None) -> Axes:
     """AUC of each score on its chance band, in the order of the rows; only what leaves its band has a colour.
 
     Parameters
     ----------
     ax : Axes
     rows : records with "score", "AUC", "chance low" and "chance high", of one corpus
+    names : scores that have a line, from above; default those of the rows
     """
-    places = rows_by_name(ax, [row["score"] for row in rows], SCORE_LABELS)
+    places = rows_by_name(ax, names or [row["score"] for row in rows], SCORE_LABELS)
     for row in rows:
         place, low, high, value = places[row["score"]], row["chance low"], row["chance high"], row["AUC"]
         ax.barh(place, high - low, left=low, height=0.7, color=COLOURS["faint"], label="chance band (95 %)")
@@ -143,7 +144,7 @@ def auc_figure(table: pd.DataFrame) -> Figure:
     lines = -(-len(corpora) // 2)
     with styled_axes((9.0, (0.24 * len(order) + 0.75) * lines + 0.9), lines, 2, sharey=True) as (figure, axes):
         for ax, (corpus, rows) in zip(axes, corpora.items(), strict=False):
-            draw_auc(ax, sorted(rows, key=lambda row: order.index(row["score"]))).set_title(_tellers(rows), fontsize=10)
+            draw_auc(ax, rows, order).set_title(_tellers(rows), fontsize=10)
             if is_synthetic(corpus):
                 mark_synthetic(ax)
         for ax in axes[len(corpora) :]:
