@@ -255,7 +255,7 @@ def test_drag_turns_and_wheel_zooms(page: Any) -> None:
 
 def test_every_control_is_reached_by_tab_and_has_a_name(page: Any) -> None:
     names = []
-    for _ in range(14):
+    for _ in range(30):
         page.keyboard.press("Tab")
         names.append(
             page.evaluate(
