@@ -96,8 +96,13 @@ def joint_part(name: str) -> str:
 
 def named_joints(skeleton: Skeleton) -> dict[tuple[str, str], int]:
     """The joint of each (side, part) that names hold; of joints of one name, the first."""
-    keys = [(joint_side(name), joint_part(name)) for name in skeleton.joints]
+    keys = sides_and_parts(skeleton)
     return {key: keys.index(key) for key in keys}
+
+
+def sides_and_parts(skeleton: Skeleton) -> list[tuple[str, str]]:
+    """`joint_side` and `joint_part` of each joint."""
+    return [(joint_side(name), joint_part(name)) for name in skeleton.joints]
 
 
 def foot_joints(skeleton: Skeleton) -> tuple[tuple[int, ...], ...]:

@@ -21,8 +21,7 @@ from harmolab.skeletons import (
     HIPS_AND_SHOULDERS,
     Skeleton,
     foot_joints,
-    joint_part,
-    joint_side,
+    sides_and_parts,
     skull_and_limbs,
     standing_height,
 )
@@ -132,9 +131,10 @@ def _limbs(skeleton: Skeleton, named: Mapping[str, int], has_trunk: bool) -> Ite
     """Arms, legs, fingers and props; sticks for all bones where there is no trunk; dots where there are no bones."""
     skull = set(_skull_joints(skeleton))
     point = {joint: name for name, joint in named.items()}
-    inside = {joint for joint, name in enumerate(skeleton.joints) if _is_inside(name, point.get(joint, ""))}
+    names = sides_and_parts(skeleton)
+    inside = {joint for joint, name in enumerate(names) if _is_inside(*name, point.get(joint, ""))}
     feet = [set(group) for group in _foot_groups(skeleton)]
-    radii = [_radius(name, point.get(joint, "")) for joint, name in enumerate(skeleton.joints)]
+    radii = [_radius(part, point.get(joint, "")) for joint, (_, part) in enumerate(names)]
     thin = joint_widths(skeleton)
     bones = list(skeleton.bones) if has_trunk else skull_and_limbs(skeleton)[1]
     if not bones:
@@ -146,17 +146,17 @@ def _limbs(skeleton: Skeleton, named: Mapping[str, int], has_trunk: bool) -> Ite
             continue
         is_thin = not has_trunk or is_prop or min(thin[start], thin[end]) < 1.0
         sizes = (STICK * width,) * 2 if is_thin else (radii[start], radii[end])
-        paint = "prop" if is_prop else _side(skeleton, start, end) or "stick"
+        paint = "prop" if is_prop else _side(names[start][0], names[end][0]) or "stick"
         yield Part((start, end), sizes, paint, _nudge(point, start, end) if has_trunk else 0.0)
 
 
-def _is_inside(name: str, point: str) -> bool:
+def _is_inside(side: str, part: str, point: str) -> bool:
     """True for the joints inside the trunk: shoulders, hips, collar bones, and all without a side."""
-    return point[1:] in ("shoulder", "hip") or joint_part(name) in HIPS_AND_SHOULDERS or not joint_side(name)
+    return point[1:] in ("shoulder", "hip") or part in HIPS_AND_SHOULDERS or not side
 
 
-def _radius(name: str, point: str) -> float:
-    return RADII.get(point[1:], HEEL if "heel" in joint_part(name) else HAND)
+def _radius(part: str, point: str) -> float:
+    return RADII.get(point[1:], HEEL if "heel" in part else HAND)
 
 
 def _nudge(point: Mapping[int, str], start: int, end: int) -> float:
@@ -164,26 +164,26 @@ def _nudge(point: Mapping[int, str], start: int, end: int) -> float:
     return LEG_NUDGE if names & {"hip", "knee", "ankle", "toes"} else ARM_NUDGE
 
 
-def _side(skeleton: Skeleton, *joints: int) -> str:
-    """The side of a part: that of its joints, none where it lies across or in the middle."""
-    sides = {joint_side(skeleton.joints[joint]) for joint in joints}
-    return sides.pop() if len(sides) == 1 else ""
+def _side(*sides: str) -> str:
+    """The side of a drawn part: that of its joints, none where it lies across or in the middle."""
+    return sides[0] if len(set(sides)) == 1 else ""
 
 
 def _foot_groups(skeleton: Skeleton) -> Iterator[tuple[int, ...]]:
     """The joints of each foot that has more than an ankle."""
-    if any(part in joint_part(name) for name in skeleton.joints for part in ("toe", "heel", "ankle", "foot")):
-        yield from (
-            group for group in foot_joints(skeleton) if len(group) > 1 and joint_side(skeleton.joints[group[0]])
-        )
+    names = sides_and_parts(skeleton)
+    if any(word in part for _, part in names for word in ("toe", "heel", "ankle", "foot")):
+        yield from (group for group in foot_joints(skeleton) if len(group) > 1 and names[group[0]][0])
 
 
 def _feet(skeleton: Skeleton) -> Iterator[Part]:
     """A sole around ankle, heel and toes."""
     named = {joint: point for point, joint in _body_joints(skeleton).items()}
+    names = sides_and_parts(skeleton)
     for group in _foot_groups(skeleton) if set(TRUNK) <= set(named.values()) else ():
-        radii = [_radius(skeleton.joints[joint], named.get(joint, "toes")) for joint in group]
-        yield Part(group, tuple(min(radius, RADII["ankle"]) for radius in radii), _side(skeleton, *group), LEG_NUDGE)
+        radii = [_radius(names[joint][1], named.get(joint, "toes")) for joint in group]
+        side = _side(*(names[joint][0] for joint in group))
+        yield Part(group, tuple(min(radius, RADII["ankle"]) for radius in radii), side, LEG_NUDGE)
 
 
 def _palms(skeleton: Skeleton) -> Iterator[Part]:
@@ -197,8 +197,9 @@ def _palms(skeleton: Skeleton) -> Iterator[Part]:
 
 
 def _skull_joints(skeleton: Skeleton) -> list[int]:
-    parts = [joint_part(name) for name in skeleton.joints]
-    return [joint for joint, part in enumerate(parts) if "head" in part or part.startswith(FACE)]
+    return [
+        joint for joint, (_, part) in enumerate(sides_and_parts(skeleton)) if "head" in part or part.startswith(FACE)
+    ]
 
 
 def _skull(skeleton: Skeleton) -> FloatArray:
@@ -245,7 +246,8 @@ def _across(trunk: Sequence[int]) -> Iterator[tuple[int, int]]:
 def _head(skeleton: Skeleton) -> FloatArray | None:
     """(J,) weights of the middle of the head: of the ears, else of joints called head, else of the face."""
     skull = _skull_joints(skeleton)
-    parts = {joint: joint_part(skeleton.joints[joint]) for joint in skull}
+    names = sides_and_parts(skeleton)
+    parts = {joint: names[joint][1] for joint in skull}
     ears = [joint for joint in skull if parts[joint] == "ear"]
     heads = [joint for joint in skull if "head" in parts[joint]]
     middle = ears if len(ears) == 2 else heads or skull
