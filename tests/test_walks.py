@@ -92,23 +92,24 @@ def test_passes_are_counted_between_rooms_and_not_within_one() -> None:
     assert passes(walk) == 3  # beats, params, beats, types
 
 
-def test_a_score_walks_at_most_a_hundred_passes(song: Path, bvh: Path) -> None:
+def test_a_score_walks_at_most_ninety_five_passes(song: Path, bvh: Path) -> None:
     # Two modes; the recommended one walks through the shape of the body, its tests and its words.
-    assert warm_passes(lambda: succeed("score", song, bvh)) <= 100
+    assert warm_passes(lambda: succeed("score", song, bvh)) <= 95
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_a_dance_with_its_video_walks_two_passes_a_picture_and_four_hundred_more(song: Path, tmp_path: Path) -> None:
+def test_a_dance_with_its_video_walks_at_most_two_hundred_and_fifty_passes(song: Path, tmp_path: Path) -> None:
     out = tmp_path / "dance.mp4"
-    steps = warm_passes(lambda: succeed("dance", song, "--system", "harmogan", "--seconds", 6, "--out", out))
-    assert steps <= 420 + 2 * 180  # the command line counts each picture, for its lines about long work
+    assert (
+        warm_passes(lambda: succeed("dance", song, "--system", "harmogan", "--seconds", 6, "-q", "--out", out)) <= 250
+    )
     assert out.is_file()
 
 
 def test_a_dance_made_of_recordings_walks_thirty_more_for_each_of_them(song: Path, tmp_path: Path) -> None:
     recordings = len(shipped_bank("salsa").takes)
-    steps = warm_passes(lambda: succeed("dance", song, "--seconds", 6, "--out", tmp_path / "dance.mp4"))
-    assert steps <= 420 + 2 * 180 + 30 * recordings
+    steps = warm_passes(lambda: succeed("dance", song, "--seconds", 6, "-q", "--out", tmp_path / "dance.mp4"))
+    assert steps <= 250 + 30 * recordings
 
 
 def test_a_move_of_a_slider_walks_at_most_thirty_five_passes() -> None:

@@ -68,7 +68,7 @@ class DanceReport:
         """Sentences: likeness; harmony, if likeness does not fail; what else there is to say."""
         return (*self._judged, *self.notes)
 
-    @property
+    @cached_property
     def notes(self) -> tuple[str, ...]:
         """Sentences that go with the numbers: of the score, the dancer, and the choice of movement."""
         judgement = self.score.judgement if self.has_harmony else None

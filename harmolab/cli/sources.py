@@ -57,7 +57,7 @@ def sources(
     if context.params.get("pattern") is None:  # a file of patterns has names of its own
         # A name on the command line is to be one of ours, or it would change nothing beside annotated beats.
         check_dance(files.dance, None if dance else files.beats, one)
-    if files.is_video and (misplaced := [name for name in FOR_FILES if is_told(context, name)]):
+    if (misplaced := [name for name in FOR_FILES if is_told(context, name)]) and files.is_video:
         raise ValueError(f"--{misplaced[0]} is for motion files, and {files.motion} is a video; leave it out")
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
         if path is not None:

@@ -14,6 +14,7 @@ level  when
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -90,7 +91,7 @@ class Judgement:
         """The larger of both, which is that of H: harmony is the tempo and the place."""
         return max(self.p_time, self.p_place)
 
-    @property
+    @cached_property
     def tempo(self) -> float:
         """Tempo of the music, beats per minute."""
         return self.beats.tempo

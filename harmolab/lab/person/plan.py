@@ -58,6 +58,8 @@ HEAD_STRETCH = (0.5, 2.5)  # of the distance from shoulders to the head's joint,
 # Statures by which parts count as farther away: arms are drawn over the trunk beside them, legs under it.
 ARM_NUDGE, LEG_NUDGE, HEAD_NUDGE, NECK_NUDGE = -0.03, 0.04, -0.04, 0.1
 FACE = ("nose", "eye", "ear", "mouth", "jaw", "face")
+Feet = Sequence[tuple[int, ...]]  # the joints of each foot
+Names = Sequence[tuple[str, str]]  # the side and the part of the body in the name of each joint
 
 
 class Part(NamedTuple):
@@ -92,17 +94,22 @@ class BodyPlan:
 def body_plan(positions: FloatArray, skeleton: Skeleton) -> BodyPlan:
     """The plan of a motion with positions (T, J, 3) metres, y up, or (T, J, 2) image coordinates."""
     count = len(skeleton.joints)
-    named = _body_joints(skeleton)
+    named, names = _body_joints(skeleton), sides_and_parts(skeleton)
     trunk = [named[point] for point in TRUNK] if set(TRUNK) <= named.keys() else []
     stature = _stature(positions, trunk)
     points = [np.eye(count)]
-    parts = [*_limbs(skeleton, named, bool(trunk)), *_feet(skeleton), *_palms(skeleton)]
+    feet = _foot_groups(skeleton, names)
+    parts = [
+        *_limbs(skeleton, named, names, feet, bool(trunk)),
+        *_soles(named, names, feet if trunk else ()),
+        *_palms(skeleton),
+    ]
     if trunk:
-        upper, extra = _upper_body(positions, skeleton, trunk, stature)
+        upper, extra = _upper_body(positions, names, trunk, stature)
         points.append(upper)
         parts += extra
     else:
-        points.append(_skull(skeleton))
+        points.append(_skull(skeleton, names))
         parts += [Part((count,), (CROWN[1],), "head", HEAD_NUDGE)] * len(points[-1])
     hips = np.eye(count)[trunk[2:]].mean(axis=0) if trunk else np.full(count, 1 / count)
     is_prop = np.array([name in PROPS for name in skeleton.joints])
@@ -127,22 +134,20 @@ def _stature(positions: FloatArray, trunk: Sequence[int]) -> float:
     )), 1e-6)  # fmt: skip
 
 
-def _limbs(skeleton: Skeleton, named: Mapping[str, int], has_trunk: bool) -> Iterator[Part]:
+def _limbs(skeleton: Skeleton, named: Mapping[str, int], names: Names, feet: Feet, has_trunk: bool) -> Iterator[Part]:
     """Arms, legs, fingers and props; sticks for all bones where there is no trunk; dots where there are no bones."""
-    skull = set(_skull_joints(skeleton))
+    skull = set(_skull_joints(names))
     point = {joint: name for name, joint in named.items()}
-    names = sides_and_parts(skeleton)
     inside = {joint for joint, name in enumerate(names) if _is_inside(*name, point.get(joint, ""))}
-    feet = [set(group) for group in _foot_groups(skeleton)]
     radii = [_radius(part, point.get(joint, "")) for joint, (_, part) in enumerate(names)]
-    thin = joint_widths(skeleton)
     bones = list(skeleton.bones) if has_trunk else skull_and_limbs(skeleton)[1]
+    thin = joint_widths(skeleton)
     if not bones:
         yield from (Part((joint,), (STICK,), "stick") for joint in range(len(skeleton.joints)) if joint not in skull)
     for (start, end), width in zip(bones, limb_widths(skeleton, bones), strict=True):
         is_prop = skeleton.joints[start] in PROPS
         is_hidden = {start, end} <= inside | skull or bool({start, end} & skull)
-        if has_trunk and not is_prop and (is_hidden or any({start, end} <= foot for foot in feet)):
+        if has_trunk and not is_prop and (is_hidden or any({start, end} <= set(foot) for foot in feet)):
             continue
         is_thin = not has_trunk or is_prop or min(thin[start], thin[end]) < 1.0
         sizes = (STICK * width,) * 2 if is_thin else (radii[start], radii[end])
@@ -169,19 +174,18 @@ def _side(*sides: str) -> str:
     return sides[0] if len(set(sides)) == 1 else ""
 
 
-def _foot_groups(skeleton: Skeleton) -> Iterator[tuple[int, ...]]:
+def _foot_groups(skeleton: Skeleton, names: Names) -> Feet:
     """The joints of each foot that has more than an ankle."""
-    names = sides_and_parts(skeleton)
-    if any(word in part for _, part in names for word in ("toe", "heel", "ankle", "foot")):
-        yield from (group for group in foot_joints(skeleton) if len(group) > 1 and names[group[0]][0])
+    if not any(word in part for _, part in names for word in ("toe", "heel", "ankle", "foot")):
+        return []
+    return [group for group in foot_joints(skeleton) if len(group) > 1 and names[group[0]][0]]
 
 
-def _feet(skeleton: Skeleton) -> Iterator[Part]:
+def _soles(named: Mapping[str, int], names: Names, feet: Feet) -> Iterator[Part]:
     """A sole around ankle, heel and toes."""
-    named = {joint: point for point, joint in _body_joints(skeleton).items()}
-    names = sides_and_parts(skeleton)
-    for group in _foot_groups(skeleton) if set(TRUNK) <= set(named.values()) else ():
-        radii = [_radius(names[joint][1], named.get(joint, "toes")) for joint in group]
+    point = {joint: name for name, joint in named.items()}
+    for group in feet:
+        radii = [_radius(names[joint][1], point.get(joint, "toes")) for joint in group]
         side = _side(*(names[joint][0] for joint in group))
         yield Part(group, tuple(min(radius, RADII["ankle"]) for radius in radii), side, LEG_NUDGE)
 
@@ -196,15 +200,13 @@ def _palms(skeleton: Skeleton) -> Iterator[Part]:
             yield Part((wrist, *roots), (PALM,) * 5, side, 2 * ARM_NUDGE)
 
 
-def _skull_joints(skeleton: Skeleton) -> list[int]:
-    return [
-        joint for joint, (_, part) in enumerate(sides_and_parts(skeleton)) if "head" in part or part.startswith(FACE)
-    ]
+def _skull_joints(names: Names) -> list[int]:
+    return [joint for joint, (_, part) in enumerate(names) if "head" in part or part.startswith(FACE)]
 
 
-def _skull(skeleton: Skeleton) -> FloatArray:
+def _skull(skeleton: Skeleton, names: Names) -> FloatArray:
     """(0 or 1, J): the middle of the joints of the head."""
-    skull = _skull_joints(skeleton) if skeleton.bones else []
+    skull = _skull_joints(names) if skeleton.bones else []
     return (
         np.eye(len(skeleton.joints))[skull].mean(axis=0, keepdims=True)
         if skull
@@ -213,13 +215,13 @@ def _skull(skeleton: Skeleton) -> FloatArray:
 
 
 def _upper_body(
-    positions: FloatArray, skeleton: Skeleton, trunk: Sequence[int], stature: float
+    positions: FloatArray, names: Names, trunk: Sequence[int], stature: float
 ) -> tuple[FloatArray, list[Part]]:
     """Shoulders' middle, chin, crown and the trunk's corners as (7, J) points, and the parts made of them."""
-    count = len(skeleton.joints)
+    count = len(names)
     joints = np.eye(count)
     shoulders, hips = joints[trunk[:2]].mean(axis=0), joints[trunk[2:]].mean(axis=0)
-    head = _head(skeleton)
+    head = _head(names)
     if head is None:
         way = (shoulders - hips) / TRUNK_LENGTH
     else:
@@ -243,12 +245,11 @@ def _across(trunk: Sequence[int]) -> Iterator[tuple[int, int]]:
     yield from ((left, right), (right, left), (right_hip, left_hip), (left_hip, right_hip))
 
 
-def _head(skeleton: Skeleton) -> FloatArray | None:
+def _head(names: Names) -> FloatArray | None:
     """(J,) weights of the middle of the head: of the ears, else of joints called head, else of the face."""
-    skull = _skull_joints(skeleton)
-    names = sides_and_parts(skeleton)
+    skull = _skull_joints(names)
     parts = {joint: names[joint][1] for joint in skull}
     ears = [joint for joint in skull if parts[joint] == "ear"]
     heads = [joint for joint in skull if "head" in parts[joint]]
     middle = ears if len(ears) == 2 else heads or skull
-    return np.eye(len(skeleton.joints))[middle].mean(axis=0) if middle else None
+    return np.eye(len(names))[middle].mean(axis=0) if middle else None
