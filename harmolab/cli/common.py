@@ -146,6 +146,14 @@ def processes(jobs: int | None) -> int:
     return jobs
 
 
+def reading(
+    fps: float | None, scale: float | None, smpl: Path | None, up: str | None, joints: str | None = None
+) -> dict[str, Any]:
+    """The options that say how a motion file is read, as readers take them; `joints` where a command has names."""
+    options = {"fps": fps, "scale": scale, "smpl": smpl, "up": up or ""}
+    return options if joints is None else options | {"joints": names_in(joints) or None}
+
+
 def recommended(pattern: Path | None, dance: str) -> HarmonyParams:
     """The recommended settings, with the pattern of a file, or else with that of the dance where one is shipped."""
     from harmolab.bar_pattern import load_pattern

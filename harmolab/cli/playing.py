@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -74,7 +74,7 @@ def play(
         if files.is_video:
             raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
         params = common.recommended(pattern, files.dance)
-        reading: dict[str, Any] = {"fps": fps, "scale": scale, "smpl": smpl, "up": up or ""}
+        reading = common.reading(fps, scale, smpl, up)
         clip = clip_of(files, offset=offset, seconds=None, one=one, sample_rate=None, **reading)
         note_lengths(clip, files.song)
         clips = [clip]

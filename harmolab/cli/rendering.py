@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -107,13 +107,7 @@ def render(
             raise ValueError(f"{over}: {NO_GIF if is_gif else NO_START}")
         params = common.recommended(pattern, files.dance)
         seconds = GIF_SECONDS if is_gif and seconds is None else seconds
-        reading: dict[str, Any] = {
-            "fps": fps,
-            "scale": scale,
-            "joints": common.names_in(joints) or None,
-            "smpl": smpl,
-            "up": up or "",
-        }
+        reading = common.reading(fps, scale, smpl, up, joints)
         points = None
         if over is not None and not files.is_video:
             points = load_points(files.motion, fps=fps, joints=reading["joints"], report=common.note_assumptions)

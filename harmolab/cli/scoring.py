@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -116,13 +116,7 @@ def score(
     from harmolab.beats.meter import describe_beats
     from harmolab.harmony import other_measures
 
-    reading: dict[str, Any] = {
-        "fps": fps,
-        "scale": scale,
-        "joints": common.names_in(joints) or None,
-        "smpl": smpl,
-        "up": up or "",
-    }
+    reading = common.reading(fps, scale, smpl, up, joints)
 
     def scored(files: Sources) -> Scored:
         modes = settings(mode, pattern, dance or files.dance, lag, clock)
