@@ -99,7 +99,7 @@ def ablation_figure(rows: Iterable[Record], gains: Iterable[Record]) -> Figure:
     with styled_axes(size, len(corpora), len(SHOWN), gridspec_kw={"wspace": 0.08}) as (figure, axes):
         for line, (corpus, records) in enumerate(corpora.items()):
             panels = axes[line * len(SHOWN) : (line + 1) * len(SHOWN)]
-            subjects = (f"Harmony above chance, {corpus_words(corpus)}", "Distance to recorded dance (FID)")
+            subjects = (f"Harmony above chance, {corpus_words(corpus)}", "FID to recorded dance")
             for ax, measure, subject in zip(panels, SHOWN, subjects, strict=True):
                 title = f"{subject}:\n{_finding(changes[corpus], measure)}"
                 draw_measure(ax, records, measure=measure).set_title(title, fontsize=10.5)
