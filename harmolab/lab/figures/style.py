@@ -207,8 +207,9 @@ def write_figure(figure: Figure, path: Path) -> Path:
 
 
 def mark_synthetic(ax: Axes) -> None:
-    """The words "synthetic data" at the right end of the title's first line; `save_figure` then marks panels alone."""
-    words = "synthetic data" + "\n" * ax.get_title(loc="left").count("\n")
+    """The words "synthetic data" at the right, above the title; `save_figure` then marks panels alone."""
+    title = ax.get_title(loc="left")
+    words = "synthetic data" + "\n" * (title.count("\n") + bool(title))
     ax.set_title(words, loc="right", fontsize=9, style="italic", color=COLOURS["miss"], gid="source")
 
 
