@@ -430,6 +430,7 @@ def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeyp
 
 
 @pytest.mark.browser
+@pytest.mark.usefixtures("built")  # a report cannot be built any more once the browser's event loop runs
 def test_code_and_full_run_are_switched_without_a_network(tmp_path: Path, chromium):
     png = write_picture(tmp_path / "out" / "figures", "a", source="synthetic", inches=9.0)
     write_picture(tmp_path / "committed", "a", source="beatlocked", profile="full")
