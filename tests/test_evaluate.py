@@ -20,7 +20,7 @@ import soundfile
 from harmolab.cli import app, evaluating
 from harmolab.corpora.synthetic import write_corpus
 from harmolab.io.motion import load_motion, save_motion
-from harmolab.lab.evaluate import collecting, rows
+from harmolab.lab.evaluate import collecting, parts, rows
 from harmolab.lab.evaluate import evaluation as evaluation_module
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
@@ -91,6 +91,13 @@ def table(planted: Path) -> Evaluation:
 
 
 # Planted answers
+
+
+def test_a_missing_package_is_named_before_any_work(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r"this needs pyarrow; install it with: pip install 'harmolab\[cluster\]'"):
+        evaluate_dances(settings(planted), planted / "nothing")
+    assert not (planted / "nothing").exists()
 
 
 def test_a_dancer_on_the_beat_beats_one_off_the_beat(table: Evaluation) -> None:

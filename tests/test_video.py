@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import soundfile
 
+from harmolab.io.files import WRITTEN_BY
 from harmolab.io.video import video_frames, write_video
 from harmolab.io.video_sound import load_sound, video_sound
 from harmolab.types import Audio
@@ -62,6 +63,13 @@ def test_every_frame_comes_back_once_and_in_order(tmp_path: Path, fps: float) ->
     video = video_frames(tmp_path / "v.mp4")
     assert video.fps == pytest.approx(fps, rel=1e-4)
     assert numbers(video) == list(range(50))
+
+
+def test_a_tag_that_is_no_utf_8_is_no_reason_to_refuse_a_video(sample: Path) -> None:
+    content = sample.read_bytes()
+    assert WRITTEN_BY.encode() in content, "the tag that this test breaks"
+    sample.write_bytes(content.replace(WRITTEN_BY.encode(), b"\xff" * len(WRITTEN_BY)))
+    assert numbers(video_frames(sample)) == list(range(30))
 
 
 def test_webm_brings_every_frame_back_once_and_in_order(tmp_path: Path) -> None:

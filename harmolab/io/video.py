@@ -35,6 +35,8 @@ MAX_FRAMES = 432_000  # four hours at 30 fps
 MAX_GAP = 60.0  # seconds without a new picture
 MAX_THREADS = 4
 AUDIO_RATE = 48_000
+# Up to 18 PyAV decodes a file's tags as it opens it, and fails at one that is not UTF-8; since 19 only when asked to.
+READ_TAGS = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,7 @@ def opened_container(path: Path) -> Iterator[Any]:
     only = {"format_whitelist": FORMATS, "protocol_whitelist": "file"}
     with reading(path, "video", max_bytes=None) as file:
         try:
-            with av.open(f"file:{file}", container_options=only, metadata_errors="replace") as container:
+            with av.open(f"file:{file}", container_options=only, **READ_TAGS) as container:
                 yield container
         except av.FFmpegError as error:
             fault = f"damaged, cut off or something else ({error.strerror})"

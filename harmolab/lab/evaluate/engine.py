@@ -70,6 +70,11 @@ class Measurement(NamedTuple):
         return {KEY: task.key, ERROR: error} | ({} if self.stamp is None else {STAMP: self.stamp(task)})
 
 
+def check_engine_installed(jobs: int, scheduler: str = "") -> None:
+    """ValueError unless the packages of ``harmolab[cluster]`` that `run_rows` needs for these are installed."""
+    check_installed("pyarrow", *(("distributed",) if jobs or scheduler else ()))
+
+
 def run_rows(
     tasks: Sequence[Task],
     measure: Measure,
@@ -121,7 +126,7 @@ def run_rows(
     ConnectionError
         When the scheduler does not answer, or not any more; what was measured is kept.
     """
-    check_installed("pyarrow", *(("distributed",) if jobs or scheduler else ()))
+    check_engine_installed(jobs, scheduler)
     if jobs < 0:
         raise ValueError(f"--jobs must be 0 (this process) or a number of processes, got {jobs}")
     out, size = Path(out), part_rows or parts.PART_ROWS

@@ -19,7 +19,7 @@ from harmolab.io.motion_file import ReadingOptions
 from harmolab.io.smpl import load_body
 from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
 from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
-from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.engine import check_engine_installed, run_rows
 from harmolab.lab.evaluate.pairing import (
     RECORDED,
     Pair,
@@ -195,6 +195,7 @@ def evaluate_dances(
         A folder is missing or nothing in it goes with a song, no dance of a system can be measured, or `out` must not
         be written to; names the folder or file.
     """
+    check_engine_installed(jobs, scheduler)
     out = Path(out)
     check_table_folder(out, settings, force=force)
     if (out / ROWS / MANIFEST).is_file() and not (resume or force):
