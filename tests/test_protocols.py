@@ -257,7 +257,8 @@ def frames_of_bailando(song: Path, fps: float) -> list[int]:
     samples = loaded(song, rate)  # published: by essentia
     _, percussive = librosa.effects.hpss(samples)
     strength = librosa.onset.onset_strength(y=percussive, aggregate=np.median, sr=rate)
-    _, beats = librosa.beat.beat_track(onset_envelope=strength, sr=rate)
+    with np.errstate(invalid="ignore"):  # librosa 1.0
+        _, beats = librosa.beat.beat_track(onset_envelope=strength, sr=rate)
     return [int(beat) for beat in beats]
 
 

@@ -131,7 +131,8 @@ def _librosa_frames(audio: Audio, start_tempo: float, *, percussive: bool) -> di
     if percussive:
         samples = librosa.effects.percussive(samples)
     envelope = librosa.onset.onset_strength(y=samples, sr=rate, aggregate=np.median if percussive else np.mean)
-    _, frames = librosa.beat.beat_track(onset_envelope=envelope, sr=rate, start_bpm=start_tempo)
+    with np.errstate(invalid="ignore"):  # the compiled tracker of librosa 1.0 warns here, and gives the beats of 0.11
+        _, frames = librosa.beat.beat_track(onset_envelope=envelope, sr=rate, start_bpm=start_tempo)
     return {"frames": frames, "strengths": envelope[frames]}
 
 

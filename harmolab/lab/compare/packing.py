@@ -83,6 +83,7 @@ def _array(numbers: FloatArray, dtype: np.dtype[Any], shape: tuple[int, ...]) ->
 def _value(kind: Any, content: Any, arrays: Arrays) -> Any:
     """The value of this type, as the fields of records name types."""
     kinds, origin = get_args(kind), get_origin(kind)
+    origin = get_origin(getattr(origin, "__value__", None)) or origin  # since numpy 2.5 NDArray is a named type
     if content is None or kind is Any:
         return content
     if NoneType in kinds:
