@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import nbformat
+import pandas as pd
 import pytest
 from matplotlib import pyplot
 from matplotlib.figure import Figure
@@ -21,7 +22,7 @@ from harmolab.lab.figures import style
 from harmolab.lab.profile import RunProfile
 from harmolab.lab.report import run as report
 from harmolab.lab.report.pages import NotebookRun, write_pages
-from harmolab.lab.report.pictures import SAVED, data_words, plain_source
+from harmolab.lab.report.pictures import SAVED, data_words, source_names
 
 GOOD = """# 00 The good one
 
@@ -318,9 +319,18 @@ def test_source_of_a_figure_in_plain_words(source: str, words: str):
 
 
 def test_corpora_are_named_as_people_know_them():
-    assert plain_source("beatlocked + realdance/a + realdance/b + synthetic") == (
-        "recordings on the beat, recordings, synthetic"
-    )
+    names = source_names("beatlocked + realdance/a + realdance/b + synthetic")
+    assert names == ["recordings on the beat", "recordings", "synthetic"]
+
+
+def test_cell_of_a_table_that_holds_no_number_is_a_dash(tmp_path: Path):
+    (tmp_path / "figures").mkdir()
+    table = pd.DataFrame({"low": [float("nan")], "high": [0.5]}).to_html()
+    output = new_output("display_data", {"text/html": table})
+    write_pages(tmp_path, [run_of("# a", (), cells=(new_code_cell("table", outputs=[output]),))], "quick")
+    page = (tmp_path / "03_beats.html").read_text()
+    assert "<td>&ndash;</td>" in page
+    assert "<td>0.5</td>" in page
 
 
 def test_aligned_equations_keep_their_columns(tmp_path: Path):

@@ -20,7 +20,7 @@ from latex2mathml.converter import convert as latex_to_mathml
 from nbconvert import HTMLExporter
 from nbconvert.filters.markdown_mistune import IPythonRenderer, MarkdownWithMath
 
-from harmolab.lab.report.pictures import FULL, Picture, manifest_of, pair_pictures, picture_of, plain_source
+from harmolab.lab.report.pictures import FULL, Picture, manifest_of, pair_pictures, picture_of, source_names
 from harmolab.lab.report.templates import TEMPLATES, rendered
 
 MARK = '<meta name="generator" content="harmolab">'
@@ -176,7 +176,9 @@ def write_pages(folder: Path, runs: Sequence[NotebookRun], profile: str, committ
         figures=[(drawn.get(name), full.get(name), manifest[name]) for name in drawn],
         tables=[(name, entry, *_table(figures / name)) for name, entry in manifest.items() if ".csv" in name],
         paper=[_paper_row(item, subject, runs) for item, subject in PAPER.items()],
-        sources=sorted({plain_source(entry["source"]) for entry in manifest.values()}),
+        sources=sorted(
+            {name for entry in manifest.values() for name in source_names(entry["source"]) if "no data" not in name}
+        ),
         profile=profile,
         version=version("harmolab"),
         date=date,
@@ -223,6 +225,9 @@ def _page(chapter: Chapter, about: str) -> str:
         if cell.cell_type == "markdown":  # the bar below says what comes next
             cell.source = re.sub(r"^Next: .*$", "", cell.source, flags=re.MULTILINE)
             cell.source = re.sub(r"\]\((\w+)\.ipynb\)", r"](\1.html)", cell.source)
+        for output in cell.get("outputs", ()):
+            if "text/html" in output.get("data", {}):  # what was not measured is a dash, as in every printed table
+                output.data["text/html"] = output.data["text/html"].replace("<td>NaN</td>", "<td>&ndash;</td>")
     exporter = _OfflineExporter(template_file=str(TEMPLATES / "notebook.html.j2"), embed_images=True)
     facts = {"about": f"{about}, {run.seconds:.0f} s", "error": run.error, "chapter": chapter}
     resources = {"metadata": {"name": run.title, "path": str(run.path.parent)}, "harmolab": facts}

@@ -76,10 +76,9 @@ def data_words(source: str) -> str:
     return "recordings and synthetic data" if synthetic else "recordings"
 
 
-def plain_source(source: str) -> str:
+def source_names(source: str) -> list[str]:
     """Names of corpora as a reader of the report knows them: "recordings on the beat" for ``beatlocked``."""
-    names = [CORPORA.get(part.split("/")[0], part) for part in source.split(" + ")]
-    return ", ".join(dict.fromkeys(names))
+    return list(dict.fromkeys(CORPORA.get(part.split("/")[0], part) for part in source.split(" + ")))
 
 
 def manifest_of(folder: Path) -> dict[str, dict[str, Any]]:
