@@ -329,7 +329,7 @@ def test_cell_of_a_table_that_holds_no_number_is_a_dash(tmp_path: Path):
     output = new_output("display_data", {"text/html": table})
     write_pages(tmp_path, [run_of("# a", (), cells=(new_code_cell("table", outputs=[output]),))], "quick")
     page = (tmp_path / "03_beats.html").read_text()
-    assert "<td>–</td>" in page  # noqa: RUF001
+    assert "<td>–</td>" in page
     assert "<td>0.5</td>" in page
 
 
