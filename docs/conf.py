@@ -44,6 +44,8 @@ napoleon_use_rtype = False
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 
+highlight_language = "none"  # commands and what they print; Python says so
+
 html_theme = "furo"
 html_title = "harmolab"
 html_static_path = ["static"]

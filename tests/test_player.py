@@ -283,6 +283,7 @@ def test_blind_page_of_three_dancers_is_refused(clip: Clip) -> None:
 
 def test_frame_holds_the_page_whatever_is_in_it() -> None:
     shown = framed('<p title="a">&amp;</p>', title='"x"', height=300)
+    assert " allowfullscreen>" in shown, "without it the button of the player inside does nothing"
     assert html.unescape(re.search(r' srcdoc="([^"]*)"', shown)[1]) == '<p title="a">&amp;</p>'
     assert 'title="&quot;x&quot;"' in shown
     assert "height: 300px" in shown

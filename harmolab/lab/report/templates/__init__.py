@@ -24,5 +24,5 @@ def framed(page: str, *, title: str = "Dance", height: int = 520) -> str:
     """
     return (
         f'<iframe title="{html.escape(title)}" srcdoc="{html.escape(page)}" '
-        f'style="width: 100%; height: {height}px; border: 0" loading="lazy"></iframe>'
+        f'style="width: 100%; height: {height}px; border: 0" loading="lazy" allowfullscreen></iframe>'
     )
