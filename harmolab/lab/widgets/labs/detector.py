@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from harmolab.beats.visual import motion_curve, visual_beats
 from harmolab.harmony import music_and_motion, nearest_intervals
 from harmolab.lab.widgets.labs.controls import POSITION_SMOOTHINGS, RATES, named_controls
+from harmolab.lab.widgets.labs.lab import with_settings
 from harmolab.lab.widgets.labs.live import LabContent, LiveLab, Preset, paper_with
 from harmolab.lab.widgets.labs.stage import Stage
 from harmolab.lab.widgets.words import LAB_SENTENCES
@@ -130,7 +131,7 @@ def _curves(stage: Stage, params: HarmonyParams) -> dict[str, Any]:
     kinds = {"joints": "turns", "direction": "direction"}
     curves = {
         kind: [
-            motion_curve(stage.motion, replace(params, detector=detector, position_smoothing=level))
+            motion_curve(stage.motion, with_settings(params, detector=detector, position_smoothing=level))
             for level in POSITION_SMOOTHINGS
         ]
         for kind, detector in kinds.items()
@@ -156,12 +157,12 @@ def detector_numbers(stage: Stage, planted: FloatArray | None, **values: Any) ->
         The controls, by name; the paper's when left out.
     """
     visual = visual_beats(stage.motion, params=paper_with(**values))
-    found = None if planted is None else nearest_intervals(planted, visual.times) <= NEAR
+    near = None if planted is None else nearest_intervals(planted, visual.times) <= NEAR
     counts = {
         "beats": len(visual),
         "music": len(stage.music),
         "planted": 0 if planted is None else planted.size,
-        "found": 0 if found is None else int(found.sum()),
+        "found": 0 if near is None else int(near.sum()),
         "near": round(1000 * NEAR),
     }
     distances = nearest_intervals(visual.times, stage.music.times)
@@ -169,7 +170,7 @@ def detector_numbers(stage: Stage, planted: FloatArray | None, **values: Any) ->
         **counts,
         "times": visual.times,
         "heights": visual.strengths,
-        "mask": found,
+        "mask": near,
         "rate": len(visual) / stage.motion.duration,
         "distance": float(np.median(distances)) if len(visual) and len(stage.music) else np.nan,
         "sentence": LAB_SENTENCES["detected" if planted is None else "planted"].format(**counts),

@@ -1,4 +1,4 @@
-"""What the controls of a lab stand for: fields of a `HarmonyParams`, written out as a line to copy."""
+"""Settings of a lab: the fields of `HarmonyParams` that its controls stand for, and the line to copy."""
 
 from __future__ import annotations
 
