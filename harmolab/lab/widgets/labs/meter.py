@@ -23,7 +23,7 @@ from harmolab.types import BeatTrack, BoolArray, Clip, IntArray
 
 NEAR = 0.1  # seconds: a beat this close to an annotated one has its place in the bar
 SEED = 22  # of the measuring error: the same whenever the slider comes back
-TRACKS = {"of the clip": "as the clip has them", "annotated": "as a person annotated them"}
+TRACKS = {"of the clip": "those of the clip", "annotated": "those of the annotation"}
 START: Mapping[str, Any] = {"beats": "of the clip", "every": 1.0, "first": 0.0, "error": 0.0}
 ABOUT = (
     "A beat is strong when it is stronger than the one before (Eq. 22); brackets are the meter units that strong and "

@@ -42,7 +42,7 @@ function axes(pen, box, [x0, x1], [y0, y1], { x = "", y = "", xTicks = 6, yTicks
     }
   }
   line(chart, [box.left, box.left + box.width], [bottom, bottom], COLOUR.grey);
-  pen.fillText(x, box.left + box.width, bottom + 28);
+  pen.fillText(x, box.left + box.width, bottom + 28, box.left + box.width - 4);  // a long source is set closer, not cut
   if (side) pen.fillText(side, box.left + box.width, box.top - 11);
   pen.textAlign = "left";
   pen.fillText(y, Math.max(box.left - 40, 4), box.top - 14);
