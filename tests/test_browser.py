@@ -251,7 +251,6 @@ def labs(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Iterator[An
     [
         ("The detector lab", "smoothing"),
         ("The meter lab", "error"),
-        ("The meter lab", "lambda1"),
         ("The saliency lab", "lambda1"),
         ("The saliency lab", "lambda2"),
         ("The corpus lab", "delay"),
