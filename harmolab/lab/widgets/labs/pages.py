@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from harmolab.beats.audio import music_beats
 from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.lab.widgets.labs.corpus import corpus_lab
 from harmolab.lab.widgets.labs.detector import detector_lab
@@ -62,9 +63,10 @@ def inexact_detector_lab() -> LiveLab:
 
 
 def inexact_meter_lab() -> LiveLab:
-    """The meter lab of a synthetic rumba: beats tracked in its sound, and the planted ones."""
-    clip = synthetic_clip("rumba", seconds=18.0, seed=2)
-    return meter_lab(replace(clip, beats=None), annotated=clip.beats)
+    """The meter lab of a synthetic rumba: beats tracked in its sound, and the planted ones in bars."""
+    planted = planted_clip(ClipSettings("rumba", seconds=18.0, seed=2))
+    bars = replace(music_beats(planted.clip), bar_places=planted.annotation.bar_places())
+    return meter_lab(replace(planted.clip, beats=None), annotated=bars)
 
 
 def inexact_corpus(count: int) -> list[Clip]:
