@@ -30,7 +30,7 @@ ABOUT = (
 FINE: Mapping[str, Any] = {"fps": None, "subframe": True}
 PRESETS = (
     Preset("the paper's", {}, "Peaks and valleys of the speed at 15 frames a second: many beats, placed on frames."),
-    Preset("slowest moments", {"detector": "valleys"}, "Peaks go, and with them the bars far from zero: rests stay."),
+    Preset("slowest moments", {"detector": "valleys"}, "Peaks of the speed go; the rests between two movements stay."),
     Preset(
         "its own frames",
         {"detector": "valleys", "fps": None},
@@ -39,12 +39,12 @@ PRESETS = (
     Preset(
         "between frames",
         {"detector": "valleys", "subframe": True},
-        "Beats leave the grid of frames, which helps even at 15 frames a second.",
+        "Beats leave the grid of frames, even at 15 frames a second.",
     ),
     Preset(
         "fine and smooth",
         {"detector": "valleys", **FINE, "smoothing": 0.05},
-        "Between frames of the fine curve, smoothed a little: small turns of the speed go, rests stay.",
+        "Between frames of the fine curve, smoothed a little: small turns of the speed go, longer movements stay.",
     ),
     Preset(
         "too smooth",
