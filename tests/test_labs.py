@@ -14,7 +14,9 @@ import pytest
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_clip, score_motion
 from harmolab.lab.widgets.labs.corpus import corpus_lab
+from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.lab.widgets.labs.live import LiveLab
+from harmolab.lab.widgets.labs.meter import meter_lab
 from harmolab.lab.widgets.labs.saliency import saliency_content, saliency_lab, saliency_numbers
 from harmolab.lab.widgets.labs.scoring import N_ROTATIONS, lab_params, lags, scoring_content, scoring_lab
 from harmolab.lab.widgets.labs.scoring import scoring_numbers as numbers_of
@@ -48,6 +50,7 @@ MAKERS: dict[str, Callable[..., LiveLab]] = {
     "saliency": saliency_lab,
     "corpus": lambda clip, **values: corpus_lab([clip], **values),
 }
+LABS = {**MAKERS, "detector": detector_lab, "meter": meter_lab}
 
 
 # Numbers
@@ -204,7 +207,7 @@ def test_unknown_mode_is_refused_by_name(planted_clip: Clip):
 
 
 def test_clip_without_motion_is_refused(planted_clip: Clip):
-    for maker in MAKERS.values():
+    for maker in (*MAKERS.values(), detector_lab):
         with pytest.raises(ValueError, match="no motion"):
             maker(Clip("song", planted_clip.audio))
 
@@ -219,9 +222,9 @@ def test_controls_stand_for_params_and_a_lambda2_of_zero_keeps_every_visual_beat
     assert params.fps == HarmonyParams.paper().fps
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", LABS)
 def test_each_preset_is_a_setting_of_the_lab_with_a_sentence(planted_clip: Clip, name: str):
-    lab = MAKERS[name](planted_clip)
+    lab = LABS[name](planted_clip)
     sentences = {}
     for preset in lab.content.presets:
         lab.set(**preset.values)
@@ -233,7 +236,7 @@ def test_each_preset_is_a_setting_of_the_lab_with_a_sentence(planted_clip: Clip,
 def test_silence_and_a_dancer_who_stands_still_have_labs_too(planted_clip: Clip):
     still = Motion(np.zeros((180, 1, 3)), 30.0, shared_turn().skeleton)
     clip = replace(planted_clip, motion=still, beats=BeatTrack([], [], fps=43.0, duration=6.0))
-    for maker in MAKERS.values():
+    for maker in LABS.values():
         assert maker(clip).page
     lab = scoring_lab(clip)
     assert lab.sentence == "No music beat is loud enough to count."
@@ -244,9 +247,9 @@ def test_silence_and_a_dancer_who_stands_still_have_labs_too(planted_clip: Clip)
 # The page
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", LABS)
 def test_a_notebook_gets_the_page_and_the_sentence_beside_the_live_widget(planted_clip: Clip, name: str):
-    lab = MAKERS[name](planted_clip)
+    lab = LABS[name](planted_clip)
     data, _ = lab._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in data
     assert data["text/plain"] == f"{lab.sentence}\n{lab.line}"
@@ -264,5 +267,5 @@ def test_names_of_clips_are_escaped_and_the_page_asks_for_no_file(planted_clip: 
 
 
 def test_the_page_of_synthetic_data_says_so(planted_clip: Clip):
-    for maker in MAKERS.values():
+    for maker in LABS.values():
         assert maker(planted_clip).data["evidence"]["source"] == "synthetic"

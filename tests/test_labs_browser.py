@@ -11,18 +11,27 @@ import pytest
 
 from harmolab.lab.widgets.labs.corpus import corpus_lab
 from harmolab.lab.widgets.labs.live import LiveLab, Menu, Slider
-from harmolab.lab.widgets.labs.pages import inexact_corpus, inexact_dance, write_lab_pages
+from harmolab.lab.widgets.labs.pages import (
+    inexact_corpus,
+    inexact_dance,
+    inexact_detector_lab,
+    inexact_meter_lab,
+    write_lab_pages,
+)
 from harmolab.lab.widgets.labs.saliency import saliency_lab
 from harmolab.lab.widgets.labs.scoring import lags, scoring_lab
 
 pytestmark = pytest.mark.browser
 
-N_SETTINGS = {"scoring": 300, "saliency": 100, "corpus": 100}
+N_SETTINGS = {"scoring": 300, "saliency": 100, "corpus": 100, "detector": 300, "meter": 300}
 LABS: dict[str, Callable[[], LiveLab]] = {
     "scoring": lambda: scoring_lab(inexact_dance()),
     "saliency": lambda: saliency_lab(inexact_dance()),
     "corpus": lambda: corpus_lab(inexact_corpus(14)),
+    "detector": inexact_detector_lab,
+    "meter": inexact_meter_lab,
 }
+WHOLE = {"clip", "every", "first"}  # sliders of whole numbers
 WIDE, PHONE = {"width": 1280, "height": 1000}, {"width": 390, "height": 844}
 
 
@@ -64,13 +73,13 @@ def random_values(lab: LiveLab, rng: np.random.Generator) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for name, control in lab.content.controls.items():
         if isinstance(control, Menu):
-            values[name] = str(rng.choice(list(control.options)))
+            values[name] = list(control.options)[int(rng.integers(len(control.options)))]
         else:
             values[name] = slider_value(control, rng)
     if values.get("mode") == "recommended" and lab.content.kind == "scoring":
         values["lag"] = float(rng.choice(lags()))  # the verdict is computed at the slider's steps
-    if lab.content.kind == "corpus":
-        values["clip"] = float(round(values["clip"]))
+    for name in WHOLE & set(values):
+        values[name] = float(round(values[name]))
     if lab.content.kind == "scoring" and values["mode"] != "recommended" and rng.random() < 0.3:
         values["moves"] = random_moves(lab, values, rng)
     return values
@@ -111,7 +120,7 @@ def differences(ours: Any, theirs: Any, name: str = "") -> list[str]:
     return [] if is_equal else [f"{name}: {ours} in Python, {theirs} in the page"]
 
 
-def test_numbers_and_sentences_of_five_hundred_settings_are_those_of_python(lab: LiveLab, page: Any) -> None:
+def test_numbers_and_sentences_of_a_thousand_settings_are_those_of_python(lab: LiveLab, page: Any) -> None:
     rng = np.random.default_rng(17)
     settings = [random_values(lab, rng) for _ in range(N_SETTINGS[lab.content.kind])]
     theirs = page.evaluate("all => all.map(one => [harmolabLab.numbers(one), harmolabLab.line(one)])", settings)
@@ -247,7 +256,7 @@ def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, s
 @pytest.mark.parametrize("viewport", [WIDE, PHONE])
 def test_pages_of_a_site_fit_the_screen_and_ask_for_nothing(chromium: Any, tmp_path: Path, viewport: Any) -> None:
     paths = write_lab_pages(tmp_path)
-    assert [path.name for path in paths] == ["scoring_lab.html", "saliency_lab.html", "corpus_lab.html"]
+    assert [path.stem for path in paths] == [f"{name}_lab" for name in LABS]
     for path in paths:
         page = opened(chromium, path, viewport=viewport)
         assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0

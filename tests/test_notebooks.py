@@ -75,7 +75,7 @@ def form_faults(source: str) -> list[str]:
         if isinstance(node, ast.Name | ast.Attribute | ast.alias):
             name = getattr(node, "id", None) or getattr(node, "attr", None) or node.name
             if name.rpartition(".")[2] in ("interact", "interactive", "interactive_output", "Output"):
-                found.append(f"{name}, which hangs or stays blank in a report; use Explorer")
+                found.append(f"{name}, which hangs or stays blank in a report; make a live lab")
     return found
 
 
@@ -161,8 +161,8 @@ def test_notebook_stays_short_and_leaves_functions_to_the_package(path: Path):
         ("class A:\n    pass", "ClassDef in line 1"),
         ("open('/home/me/a.wav')", "absolute path '/home/me/a.wav'"),
         ("open('~user/a.wav')", "absolute path '~user/a.wav'"),
-        ("from ipywidgets import interact", "interact, which hangs or stays blank in a report; use Explorer"),
-        ("widgets.Output()", "Output, which hangs or stays blank in a report; use Explorer"),
+        ("from ipywidgets import interact", "interact, which hangs or stays blank in a report; make a live lab"),
+        ("widgets.Output()", "Output, which hangs or stays blank in a report; make a live lab"),
     ],
 )
 def test_planted_fault_of_form_is_found(source: str, fault: str):

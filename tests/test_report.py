@@ -51,8 +51,9 @@ frame = pd.DataFrame({"score": ["ours"], "auc": [0.875]})
 save_table(frame, "table1", notebook="00_good", source="planted recordings", profile=profile, title="One row")
 """
 
-LAB = """from harmolab.lab.widgets.explorer import Explorer
-Explorer(lambda level: figure, level=(0.0, 1.0, 0.1, 0.5))
+LAB = """from harmolab import synthetic_clip
+from harmolab.lab import meter_lab
+meter_lab(synthetic_clip("rumba", seconds=6.0))
 """
 
 
@@ -138,10 +139,11 @@ def test_pages_load_nothing_from_elsewhere(built):
 
 
 @pytest.mark.slow
-def test_page_shows_every_figure_and_the_lab_as_pictures_and_equations_without_a_script(built):
+def test_page_shows_figures_as_pictures_the_lab_as_a_page_in_it_and_equations_without_a_script(built):
     _, out, _ = built
     page = (out / "00_good.html").read_text()
-    assert len(re.findall(r'<img[^>]* src="data:image/png;base64,', page)) == 4
+    assert len(re.findall(r'<img[^>]* src="data:image/png;base64,', page)) == 3
+    assert len(re.findall(r'<iframe[^>]* title="The meter lab"', page)) == 1
     assert "<mfrac>" in page
     assert "$$" not in page
     assert "widget-view" not in page

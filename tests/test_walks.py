@@ -21,7 +21,6 @@ from harmolab.beats import visual
 from harmolab.cli import app
 from harmolab.corpora import files
 from harmolab.io import audio as sound_files
-from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.params import HarmonyParams
 from harmolab.systems.choreographer.banks import shipped_bank
 from tests.builders import called, planted_dance, write_dance, write_song
@@ -110,21 +109,6 @@ def test_a_dance_made_of_recordings_walks_thirty_more_for_each_of_them(song: Pat
     recordings = len(shipped_bank("salsa").takes)
     steps = warm_passes(lambda: succeed("dance", song, "--seconds", 6, "-q", "--out", tmp_path / "dance.mp4"))
     assert steps <= 250 + 30 * recordings
-
-
-def test_a_move_of_a_slider_walks_at_most_thirty_five_passes() -> None:
-    lab = detector_lab(planted_dance())
-    smoothing = lab.controls["smoothing"]
-    smoothing.value, before = 0.15, lab.png
-    smoothing.value = 0.2
-    assert lab.png != before
-
-    def move() -> None:
-        smoothing.value = 0.1
-
-    before = lab.png
-    assert passes(move) <= 35
-    assert lab.png != before
 
 
 class Calls(list[dict[str, Any]]):

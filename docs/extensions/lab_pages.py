@@ -19,6 +19,11 @@ LABS = {
         "Every movement makes small beats; choose how large one must be to count.",
     ),
     "corpus_lab.html": ("A corpus", "Every recording as a dot: with its own music, and with the same music late."),
+    "detector_lab.html": (
+        "Beats of a dance",
+        "The curve that visual beats are read from, and which rests of a synthetic dancer each setting finds.",
+    ),
+    "meter_lab.html": ("Meter units", "Strong and weak beats of a song, and what they are grouped into."),
 }
 
 

@@ -78,13 +78,6 @@ def timed_curve(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, Floa
     return (np.arange(curve.size, dtype=np.float64) - curve_delay(params)) / fps, curve
 
 
-def draw_motion_curve(ax: Axes, motion: Motion, params: HarmonyParams, track: BeatTrack) -> Axes:
-    """`draw_curve` of a motion with the visual beats of `track`, labelled by the detector of `params`."""
-    draw_curve(ax, *timed_curve(motion, params), track)
-    ax.set_ylabel("change of direction (SD)" if params.detector == "direction" else "joint speed (m/s)")
-    return ax
-
-
 def _draw_lines(ax: Axes, times: FloatArray, bottom: ArrayLike, top: ArrayLike, **look: Any) -> None:
     """A vertical line at each time. `Axes.vlines` takes four times as long, most of it to find limits."""
     low, high = np.broadcast_to(bottom, times.shape), np.broadcast_to(top, times.shape)

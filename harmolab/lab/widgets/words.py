@@ -58,6 +58,11 @@ LAB_SENTENCES: Mapping[str, str] = MappingProxyType(
         "unheard": "No music beat is loud enough to count.",
         "unseen": "No movement is large enough to count.",
         "kept": "Now {music} of {beats} music beats and {dance} of {movements} movements are noticed.",
+        "planted": "Now {found} of {planted} planted rests are found within {near} ms; "
+        "{beats} visual beats for {music} music beats.",
+        "detected": "Now there are {beats} visual beats for {music} music beats.",
+        "meter": "Now {strong} of {beats} beats are strong, and meter units cover {covered} % of the time.",
+        "downbeats": " Of the downbeats among them {strong_downbeats} of {downbeats} are strong.",
         "corpus": "The true music wins in {wins} of {clips} dances, with {ties} ties. AUC {auc} %; a coin has 50 %.",
     }
 )

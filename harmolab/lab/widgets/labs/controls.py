@@ -12,6 +12,8 @@ MODE = {
     "recommended": "recommended: verdict on the shape of the body",
     "valleys": "stops: slowest moments within 0.1 s",
 }
+RATES = {None: "as recorded", 60.0: "60", 30.0: "30", 25.0: "25", 15.0: "15", 10.0: "10"}
+POSITION_SMOOTHINGS = {0.0: "not at all", **{step / 20: f"{step / 20:.2f} s" for step in range(1, 7)}}
 LAG = Slider("expect the dance later by", "lag", -0.4, 0.4, 0.02, "s")
 CONTROLS: Mapping[str, Slider | Menu] = MappingProxyType(
     {
@@ -51,7 +53,23 @@ CONTROLS: Mapping[str, Slider | Menu] = MappingProxyType(
             "Eq. 13",
             {"difference": "step from the one before", "strength": "speed"},
         ),
+        "fps": Menu("frames a second", "fps", RATES),
+        "plateau": Menu(
+            "a flat top counts",
+            "Eq. 9",
+            {"last": "at its end", "middle": "at its middle", "literal": "not at all, as printed"},
+        ),
+        "smoothing": Slider("smooth the curve over", "σ", 0.0, 0.3, 0.01, "s"),
+        "position_smoothing": Menu("smooth the positions first, over", "σ", POSITION_SMOOTHINGS),
+        "subframe": Menu("beats lie", "subframe", {False: "on frames", True: "between frames"}),
         "first_beat": Menu("the first movement", "Eq. 12", {"copy": "has the second's step", "drop": "is left out"}),
+    }
+)
+METER_CONTROLS: Mapping[str, Slider | Menu] = MappingProxyType(
+    {
+        "every": Slider("take one beat of every", "n", 1.0, 4.0, 1.0),
+        "first": Slider("leave out at the start", "beats", 0.0, 7.0, 1.0),
+        "error": Slider("measure each strength wrongly by", "error", 0.0, 1.0, 0.05, "SD"),
     }
 )
 

@@ -2,35 +2,65 @@
 
 from __future__ import annotations
 
+import base64
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from harmolab.beats.visual import visual_beats
+from harmolab.beats.visual import motion_curve, visual_beats
 from harmolab.harmony import music_and_motion, nearest_intervals
-from harmolab.lab.figures.beats import draw_marks, draw_motion_curve, draw_stems, name_heights
-from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.figures.timing import signed_offsets
-from harmolab.lab.widgets.labs.lab import Lab, setting_controls, with_settings
-from harmolab.lab.widgets.labs.stage import Stage, draw_board, placed_axes
+from harmolab.lab.widgets.labs.controls import POSITION_SMOOTHINGS, RATES, named_controls
+from harmolab.lab.widgets.labs.lab import with_settings
+from harmolab.lab.widgets.labs.live import LabContent, LiveLab, Preset, paper_with
+from harmolab.lab.widgets.labs.stage import Stage
+from harmolab.lab.widgets.words import LAB_SENTENCES
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, BoolArray, Clip, FloatArray
+from harmolab.types import BeatTrack, Clip, FloatArray
 
-# The curve over the whole width; below, all beats, and at their right, their distances from the music.
-PLACES = ((0.085, 0.47, 0.895, 0.405), (0.085, 0.115, 0.57, 0.25), (0.735, 0.115, 0.245, 0.25))
 NEAR = 0.05  # seconds: a planted beat with a detected one this close is a detected beat
-BINS = np.linspace(-0.4, 0.4, 33)  # seconds
-CONTROLS = ("detector", "fps", "plateau", "smoothing", "position_smoothing", "subframe")
+NAMES = ("detector", "fps", "plateau", "smoothing", "position_smoothing", "subframe")
+ABOUT = (
+    "Above: the curve of the dance, a triangle at each visual beat, blue lines at the music's beats. Below: all beats, "
+    "and how far each visual beat lies from the nearest beat of the music; beats at random would lie flat."
+)
+FINE: Mapping[str, Any] = {"fps": None, "subframe": True}
+PRESETS = (
+    Preset("the paper's", {}, "Peaks and valleys of the speed at 15 frames a second: many beats, placed on frames."),
+    Preset("slowest moments", {"detector": "valleys"}, "Peaks of the speed go; the rests between two movements stay."),
+    Preset(
+        "its own frames",
+        {"detector": "valleys", "fps": None},
+        "The curve gets its true shape: 15 frames a second move a beat by up to a frame, 67 ms.",
+    ),
+    Preset(
+        "between frames",
+        {"detector": "valleys", "subframe": True},
+        "Beats leave the grid of frames, even at 15 frames a second.",
+    ),
+    Preset(
+        "fine and smooth",
+        {"detector": "valleys", **FINE, "smoothing": 0.05},
+        "Between frames of the fine curve, smoothed a little: small turns of the speed go, longer movements stay.",
+    ),
+    Preset(
+        "too smooth",
+        {"detector": "valleys", **FINE, "smoothing": 0.3},
+        "The curve gets flat: movements shorter than the smoothing are gone.",
+    ),
+    Preset(
+        "directions",
+        {"detector": "direction"},
+        "Beats are changes of direction, as in the study that the paper improves on.",
+    ),
+)
 
 
-def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any) -> Lab:
-    """Menus for detector, frame rate and plateau, sliders for both smoothings, above the curve and its beats.
+def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any) -> LiveLab:
+    """Menus for detector, frame rate and plateau and controls for both smoothings, below the curve and its beats.
 
     Parameters
     ----------
@@ -40,15 +70,19 @@ def detector_lab(clip: Clip, *, planted: ArrayLike | None = None, **values: Any)
     **values
         Where controls start instead of at the paper mode: ``detector="valleys"``.
 
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, for an unknown control, or for a value that it cannot have.
+
     Examples
     --------
     >>> lab = detector_lab(synthetic_clip("cha-cha"))  # doctest: +SKIP
-    >>> lab.controls["smoothing"].value = 0.05  # doctest: +SKIP
+    >>> lab.set(smoothing=0.05)  # doctest: +SKIP
+    >>> lab.sentence  # doctest: +SKIP
     """
     times = None if planted is None else _on_stage(clip, planted)
-    draw = partial(draw_detector_lab, Stage.of(clip), times)
-    paper = HarmonyParams.paper()
-    return Lab(draw, partial(with_settings, paper), setting_controls(paper, *CONTROLS), values)
+    return LiveLab(detector_content(Stage.of(clip), times), values)
 
 
 def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:
@@ -58,66 +92,86 @@ def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:
     return music_and_motion(replace(clip, beats=track))[0].times
 
 
-def draw_detector_lab(
-    stage: Stage, planted: FloatArray | None = None, *, figure: Figure | None = None, **values: Any
-) -> Figure:
-    """The lab's picture: the curve with its beats, all beats side by side, and their distances from the music.
+def detector_content(stage: Stage, planted: FloatArray | None = None) -> LabContent:
+    """The detector lab of a stage; `planted` as for `detector_lab`, on the stage's time line."""
+    content = LabContent(
+        kind="detector",
+        title="The detector lab",
+        about=ABOUT,
+        evidence=_evidence(stage, planted),
+        controls=named_controls(*NAMES),
+        presets=PRESETS,
+        start={},
+        params=paper_with,
+        numbers=partial(detector_numbers, stage, planted),
+        words=LAB_SENTENCES,
+    )
+    return replace(content, start=content.mode_values("paper"))
+
+
+def _evidence(stage: Stage, planted: FloatArray | None) -> dict[str, Any]:
+    """Curves that are not yet smoothed, for every rate and smoothing of positions; the browser does the rest."""
+    rates = {f"{fps:g}": paper_with(fps=fps) for fps in RATES if fps is not None}
+    rates["own"], rates["interpolated"] = paper_with(fps=None), paper_with(fps=None, subframe=True)
+    motion = stage.motion
+    return {
+        "source": stage.source,
+        "duration": motion.duration,
+        "music": stage.music.times,
+        "planted": planted,
+        "near": NEAR,
+        "levels": list(POSITION_SMOOTHINGS),
+        "rates": {name: _curves(stage, params) for name, params in rates.items()},
+        "valid": {"fps": motion.fps, "frames": motion.n_frames, "gaps": np.flatnonzero(~motion.valid)},
+    }
+
+
+def _curves(stage: Stage, params: HarmonyParams) -> dict[str, Any]:
+    """Rate, and the curve of each kind at each smoothing of positions; base64 of doubles, which loses no digit."""
+    kinds = {"joints": "turns", "direction": "direction"}
+    curves = {
+        kind: [
+            motion_curve(stage.motion, with_settings(params, detector=detector, position_smoothing=level))
+            for level in POSITION_SMOOTHINGS
+        ]
+        for kind, detector in kinds.items()
+    }
+    return {
+        "fps": curves["joints"][0][1],
+        "curves": {kind: [_base64(curve) for curve, _ in levels] for kind, levels in curves.items()},
+    }
+
+
+def _base64(values: FloatArray) -> str:
+    return base64.b64encode(values.astype("<f8").tobytes()).decode("ascii")
+
+
+def detector_numbers(stage: Stage, planted: FloatArray | None, **values: Any) -> dict[str, Any]:
+    """The numbers of the lab: visual beats, which planted ones are near one of them, and the sentence.
 
     Parameters
     ----------
     stage : Stage
-    planted : (P,) array, seconds on the stage's time line, optional
-    figure : Figure, optional, drawn on if given
+    planted : (P,) array, seconds on the stage's time line, or None
     **values
-        Values of the `CONTROLS`, by name; the paper's when left out.
+        The controls, by name; the paper's when left out.
     """
-    params = with_settings(HarmonyParams.paper(), **values)
-    figure, (above, below, right, board) = placed_axes(figure, (10.0, 5.6), PLACES)
-    visual = visual_beats(stage.motion, params=params)
-    draw_motion_curve(above, stage.motion, params, visual)
-    above.vlines(stage.music.times, 0.0, above.get_ylim()[1], color=COLOURS["audio"], alpha=0.4, linewidth=1.2)
-    key = "orange: curve of the dance, triangle: a visual beat   |   blue line: a music beat"
-    above.set(xlim=(0.0, stage.motion.duration), xlabel=key)
-    detected = None if planted is None else nearest_intervals(planted, visual.times) <= NEAR
-    _draw_side_by_side(below, stage, visual, planted, detected)
-    _draw_distances(right, stage.music, visual)
-    draw_board(board, _numbers(stage, visual, detected))
-    return figure
-
-
-def _draw_side_by_side(
-    ax: Axes, stage: Stage, visual: BeatTrack, planted: FloatArray | None, detected: BoolArray | None
-) -> None:
-    draw_stems(ax, stage.music, kind="audio")
-    draw_stems(ax, visual, kind="visual")
-    ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8)
-    name_heights(ax, {-1.5: "" if planted is None else "planted", -0.5: "dance", 0.5: "music"})
-    if planted is not None and detected is not None:
-        draw_marks(ax, planted, np.full(planted.size, -1.5), detected)
-    ax.set(xlim=(0.0, stage.motion.duration), ylim=(-1.1 if planted is None else -1.9, 1.1), xlabel=stage.time_label)
-
-
-def _draw_distances(ax: Axes, music: BeatTrack, visual: BeatTrack) -> None:
-    """Histogram of the seconds from its nearest music beat to each visual beat; beats at random would lie flat."""
-    highest = 0
-    if len(music) and len(visual):
-        counts, edges = np.histogram(-signed_offsets(visual.times, music.times), BINS)
-        ax.stairs(counts, edges, fill=True, color=COLOURS["visual"])
-        highest = int(counts.max())
-    ax.axvline(0.0, color=COLOURS["audio"], linewidth=1.6)
-    ax.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    top = 4 * (1 + highest // 4)  # in steps, so that the axis seldom changes
-    ax.set(xlim=(BINS[0], BINS[-1]), ylim=(0, top), xlabel="after nearest music beat (s)", ylabel="visual beats")
-
-
-def _numbers(stage: Stage, visual: BeatTrack, detected: BoolArray | None) -> dict[str, str]:
-    distances = nearest_intervals(visual.times, stage.music.times)
-    numbers = {
-        "visual beats": f"{len(visual)}",
-        "music beats": f"{len(stage.music)}",
-        "visual beats a second": f"{len(visual) / stage.motion.duration:.1f}",
-        "median distance": f"{1000 * np.median(distances):.0f} ms" if len(visual) and len(stage.music) else "–",
+    visual = visual_beats(stage.motion, params=paper_with(**values))
+    near = None if planted is None else nearest_intervals(planted, visual.times) <= NEAR
+    counts = {
+        "beats": len(visual),
+        "music": len(stage.music),
+        "planted": 0 if planted is None else planted.size,
+        "found": 0 if near is None else int(near.sum()),
+        "near": round(1000 * NEAR),
     }
-    if detected is not None:
-        numbers[f"planted, found within {1000 * NEAR:.0f} ms"] = f"{detected.sum()}/{detected.size}"
-    return numbers
+    distances = nearest_intervals(visual.times, stage.music.times)
+    return {
+        **counts,
+        "times": visual.times,
+        "heights": visual.strengths,
+        "mask": near,
+        "rate": len(visual) / stage.motion.duration,
+        "distance": float(np.median(distances)) if len(visual) and len(stage.music) else np.nan,
+        "sentence": LAB_SENTENCES["detected" if planted is None else "planted"].format(**counts),
+    }

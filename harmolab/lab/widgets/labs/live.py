@@ -22,7 +22,10 @@ from harmolab.lab.widgets.labs.lab import FIELDS, MODES, field_texts, params_lin
 from harmolab.params import HarmonyParams
 
 FOLDER = Path(__file__).with_name("live")
-PARTS = ("arrays", "hits", "verdicts", "corpora", "sound", "chart", "clip_pictures", "corpus_picture", "panel", "lab")
+PARTS = (
+    "arrays", "hits", "verdicts", "corpora", "sound", "chart", "clip_pictures", "corpus_picture", "detector", "meter",
+    "panel", "lab",
+)  # fmt: skip
 SCRIPT = "\n".join((FOLDER / f"{name}.js").read_text("utf-8") for name in PARTS)
 STYLE = (FOLDER / "lab.css").read_text("utf-8")
 HEIGHT = 1100  # pixels of the frame, until its page sets it
@@ -55,10 +58,15 @@ class Menu:
     options: Mapping[Any, str]
 
     def checked(self, name: str, value: Any) -> Any:
-        """The value; ValueError if it is no choice."""
-        if value not in self.options:
-            raise ValueError(f"{name} must be one of {', '.join(map(str, self.options))}; got {value!r}")
-        return value
+        """The choice, as `options` has it (a browser writes 15.0 as 15); ValueError if the value is none."""
+        for option in self.options:
+            if option == value:
+                return option
+        raise ValueError(f"{name} must be one of {', '.join(map(str, self.options))}; got {value!r}")
+
+    def to_browser(self) -> list[tuple[Any, str, str]]:
+        """Value, words and Python text of each choice."""
+        return [(value, words, repr(value)) for value, words in self.options.items()]
 
 
 @dataclass(frozen=True)
@@ -76,7 +84,7 @@ class LabContent:
 
     Parameters
     ----------
-    kind : "scoring", "saliency" or "corpus": which part of the script draws it
+    kind : "scoring", "saliency", "detector", "meter" or "corpus": which part of the script draws it
     title, about : str, heading and explanation of the page
     evidence : what the numbers are computed from, of plain lists and numbers
     controls, presets : in the order of the page
@@ -104,7 +112,7 @@ class LabContent:
     def to_browser(self) -> dict[str, Any]:
         """The content as JSON holds it."""
         controls = [
-            asdict(control) | {"name": name, "options": list(control.options.items())}
+            asdict(control) | {"name": name, "options": control.to_browser()}
             if isinstance(control, Menu)
             else asdict(control) | {"name": name}
             for name, control in self.controls.items()

@@ -8,23 +8,27 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
-from harmolab.beats.meter import MeterUnit, meter_units, strong_beats
+from harmolab.beats.meter import CATEGORIES, MeterUnit, meter_units, strong_beats
 from harmolab.beats.saliency import salient_audio
-from harmolab.lab.figures.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
-from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.widgets.labs.lab import Lab, menu, setting_controls, slider, with_settings
-from harmolab.lab.widgets.labs.stage import axis_label, draw_board, placed_axes
+from harmolab.lab.figures.meter import UNIT_COLOURS, unit_label
+from harmolab.lab.widgets.labs.controls import METER_CONTROLS, named_controls
+from harmolab.lab.widgets.labs.live import LabContent, LiveLab, Menu, Preset, paper_with
+from harmolab.lab.widgets.labs.stage import middle_lambda
+from harmolab.lab.widgets.words import LAB_SENTENCES, percent
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, BoolArray, Clip, IntArray
 
-PLACES = ((0.085, 0.5, 0.895, 0.375), (0.085, 0.115, 0.4, 0.245), (0.58, 0.115, 0.4, 0.245))
 NEAR = 0.1  # seconds: a beat this close to an annotated one has its place in the bar
 SEED = 22  # of the measuring error: the same whenever the slider comes back
+TRACKS = {"of the clip": "those of the clip", "annotated": "those of the annotation"}
+START: Mapping[str, Any] = {"beats": "of the clip", "every": 1.0, "first": 0.0, "error": 0.0}
+ABOUT = (
+    "A beat is strong when it is stronger than the one before (Eq. 22); brackets are the meter units that strong and "
+    "weak beats are grouped into. Below: the time that each unit takes, and which places of the bar are strong."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +38,11 @@ class Song:
     tracks: Mapping[str, BeatTrack]
     annotated: BeatTrack | None = None
     source: str = ""
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.tracks["of the clip"].duration
 
     @property
     def downbeats(self) -> NDArray[np.float64] | None:
@@ -51,8 +60,8 @@ class Song:
         return np.where(gaps.min(axis=1) <= NEAR, bars.bar_places[gaps.argmin(axis=1)], -1)
 
 
-def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) -> Lab:
-    """Controls for the input of Eq. 22 - which beats, from which on, how well measured - above strong beats and units.
+def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) -> LiveLab:
+    """Controls for the input of Eq. 22 - which beats, from which on, how well measured - below strong beats and units.
 
     Parameters
     ----------
@@ -62,114 +71,173 @@ def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) 
     **values
         Where controls start: ``lambda1=1.0``.
 
+    Raises
+    ------
+    ValueError
+        For an unknown control, or for a value that it cannot have.
+
     Examples
     --------
     >>> lab = meter_lab(synthetic_clip("rumba", seconds=18.0))  # doctest: +SKIP
-    >>> lab.controls["first"].value = 1  # doctest: +SKIP
+    >>> lab.set(first=1)  # doctest: +SKIP
+    >>> lab.sentence  # doctest: +SKIP
     """
     tracks = {"of the clip": music_beats(clip)}
     if annotated is not None:
         tracks["annotated"] = annotated
-    controls = {
-        "beats": menu("beats", tuple(tracks), "of the clip"),
-        **setting_controls(HarmonyParams.paper(), "lambda1"),
-        "every": slider("take every", 1, 4, 1, 1),
-        "first": slider("leave out first", 0, 7, 1, 0),
-        "error": slider("error (SD)", 0.0, 1.0, 0.05, 0.0),
-    }
-    return Lab(partial(draw_meter_lab, Song(tracks, annotated, clip.source)), meter_params, controls, values)
+    return LiveLab(meter_content(Song(tracks, annotated, clip.source)), values)
+
+
+def meter_content(song: Song) -> LabContent:
+    """The meter lab of a song."""
+    tracks = Menu("beats", "track", {name: TRACKS[name] for name in song.tracks})
+    content = LabContent(
+        kind="meter",
+        title="The meter lab",
+        about=ABOUT,
+        evidence=_evidence(song),
+        controls={"beats": tracks, **named_controls("lambda1"), **METER_CONTROLS},
+        presets=_presets(song),
+        start={},
+        params=meter_params,
+        numbers=partial(meter_numbers, song),
+        words=LAB_SENTENCES,
+    )
+    return replace(content, start={**START, **content.mode_values("paper")})
+
+
+def _presets(song: Song) -> tuple[Preset, ...]:
+    loud = middle_lambda(song.tracks["of the clip"])
+    presets = (
+        Preset("all beats", START, "All beats of the clip, as they were measured."),
+        Preset(
+            "from the next beat on",
+            {**START, "first": 1.0},
+            "The grouping starts later: a bracket that lost its first beat goes, another may take its place.",
+        ),
+        Preset("half the tempo", {**START, "every": 2.0}, "Every second beat, as a tracker may have it."),
+        Preset(
+            "badly measured",
+            {**START, "error": 0.6},
+            "Each strength is wrong by 0.6 standard deviations: other accents, other brackets.",
+        ),
+        Preset(
+            "loud beats only",
+            {**START, "lambda1": loud},
+            "Quiet beats are left out before any are compared, which brings others side by side.",
+        ),
+    )
+    if "annotated" not in song.tracks:
+        return presets
+    note = "No tracking error, the same rule: other accents, other brackets, or none."
+    return (*presets, Preset("annotated beats", {**START, "beats": "annotated"}, note))
 
 
 def meter_params(*, lambda1: float, **_: Any) -> HarmonyParams:
     """The paper's settings but for λ1, the only control of this lab that is one of them."""
-    return with_settings(HarmonyParams.paper(), lambda1=lambda1)
+    return paper_with(lambda1=lambda1)
 
 
-def draw_meter_lab(
+def _evidence(song: Song) -> dict[str, Any]:
+    units = [(accents, MeterUnit(0.0, 1.0, np.array(accents), name)) for accents, name in CATEGORIES.items()]
+    return {
+        "source": song.source,
+        "duration": song.duration,
+        "tracks": {name: _track(song, track) for name, track in song.tracks.items()},
+        "downbeats": song.downbeats,
+        "categories": {
+            "".join("S" if is_strong else "w" for is_strong in accents): unit_label(unit) for accents, unit in units
+        },
+        "colours": UNIT_COLOURS,
+    }
+
+
+def _track(song: Song, track: BeatTrack) -> dict[str, Any]:
+    return {
+        "times": track.times,
+        "strengths": track.strengths,
+        "spread": _spread(track),
+        "noise": _noise(track),
+        "places": song.places(track),
+    }
+
+
+def _spread(track: BeatTrack) -> float:
+    """Standard deviation of the strengths."""
+    return float(track.strengths.std()) if len(track) else 0.0
+
+
+def _noise(track: BeatTrack) -> NDArray[np.float64]:
+    """Measuring error of each beat in standard deviations, (B,) array."""
+    return np.random.default_rng(SEED).standard_normal(len(track))
+
+
+# Numbers
+
+
+def meter_numbers(
     song: Song,
     *,
     beats: str = "of the clip",
     lambda1: float = 0.1,
-    every: int = 1,
-    first: int = 0,
+    every: float = 1.0,
+    first: float = 0.0,
     error: float = 0.0,
-    figure: Figure | None = None,
-) -> Figure:
-    """The lab's picture: strong and weak beats with their units, the time each signature takes, and places in the bar.
+) -> dict[str, Any]:
+    """The numbers of the lab: strong beats, meter units, strong beats by place in the bar, and the sentence.
 
     Parameters
     ----------
     song : Song
     beats : name of one of its tracks
     lambda1 : float; weaker beats are left out before they are compared (Eq. 11)
-    every : int; 2 takes every second beat, as a tracker does that hears half the tempo
-    first : int, beats left out at the start: the grouping starts later
+    every : a whole number; 2 takes every second beat, as a tracker does that hears half the tempo
+    first : a whole number, beats left out at the start: the grouping starts later
     error : float, standard deviations of the strengths by which each strength is measured wrongly
-    figure : Figure, optional, drawn on if given
     """
-    figure, (above, left, right, board) = placed_axes(figure, (10.0, 6.2), PLACES)
-    track = _measured(song.tracks[beats], lambda1=lambda1, every=every, first=first, error=error)
+    track = _measured(song.tracks[beats], lambda1=lambda1, every=int(every), first=int(first), error=error)
     strong, units = strong_beats(track.strengths), meter_units(track)
-    draw_meter(above, track, strong, units, downbeats=song.downbeats)
-    key = "filled: strong beat   |   open: weak   |   bracket: meter unit"
-    downbeat = "" if song.downbeats is None else "triangle: annotated downbeat"
-    above.set_xlabel(axis_label("time (s)", key, downbeat, source=song.source))
-    above.set(ylabel="strength (of largest)", xlim=(-0.01 * track.duration, 1.01 * track.duration))
-    shares = _time_shares(units, track.duration)
-    _draw_signatures(left, shares)
-    places = song.places(track)
-    _draw_bar(right, strong, places)
-    draw_board(board, _numbers(strong, units, shares, places, song.downbeats is not None))
-    return figure
+    shares = _time_shares(units, song.duration)
+    covered = sum(shares.values())
+    numbers = {
+        "beats": len(track),
+        "strong": int(strong.sum()),
+        "units": [(unit.start, unit.end, unit_label(unit)) for unit in units],
+        "covered": covered,
+        "shares": shares,
+        **_accents(strong, song.places(track)),
+    }
+    text = LAB_SENTENCES["meter"].format(**{**numbers, "covered": percent(covered)})
+    return numbers | {
+        "sentence": text + (LAB_SENTENCES["downbeats"].format(**numbers) if song.downbeats is not None else "")
+    }
 
 
 def _measured(track: BeatTrack, *, lambda1: float, every: int, first: int, error: float) -> BeatTrack:
-    """The beats that are the input of Eq. 22; arguments as for `draw_meter_lab`."""
-    noise = np.random.default_rng(SEED).standard_normal(len(track))
-    spread = float(track.strengths.std()) if len(track) else 0.0
-    strengths = np.maximum(track.strengths + error * spread * noise, 0.0)
+    """The beats that are the input of Eq. 22; arguments as for `meter_numbers`."""
+    strengths = np.maximum(track.strengths + error * _spread(track) * _noise(track), 0.0)
     salient = salient_audio(replace(track, strengths=strengths), meter_params(lambda1=lambda1))
     numbers = np.arange(len(salient)) - first
     return salient.select((numbers >= 0) & (numbers % every == 0))
 
 
 def _time_shares(units: Sequence[MeterUnit], duration: float) -> dict[str, float]:
-    """Share of the time by signature, and the share that no unit covers."""
+    """Share of the time by signature."""
     shares = dict.fromkeys(UNIT_COLOURS, 0.0)
     for unit in units:
         shares[unit_label(unit)] += (unit.end - unit.start) / duration
-    return {**shares, "none": 1.0 - sum(shares.values())}
+    return shares
 
 
-def _draw_signatures(ax: Axes, shares: Mapping[str, float]) -> None:
-    colours = [UNIT_COLOURS.get(name, COLOURS["chance"]) for name in shares]
-    ax.bar(np.arange(len(shares)), list(shares.values()), width=0.65, color=colours)
-    if not ax.get_gid():
-        ax.set_xticks(np.arange(len(shares)), list(shares))
-        ax.set_gid("named")
-    ax.set(ylim=(0.0, 1.0), ylabel="share of the time", xlabel="signature of the unit")
-
-
-def _draw_bar(ax: Axes, strong: BoolArray, places: IntArray) -> None:
-    """Share of strong beats at each place of the annotated bar."""
-    counts = np.bincount(places[places >= 0])
-    if counts.size == 0:
-        ax.text(0.5, 0.5, "no annotated bars", transform=ax.transAxes, ha="center", color=COLOURS["chance"])
-        ax.set(xticks=[], yticks=[])
-        return
-    n_strong = np.bincount(places[places >= 0], strong[places >= 0])
-    draw_places(ax, n_strong / np.maximum(counts, 1), counts, chance=float(strong[places >= 0].mean()))
-
-
-def _numbers(
-    strong: BoolArray, units: Sequence[MeterUnit], shares: Mapping[str, float], places: IntArray, annotated: bool
-) -> dict[str, str]:
-    numbers = {
-        "beats": f"{strong.size}",
-        "strong": f"{strong.sum()}",
-        "meter units": f"{len(units)}",
-        "time covered": f"{1.0 - shares['none']:.0%}",
+def _accents(strong: BoolArray, places: IntArray) -> dict[str, Any]:
+    """Share of strong beats at each place of the annotated bar, the beats there, and the share among all of them."""
+    placed = places >= 0
+    counts = np.bincount(places[placed])
+    n_strong = np.bincount(places[placed], strong[placed])
+    return {
+        "counts": counts,
+        "accents": n_strong / np.maximum(counts, 1),
+        "chance": float(strong[placed].mean()) if placed.any() else np.nan,
+        "downbeats": int((places == 0).sum()),
+        "strong_downbeats": int((strong & (places == 0)).sum()),
     }
-    if annotated:
-        numbers["downbeats that are strong"] = f"{(strong & (places == 0)).sum()}/{(places == 0).sum()}"
-    return numbers

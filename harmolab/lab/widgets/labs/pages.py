@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.beats.audio import music_beats
+from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.lab.widgets.labs.corpus import corpus_lab
+from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.lab.widgets.labs.live import LiveLab
+from harmolab.lab.widgets.labs.meter import meter_lab
 from harmolab.lab.widgets.labs.saliency import saliency_lab
 from harmolab.lab.widgets.labs.scoring import scoring_lab
 from harmolab.params import DANCES
@@ -18,7 +22,7 @@ N_CLIPS = 42
 
 
 def write_lab_pages(folder: Path) -> list[Path]:
-    """Pages scoring_lab.html, saliency_lab.html and corpus_lab.html in `folder`, each one self-contained file.
+    """Pages of all labs, scoring_lab.html and so on, in `folder`, each one self-contained file.
 
     Parameters
     ----------
@@ -26,7 +30,7 @@ def write_lab_pages(folder: Path) -> list[Path]:
 
     Returns
     -------
-    list of the three paths
+    list of the five paths
 
     Examples
     --------
@@ -38,6 +42,8 @@ def write_lab_pages(folder: Path) -> list[Path]:
         "scoring_lab": lambda: scoring_lab(clip),
         "saliency_lab": lambda: saliency_lab(clip),
         "corpus_lab": lambda: corpus_lab(inexact_corpus(N_CLIPS), mode="valleys"),
+        "detector_lab": inexact_detector_lab,
+        "meter_lab": inexact_meter_lab,
     }
     paths = [Path(folder) / f"{name}.html" for name in labs]
     for path, lab in zip(paths, labs.values(), strict=True):
@@ -48,6 +54,19 @@ def write_lab_pages(folder: Path) -> list[Path]:
 def inexact_dance() -> Clip:
     """A synthetic cha-cha whose movements end a little early or late, some left out and some too many."""
     return synthetic_clip("cha-cha", seconds=SECONDS, jitter=0.04, omission=0.1, redundancy=0.1, seed=3)
+
+
+def inexact_detector_lab() -> LiveLab:
+    """The detector lab of a synthetic cha-cha whose rests are known."""
+    planted = planted_clip(ClipSettings("cha-cha", seconds=8.0, jitter=0.03, seed=0))
+    return detector_lab(planted.clip, planted=planted.visual_beat_times)
+
+
+def inexact_meter_lab() -> LiveLab:
+    """The meter lab of a synthetic rumba: beats tracked in its sound, and the planted ones in bars."""
+    planted = planted_clip(ClipSettings("rumba", seconds=18.0, seed=2))
+    bars = replace(music_beats(planted.clip), bar_places=planted.annotation.bar_places())
+    return meter_lab(replace(planted.clip, beats=None), annotated=bars)
 
 
 def inexact_corpus(count: int) -> list[Clip]:

@@ -13,7 +13,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.lab.widgets.labs.controls import named_controls
 from harmolab.lab.widgets.labs.lab import MODES
 from harmolab.lab.widgets.labs.live import LabContent, LiveLab, Preset, paper_with
-from harmolab.lab.widgets.labs.stage import Stage
+from harmolab.lab.widgets.labs.stage import Stage, middle_lambda
 from harmolab.lab.widgets.words import LAB_SENTENCES
 from harmolab.params import CHOICES
 from harmolab.types import BeatTrack, Clip
@@ -57,7 +57,7 @@ def saliency_content(stage: Stage, visual: BeatTrack) -> LabContent:
         about=ABOUT,
         evidence=_evidence(stage, visual),
         controls=named_controls(*NAMES),
-        presets=_presets(stage.middle_lambda),
+        presets=_presets(middle_lambda(stage.music)),
         start={},
         params=paper_with,
         numbers=partial(saliency_numbers, stage, visual),

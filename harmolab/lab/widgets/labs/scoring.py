@@ -17,7 +17,7 @@ from harmolab.harmony import score_harmony, score_motion
 from harmolab.lab.widgets.labs.controls import LAG, named_controls
 from harmolab.lab.widgets.labs.lab import MODES, with_settings
 from harmolab.lab.widgets.labs.live import LabContent, LiveLab, Preset
-from harmolab.lab.widgets.labs.stage import Stage
+from harmolab.lab.widgets.labs.stage import Stage, middle_lambda
 from harmolab.lab.widgets.words import LAB_SENTENCES, LUCK, percent
 from harmolab.params import BarPattern, HarmonyParams
 from harmolab.significance import rotations
@@ -110,7 +110,7 @@ def _presets(stage: Stage) -> tuple[Preset, ...]:
         ),
         Preset(
             "loud beats only",
-            {**paper, "lambda1": stage.middle_lambda},
+            {**paper, "lambda1": middle_lambda(stage.music)},
             "Quiet music beats turn grey and leave the count.",
         ),
         Preset(

@@ -28,9 +28,11 @@ function axes(pen, box, [x0, x1], [y0, y1], { x = "", y = "", xTicks = 6, yTicks
   const text = (value, step) => (Math.abs(value) < step / 2 ? 0 : value).toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
   pen.lineWidth = 1; pen.fillStyle = COLOUR.ink; pen.textBaseline = "middle";
   pen.textAlign = "center";
-  for (let value = Math.ceil(x0 / xStep) * xStep; value <= x1 + 1e-9; value += xStep) {
-    line(chart, [chart.x(value), chart.x(value)], [bottom, bottom + 4], COLOUR.grey);
-    pen.fillText(text(value, xStep), chart.x(value), bottom + 12);
+  if (xTicks) {
+    for (let value = Math.ceil(x0 / xStep) * xStep; value <= x1 + 1e-9; value += xStep) {
+      line(chart, [chart.x(value), chart.x(value)], [bottom, bottom + 4], COLOUR.grey);
+      pen.fillText(text(value, xStep), chart.x(value), bottom + 12);
+    }
   }
   pen.textAlign = "right";
   if (yTicks) {
@@ -40,7 +42,7 @@ function axes(pen, box, [x0, x1], [y0, y1], { x = "", y = "", xTicks = 6, yTicks
     }
   }
   line(chart, [box.left, box.left + box.width], [bottom, bottom], COLOUR.grey);
-  pen.fillText(x, box.left + box.width, bottom + 28);
+  pen.fillText(x, box.left + box.width, bottom + 28, box.left + box.width - 4);  // a long source is set closer, not cut
   if (side) pen.fillText(side, box.left + box.width, box.top - 11);
   pen.textAlign = "left";
   pen.fillText(y, Math.max(box.left - 40, 4), box.top - 14);
@@ -60,17 +62,30 @@ const curve = (chart, xs, ys, colour, look) => line(chart, xs.map(chart.x), ys.m
 const level = (chart, value, colour, dash = [5, 4]) => line(chart, [chart.box.left, chart.box.left + chart.box.width], [chart.y(value), chart.y(value)], colour, { width: 1.4, dash });
 const stem = (chart, x, height, colour, look = { width: 2.4 }) => line(chart, [chart.x(x), chart.x(x)], [chart.y(0), chart.y(height)], colour, look);
 
-// A circle (met), a cross (missed), a diamond, a square or a ring at a place of the canvas.
+// A bar for each name, between 0 and 1; returns the scales, the first bar at 0.
+function bars(pen, box, names, heights, colours, { x = "", y = "" }) {
+  const chart = axes(pen, box, [-0.6, Math.max(1, names.length) - 0.4], [0, 1.05], { x, y, xTicks: 0 });
+  names.forEach((name, index) => {
+    pen.fillStyle = colours[index];
+    pen.fillRect(chart.x(index - 0.33), chart.y(heights[index]), chart.x(0.66) - chart.x(0), chart.y(0) - chart.y(heights[index]));
+    pen.fillStyle = COLOUR.ink; pen.textAlign = "center";
+    pen.fillText(name, chart.x(index), box.top + box.height + 12);
+  });
+  return chart;
+}
+
+// A circle (met), a dot, a cross (missed), a diamond, a triangle, a square or a ring at a place of the canvas.
 function mark({ pen }, kind, x, y, colour, size = 5) {
   pen.strokeStyle = colour; pen.fillStyle = "#ffffff"; pen.lineWidth = 2;
   pen.beginPath();
-  if (kind === "circle" || kind === "ring") pen.arc(x, y, size, 0, 2 * Math.PI);
+  if (["circle", "ring", "dot"].includes(kind)) pen.arc(x, y, size, 0, 2 * Math.PI);
   else if (kind === "square") pen.rect(x - size, y - size, 2 * size, 2 * size);
   else if (kind === "diamond") [[0, -1], [1, 0], [0, 1], [-1, 0], [0, -1]].forEach(([dx, dy], step) => (step ? pen.lineTo(x + dx * size, y + dy * size) : pen.moveTo(x + dx * size, y + dy * size)));
+  else if (kind === "triangle") { pen.moveTo(x, y - 5); pen.lineTo(x + 4.5, y + 4); pen.lineTo(x - 4.5, y + 4); }
   else for (const way of [1, -1]) { pen.moveTo(x - size, y - way * size); pen.lineTo(x + size, y + way * size); }
   if (kind === "circle") pen.fill();
-  if (kind === "diamond") { pen.fillStyle = colour; pen.fill(); }
-  pen.stroke();
+  if (["diamond", "triangle", "dot"].includes(kind)) { pen.fillStyle = colour; pen.fill(); }
+  if (kind !== "triangle") pen.stroke();
 }
 
 const sampled = ({ start, step, values }) => ({ times: values.map((_, index) => start + index * step), values });

@@ -51,11 +51,7 @@ function drawSpeed(pen, box, time, data, speed, track, numbers) {
   const { times, values } = sampled(speed), top = 1.1 * Math.max(1e-9, ...values), low = Math.min(0, ...values);
   const chart = axes(pen, box, time, [low, top], { x: timeName(data), y: speed.unit });
   curve(chart, times, values, COLOUR.dance, { width: 1.6 });
-  pen.fillStyle = COLOUR.dance;
-  numbers.dance.forEach(index => {
-    const x = chart.x(numbers.allDance[index]), y = chart.y(track.speeds[index]);
-    pen.beginPath(); pen.moveTo(x, y - 5); pen.lineTo(x + 4.5, y + 4); pen.lineTo(x - 4.5, y + 4); pen.fill();
-  });
+  numbers.dance.forEach(index => mark(chart, "triangle", chart.x(numbers.allDance[index]), chart.y(track.speeds[index]), COLOUR.dance));
 }
 
 // The null distribution over the shifts behind it, brought to both sides of 0.

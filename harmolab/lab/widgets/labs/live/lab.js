@@ -1,6 +1,6 @@
 // A lab: settings in, numbers and a picture out, at every move.
-const NUMBERS = { scoring: scoringNumbers, saliency: saliencyNumbers, corpus: corpusNumbers };
-const PICTURES = { scoring: drawScoring, saliency: drawSaliency, corpus: drawCorpus };
+const NUMBERS = { scoring: scoringNumbers, saliency: saliencyNumbers, detector: detectorNumbers, meter: meterNumbers, corpus: corpusNumbers };
+const PICTURES = { scoring: drawScoring, saliency: drawSaliency, detector: drawDetector, meter: drawMeter, corpus: drawCorpus };
 const NEAR = 16, NUDGE = 0.01, APART = 0.005, AROUND = 1.2;  // pixels; seconds of a key press; between beats; heard around a beat
 
 // Sounds of a lab: name -> clicks, in seconds from the start of the clip, the dance earlier by the lag.
@@ -9,6 +9,8 @@ const SOUNDS = {
     ? clicksOf(data.evidence.music.times, data.evidence.dance["valleys valleys"].times, settings.lag)
     : clicksOf(pick(numbers.allMusic, numbers.music), pick(numbers.allDance, numbers.dance), settings.lag) }),
   saliency: (data, settings, numbers) => ({ "Play what is noticed": clicksOf(data.evidence.times.filter((_, index) => numbers.music_mask[index]), data.evidence.dance.times.filter((_, index) => numbers.dance_mask[index]), 0) }),
+  detector: (data, _, numbers) => ({ "Play the clicks": clicksOf(data.evidence.music, numbers.times, 0) }),
+  meter: (_, __, { times, mask }) => ({ "Play the beats": clicksOf(times.filter((_, index) => mask[index]), times.filter((_, index) => !mask[index]), 0) }),
   corpus: (data, settings) => {
     const batch = data.evidence.batches.valleys || data.evidence.batches.paper, { clip, late, lag } = settings;
     if (!batch) return {};
@@ -93,7 +95,7 @@ export function mount(parent, data, { changed = () => {}, play = null } = {}) {
   function soundButtons() {
     const names = Object.keys(SOUNDS[data.kind](data, state.settings, state.numbers));
     const press = name => { const clicks = SOUNDS[data.kind](data, state.settings, state.numbers)[name]; sound(clicks, 0, Math.max(0, ...clicks.map(one => one.time)) + 0.1); };
-    view.sounds.append(...names.map(name => element("button", { type: "button", onclick: () => press(name) }, name)), element("span", {}, "high: music, low: dance"));
+    view.sounds.append(...names.map(name => element("button", { type: "button", onclick: () => press(name) }, name)), element("span", {}, data.kind === "meter" ? "high: strong, low: weak" : "high: music, low: dance"));
     if (play) view.sounds.append(element("button", { type: "button", onclick: play }, "Open the chosen dance in the player"));
   }
 
