@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
@@ -121,6 +121,7 @@ def dancer_of(
     trained = _trained(weights, system)
     if isinstance(trained, Choreographer):
         return _of_recordings(context, trained)
+    _check_dance(dance, getattr(trained, "dances", ()))
     options = accepted(trained.generate, context, {"progress": progress})
     is_asked = is_told(context, "dance") and not dance  # --dance ""
     listener = trained if is_asked and isinstance(trained, Listener) else None
@@ -145,20 +146,26 @@ def _check_choice(
 
 def _choreographer(context: typer.Context, corpus: Path | None, scale: float | None, style: str, dance: str) -> Dancer:
     """The choreographer of a corpus or of a bank; ValueError for a dance that neither it nor the tempo table knows."""
-    from harmolab.corpora.files import unknown_dance
-    from harmolab.params import DANCES
     from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
     from harmolab.systems.choreographer.kept import load_corpus
 
     choreographer = (
         shipped_bank(style, dance) if corpus is None else load_corpus(corpus, scale=scale, progress=progress)
     )
-    if dance and dance not in (dances := {*DANCES, *choreographer.dances}):
-        raise unknown_dance(dance, dances)
+    _check_dance(dance, choreographer.dances)
     if corpus is not None:
         return _of_recordings(context, choreographer)
     limits = None if style == PUPPET else choreographer.limits
     return _dancer(context, choreographer, limits, REMARKS[style])
+
+
+def _check_dance(dance: str, learnt: Iterable[str]) -> None:
+    """ValueError for a dance that neither these recordings nor the tempo table know."""
+    from harmolab.corpora.files import unknown_dance
+    from harmolab.params import DANCES
+
+    if dance and dance not in (dances := {*DANCES, *learnt} - {""}):
+        raise unknown_dance(dance, dances)
 
 
 def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Dancer:

@@ -77,7 +77,9 @@ def dance(
     ] = "",
     one: One = None,
     seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
-    start: Annotated[float, typer.Option(help="Audio time in seconds at which it begins.")] = 0.0,
+    start: Annotated[
+        float, typer.Option("--offset", "--start", help="Audio time in seconds at which the dance begins.")
+    ] = 0.0,
     seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
     samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
     harmonise: Annotated[

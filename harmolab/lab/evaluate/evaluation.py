@@ -213,9 +213,8 @@ def evaluate_dances(
         _check_limits(out / ROWS, settings, options)
     tasks = (*(pair for pair in pairing.pairs if pair.kind != RECORDED), *control_pairs(recorded))
     out.mkdir(parents=True, exist_ok=True)
-    write_json(
-        out / MARK, {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
-    )
+    mark = {"maker": "harmolab evaluate", "version": version("harmolab"), "settings": settings.to_dict()}
+    write_json(out / MARK, mark)
     parts = run_rows(
         sorted(tasks, key=lambda pair: pair.key), partial(clip_row, options=options), out / ROWS, jobs=jobs,
         scheduler=scheduler, resume=resume, force=not resume, settings=options.to_dict(), stamp=attrgetter("stamp"),

@@ -44,6 +44,11 @@ class NetworkSystem:
     def __init__(self, generator: Any, poses: PoseBank | None = None, meta: Mapping[str, Any] | None = None) -> None:
         self.generator, self.poses, self.meta = generator, poses, dict(meta or {})
 
+    @property
+    def dances(self) -> tuple[str, ...]:
+        """Dances of the movements that it starts from."""
+        return () if self.poses is None else tuple(self.poses.dances)
+
     def generate(
         self,
         audio: Audio,
