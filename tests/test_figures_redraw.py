@@ -14,7 +14,7 @@ from matplotlib.text import Text
 
 from harmolab.lab.experiments.half_minutes import MARKS
 from harmolab.lab.figures.redraw import WEIGHTS, figures_of_tables, redraw
-from harmolab.lab.figures.style import MANIFEST, smallest_text
+from harmolab.lab.figures.style import MANIFEST, PAGE_WIDTH, smallest_text
 from harmolab.lab.profile import RunProfile
 
 SHIPPED = Path(__file__).parents[1] / "figures"
@@ -48,3 +48,19 @@ def test_figure_drawn_again_keeps_its_source_and_title_in_the_manifest(tmp_path:
     assert [{**entry, "version": ""} for entry in after.values()] == [
         {**entry, "version": ""} for entry in before.values()
     ]
+
+
+# Wider than a page of the report is for letters of 8 points; its own have 8.5.
+WIDE = {"fig07c_networks.png"}
+
+
+def inches(path: Path) -> float:
+    """Width of a PNG by its pixels a metre."""
+    data = path.read_bytes()
+    place = data.index(b"pHYs") + 4
+    return int.from_bytes(data[16:20]) / (int.from_bytes(data[place : place + 4]) * 0.0254)
+
+
+def test_letters_of_eight_points_have_nine_pixels_in_every_shipped_figure_on_a_page_of_the_report():
+    widest = PAGE_WIDTH * 8 / (9 * 72)
+    assert {path.name for path in SHIPPED.glob("*.png") if inches(path) > widest} == WIDE

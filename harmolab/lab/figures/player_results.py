@@ -166,7 +166,7 @@ def hits_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
     ----------
     tables : instrument -> DataFrame of `harmolab.lab.hits_table`
     """
-    height = sum(0.38 * len(table) + 1.0 for table in tables.values()) + 0.6
+    height = sum(0.38 * len(table) + 1.1 for table in tables.values()) + 0.6
     sizes = {"height_ratios": [len(table) for table in tables.values()]}
     with styled_axes((9.2, height), len(tables), 2, sharex="col", gridspec_kw=sizes) as (figure, axes):
         for row, (instrument, table) in enumerate(tables.items()):

@@ -107,7 +107,7 @@ def levels_figure(tables: Mapping[str, Sequence[Record]]) -> Figure:
     with styled_axes((9.0, 2.1 * len(tables) + 0.6), len(tables)) as (figure, axes):
         for ax, (corpus, rows) in zip(axes, tables.items(), strict=True):
             draw_level_counts(ax, rows).set_title(_levels_title(corpus, rows))
-            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         # Above: below the canvas is where synthetic data is marked.
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=9)
     return figure
@@ -117,8 +117,9 @@ def _levels_title(corpus: str, rows: Sequence[Record]) -> str:
     """Recordings that reach the highest level with the first music, and with all others."""
     own = rows[0]["music"]
     parts = ([row["level"] for row in rows if (row["music"] == own) is first] for first in (True, False))
-    on_beat = [f"{levels.count(len(LEVEL_WORDS) - 1)} of {len(levels)}" for levels in parts]
-    return f"{sentence(corpus_words(corpus))}: on the beat {on_beat[0]} with {own} music, {on_beat[1]} with other music"
+    top = len(LEVEL_WORDS) - 1
+    first, other = (f"{levels.count(top)} of {len(levels)}" for levels in parts)
+    return f"{sentence(corpus_words(corpus))} at level {top}: {first} with {own} music, {other} with other music"
 
 
 def draw_speeds(ax: Axes, motion: Motion, beats: BeatTrack) -> Axes:
