@@ -63,7 +63,7 @@ def test_every_corpus_and_code_has_a_row_of_panels():
 def test_toes_are_drawn_side_by_side_in_centimetres():
     heights = {"recorded": np.tile([0.01, 0.02], (50, 1)), "with end effectors": np.tile([0.03, 0.04], (50, 1))}
     figure = toes_figure(heights, fps=25.0, corpus="beatlocked")
-    assert figure.get_suptitle() == "Toes range over 0 cm recorded and 0 cm with end effectors"
+    assert figure.get_suptitle() == "Toes range over 0 cm (recorded) and 0 cm (with end effectors)"
     drawn = [[(line.get_label(), line.get_ydata()[0]) for line in ax.lines] for ax in figure.axes]
     assert drawn == [
         [("recorded", 1.0), ("with end effectors", 3.0)], [("recorded", 2.0), ("with end effectors", 4.0)],
@@ -81,6 +81,9 @@ def test_grey_lies_where_a_foot_is_said_to_stand():
         for ax in figure.axes
     ]
     assert spans == [[[0.4, 1.0]], [], [[0.4, 1.0]], []]
+    assert figure.get_suptitle().startswith(
+        "Feet that are predicted to stand slide at 100 cm/s (no correction), 100 cm/s"
+    )
     assert figure.axes[2].lines[0].get_ydata()[0] == 100.0
 
 

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.lab.figures.variants import Look, Record, draw_mean, rows_by_name
 from harmolab.lab.figures.words import corpus_words, count_words, listed, sentence
-from harmolab.types import FloatArray
+from harmolab.types import BoolArray, FloatArray
 
 RECORDED, UNTOUCHED = "recorded", "no correction"
 MEASURES = ("MSE", "lower body (cm)", "sliding (cm/s)")
@@ -146,7 +146,7 @@ def toes_figure(heights: Mapping[str, FloatArray], *, fps: float, corpus: str, r
             ax.set(ylabel="height (cm)", title=f"({'ab'[side]}) {toe}")
         axes[-1].set_xlabel("; ".join(filter(None, ["time (s)", corpus_words(corpus), remark])))
         axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(heights), borderpad=0.0)
-        ranges = [f"{CENTIMETRES * np.ptp(own, axis=0).mean():.0f} cm {name}" for name, own in heights.items()]
+        ranges = [f"{CENTIMETRES * np.ptp(own, axis=0).mean():.0f} cm ({name})" for name, own in heights.items()]
         figure.suptitle(f"Toes range over {listed(ranges)}", x=0.01, ha="left", fontsize=11.5)
     return figure
 
@@ -174,8 +174,19 @@ def foot_model_figure(curves: Mapping[str, Curves], contacts: FloatArray, *, fps
         axes[2].set_ylabel("speed of the foot's\nslowest point (cm/s)")
         axes[2].set_ylim(0.0, FASTEST)
         handles = [*axes[0].get_lines(), Patch(facecolor=COLOURS["faint"], label="predicted to stand")]
-        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        figure.suptitle(_standing_title(curves, contacts > 0.5), x=0.01, ha="left", fontsize=11.5)
     return figure
+
+
+def _standing_title(curves: Mapping[str, Curves], stands: BoolArray) -> str:
+    """Mean speeds of the feet where they are predicted to stand (T, 2)."""
+    if not stands.any():
+        return "No foot is predicted to stand"
+    speeds = [
+        f"{CENTIMETRES * own.speeds[stands].mean():.0f} cm/s ({_WORDS.get(name, name)})" for name, own in curves.items()
+    ]
+    return f"Feet that are predicted to stand slide at {listed(speeds)}"
 
 
 def _shade_contacts(ax: Axes, stands: FloatArray, fps: float) -> None:

@@ -125,7 +125,7 @@ def chance_figure(table: pd.DataFrame, *, used: Mapping[str, float]) -> Figure:
                 if limit is not None:
                     ax.axhline(limit, color=COLOURS["chance"], linestyle="--")
             ax.set(xlabel="temperature", title=measure, ylim=(0, None))
-        axes[3].set(title="distance from recorded poses (for information)", ylim=(0, 3 * panels["poses apart"][1]))
+        axes[3].set(title="poses apart (no say in the choice)", ylim=(0, 3 * panels["poses apart"][1]))
         axes[3].annotate("statues", (0, panels["poses apart"][1]), va="bottom", fontsize=9)
         axes[2].set(title="dances that move like people", ylim=(0, 1))
         axes[2].yaxis.set_major_formatter(PercentFormatter(1.0))

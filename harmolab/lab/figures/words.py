@@ -46,7 +46,8 @@ def clip_words(clip: Clip) -> str:
     >>> clip_words(Clip("DANCE_C_1", Audio([0.0, 0.0], 2.0), dance="cha-cha", source="beatlocked"))
     'Cha-cha DANCE_C_1, recordings on the beat'
     """
-    return f"{sentence(f'{clip.dance} {clip.name}'.strip())}, {corpus_words(clip.source)}"
+    name = clip.name if clip.name.startswith(clip.dance) else f"{clip.dance} {clip.name}"
+    return f"{sentence(name)}, {corpus_words(clip.source)}"
 
 
 def count_words(count: int, total: int) -> str:
