@@ -81,9 +81,8 @@ def test_grey_lies_where_a_foot_is_said_to_stand():
         for ax in figure.axes
     ]
     assert spans == [[[0.4, 1.0]], [], [[0.4, 1.0]], []]
-    assert figure.get_suptitle().startswith(
-        "Feet that are predicted to stand slide at 100 cm/s (no correction), 100 cm/s"
-    )
+    title = "Standing feet slide at 100 cm/s (no correction), 100 cm/s (foot model) and 100 cm/s (planted feet)"
+    assert figure.get_suptitle() == title
     assert figure.axes[2].lines[0].get_ydata()[0] == 100.0
 
 

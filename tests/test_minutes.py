@@ -209,7 +209,7 @@ def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[
     used = {"temperature": 1.0, "smoothing": 0.0, "draw_memory": 0.0}
     curve, ring = (figure := chance_figure(table, used=used)).axes[2].lines[:2]
     assert len(curve.get_xdata()) == 2 and ring.get_xdata().tolist() == [1.0]
-    assert "20% of dances of a minute move like people, fewer than at the best others (50%)" in figure.get_suptitle()
+    assert "20% of dances move like people, fewer than at the best others (50%)" in figure.get_suptitle()
 
 
 def test_hands_effectors_and_losses_are_drawn_as_they_are():
@@ -230,7 +230,7 @@ def test_hands_effectors_and_losses_are_drawn_as_they_are():
 
 
 @pytest.mark.parametrize(
-    ("last", "title"), [(2.0, "every training ends lower with b"), (5.0, "trainings with a and b end alike")]
+    ("last", "title"), [(2.0, "every training ends lower with b"), (5.0, "trainings with a and b overlap at the end")]
 )
 def test_title_of_losses_says_which_is_lower_only_where_no_training_disagrees(last: float, title: str):
     ends = {"a": [3.0, 4.0], "b": [1.0, last]}

@@ -259,7 +259,7 @@ def test_titles_of_figure_6_have_shares_of_the_spread_to_music():
     figure = random_inputs_figure(
         SimpleNamespace(times=np.arange(48) / 24, curves=curves, table=table), players="planted piano"
     )
-    assert figure.get_suptitle() == "Planted piano: of the movement to music, 8% to white noise as sound"
+    assert figure.get_suptitle() == "Planted piano, share of the movement to music: 8% to white noise as sound"
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
         "music: SD 50.0 pixels", "white noise as sound: SD 4.0 pixels, 8 % of that to music",
     ]  # fmt: skip

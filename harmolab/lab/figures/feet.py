@@ -183,10 +183,8 @@ def _standing_title(curves: Mapping[str, Curves], stands: BoolArray) -> str:
     """Mean speeds of the feet where they are predicted to stand (T, 2)."""
     if not stands.any():
         return "No foot is predicted to stand"
-    speeds = [
-        f"{CENTIMETRES * own.speeds[stands].mean():.0f} cm/s ({_WORDS.get(name, name)})" for name, own in curves.items()
-    ]
-    return f"Feet that are predicted to stand slide at {listed(speeds)}"
+    speeds = {_WORDS[name].split(",")[0]: CENTIMETRES * own.speeds[stands].mean() for name, own in curves.items()}
+    return f"Standing feet slide at {listed([f'{speed:.0f} cm/s ({name})' for name, speed in speeds.items()])}"
 
 
 def _shade_contacts(ax: Axes, stands: FloatArray, fps: float) -> None:

@@ -138,7 +138,7 @@ def _chance_title(rows: pd.DataFrame, at: pd.DataFrame) -> str:
     """Dances that move like people at the settings in use, beside the best of the others."""
     share, best = at["moves like people"].max(), rows.drop(at.index)["moves like people"].max()
     order = "more than" if share > best else "as many as" if share == best else "fewer than"
-    words = f"Settings in use (ringed): {share:.0%} of dances of a minute move like people"
+    words = f"Settings in use (ringed): {share:.0%} of dances move like people"
     return f"{words}, {order} at the best others ({best:.0%})"
 
 
@@ -231,7 +231,7 @@ def _clusters_title(histories: Mapping[str, Sequence[pd.DataFrame]]) -> str:
     low, *others = sorted(ends, key=lambda label: max(ends[label]))
     if all(max(ends[low]) < min(ends[other]) for other in others):
         return f"On the same windows, every training ends lower with {low}"
-    return f"On the same windows, trainings with {listed(list(ends))} end alike"
+    return f"On the same windows, trainings with {listed(list(ends))} overlap at the end"
 
 
 def marks_figure(marks: pd.DataFrame, weights: Mapping[str, float], *, corpus: str) -> Figure:

@@ -43,7 +43,7 @@ def mode_epochs_figure(mode: Any, *, players: str, unit: str = "pixels", seconds
         axes[-1].set_xlabel("time (s)")
         figure.supylabel(f"first component ({unit})", fontsize=10)
         best = max(mode.correlations, key=lambda epochs: mode.correlations[epochs])
-        finding = f"{sentence(players)}: of these epochs, the movement is nearest after {_epoch_words(best)}"
+        finding = f"{sentence(players)}: correlation highest after {_epoch_words(best)}, {mode.correlations[best]:.2f}"
         figure.suptitle(finding, x=0.01, ha="left", fontsize=11.5)
     return figure
 
@@ -72,7 +72,7 @@ def random_inputs_figure(inputs: Any, *, players: str, unit: str = "pixels", sec
         figure.supylabel(f"first component ({unit})", fontsize=10)
         ratios = zip(inputs.table["input"], inputs.table["SD 1 / music"], strict=True)
         shares = [f"{ratio:.0%} to {name}" for name, ratio in ratios if name != "music"]
-        finding = f"{sentence(players)}: of the movement to music, {listed(shares)}"
+        finding = f"{sentence(players)}, share of the movement to music: {listed(shares)}"
         figure.suptitle(finding, x=0.01, ha="left", fontsize=11.5)
     return figure
 
