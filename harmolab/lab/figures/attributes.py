@@ -164,15 +164,15 @@ def accuracy_figure(table: Iterable[Record], differences: Iterable[Record], *, r
     gaps = [row for row in differences if row["measure"] == "balanced"]
     size = (9.2, 2.5 * len(sets) + 1.0)
     with styled_axes(size, len(sets), 2, width_ratios=(1.5, 1), sharex="col") as (figure, axes):
+        axes[1].set_title("convolution minus ...")
         for line, (name, rows) in enumerate(sets.items()):
             left, right = axes[2 * line], axes[2 * line + 1]
             draw_accuracies(left, rows).set_title(f"{name}: {rows[0]['n']} songs")
             draw_differences(right, [row for row in gaps if row["set"] == name])
             for ax in (left, right):
                 ax.tick_params(labelbottom=True)
-                if ax is left and is_synthetic(name):
+                if is_synthetic(name):
                     mark_synthetic(ax)
-        axes[1].set_title("convolution minus ...")
         axes[-2].set_xlabel(
             "songs given their class, all classes counting alike (%)\ndotted: guessing; lines: 95 % over songs"
         )
