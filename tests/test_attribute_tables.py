@@ -41,6 +41,7 @@ from harmolab.lab.figures.attributes import (
     draw_confusion,
     draw_differences,
     draw_probabilities,
+    probabilities_figure,
     song_figure,
 )
 from harmolab.lab.figures.style import COLOURS
@@ -298,6 +299,19 @@ def test_likeliest_class_of_each_window_is_bold(ax: Axes):
     draw_probabilities(ax, rows)
     assert {text.get_text() for text in ax.texts if text.get_weight() == "bold"} == {"80", "70"}
     assert [text.get_text() for text in ax.get_xticklabels()] == ["15", "20"]
+
+
+@pytest.mark.parametrize(("first", "finding"), [(0.3, "2 of 3 windows taken for tango"), (0.9, "3 of 3 windows taken")])
+def test_title_of_a_model_counts_the_windows_of_its_class(first: float, finding: str):
+    rows = [
+        {"model": "m", "start": 5.0 * window, "end": 5.0 * window + 30.0, "label": label, "probability": p}
+        for window, share in enumerate((0.8, 0.7, first))
+        for label, p in (("tango", share), ("waltz", 1 - share))
+    ]
+    clip = Clip("Tune", Audio([0.0, 0.0], 2.0), source="synthetic")
+    figure = probabilities_figure(rows, clip=clip)
+    assert figure.axes[0].get_title("left").startswith(f"m: {finding}")
+    assert figure.get_suptitle() == "Tune, synthetic dancers"
 
 
 def test_song_is_drawn_on_one_time_axis_with_what_the_classifier_hears():

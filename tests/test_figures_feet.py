@@ -84,6 +84,7 @@ def test_grey_lies_where_a_foot_is_said_to_stand():
     title = "Standing feet slide at 100 cm/s (no correction), 100 cm/s (foot model) and 100 cm/s (planted feet)"
     assert figure.get_suptitle() == title
     assert figure.axes[2].lines[0].get_ydata()[0] == 100.0
+    assert foot_model_figure(curves, 0 * stands, fps=25.0).get_suptitle() == "No foot is predicted to stand"
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.image import imread
+from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 from harmolab.lab.experiments.half_minutes import MARKS
 from harmolab.lab.figures.redraw import WEIGHTS, figures_of_tables, redraw
-from harmolab.lab.figures.style import MANIFEST, PAGE_WIDTH, smallest_text
+from harmolab.lab.figures.style import MANIFEST, PAGE_WIDTH, save_figure, smallest_text, styled_axes
 from harmolab.lab.profile import RunProfile
 
 SHIPPED = Path(__file__).parents[1] / "figures"
@@ -48,6 +50,18 @@ def test_figure_drawn_again_keeps_its_source_and_title_in_the_manifest(tmp_path:
     assert [{**entry, "version": ""} for entry in after.values()] == [
         {**entry, "version": ""} for entry in before.values()
     ]
+
+
+def test_legend_at_the_edge_stays_above_the_mark_for_synthetic_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
+    with styled_axes((6.0, 3.0)) as (figure, (ax,)):
+        ax.set_axis_off()
+        figure.legend(handles=[Patch(color="#0000FF", label=40 * "i")], loc="outside lower right")
+    about = {"notebook": "00_start_here", "source": "synthetic", "profile": RunProfile.quick()}
+    pixels = imread(save_figure(figure, "legend", **about).path)
+    red, _, blue = np.moveaxis(pixels[..., :3], -1, 0)
+    of_legend, of_mark = (np.flatnonzero(mask.any(axis=1)) for mask in (blue - red > 0.8, red - blue > 0.3))
+    assert of_legend.size and of_mark.size and of_legend.max() < of_mark.min()
 
 
 # Wider than a page of the report is for letters of 8 points; its own have 8.5.
