@@ -304,7 +304,8 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figu
             panels[-1].set_xlabel("time in the music (s)")
         named = [zip(*reversed(ax.get_legend_handles_labels()), strict=True) for ax in axes[::rows]]
         entries = {label: handle for panel in named for label, handle in panel}
-        figure.legend(entries.values(), entries, loc="outside lower center", ncols=6, fontsize=9, columnspacing=1.2)
+        ncols = len(entries) if len(entries) <= 6 else -(-len(entries) // 2)
+        figure.legend(entries.values(), entries, loc="outside lower center", ncols=ncols, fontsize=9, columnspacing=1.2)
         if title:
             figure.suptitle(title, x=0.01, ha="left")
     return figure
