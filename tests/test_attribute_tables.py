@@ -41,6 +41,7 @@ from harmolab.lab.figures.attributes import (
     draw_confusion,
     draw_differences,
     draw_probabilities,
+    probabilities_figure,
     song_figure,
 )
 from harmolab.lab.figures.style import COLOURS
@@ -53,7 +54,7 @@ from harmolab.systems.music2dance.attributes import (
     SongSplit,
     window_starts,
 )
-from harmolab.types import Audio
+from harmolab.types import Audio, Clip
 
 QUICK = RunProfile.quick()
 
@@ -255,7 +256,7 @@ GAP = {"set": "planted", "against": FRAMES, "measure": "balanced", "difference":
 
 def test_each_model_has_a_dot_on_its_interval_and_guessing_is_dotted(ax: Axes):
     draw_accuracies(ax, [{**ROW, "model": RHYTHM, "balanced": 90.0}, ROW])
-    assert [text.get_text() for text in ax.get_yticklabels()] == [CONVOLUTION, RHYTHM]
+    assert [text.get_text().replace("\n", " ") for text in ax.get_yticklabels()] == [CONVOLUTION, RHYTHM]
     dots = {float(line.get_xdata()[0]): line.get_marker() for line in ax.lines if line.get_marker() in ("o", "D")}
     assert dots == {90.0: "D", 60.0: "o"}
     assert [tuple(line.get_xdata()) for line in ax.lines if line.get_gid() == "interval"] == [(40.0, 80.0)] * 2
@@ -278,7 +279,9 @@ def test_table_has_a_row_of_panels_for_each_set_and_its_remark():
     rows, gaps = [ROW, {**ROW, "set": "other"}], [GAP, {**GAP, "set": "other"}]
     figure = accuracy_figure(rows, gaps, remark="not trained")
     assert [ax.get_title("left") for ax in figure.axes[::2]] == ["planted: 4 songs", "other: 4 songs"]
-    assert figure.get_suptitle() == "not trained"
+    assert figure.get_supxlabel() == "not trained"
+    title = "The temporal convolution is the best model on 2 of 2 sets of songs (planted and other)"
+    assert figure.get_suptitle() == title
 
 
 def test_confusion_shows_its_numbers_and_how_many_songs_a_class_has(ax: Axes):
@@ -298,11 +301,30 @@ def test_likeliest_class_of_each_window_is_bold(ax: Axes):
     assert [text.get_text() for text in ax.get_xticklabels()] == ["15", "20"]
 
 
+@pytest.mark.parametrize(("first", "finding"), [(0.3, "2 of 3 windows taken for tango"), (0.9, "3 of 3 windows taken")])
+def test_title_of_a_model_counts_the_windows_of_its_class(first: float, finding: str):
+    rows = [
+        {"model": "m", "start": 5.0 * window, "end": 5.0 * window + 30.0, "label": label, "probability": p}
+        for window, share in enumerate((0.8, 0.7, first))
+        for label, p in (("tango", share), ("waltz", 1 - share))
+    ]
+    clip = Clip("Tune", Audio([0.0, 0.0], 2.0), source="synthetic")
+    figure = probabilities_figure(rows, clip=clip)
+    assert figure.axes[0].get_title("left").startswith(f"m: {finding}")
+    assert figure.get_suptitle() == "Tune, synthetic dancers"
+
+
 def test_song_is_drawn_on_one_time_axis_with_what_the_classifier_hears():
     music = np.zeros((250, 15), np.float32)
     music[40, 1:3], music[60, 1], music[40, 0] = 1.0, 0.5, 0.7
     audio = Audio(np.sin(np.arange(25 * 8000) / 9.0), 8000.0)
-    figure = song_figure(audio, music, np.zeros((1000, 80), np.float32), rates=(10.0, 40.0), start=2.0, seconds=20.0)
+    clip = Clip("Tune", audio, source="beatlocked", dance="waltz")
+    figure = song_figure(
+        clip, music, np.zeros((1000, 80), np.float32), rates=(10.0, 40.0), bars=np.array([4.1, 9.0]), start=2.0
+    )
+    assert figure.get_suptitle() == (
+        "Waltz Tune, recordings on the beat: the downbeat is guessed at 1 of 2 true bar lines"
+    )
     assert [ax.get_xlim() for ax in figure.axes] == [(2.0, 22.0)] * 5
     assert figure.axes[1].images[0].get_extent() == pytest.approx([-0.0125, 24.9875, -0.5, 79.5])
     assert figure.axes[2].images[0].get_array().shape == (12, 250)
@@ -326,4 +348,4 @@ def test_each_stage_is_a_box_with_its_shape():
     words = [text.get_text() for text in ax.texts]
     assert len([patch for patch in ax.patches if patch.get_gid() == "box"]) == 9 + 7
     assert {"(300, 15)", "(1, 300, 15)", "(32, 150, 15)", "(150, 480)", "(300, 480)", "(30)", "(2)"} <= {*words}
-    assert "frames: 206 k parameters" in words
+    assert "frames:\n206 k parameters" in words

@@ -130,7 +130,9 @@ def test_score_is_drawn_in_rows_of_fifteen_seconds_below_its_verdict_in_words():
     )
     assert scores["recommended"].judgement.verdict in figure.axes[2].get_title(loc="left")
     assert [ax.get_xlabel() for ax in figure.axes] == ["", "time in the music (s)"] * 2
-    assert [ax.get_legend() is None for ax in figure.axes] == [True, False] * 2
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert len(labels) == len(set(labels)) and {"hit", "missed"} <= set(labels)
     assert smallest_text(figure) >= 9
 
 

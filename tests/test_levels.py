@@ -46,7 +46,9 @@ def test_picture_counts_the_levels_of_each_music():
         {"music": "a", "level": 0},
         {"music": "b", "level": 1},
     ]
-    (ax,) = levels_figure({"planted": rows}).axes
+    (ax,) = levels_figure({"beatlocked": rows}).axes
+    title = "Recordings on the beat at level 4: 2 of 3 with a music, 0 of 1 with other music"
+    assert ax.get_title("left") == title
     widths = [(bar.get_y() + bar.get_height() / 2, bar.get_width()) for bar in ax.patches if bar.get_width()]
     assert [(round(y), width) for y, width in widths] == [(1, 1), (1, 2), (0, 1)]
     assert [text.get_text() for text in ax.texts] == ["1", "2", "1"]

@@ -29,7 +29,6 @@ from harmolab.lab.experiments.half_minutes import (
 from harmolab.lab.experiments.memory import nearest_pieces
 from harmolab.lab.experiments.minutes import (
     COLUMNS,
-    endurance_summary,
     endurance_table,
     likeness_table,
     recorded_dancers,
@@ -41,6 +40,7 @@ from harmolab.lab.figures.music2dance import (
     chance_figure,
     clusters_figure,
     effectors_figure,
+    endurance_summary,
     hands_figure,
     limits_figure,
     marks_figure,
@@ -192,10 +192,11 @@ def test_a_repeated_movement_is_near_and_a_shifted_one_as_far_as_it_was_shifted(
 
 
 def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[tuple[str, str], HalfMinutes]):
-    summary = endurance_summary(endurance_table(dances))
-    figure = limits_figure(summary, title="limits")
+    figure = limits_figure(endurance_table(dances), length="a few seconds")
+    assert figure.get_suptitle() == f"Dances that keep their hardest limit: 100% with {PLANTED}; next 0% with {FROZEN}"
+    assert "synthetic dancers" in figure.axes[0].get_xlabel()
     assert [text.get_text() for text in figure.axes[0].texts][: len(LIMITS)] == ["100"] * len(LIMITS)
-    marks = marks_figure(machine_marks(halves), MARKS, title="marks")
+    marks = marks_figure(machine_marks(halves), MARKS, corpus="beatlocked")
     assert len(marks.axes) == 5 and marks.axes[0].get_xlim() == (0, 10)
     table = pd.DataFrame(
         {
@@ -206,23 +207,49 @@ def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[
         }
     )  # fmt: skip
     used = {"temperature": 1.0, "smoothing": 0.0, "draw_memory": 0.0}
-    curve, ring = chance_figure(table, used=used, title="chance").axes[2].lines[:2]
+    curve, ring = (figure := chance_figure(table, used=used)).axes[2].lines[:2]
     assert len(curve.get_xdata()) == 2 and ring.get_xdata().tolist() == [1.0]
+    assert "20% of dances move like people, fewer than at the best others (50%)" in figure.get_suptitle()
 
 
 def test_hands_effectors_and_losses_are_drawn_as_they_are():
     times = np.arange(10) / 25
     heights = np.random.default_rng(0).normal(1, 0.1, (4, 10, 2))
     own = HandHeights(times, heights, heights)
-    figure = hands_figure({"one": own, "other": own}, title="hands")
+    figure = hands_figure({"one": own, "other": own}, dance="tango", corpus="beatlocked")
     spread = np.ptp(heights, axis=1).mean() * 100
     assert f"range {spread:.0f} cm" in figure.axes[0].texts[0].get_text()
+    assert figure.get_suptitle() == f"Hands in tango range over {spread:.0f} cm with one and {spread:.0f} cm with other"
+    assert figure.axes[-1].get_xlabel() == "time (s); recordings on the beat"
     shares = pd.DataFrame({"ablation": ["a"], "share": [0.5], "low": [np.nan], "high": [np.nan]})
     points = np.random.default_rng(1).normal(size=(50, 2))
     assert "0.50" in effectors_figure(points, {"a": points}, shares).axes[0].get_title("left")
     history = pd.DataFrame({"phase": "teacher", "epoch": [0, 1], "likelihood": [2.0, 1.0], "fixed_nats": [np.nan, 3.0]})
-    axes = clusters_figure({"a": [history]}, title="losses").axes
+    axes = clusters_figure({"a": [history]}, corpus="beatlocked").axes
     assert axes[1].lines[0].get_ydata().tolist() == [3.0]
+
+
+@pytest.mark.parametrize(
+    ("last", "title"), [(2.0, "every training ends lower with b"), (5.0, "trainings with a and b overlap at the end")]
+)
+def test_title_of_losses_says_which_is_lower_only_where_no_training_disagrees(last: float, title: str):
+    ends = {"a": [3.0, 4.0], "b": [1.0, last]}
+    histories = {
+        name: [
+            pd.DataFrame({"phase": "teacher", "epoch": [0], "likelihood": [1.0], "fixed_nats": [end]}) for end in own
+        ]
+        for name, own in ends.items()
+    }
+    assert clusters_figure(histories, corpus="beatlocked").get_suptitle().endswith(title)
+
+
+@pytest.mark.parametrize(("high", "doubt"), [(7.0, ""), (9.0, ", but inside another's interval")])
+def test_highest_mark_is_doubted_inside_another_interval(high: float, doubt: str):
+    totals = {"recorded, right song": 10.0, "statue of the recorded": 0.0, "a": 5.0, "b": 8.0}
+    marks = pd.DataFrame({"system": list(totals), "total": list(totals.values()), **dict.fromkeys(MARKS, 5.0)})
+    marks[["low", "high"]] = [(1.0, high) if system == "a" else (np.nan, np.nan) for system in totals]
+    title = marks_figure(marks, MARKS, corpus="beatlocked").get_suptitle()
+    assert title == f"Machine marks, nobody was asked: b highest with 8.0 of 10{doubt}"
 
 
 def test_boxes_are_drawn_with_their_words_and_missing_ones_are_left_out():

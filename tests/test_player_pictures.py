@@ -244,7 +244,7 @@ def mode() -> SimpleNamespace:
 
 
 def test_titles_of_figure_5_have_epochs_and_correlations():
-    figure = mode_epochs_figure(mode(), title="planted piano", seconds=1.0)
+    figure = mode_epochs_figure(mode(), players="planted piano", seconds=1.0)
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
         "1 epoch: correlation 0.25",
         "30 epochs: correlation 1.00",
@@ -256,7 +256,10 @@ def test_titles_of_figure_6_have_shares_of_the_spread_to_music():
     names = ("music", "white noise as sound")
     curves = dict.fromkeys(names, np.zeros(48))
     table = pd.DataFrame({"input": names, "SD 1": [50.0, 4.0], "SD 1 / music": [1.0, 0.08]})
-    figure = random_inputs_figure(SimpleNamespace(times=np.arange(48) / 24, curves=curves, table=table), title="")
+    figure = random_inputs_figure(
+        SimpleNamespace(times=np.arange(48) / 24, curves=curves, table=table), players="planted piano"
+    )
+    assert figure.get_suptitle() == "Planted piano, share of the movement to music: 8% to white noise as sound"
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
         "music: SD 50.0 pixels", "white noise as sound: SD 4.0 pixels, 8 % of that to music",
     ]  # fmt: skip
@@ -273,7 +276,8 @@ def table_of(rows: dict[str, tuple[float, float]]) -> pd.DataFrame:
 
 
 def test_a_table_is_drawn_as_differences_from_final_with_limits_as_lines():
-    figure = player_table_figure(table_of({"no delay": (8.0, 9.5), "final": (7.0, 9.0)}), title="a table")
+    figure = player_table_figure(table_of({"no delay": (8.0, 9.5), "final": (7.0, 9.0)}), players="players")
+    assert figure.get_suptitle() == "Players: least error with final, 7.0 pixels (mean pose 20.0)"
     ours, differences, paper = figure.axes
     assert [line.get_xdata()[0] for line in ours.lines if line.get_label() == "mean pose"] == [20.0]
     assert list(differences.containers[0].lines[0].get_xdata()) == [1.0, 0.0]
@@ -282,8 +286,8 @@ def test_a_table_is_drawn_as_differences_from_final_with_limits_as_lines():
 
 def test_without_numbers_of_the_paper_its_panel_is_left_out():
     table = table_of({"final": (7.0, NAN)})
-    assert len(player_table_figure(table, title="players").axes) == 3
-    assert len(player_table_figure(table.drop(columns="paper test"), title="hands").axes) == 2
+    assert len(player_table_figure(table, players="players").axes) == 3
+    assert len(player_table_figure(table.drop(columns="paper test"), players="hands").axes) == 2
 
 
 def test_components_are_labelled_with_part_and_share():
@@ -291,7 +295,8 @@ def test_components_are_labelled_with_part_and_share():
     table = pd.DataFrame(rows, columns=["instrument", "component", "share", "part", "correlation"])
     (ax,) = components_figure(table).axes
     assert [bar.get_height() for bar in ax.patches] == [0.2, 0.95]
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["1\nright hand\n77.0 %", "2\nleft hand\n16.0 %"]
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["1\nright hand\n77 %", "2\nleft hand\n16 %"]
+    assert ax.get_title("left") == "Planted violin: largest component predicted at 0.20"
 
 
 def test_error_and_hits_stand_side_by_side_with_other_music():
@@ -300,6 +305,7 @@ def test_error_and_hits_stand_side_by_side_with_other_music():
          "hits SD": [0.0, 0.1], "other": [0.0, 0.02], "pieces p < .05": [1.0, 0.5]}
     )  # fmt: skip
     error, hits = hits_figure({"piano": table}).axes
+    assert error.get_title("left") == "Planted piano: least error\nwith final"
     assert [bar.get_width() for bar in error.patches] == [1.0, 7.0]
     assert [bar.get_width() for bar in hits.patches] == [1.0, 0.8]
     (other,) = [line for line in hits.lines if line.get_label() == "other music"]

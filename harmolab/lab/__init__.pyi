@@ -139,7 +139,6 @@ from .experiments.long_dances import (
 from .experiments.memory import memory_table as memory_table
 from .experiments.minutes import OURS as OURS
 from .experiments.minutes import TEN_MINUTES as TEN_MINUTES
-from .experiments.minutes import endurance_summary as endurance_summary
 from .experiments.minutes import endurance_table as endurance_table
 from .experiments.minutes import likeness_table as likeness_table
 from .experiments.minutes import looked_at as looked_at

@@ -224,12 +224,6 @@ def _numbers(dances: pd.DataFrame) -> list[dict[str, float]]:
     return [dict(zip(COLUMNS, row, strict=True)) for row in dances[list(COLUMNS)].to_numpy(np.float64).tolist()]
 
 
-def endurance_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Share of the dances within each limit: a row for each system, a column for each measure."""
-    sums = table.groupby(["system", "measure"], sort=False)[["within", "of"]].sum()
-    return (sums["within"] / sums["of"]).unstack("measure").loc[table["system"].unique(), list(LIMITS)]
-
-
 def likeness_table(dances: pd.DataFrame) -> pd.DataFrame:
     """Does it look like dancing? Share of dances that pass the guard, and of its measures within their limits.
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -13,20 +15,22 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from harmolab.lab.figures.framework import count_text, draw_diagram
-from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
+from harmolab.lab.figures.framework import box_height, count_text, draw_diagram
+from harmolab.lab.figures.style import COLOURS, figure_style, mark_synthetic, styled_axes
 from harmolab.lab.figures.variants import Record, rows_by_name
-from harmolab.types import Audio, FloatArray
+from harmolab.lab.figures.words import clip_words, count_words, is_synthetic, listed
+from harmolab.types import Audio, Clip, FloatArray
 
 RIVAL = "#56809E"  # of systems that are not ours, as in Fig. 12 of the harmony paper
 TONES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 POINTS = 1500  # of the wave's outline
+LABEL = 20  # letters in a line of a model's name
 MOST_NUMBERS = 24  # windows of a song that have room for numbers
-BOX, STEP, ROW = 1.34, 1.52, 1.4  # inches, of a box, from one to the next, and from row to row
+BOX, COLUMN, STEP = 3.4, 4.5, 0.86  # inches: width of a box, from network to network, from one box to the next
 
 
 def song_figure(
-    audio: Audio,
+    clip: Clip,
     music: NDArray[np.float32],
     mel: NDArray[np.float32],
     *,
@@ -34,23 +38,22 @@ def song_figure(
     bars: FloatArray | None = None,
     start: float = 0.0,
     seconds: float = 20.0,
-    title: str = "",
 ) -> Figure:
     """Fig. 4: wave, log-mel spectrogram, chroma, beat and downbeat, and onset of a song on one time axis.
 
     Parameters
     ----------
-    audio : Audio, the whole song
+    clip : Clip with the whole song
     music : (M, 15) channels of the whole song
     mel : (K, bands) mel spectrogram of the whole song, decibels
     rates : hertz, of `music` and of `mel`; both begin at 0 s
     bars : (B,) seconds at which bars truly begin; None where that is unknown
     start, seconds : float, the part that is drawn; earlier where the song ends before
     """
-    start = max(0.0, min(start, audio.duration - seconds))
-    end = min(start + seconds, audio.duration)
-    with styled_axes((10.0, 8.2), 5, 1, sharex=True, height_ratios=(1, 1.6, 1.7, 0.9, 0.9)) as (figure, axes):
-        _draw_wave(axes[0], audio, start, end)
+    start = max(0.0, min(start, clip.audio.duration - seconds))
+    end = min(start + seconds, clip.audio.duration)
+    with styled_axes((9.2, 8.2), 5, 1, sharex=True, height_ratios=(1, 1.6, 1.7, 0.9, 0.9)) as (figure, axes):
+        _draw_wave(axes[0], clip.audio, start, end)
         _draw_grid(axes[1], mel.T, rates[1])
         axes[1].set(title="log-mel spectrogram (no input of the classifier; light: loud)", ylabel="mel band")
         _draw_grid(axes[2], music[:, 3:].T, rates[0])
@@ -60,8 +63,16 @@ def song_figure(
         _draw_steps(axes[4], music[:, 0], rates[0], color=COLOURS["audio"])
         axes[4].set(title="input 1, onset: a sound sets in", xlabel="time in the song (s)", ylim=(0, 1.05))
         axes[4].set_xlim(start, end)
-        figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+        kept = np.empty(0) if bars is None else bars[(bars >= start) & (bars < end)]
+        figure.suptitle(f"{clip_words(clip)}{_bars_finding(music, kept, rates[0])}", fontsize=11.5, x=0.01, ha="left")
     return figure
+
+
+def _bars_finding(music: NDArray[np.float32], bars: FloatArray, rate: float) -> str:
+    """Bars that truly begin where, to one moment, a downbeat is guessed; empty without true bars."""
+    guesses = np.flatnonzero(music[:, 2]) / rate
+    met = [np.abs(guesses - bar).min(initial=np.inf) <= 1 / rate for bar in bars]
+    return f": the downbeat is guessed at {count_words(sum(met), len(met))} true bar lines" if met else ""
 
 
 def _draw_wave(ax: Axes, audio: Audio, start: float, end: float) -> None:
@@ -93,38 +104,40 @@ def draw_beat_channels(ax: Axes, music: NDArray[np.float32], rate: float, bars: 
     if bars is not None:
         ax.plot(bars, np.full(bars.size, 1.15), "v", color=COLOURS["visual"], label="a bar truly begins")
     ax.set(title="inputs 2 and 3, beat and downbeat", ylim=(0, 1.3), yticks=[0, 1])
-    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8.5, borderaxespad=0.2)
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=9, borderaxespad=0.2)
     return ax
 
 
 def classifier_figure(networks: Mapping[str, Sequence[Any]]) -> Figure:
-    """Fig. 5: a row of boxes for each network, from a window of features to the classes.
+    """Fig. 5: a column of boxes for each network, from a window of features (above) to the classes.
 
     Parameters
     ----------
     networks : name -> stages (`harmolab.systems.music2dance.anatomy.classifier_stages`)
     """
     longest = max(len(stages) for stages in networks.values())
-    width, height = STEP * longest + 0.2, ROW * len(networks) + 0.35
+    width, height = COLUMN * len(networks), STEP * longest + 0.75
     drawing: dict[str, list[Any]] = {"signals": [], "parts": [], "arrows": [], "titles": []}
-    for row, (name, stages) in enumerate(networks.items()):
-        y = height - 0.85 - ROW * row
-        # The last boxes stand below each other, so that what differs is seen to differ.
-        columns = [*range(len(stages) - 3), *range(longest - 3, longest)]
-        places = [0.1 + BOX / 2 + STEP * column for column in columns]
-        for number, (x, stage) in enumerate(zip(places, stages, strict=True)):
+    for column, (name, stages) in enumerate(networks.items()):
+        x = COLUMN * (column + 0.5)
+        # The last boxes stand beside each other, so that what differs is seen to differ.
+        rows = [*range(len(stages) - 3), *range(longest - 3, longest)]
+        places = [height - 0.85 - STEP * row for row in rows]
+        boxes = [_box_lines(stage) for stage in stages]
+        for number, (y, stage, lines) in enumerate(zip(places, stages, boxes, strict=True)):
             kind, tint = "parts" if stage.parameters else "signals", "both" if number else "audio"
-            drawing[kind].append([x, y, BOX, tint, *_box_lines(stage)])
-        drawing["arrows"] += [[[a + BOX / 2, y], [b - BOX / 2, y]] for a, b in pairwise(places)]
+            drawing[kind].append([x, y, BOX, tint, *lines])
+        ends = [(y + box_height(lines) / 2, y - box_height(lines) / 2) for y, lines in zip(places, boxes, strict=True)]
+        drawing["arrows"] += [[[x, above[1]], [x, below[0]]] for above, below in pairwise(ends)]
         total = count_text(sum(stage.parameters for stage in stages))
-        drawing["titles"].append([0.1, y + 0.62, f"{name}: {total} parameters"])
+        drawing["titles"].append([x - BOX / 2, height - 0.25, f"{name}:\n{total} parameters"])
     words = "shapes of one window: (moments, values), between the convolutions (channels, moments, features)"
     with figure_style():
         figure = Figure(figsize=(width, height))
         figure.set_layout_engine("none")
         ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
         ax.axis("off")
-        draw_diagram(ax, {**drawing, "labels": [[0.1, 0.15, words]]})
+        draw_diagram(ax, {**drawing, "labels": [[(COLUMN - BOX) / 2, 0.15, words]]})
     return figure
 
 
@@ -132,7 +145,7 @@ def _box_lines(stage: Any) -> list[str]:
     """Name, sizes and parameters of a layer where it has some, and the shape."""
     shape = "(" + ", ".join(str(size) for size in stage.shape) + ")"
     layer = [stage.detail, f"{count_text(stage.parameters)} parameters" if stage.parameters else ""]
-    return [stage.name, *filter(None, layer), shape]
+    return [stage.name, *filter(None, ["; ".join(filter(None, layer))]), shape]
 
 
 def accuracy_figure(table: Iterable[Record], differences: Iterable[Record], *, remark: str = "") -> Figure:
@@ -142,35 +155,42 @@ def accuracy_figure(table: Iterable[Record], differences: Iterable[Record], *, r
     ----------
     table : records of `harmolab.lab.experiments.attribute_tables.attribute_table`
     differences : records of `harmolab.lab.experiments.attribute_tables.attribute_differences`
-    remark : drawn in red above everything
+    remark : drawn in red below everything
     """
+    every = list(table)
     sets: dict[str, list[Record]] = {}
-    for row in table:
+    for row in every:
         sets.setdefault(row["set"], []).append(row)
     gaps = [row for row in differences if row["measure"] == "balanced"]
-    size = (11.0, 2.5 * len(sets) + 0.6)
+    size = (9.2, 2.5 * len(sets) + 1.0)
     with styled_axes(size, len(sets), 2, width_ratios=(1.5, 1), sharex="col") as (figure, axes):
+        axes[1].set_title("convolution minus ...")
         for line, (name, rows) in enumerate(sets.items()):
             left, right = axes[2 * line], axes[2 * line + 1]
             draw_accuracies(left, rows).set_title(f"{name}: {rows[0]['n']} songs")
             draw_differences(right, [row for row in gaps if row["set"] == name])
             for ax in (left, right):
                 ax.tick_params(labelbottom=True)
-                if "synthetic" in name:
-                    ax.text(
-                        1.0, 1.01, "synthetic", transform=ax.transAxes, ha="right", va="bottom", fontsize=9,
-                        style="italic", color=COLOURS["miss"], gid="source",
-                    )  # fmt: skip
-        axes[1].set_title("temporal convolution minus ...")
+                if is_synthetic(name):
+                    mark_synthetic(ax)
         axes[-2].set_xlabel(
             "songs given their class, all classes counting alike (%)\ndotted: guessing; lines: 95 % over songs"
         )
         axes[-1].set_xlabel("\N{LEFTWARDS ARROW} others better      convolution better \N{RIGHTWARDS ARROW}\n"
                             "points of per cent; grey: cannot tell")  # fmt: skip
-        figure.legend(handles=_handles(), loc="outside upper left", ncols=3)
+        figure.legend(handles=_handles(), loc="outside lower left", ncols=3)
+        figure.suptitle(_accuracy_title(sets), fontsize=11.5, x=0.01, ha="left")
         if remark:
-            figure.suptitle(remark, color=COLOURS["miss"], fontsize=11, x=0.99, ha="right")
+            figure.supxlabel(remark, color=COLOURS["miss"], fontsize=11, x=0.99, ha="right")
     return figure
+
+
+def _accuracy_title(sets: Mapping[str, Sequence[Record]]) -> str:
+    """The sets of songs on which the convolution is the best model."""
+    best = {name: max(rows, key=lambda row: row["balanced"])["model"] for name, rows in sets.items()}
+    ahead = [name for name, model in best.items() if "convolution" in model]
+    where = f" ({listed(ahead)})" if ahead else ""
+    return f"The temporal convolution is the best model on {len(ahead)} of {len(sets)} sets of songs{where}"
 
 
 def _handles() -> list[Line2D]:
@@ -189,7 +209,7 @@ def draw_accuracies(ax: Axes, rows: Sequence[Record]) -> Axes:
     ax : Axes
     rows : records of `attribute_table` of one set of songs
     """
-    places = rows_by_name(ax, [row["model"] for row in rows])
+    places = rows_by_name(ax, *_model_names(row["model"] for row in rows))
     ax.axvline(rows[0]["chance"], color=COLOURS["chance"], linestyle=":", linewidth=1.5)
     for row in rows:
         place, network = places[row["model"]], "LSTM" in row["model"]
@@ -199,11 +219,17 @@ def draw_accuracies(ax: Axes, rows: Sequence[Record]) -> Axes:
         ends = [row["least seed"], row["best seed"]]
         ax.plot(ends, [place, place], "|", color=colour, markersize=12, markeredgewidth=1.5, gid="seeds")
         ax.annotate(
-            f"{row['balanced']:.0f}", (row["balanced"], place), xytext=(0, 7), textcoords="offset points",
+            f"{row['balanced']:.1f}", (row["balanced"], place), xytext=(0, 7), textcoords="offset points",
             ha="center", fontsize=9, color=colour,
         )  # fmt: skip
     ax.set_xlim(0, 103)
     return ax
+
+
+def _model_names(models: Iterable[str]) -> tuple[list[str], dict[str, str]]:
+    """Names of models, and name -> the same in two lines where it is long."""
+    names = list(models)
+    return names, {name: fill(name, LABEL, break_on_hyphens=False) for name in names}
 
 
 def draw_differences(ax: Axes, rows: Sequence[Record]) -> Axes:
@@ -214,7 +240,7 @@ def draw_differences(ax: Axes, rows: Sequence[Record]) -> Axes:
     ax : Axes
     rows : records of `attribute_differences` of one set and measure
     """
-    places = rows_by_name(ax, [row["against"] for row in rows])
+    places = rows_by_name(ax, *_model_names(row["against"] for row in rows))
     ax.axvline(0.0, color=COLOURS["ink"], linewidth=0.8)
     for row in rows:
         place = places[row["against"]]
@@ -223,7 +249,7 @@ def draw_differences(ax: Axes, rows: Sequence[Record]) -> Axes:
         ax.plot([row["low"], row["high"]], [place, place], color=COLOURS[kind], linewidth=2, gid="interval")
         ax.plot(row["difference"], place, mark, color=COLOURS[kind], markersize=8, markeredgewidth=2)
         ax.annotate(
-            f"{row['difference']:+.0f}", (row["difference"], place), xytext=(0, 8), textcoords="offset points",
+            f"{row['difference']:+.1f}", (row["difference"], place), xytext=(0, 8), textcoords="offset points",
             ha="center", fontsize=9, color=COLOURS[kind],
         )  # fmt: skip
     ax.margins(x=0.15)
@@ -266,23 +292,34 @@ def draw_confusion(ax: Axes, table: pd.DataFrame) -> Axes:
     return ax
 
 
-def probabilities_figure(rows: Sequence[Record], *, title: str = "", remark: str = "") -> Figure:
+def probabilities_figure(rows: Sequence[Record], *, clip: Clip, remark: str = "") -> Figure:
     """Probability of each class along a song, a panel for each model; each column is a window around its place.
 
     Parameters
     ----------
     rows : records of `harmolab.lab.experiments.attribute_tables.song_probabilities`
+    clip : Clip with the song, for the title
     remark : drawn in red at the end
     """
     models = list(dict.fromkeys(row["model"] for row in rows))
     with styled_axes((9.0, 1.9 * len(models) + 0.9), len(models), sharex=True) as (figure, axes):
         for ax, model in zip(axes, models, strict=True):
-            draw_probabilities(ax, [row for row in rows if row["model"] == model]).set_title(model)
+            own = [row for row in rows if row["model"] == model]
+            draw_probabilities(ax, own).set_title(f"{model}: {_windows_finding(own)}")
         axes[-1].set_xlabel("middle of the window (s)")
-        figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+        figure.suptitle(clip_words(clip), fontsize=11.5, x=0.01, ha="left")
         if remark:
             axes[-1].text(1.0, -0.3, remark, transform=axes[-1].transAxes, ha="right", color=COLOURS["miss"])
     return figure
+
+
+def _windows_finding(rows: Sequence[Record]) -> str:
+    """The class that most windows of one model are taken for."""
+    likeliest: dict[float, Record] = {}
+    for row in rows:
+        likeliest[row["start"]] = max(likeliest.get(row["start"], row), row, key=lambda each: each["probability"])
+    (label, count), *_ = Counter(row["label"] for row in likeliest.values()).most_common()
+    return f"{count} of {len(likeliest)} windows taken for {label}"
 
 
 def draw_probabilities(ax: Axes, rows: Sequence[Record]) -> Axes:
@@ -296,7 +333,7 @@ def draw_probabilities(ax: Axes, rows: Sequence[Record]) -> Axes:
     for place, column in np.ndindex(*values.shape) if len(middles) <= MOST_NUMBERS else ():
         bold = place == values[:, column].argmax()
         ax.text(
-            column, place, f"{100 * values[place, column]:.0f}", ha="center", va="center", fontsize=8,
+            column, place, f"{100 * values[place, column]:.0f}", ha="center", va="center", fontsize=9,
             weight="bold" if bold else "normal",
         )  # fmt: skip
     ax.set_yticks(range(len(classes)), classes)

@@ -295,9 +295,10 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figu
                     ax.set_ylabel("fit (rank)")
             panels[0].set_title(f"{name}: {fill(claim(score), 95)}\n{headline(score)}", fontsize=10)
             panels[-1].set_xlabel("time in the music (s)")
-            handles, labels = panels[0].get_legend_handles_labels()
-            place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.4), "borderaxespad": 0.0}
-            panels[-1].legend(handles, labels, ncols=len(handles), fontsize=9, columnspacing=1.2, **place)
+        named = [zip(*reversed(ax.get_legend_handles_labels()), strict=True) for ax in axes[::rows]]
+        entries = {label: handle for panel in named for label, handle in panel}
+        ncols = len(entries) if len(entries) <= 6 else -(-len(entries) // 2)
+        figure.legend(entries.values(), entries, loc="outside lower center", ncols=ncols, fontsize=9, columnspacing=1.2)
         if title:
             figure.suptitle(title, x=0.01, ha="left")
     return figure

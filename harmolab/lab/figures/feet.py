@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.lab.figures.variants import Look, Record, draw_mean, rows_by_name
-from harmolab.types import FloatArray
+from harmolab.lab.figures.words import corpus_words, count_words, listed, sentence
+from harmolab.types import BoolArray, FloatArray
 
 RECORDED, UNTOUCHED = "recorded", "no correction"
 MEASURES = ("MSE", "lower body (cm)", "sliding (cm/s)")
@@ -63,7 +64,8 @@ def draw_ways(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
     """
     table = [row for row in rows if row["feet"] not in (RECORDED, UNTOUCHED)]
     lines = {row["feet"]: row[measure] for row in rows if row["feet"] in (RECORDED, UNTOUCHED)}
-    places = rows_by_name(ax, [row["feet"] for row in table])
+    labels = {row["feet"]: row["feet"].replace(", ", ",\n") for row in table}
+    places = rows_by_name(ax, list(labels), labels)
     for row in table:
         look = Look(row["feet"], COLOURS["ink"], "o", filled=row["trainings"] > 0)
         if np.isfinite(row[measure]):
@@ -86,10 +88,10 @@ def ways_figure(rows: Iterable[Record]) -> Figure:
     ----------
     rows : records of `harmolab.lab.experiments.feet.foot_table`
     """
-    groups: dict[tuple[str, str], list[Record]] = {}
-    for row in rows:
+    every, groups = list(rows), dict[tuple[str, str], list[Record]]()
+    for row in every:
         groups.setdefault((row["corpus"], row["code"]), []).append(row)
-    size = (12.0, 2.5 * len(groups) + 0.5)
+    size = (9.2, 3.0 * len(groups) + 1.0)
     with styled_axes(size, len(groups), len(MEASURES)) as (figure, axes):
         for line, ((corpus, code), table) in enumerate(groups.items()):
             for place, measure in enumerate(MEASURES):
@@ -97,7 +99,7 @@ def ways_figure(rows: Iterable[Record]) -> Figure:
                 unit = f" ({table[0]['unit of MSE']})" if measure == "MSE" else ""
                 ax.set_xlabel(f"{measure}{unit}")
                 ax.tick_params(axis="y", labelleft=place == 0)
-            axes[len(MEASURES) * line].set_title(f"{corpus}: {code}")
+            axes[len(MEASURES) * line].set_title(f"{sentence(corpus_words(corpus))}, code of {code}")
         handles = [
             Line2D([], [], **Look("", COLOURS["ink"], "o", filled=True).mark, label="trained, 95 % over trainings"),
             Line2D([], [], **Look("", COLOURS["ink"], "o", filled=False).mark, label="not trained"),
@@ -105,8 +107,20 @@ def ways_figure(rows: Iterable[Record]) -> Figure:
             Line2D([], [], color=COLOURS["miss"], linestyle="--", label=UNTOUCHED),
             Line2D([], [], color=COLOURS["chance"], linestyle=":", label=RECORDED),
         ]
-        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+        figure.suptitle(_ways_title(every), x=0.01, ha="left", fontsize=11.5)
     return figure
+
+
+def _ways_title(rows: Sequence[Record]) -> str:
+    """Learnt corrections with less error, and with less sliding, than no correction."""
+    bare = {(row["corpus"], row["code"]): row for row in rows if row["feet"] == UNTOUCHED}
+    pairs = [(row, bare[row["corpus"], row["code"]]) for row in rows if row["trainings"] and np.isfinite(row["MSE"])]
+    error, sliding = (
+        count_words(sum(own[measure] < before[measure] for own, before in pairs), len(pairs))
+        for measure in ("MSE", "sliding (cm/s)")
+    )
+    return f"Learnt foot models beside no correction: less error with {error}, less sliding with {sliding}"
 
 
 def draw_curves(ax: Axes, curves: Mapping[str, FloatArray], *, fps: float) -> Axes:
@@ -117,22 +131,23 @@ def draw_curves(ax: Axes, curves: Mapping[str, FloatArray], *, fps: float) -> Ax
     return ax
 
 
-def toes_figure(heights: Mapping[str, FloatArray], *, fps: float, title: str = "") -> Figure:
+def toes_figure(heights: Mapping[str, FloatArray], *, fps: float, corpus: str, remark: str = "") -> Figure:
     """Heights of the left and the right toe over time, of several dances to the same music (Fig. 10).
 
     Parameters
     ----------
     heights : name ("recorded", "with end effectors", "without end effectors") -> (T, 2) array, metres
     fps : float, hertz
-    title : str
+    corpus, remark : str, below the time axis
     """
-    with styled_axes((11.0, 4.6), 2, sharex=True, sharey=True) as (figure, axes):
+    with styled_axes((9.2, 4.6), 2, sharex=True, sharey=True) as (figure, axes):
         for side, (ax, toe) in enumerate(zip(axes, FEET, strict=True)):
             draw_curves(ax, {name: CENTIMETRES * values[:, side] for name, values in heights.items()}, fps=fps)
             ax.set(ylabel="height (cm)", title=f"({'ab'[side]}) {toe}")
-        axes[-1].set_xlabel("time (s)")
+        axes[-1].set_xlabel("; ".join(filter(None, ["time (s)", corpus_words(corpus), remark])))
         axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(heights), borderpad=0.0)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+        ranges = [f"{CENTIMETRES * np.ptp(own, axis=0).mean():.0f} cm ({name})" for name, own in heights.items()]
+        figure.suptitle(f"Toes range over {listed(ranges)}", x=0.01, ha="left", fontsize=11.5)
     return figure
 
 
@@ -145,7 +160,7 @@ def foot_model_figure(curves: Mapping[str, Curves], contacts: FloatArray, *, fps
     contacts : (T, 2) array, 1 where the left, the right foot is predicted to stand
     fps : float, hertz
     """
-    with styled_axes((11.0, 5.4), 2, 2, sharex=True, sharey="row") as (figure, axes):
+    with styled_axes((9.2, 5.4), 2, 2, sharex=True, sharey="row") as (figure, axes):
         for place, ax in enumerate(axes):
             line, side = divmod(place, 2)
             picked = {name: (each.speeds if line else each.heights)[:, side] for name, each in curves.items()}
@@ -159,8 +174,17 @@ def foot_model_figure(curves: Mapping[str, Curves], contacts: FloatArray, *, fps
         axes[2].set_ylabel("speed of the foot's\nslowest point (cm/s)")
         axes[2].set_ylim(0.0, FASTEST)
         handles = [*axes[0].get_lines(), Patch(facecolor=COLOURS["faint"], label="predicted to stand")]
-        figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        figure.suptitle(_standing_title(curves, contacts > 0.5), x=0.01, ha="left", fontsize=11.5)
     return figure
+
+
+def _standing_title(curves: Mapping[str, Curves], stands: BoolArray) -> str:
+    """Mean speeds of the feet where they are predicted to stand (T, 2)."""
+    if not stands.any():
+        return "No foot is predicted to stand"
+    speeds = {_WORDS[name].split(",")[0]: CENTIMETRES * own.speeds[stands].mean() for name, own in curves.items()}
+    return f"Standing feet slide at {listed([f'{speed:.0f} cm/s ({name})' for name, speed in speeds.items()])}"
 
 
 def _shade_contacts(ax: Axes, stands: FloatArray, fps: float) -> None:

@@ -118,9 +118,14 @@ def draw_diagram(ax: Axes, drawing: Mapping[str, Sequence[Any]]) -> Axes:
     return ax
 
 
+def box_height(lines: Sequence[str]) -> float:
+    """Inches, as high as the lines need."""
+    return (_LINE * len(lines) if lines[0] else 0.0) + 0.13
+
+
 def _draw_box(ax: Axes, middle: tuple[float, float], width: float, tint: str, lines: Sequence[str], style: str) -> None:
     """A box as high as its lines need, the first of them bold."""
-    (x, y), height = middle, (_LINE * len(lines) if lines[0] else 0.0) + 0.13
+    (x, y), height = middle, box_height(lines)
     look: dict[str, Any] = {"boxstyle": style, "facecolor": TINTS[tint], "edgecolor": _EDGES[tint], "gid": "box"}
     ax.add_patch(FancyBboxPatch((x - width / 2, y - height / 2), width, height, zorder=2, **look))
     for row, line in enumerate(lines):

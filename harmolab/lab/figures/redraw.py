@@ -6,19 +6,32 @@ A run of the notebooks takes hours in the full profile; a change of a figure's l
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import pandas as pd
 from matplotlib.figure import Figure
 
 from harmolab.lab.figures.ablation import ablation_figure, trade_off_figure
+from harmolab.lab.figures.attributes import accuracy_figure
 from harmolab.lab.figures.cheating import listening_figure, tricks_figure
 from harmolab.lab.figures.comparison import comparison_figure
+from harmolab.lab.figures.feet import ways_figure
+from harmolab.lab.figures.music2dance import chance_figure, limits_figure, marks_figure
+from harmolab.lab.figures.player_results import components_figure, hits_figure, player_table_figure
 from harmolab.lab.figures.quality import distances_figure
 from harmolab.lab.figures.results import auc_figure, disturbances_figure, forced_choice_figure
 from harmolab.lab.figures.style import MANIFEST, Saved, figures_folder, save_figure
 from harmolab.lab.figures.variants import Record, by_corpus
 from harmolab.lab.profile import RunProfile
+from harmolab.systems.music2dance.params import Music2DanceParams
+
+CORPUS = "beatlocked"  # of the tables of Music2Dance that do not name it
+LENGTHS = ("a minute", "a minute on synthetic movement", "ten minutes")
+# Weights of the machine's marks; a test holds them to `harmolab.lab.MARKS`, which is out of reach here.
+WEIGHTS: Mapping[str, float] = MappingProxyType({"naturalness": 0.25, "richness": 0.25, "music": 0.4, "sliding": 0.1})
+DRAWN = ("temperature", "smoothing", "draw_memory")
 
 
 def figures_of_tables(folder: Path) -> dict[str, Figure]:
@@ -43,7 +56,43 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
         "fig13_machine_comparison": forced_choice_figure(by_corpus(_records(folder, "table13_machine_comparison"))),
         "fig11_harmony_loss": ablation_figure(means, _records(folder, "table11b_gains")),
         "fig11b_trade_off": trade_off_figure(means, sweep),
+        **_music2dance_figures(folder),
+        **_player_figures(folder),
     }
+
+
+def _music2dance_figures(folder: Path) -> dict[str, Figure]:
+    """Figures of Music2Dance."""
+    params = Music2DanceParams.recommended()
+    used = {name: getattr(params, name) for name in DRAWN}
+    files = {length: f"m2d_{length.replace(' ', '_')}" for length in LENGTHS}
+    limits = {file: limits_figure(_table(folder, f"{file}_table"), length=length) for length, file in files.items()}
+    accuracies = (_records(folder, name) for name in ("m2d_table01", "m2d_table01b_differences"))
+    return {
+        **limits,
+        "m2d_chance": chance_figure(_table(folder, "m2d_table_chance"), used=used),
+        "m2d_fig06_machine_marks": marks_figure(_table(folder, "m2d_table03_machine"), WEIGHTS, corpus=CORPUS),
+        "m2d_table01_accuracy": accuracy_figure(*accuracies),
+        "m2d_table02_foot_models": ways_figure(_records(folder, "m2d_table02")),
+    }
+
+
+def _player_figures(folder: Path) -> dict[str, Figure]:
+    """Figures of Audio to Body Dynamics."""
+    hits = {instrument: _table(folder, f"a2b_hits_{instrument}") for instrument in ("violin", "piano")}
+    return {
+        "a2b_component_correlations": components_figure(_table(folder, "a2b_component_correlations")),
+        "a2b_hands": player_table_figure(
+            _table(folder, "a2b_hands"), players="real hands, rendered sound", unit="millimetres"
+        ),
+        "a2b_hits": hits_figure(hits),
+        "a2b_table01_violin": player_table_figure(_table(folder, "a2b_table01_violin"), players="planted violinist"),
+        "a2b_table02_piano": player_table_figure(_table(folder, "a2b_table02_piano"), players="planted pianist"),
+    }
+
+
+def _table(folder: Path, name: str) -> pd.DataFrame:
+    return pd.read_csv(folder / f"{name}.csv")
 
 
 def _records(folder: Path, name: str) -> list[Record]:

@@ -223,6 +223,12 @@ def smallest_text(figure: Figure) -> float:
 def _mark(figure: Figure, words: str) -> None:
     if not words or any(text.get_gid() == "source" for text in figure.texts):
         return
+    if figure.legends:
+        # A legend at the edge of the canvas stays where the layout has it, else it moves down onto the mark.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        for legend in figure.legends:
+            legend.set_bbox_to_anchor((0.0, 0.0, 1.0, 1.0), figure.transFigure)
     # Below the canvas: a tight bounding box grows to hold it, and it covers nothing.
     figure.text(1.0, -0.01, words, gid="source", ha="right", va="top", size=9, style="italic", color=COLOURS["miss"])
 

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from harmolab.lab.figures.cheating import LEVEL_WORDS
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.lab.figures.variants import Record, rows_by_name
+from harmolab.lab.figures.words import corpus_words, sentence
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
 
@@ -104,14 +106,27 @@ def levels_figure(tables: Mapping[str, Sequence[Record]]) -> Figure:
     """
     with styled_axes((9.0, 2.1 * len(tables) + 0.6), len(tables)) as (figure, axes):
         for ax, (corpus, rows) in zip(axes, tables.items(), strict=True):
-            draw_level_counts(ax, rows).set_title(f"{corpus}: what recordings are told, by the music they are given")
+            draw_level_counts(ax, rows).set_title(_levels_title(corpus, rows))
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         # Above: below the canvas is where synthetic data is marked.
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=9)
     return figure
 
 
+def _levels_title(corpus: str, rows: Sequence[Record]) -> str:
+    """Recordings that reach the highest level with the first music, and with all others."""
+    own = rows[0]["music"]
+    parts = ([row["level"] for row in rows if (row["music"] == own) is first] for first in (True, False))
+    top = len(LEVEL_WORDS) - 1
+    first, other = (f"{levels.count(top)} of {len(levels)}" for levels in parts)
+    return f"{sentence(corpus_words(corpus))} at level {top}: {first} with {own} music, {other} with other music"
+
+
 def draw_speeds(ax: Axes, motion: Motion, beats: BeatTrack) -> Axes:
-    """Speed of the joints in the room (grey) and of the body's shape (orange), root mean squares; beats are lines."""
+    """Speed of the joints in the room (grey) and of the body's shape (orange), root mean squares; beats are lines.
+
+    The title is the share of that speed that is inside the body.
+    """
     shape = shape_speed(motion)
     share = np.sqrt(shape.energy.mean() / max(shape.room.mean(), 1e-300))
     ax.plot(shape.times, np.sqrt(shape.room), color=COLOURS["chance"], linestyle="--", label="joints, in the room")
@@ -120,20 +135,22 @@ def draw_speeds(ax: Axes, motion: Motion, beats: BeatTrack) -> Axes:
         ax.axvline(beat, color=COLOURS["audio"], linewidth=0.8, alpha=0.5)
     top = 1.08 * float(max(np.sqrt(shape.room).max(), shape.speed.max()))
     ax.set(ylabel="speed (m/s)", xlim=(0.0, motion.duration), ylim=(-0.03 * top, top))
-    ax.annotate(f"inside the body: {share:.0%}", (1.0, 1.0), xycoords="axes fraction", ha="right", va="bottom")
+    ax.set_title(f"{share:.0%} of the joints' speed is inside the body")
     return ax
 
 
-def shape_speed_figure(bodies: Mapping[str, tuple[Motion, BeatTrack]]) -> Figure:
+def shape_speed_figure(bodies: Mapping[str, tuple[Motion, BeatTrack]], *, corpus: str) -> Figure:
     """`draw_speeds` of several bodies, one above the other.
 
     Parameters
     ----------
-    bodies : title -> motion, and the music's beats on its time line
+    bodies : name -> motion, and the music's beats on its time line
+    corpus : str, of all of them
     """
-    with styled_axes((10.0, 2.3 * len(bodies) + 0.4), len(bodies)) as (figure, axes):
-        for ax, (title, (motion, beats)) in zip(axes, bodies.items(), strict=True):
-            draw_speeds(ax, motion, beats).set_title(title)
-        axes[-1].set_xlabel("time (s); blue: music beats")
+    with styled_axes((9.2, 2.3 * len(bodies) + 0.4), len(bodies)) as (figure, axes):
+        for ax, (name, (motion, beats)) in zip(axes, bodies.items(), strict=True):
+            finding = draw_speeds(ax, motion, beats).get_title(loc="left")
+            ax.set_title(f"{sentence(name)}: {finding}")
+        axes[-1].set_xlabel(f"time (s); blue: music beats; {corpus_words(corpus)}")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from harmolab.types import Clip
+
 Record = Mapping[str, Any]
 
 CORPUS_WORDS = MappingProxyType(
@@ -35,6 +37,28 @@ def corpus_words(corpus: str) -> str:
 def is_synthetic(corpus: str) -> bool:
     """True if a corpus, or a source in the manifest, has synthetic data in it."""
     return "synthetic" in corpus.lower()
+
+
+def clip_words(clip: Clip) -> str:
+    """Dance, name and corpus of a clip, for a title.
+
+    >>> from harmolab.types import Audio
+    >>> clip_words(Clip("DANCE_C_1", Audio([0.0, 0.0], 2.0), dance="cha-cha", source="beatlocked"))
+    'Cha-cha DANCE_C_1, recordings on the beat'
+    """
+    name = clip.name if clip.name.startswith(clip.dance) else f"{clip.dance} {clip.name}"
+    return f"{sentence(name)}, {corpus_words(clip.source)}"
+
+
+def count_words(count: int, total: int) -> str:
+    """A count beside its total, with words for both ends.
+
+    >>> count_words(7, 7), count_words(0, 7), count_words(3, 7)
+    ('all 7', 'none of 7', '3 of 7')
+    """
+    if count == total:
+        return f"all {total}"
+    return f"{count or 'none'} of {total}"
 
 
 def sentence(text: str) -> str:
