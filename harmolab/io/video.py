@@ -36,7 +36,7 @@ MAX_GAP = 60.0  # seconds without a new picture
 MAX_THREADS = 4
 AUDIO_RATE = 48_000
 # Up to 18 PyAV decodes a file's tags as it opens it, and fails at one that is not UTF-8; since 19 only when asked to.
-READ_TAGS = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
+READ_TAGS: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.partition(".")[0]) < 19 else {}
 
 
 @dataclass(frozen=True)

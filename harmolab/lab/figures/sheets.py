@@ -66,7 +66,7 @@ def _draw_dance(ax: Axes, motion: Motion, moments: FloatArray, columns: int, tur
     ax.hlines(floors, 0.1, columns * CELL[0] - 0.1, color=COLOURS["faint"], linewidth=0.8, zorder=0)
     _draw_people(ax, figure_stage(motion, turn), frames, feet)
     for moment, (x, y) in zip(moments, feet, strict=True):
-        ax.text(x, y - 0.03, f"{round(moment, 2):g}", ha="center", va="top", fontsize=6.5, color=COLOURS["chance"])
+        ax.text(x, y - 0.03, f"{round(moment, 2):g}", ha="center", va="top", fontsize=8, color=COLOURS["chance"])
 
 
 def _draw_people(ax: Axes, stage: Stage, frames: IntArray, feet: FloatArray) -> None:
