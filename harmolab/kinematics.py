@@ -125,15 +125,25 @@ def turning_points(curve: FloatArray, *, plateau: str = "last") -> IntArray:
 
 
 def valley_frames(curve: FloatArray, *, plateau: str = "last") -> IntArray:
-    """The turning points at which the curve stops falling."""
-    turns = turning_points(curve, plateau=plateau)
-    return turns[step_signs(curve)[turns] > 0]
+    """The turning points at which the curve stops falling.
+
+    >>> valley_frames(np.array([2.0, 0.0, 0.0, 0.0, 2.0]), plateau="middle")
+    array([2])
+    """
+    return _turns_into(1, curve, plateau)
 
 
 def peak_frames(curve: FloatArray, *, plateau: str = "last") -> IntArray:
     """The turning points at which the curve stops rising."""
+    return _turns_into(-1, curve, plateau)
+
+
+def _turns_into(sign: int, curve: FloatArray, plateau: str) -> IntArray:
+    """The turning points after which the steps have this sign."""
     turns = turning_points(curve, plateau=plateau)
-    return turns[step_signs(curve)[turns] < 0]
+    # After the middle of a flat top comes a tie: where the curve goes is known at the top's last sample.
+    ends = turning_points(curve) if plateau == "middle" else turns
+    return turns[step_signs(curve)[ends] == sign]
 
 
 def refine_extrema(curve: FloatArray, frames: IntArray) -> FloatArray:

@@ -132,6 +132,13 @@ def test_a_step_of_a_millionth_of_the_maximum_is_a_tie():
 
 
 @pytest.mark.parametrize(("plateau", "expected"), [("last", [3]), ("middle", [2]), ("literal", [])])
+def test_a_flat_top_is_a_peak_and_a_flat_bottom_a_valley(plateau: str, expected: list[int]) -> None:
+    top = np.array([0.0, 1.0, 1.0, 1.0, 0.0])
+    assert [list(find(top, plateau=plateau)) for find in (peak_frames, valley_frames)] == [expected, []]
+    assert [list(find(-top, plateau=plateau)) for find in (peak_frames, valley_frames)] == [[], expected]
+
+
+@pytest.mark.parametrize(("plateau", "expected"), [("last", [3]), ("middle", [2]), ("literal", [])])
 def test_a_flat_top_is_one_turning_point(plateau, expected):
     np.testing.assert_array_equal(turning_points(np.array([0.0, 1.0, 1.0, 1.0, 0.0]), plateau=plateau), expected)
 

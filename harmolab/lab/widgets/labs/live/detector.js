@@ -36,7 +36,8 @@ function turningPoints(values, plateau) {
 
 function turnsOf(values, detector, plateau) {
   const turns = turningPoints(values, plateau), signs = stepSigns(values, true), way = detector === "valleys" ? 1 : -1;
-  return detector === "turns" ? turns : turns.filter(turn => signs[turn] * way > 0);
+  const ends = plateau === "middle" ? turningPoints(values, "last") : turns;  // where the step after a turn is no tie
+  return detector === "turns" ? turns : turns.filter((_, place) => signs[ends[place]] === way);
 }
 
 // Top of the parabola through a sample and its neighbours.
