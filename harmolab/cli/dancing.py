@@ -77,7 +77,7 @@ def dance(
     ] = "",
     one: One = None,
     seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
-    start: Annotated[
+    offset: Annotated[
         float, typer.Option("--offset", "--start", help="Audio time in seconds at which the dance begins.")
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
@@ -148,13 +148,13 @@ def dance(
         params = recommended(pattern, dance if dancer.knows_bars else "")
 
         def danced(number: int) -> DanceReport:
-            motion, choreography = dancer.dance(audio, track, start=start, seconds=seconds, seed=number)
-            music = track.span(start, motion.duration)
+            motion, choreography = dancer.dance(audio, track, start=offset, seconds=seconds, seed=number)
+            music = track.span(offset, motion.duration)
             motion = _harmonised(motion, music, harmonise, params)
-            score = score_clip(Clip(song.stem, audio, motion, start, beats=track, dance=dance), params)
+            score = score_clip(Clip(song.stem, audio, motion, offset, beats=track, dance=dance), params)
             judged = likeness(motion, dance=dance, limits=dancer.limits)
             return DanceReport(
-                number, motion, start, music, score, judged, choreography, dancer.remarks,
+                number, motion, offset, music, score, judged, choreography, dancer.remarks,
                 knows_bars=dancer.knows_bars, dance_probabilities=dancer.dance_probabilities,
             )  # fmt: skip
 
@@ -166,12 +166,12 @@ def dance(
             title = f"A generated dance to {plain_name(song)}"
             paths += write_files(files[number], reports[-1], sound, title, is_asked=out is not None)
     if len(reports[0].music) < 2:
-        note(f"no beats heard in {song} from {start:g} s on: the scores of this dance mean nothing")
+        note(f"no beats heard in {song} from {offset:g} s on: the scores of this dance mean nothing")
     _print(reports, as_json=as_json)
     for path in paths:
         wrote(path, err=as_json)
-    if start and any(path.suffix.lower() != ".npz" for path in paths):
-        typer.echo(f"it begins at {start:g} s of the song: pass --offset {start:g} with it", err=as_json)
+    if offset and any(path.suffix.lower() != ".npz" for path in paths):
+        typer.echo(f"it begins at {offset:g} s of the song: pass --offset {offset:g} with it", err=as_json)
 
 
 def _likely(danced: Callable[[int], DanceReport], seed: int) -> DanceReport:

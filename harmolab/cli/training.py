@@ -17,7 +17,7 @@ from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
 
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
-ANY_SYSTEM = {"data", "out", "system", "song", "weights", "start", "seconds", "samples", "pattern", "one"}
+ANY_SYSTEM = {"data", "out", "system", "song", "weights", "offset", "start", "seconds", "samples", "pattern", "one"}
 ANY_SYSTEM |= {"corpus", "style", "scale", "harmonise", "as_json"}
 
 
