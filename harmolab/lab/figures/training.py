@@ -35,8 +35,6 @@ VALIDATED = MappingProxyType(
         "val_count_ratio": "beats danced / heard",
     }
 )
-GUESSING = 2 * np.log(2.0)  # -log(1/2) - log(1/2): of Eq. 29-31 while the discriminators guess
-_GUESSED = ("critic_cd", "critic_st", "gan")
 _STYLES = MappingProxyType({True: "-", False: (0, (4, 1.5))})  # with the harmony term, without
 
 
@@ -54,8 +52,6 @@ def draw_term(ax: Axes, rows: Sequence[Record], column: str, variants: Sequence[
         values = _column(rows, column, name)
         epochs = np.flatnonzero(np.isfinite(values)) + 1
         ax.plot(epochs, values[epochs - 1], **_line(name, epochs.size))
-    if column in _GUESSED:
-        ax.axhline(GUESSING, color=COLOURS["chance"], linestyle=":", linewidth=1.5, zorder=0)
     before = min((_pretrained(rows, name) for name in _named(rows)), default=0)
     if any(np.isfinite(_column([row for row in rows if row["phase"] == PRETRAIN], column))):
         ax.axvspan(0.5, before + 0.5, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=0, gid="pretraining")
@@ -83,7 +79,7 @@ def draw_validated(ax: Axes, rows: Sequence[Record], column: str) -> Axes:
     if column != "val_count_ratio":
         low, high = ax.get_ylim()
         ax.set_ylim(min(low, 0.0), max(high, 1.0))
-    ax.set(title=VALIDATED[column], xlabel="adversarial epoch (0: end of pretraining)")
+    ax.set_title(VALIDATED[column], fontsize=10.5)
     ax.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     return ax
 
@@ -121,6 +117,7 @@ def validation_figure(rows: Iterable[Record]) -> Figure:
     with styled_axes((9.0, 6.2), 2, 3) as (figure, axes):
         for ax, column in zip(axes, VALIDATED, strict=True):
             draw_validated(ax, table, column)
+        figure.supxlabel("adversarial epoch (0: end of pretraining)", fontsize=10)
         figure.legend(handles=_handles(_named(table)), loc="outside upper left", ncols=4)
     return figure
 
