@@ -158,7 +158,17 @@ def value(page: Any, name: str) -> float:
     return float(page.evaluate("name => harmolabLab.state.settings[name]", name))
 
 
-@pytest.mark.parametrize("way", ["mouse", "touch", "keyboard"])
+def drag_by_finger(page: Any, start: float, end: float, y: float, steps: int = 8) -> None:
+    """A finger that goes from one place of the screen to another at the same height."""
+    touch = page.context.new_cdp_session(page)
+    for step in range(steps + 1):
+        kind = "touchMove" if step else "touchStart"
+        points = [{"x": start + (end - start) * step / steps, "y": y}]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    touch.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+
+
+@pytest.mark.parametrize("way", ["mouse", "tap", "finger", "keyboard"])
 def test_a_slider_moved_by(way: str, chromium: Any, scoring_page: Path) -> None:
     page = opened(chromium, scoring_page, viewport=PHONE, has_touch=True)
     before = picture(page), page.locator(".sentence").inner_text()
@@ -171,8 +181,10 @@ def test_a_slider_moved_by(way: str, chromium: Any, scoring_page: Path) -> None:
         page.mouse.down()
         page.mouse.move(left, y, steps=8)
         page.mouse.up()
-    elif way == "touch":
+    elif way == "tap":
         page.touchscreen.tap(left, y)
+    elif way == "finger":
+        drag_by_finger(page, middle, left, y)
     else:
         delay.focus()
         for _ in range(20):
