@@ -104,8 +104,17 @@ def escape_prose(app: Sphinx, what: str, name: str, value: object, options: obje
     lines[:] = [line if line.lstrip().startswith((">>>", "...")) else PROSE.sub(escaped, line) for line in lines]
 
 
+def plain_aliases(
+    app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returns: str | None
+) -> tuple[str | None, str | None]:
+    """Signature and return type with the bare names of type aliases, as in the source."""
+    plain = [text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text) for text in (signature, returns)]
+    return plain[0], plain[1]
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Write the pages before Sphinx looks for sources."""
     app.connect("builder-inited", write_reference)
     app.connect("autodoc-process-docstring", escape_prose, priority=400)
+    app.connect("autodoc-process-signature", plain_aliases)
     return {"parallel_read_safe": True}
