@@ -121,7 +121,8 @@ def dancer_of(
     trained = _trained(weights, system)
     if isinstance(trained, Choreographer):
         return _of_recordings(context, trained)
-    _check_dance(dance, getattr(trained, "dances", ()))
+    if hasattr(trained, "dances"):  # a system of somebody else may know dances without a list
+        _check_dance(dance, trained.dances)
     options = accepted(trained.generate, context, {"progress": progress})
     is_asked = is_told(context, "dance") and not dance  # --dance ""
     listener = trained if is_asked and isinstance(trained, Listener) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache, partial
 from typing import Any
 
@@ -164,21 +164,20 @@ def corpus_content(corpus: Corpus, *, play: Callable[..., str] | None = None) ->
         "mode": Menu("way to score", "mode", {mode: MODE[mode] for mode in modes}),
         "score": Menu("score shown", "score", SCORES),
     }
-    content = LabContent(
+    return LabContent(
         kind="corpus",
         title="The corpus lab",
         about=ABOUT,
         evidence=_evidence(corpus),
         controls=controls,
         presets=tuple(preset for preset in PRESETS if preset.values["mode"] in modes),
-        start={"score": "harmony", "late": 0.5, "clip": 0},
+        extra={"score": "harmony", "late": 0.5, "clip": 0},
         params=corpus_params,
         numbers=partial(corpus_numbers, corpus),
         words=LAB_SENTENCES,
         idle=IDLE,
         play=play,
     )
-    return replace(content, start={**content.start, **content.mode_values(modes[0])})
 
 
 def _evidence(corpus: Corpus) -> dict[str, Any]:

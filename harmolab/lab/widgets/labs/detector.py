@@ -94,19 +94,17 @@ def _on_stage(clip: Clip, planted: ArrayLike) -> FloatArray:
 
 def detector_content(stage: Stage, planted: FloatArray | None = None) -> LabContent:
     """The detector lab of a stage; `planted` as for `detector_lab`, on the stage's time line."""
-    content = LabContent(
+    return LabContent(
         kind="detector",
         title="The detector lab",
         about=ABOUT,
         evidence=_evidence(stage, planted),
         controls=named_controls(*NAMES),
         presets=PRESETS,
-        start={},
         params=paper_with,
         numbers=partial(detector_numbers, stage, planted),
         words=LAB_SENTENCES,
     )
-    return replace(content, start=content.mode_values("paper"))
 
 
 def _evidence(stage: Stage, planted: FloatArray | None) -> dict[str, Any]:

@@ -88,12 +88,12 @@ class LabContent:
     title, about : str, heading and explanation of the page
     evidence : what the numbers are computed from, of plain lists and numbers
     controls, presets : in the order of the page
-    start : name -> value, where the controls stand at first
     params : callable, ``params(**values)`` returns the HarmonyParams that the controls stand for
     numbers : callable, ``numbers(**values)`` returns the numbers of the page, and its "sentence"
     words : name -> sentence with places for numbers in braces
     idle : mode -> names of controls that mean nothing in it
     play : callable, optional; ``play(**values)`` returns an element (HTML) to be opened under the picture
+    extra : name -> value, where controls stand at first that are no setting of a mode
     """
 
     kind: str
@@ -102,12 +102,17 @@ class LabContent:
     evidence: Mapping[str, Any]
     controls: Mapping[str, Slider | Menu]
     presets: Sequence[Preset]
-    start: Mapping[str, Any]
     params: Callable[..., HarmonyParams]
     numbers: Callable[..., dict[str, Any]]
     words: Mapping[str, str]
     idle: Mapping[str, Sequence[str]] = field(default_factory=dict)
     play: Callable[..., str] | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def start(self) -> dict[str, Any]:
+        """Name -> value, where the controls stand at first: at the first mode."""
+        return {**self.extra, **self.mode_values(self._modes()[0])}
 
     def to_browser(self) -> dict[str, Any]:
         """The content as JSON holds it."""

@@ -91,19 +91,18 @@ def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) 
 def meter_content(song: Song) -> LabContent:
     """The meter lab of a song."""
     tracks = Menu("beats", "track", {name: TRACKS[name] for name in song.tracks})
-    content = LabContent(
+    return LabContent(
         kind="meter",
         title="The meter lab",
         about=ABOUT,
         evidence=_evidence(song),
         controls={"beats": tracks, **named_controls("lambda1"), **METER_CONTROLS},
         presets=_presets(song),
-        start={},
+        extra=START,
         params=meter_params,
         numbers=partial(meter_numbers, song),
         words=LAB_SENTENCES,
     )
-    return replace(content, start={**START, **content.mode_values("paper")})
 
 
 def _presets(song: Song) -> tuple[Preset, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -51,19 +50,17 @@ def saliency_lab(clip: Clip, **values: Any) -> LiveLab:
 
 def saliency_content(stage: Stage, visual: BeatTrack) -> LabContent:
     """The saliency lab of a stage and the visual beats of its motion."""
-    content = LabContent(
+    return LabContent(
         kind="saliency",
         title="The saliency lab",
         about=ABOUT,
         evidence=_evidence(stage, visual),
         controls=named_controls(*NAMES),
         presets=_presets(middle_lambda(stage.music)),
-        start={},
         params=paper_with,
         numbers=partial(saliency_numbers, stage, visual),
         words=LAB_SENTENCES,
     )
-    return replace(content, start=content.mode_values("paper"))
 
 
 def _presets(loud: float) -> tuple[Preset, ...]:

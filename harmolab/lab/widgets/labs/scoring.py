@@ -66,20 +66,18 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
 
 def scoring_content(stage: Stage) -> LabContent:
     """The scoring lab of a stage."""
-    content = LabContent(
+    return LabContent(
         kind="scoring",
         title="The scoring lab",
         about=ABOUT,
         evidence=scoring_evidence(stage),
         controls=named_controls(*NAMES),
         presets=_presets(stage),
-        start={},
         params=partial(lab_params, pattern=stage.pattern),
         numbers=partial(scoring_numbers, stage),
         words=LAB_SENTENCES,
         idle=IDLE,
     )
-    return replace(content, start=content.mode_values("paper"))
 
 
 def lab_params(mode: str, *, pattern: BarPattern | None = None, **values: Any) -> HarmonyParams:
