@@ -255,14 +255,12 @@ def score_motion(
 
 
 def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: BeatTrack, seed: int) -> HarmonyScore:
-    """The score of `judge`; in the paper's terms its movements are rests, or hits where the body hits the beats."""
+    """The score of `judge`; in the paper's terms its movements are rests, or hits where hits were told."""
     track = replace(track, strengths=normalise_strengths(track.strengths, params.normalisation))
     late = track.times + params.lag
     music = track.select((late >= 0) & (late <= track.duration))
     shape = shape_speed(motion, smoothing=params.position_smoothing)
     judgement = judge(shape, replace(music, times=music.times + params.lag), pattern=params.pattern, seed=seed)
-    if judgement.reading == "hit" and params.detector == "valleys":
-        visual = visual_beats(motion, params=replace(params, detector="peaks"))
     pairs = hit_pairs(music.times, visual.times - params.lag, delay=params.reaction_delay, matching=params.matching)
     place = judgement.place
     if place is None:
@@ -271,7 +269,7 @@ def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: Bea
     curve = place.curve
     score = _score(params, music, visual, pairs, place.shares(len(music)), float(curve[0]), place.chance)
     return replace(
-        score, null=curve, p_value=judgement.p_value, interval=judgement.interval, judgement=judgement,
+        score, null=curve, p_value=judgement.p_value, interval=judgement.harmony_interval, judgement=judgement,
         harmony_above_chance=judgement.harmony_above_chance,
     )  # fmt: skip
 

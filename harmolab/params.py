@@ -67,15 +67,22 @@ class BarPattern:
 
 
 # Shape speed through the half bar (4/4) or bar (3/4), learnt by `harmolab learn` on 6 s clips of recorded dancers whose
-# beats were annotated. That of tango holds next to no signal: other takes of tango do not follow it.
+# beats were annotated. Tango has none: unit by unit its fastest moment lies anywhere, so no curve carries over.
 DANCE_PATTERNS = MappingProxyType(
     {
         "cha-cha": BarPattern(2, (0.276, -0.098), (0.444, 0.005), "learnt on 41 clips of recorded cha-cha", "cha-cha"),
         "rumba": BarPattern(2, (0.099, -0.016), (0.356, -0.087), "learnt on 49 clips of recorded rumba", "rumba"),
-        "tango": BarPattern(2, (0.058, -0.048), (0.148, -0.084), "learnt on 18 clips of recorded tango", "tango"),
         "waltz": BarPattern(
             3, (0.078, 0.188, 0.088), (0.443, -0.102, 0.22), "learnt on 60 clips of recorded waltz", "waltz"
         ),
+    }
+)
+# What a dancer may say of the movement: slowest on each beat, fastest on it, or slowest on every second one.
+HOW_PATTERNS = MappingProxyType(
+    {
+        "rest": BarPattern(1, (-1.0,), (0.0,), "rest"),
+        "hit": BarPattern(1, (1.0,), (0.0,), "hit"),
+        "half time": BarPattern(2, (-1.0,), (0.0,), "half time"),
     }
 )
 MAX_LAG = 2.0  # seconds: a beat of 30 bpm
@@ -118,8 +125,8 @@ class HarmonyParams:
     speed, plateau, saliency, visual_saliency, first_beat, matching, normalisation
         Readings of unclear equations, see ``docs/readings.md``. Defaults are the paper mode's.
     pattern : BarPattern or None
-        Expected course of speed through a cycle of beats, for the measures "shape" and "pattern". None: "shape" asks
-        for rests, hits and half time, "pattern" for rests.
+        Expected course of speed through a cycle of beats, for the measures "shape" and "pattern". None: "shape" takes
+        the waltz where the movement recurs every three beats and else asks for rests, "pattern" asks for rests.
     """
 
     measure: Literal["shape", "hits", "pattern"] = "hits"
@@ -167,8 +174,12 @@ class HarmonyParams:
 
     @classmethod
     def recommended(cls, pattern: BarPattern | None = None) -> HarmonyParams:
-        """In time, and where: what we advise. ``pattern`` is the dance's, of `DANCE_PATTERNS` or `harmolab learn`."""
-        return replace(cls.room_speed(), measure="shape", pattern=pattern)
+        """In time, and where: what we advise.
+
+        ``pattern`` is what is told: the dance's, of `DANCE_PATTERNS` or `harmolab learn`, or one of `HOW_PATTERNS`.
+        """
+        detector: Literal["peaks", "valleys"] = "peaks" if pattern == HOW_PATTERNS["hit"] else "valleys"
+        return replace(cls.room_speed(), measure="shape", detector=detector, pattern=pattern)
 
     @classmethod
     def room_speed(cls, pattern: BarPattern | None = None) -> HarmonyParams:

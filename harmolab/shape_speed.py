@@ -28,6 +28,9 @@ SMOOTHING = 0.06  # seconds, Gaussian over the positions: sensors tremble faster
 DRIFT = 1.0  # seconds: slower changes of speed belong to the choreography, not to the beat
 RIDGE = 1e-6  # share of the trace added to the inertia, so that joints in one line can be solved for
 FEWEST = 3  # joints; fewer have no shape
+# A joint that is out of place in one frame was read wrong: sizes of the body by which it lies off both its neighbours,
+# and sizes a second squared, beyond which no limb turns back.
+GLITCH, FASTEST_TURN = 0.25, 60.0
 
 # Several questions are asked about one motion: its signal is computed once while the motion is alive.
 _signals: WeakKeyDictionary[Motion, dict[float, ShapeSpeed]] = WeakKeyDictionary()
@@ -46,6 +49,7 @@ class ShapeSpeed:
     extent : (T,) array, root mean square distance of the joints from their mean
     valid : (T,) bool array, False on filler frames
     dimensions : 3, 2, or 0 where there are too few joints to have a shape
+    axes : 3 or 2, of the positions
     """
 
     fps: float
@@ -55,6 +59,7 @@ class ShapeSpeed:
     extent: FloatArray
     valid: BoolArray
     dimensions: int
+    axes: int = 3
 
     @property
     def times(self) -> FloatArray:
@@ -77,7 +82,8 @@ class ShapeSignal:
         Movement inside the body over movement in the room, root mean squares: 0 for a statue on a turntable, NaN when
         nothing moves.
     joints : float in (0, 1], participation of the joints: 1 when all move alike, 1 / J when one joint does everything
-    dimensions : int, as in `ShapeSpeed`
+    dimensions, axes : int, as in `ShapeSpeed`
+    swing : float, units per second, SD of the speed without its drift
     """
 
     times: FloatArray
@@ -87,6 +93,13 @@ class ShapeSignal:
     share: float
     joints: float
     dimensions: int
+    axes: int = 3
+    swing: float = np.nan
+
+    @property
+    def is_point(self) -> bool:
+        """True for fewer than three points in metres: they have no shape, and may have no size."""
+        return self.dimensions == 0 and self.axes == 3
 
 
 def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
@@ -121,6 +134,7 @@ def shape_speed(motion: Motion, *, smoothing: float = SMOOTHING) -> ShapeSpeed:
 
 def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
     """The signal of `shape_speed`, computed."""
+    motion = without_glitches(motion)
     fine = upsample_motion(motion, RATE)
     dimensions = motion.positions.shape[2] if motion.positions.shape[1] >= FEWEST else 0
     room = _velocity(smooth_positions(fine.positions, smoothing, fine.fps), fine.fps)
@@ -143,7 +157,26 @@ def _shape_speed(motion: Motion, smoothing: float) -> ShapeSpeed:
     }
     for array in arrays.values():
         array.setflags(write=False)
-    return ShapeSpeed(fps=fine.fps, dimensions=dimensions, **arrays)
+    return ShapeSpeed(fps=fine.fps, dimensions=dimensions, axes=motion.positions.shape[2], **arrays)
+
+
+def without_glitches(motion: Motion) -> Motion:
+    """The motion with each joint that jumps away for a single frame at the median of its three frames.
+
+    Left and right swapped for a frame, or a joint taken for another one, are steps that no body makes: further than a
+    quarter of the body's size from both frames beside it, and faster than a limb turns back. Bodies of three joints up.
+    """
+    positions, count = motion.positions, motion.positions.shape[1]
+    if count < FEWEST or len(positions) < 3:
+        return motion
+    middle = np.median([positions[:-2], positions[1:-1], positions[2:]], axis=0)
+    middle = np.concatenate([middle[:1], middle, middle[-1:]])
+    away = np.linalg.norm(positions - middle, axis=-1)
+    size = np.median(np.sqrt(np.square(_centred(positions)).sum(axis=-1).mean(axis=-1)))
+    wrong = away > max(GLITCH, FASTEST_TURN / motion.fps**2) * size
+    if not wrong.any():
+        return motion
+    return replace(motion, positions=np.where(wrong[..., None], middle, positions))
 
 
 def unturn(positions: FloatArray) -> FloatArray:
@@ -198,7 +231,7 @@ def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> 
     speed, valid, times = shape.speed[inside], shape.valid[inside], shape.times[inside]
     room = float(shape.room[inside][valid].mean()) if valid.sum() > 1 else 0.0
     if room == 0:
-        return ShapeSignal(times, np.zeros_like(speed), valid, 0.0, np.nan, 0.0, shape.dimensions)
+        return ShapeSignal(times, np.zeros_like(speed), valid, 0.0, np.nan, 0.0, shape.dimensions, shape.axes, 0.0)
     rest = speed - gaussian_filter1d(speed, DRIFT * shape.fps, mode="nearest")
     spread, by_joint = float(rest[valid].std()), shape.energy[inside][valid].mean(axis=0)
     is_still = spread <= 1e-9 * np.sqrt(room)
@@ -212,4 +245,6 @@ def shape_signal(shape: ShapeSpeed, start: float = 0.0, end: float = np.inf) -> 
         share=float(np.sqrt(by_joint.mean() / room)),
         joints=float(by_joint.sum() ** 2 / (by_joint.size * np.square(by_joint).sum())) if by_joint.any() else 0.0,
         dimensions=shape.dimensions,
+        axes=shape.axes,
+        swing=spread,
     )

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 from harmolab.corpora.synthetic import synthetic_motion
 from harmolab.harmony import score_motion
-from harmolab.params import DANCE_PATTERNS, BarPattern, HarmonyParams
-from harmolab.shape_speed import shape_speed
+from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
+from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_speed
 from harmolab.types import BeatTrack, Motion, Skeleton
-from harmolab.verdict.judge import Judgement, judge
+from harmolab.verdict.judge import Judgement, floor, judge, level_of
+from harmolab.verdict.place_test import PlaceTest
 from harmolab.verdict.score import HarmonyScore
+from harmolab.verdict.time_test import TimeTest
 
 SECONDS, PERIOD = 24.0, 0.5
 BEATS = BeatTrack(PERIOD * np.arange(1, 47), np.ones(46), 100.0, SECONDS)
@@ -41,24 +44,69 @@ def statue(size: float) -> Motion:
 def test_resting_on_the_beat_is_level_four() -> None:
     judgement = judged(dancer())
     assert judgement.level == 4
-    assert judgement.verdict.startswith("You are on the beat: you rest on it (")
+    assert re.fullmatch(r"You are on the beat: slow on it, fastest \d+ ms after it\.", judgement.verdict)
     assert judgement.harmony_above_chance > 0.4
     assert judgement.p_value == max(judgement.p_time, judgement.p_place)
 
 
-def test_hitting_the_beat_is_level_four_and_no_286_ms_early() -> None:
+def test_a_hit_is_named_and_not_accepted_in_silence() -> None:
     judgement = judged(dancer(0.5))
-    assert (judgement.level, judgement.reading) == (4, "hit")
-    assert "you hit it" in judgement.verdict
-    assert any("cannot tell which" in remark for remark in judgement.remarks)
+    assert judgement.level == 3
+    assert judgement.verdict == (
+        "In time: you are fastest on the beat (a hit). If you meant to rest on it, you are half a beat late."
+    )
+    assert np.isnan(judgement.harmony_above_chance) and np.isnan(judgement.p_value)
+    assert any("--how hit" in remark for remark in judgement.remarks)
 
 
-def test_a_quarter_beat_late_is_told_of_rest_or_hit() -> None:
+def test_a_hit_that_was_told_is_on_the_beat_and_a_rest_then_half_a_beat_away() -> None:
+    told = judged(dancer(0.5), pattern=HOW_PATTERNS["hit"])
+    assert (told.level, told.reading) == (4, "hit")
+    assert "you hit it" in told.verdict
+    rest = judged(dancer(), pattern=HOW_PATTERNS["hit"])
+    assert rest.level == 3 and rest.verdict.endswith("for a hit on the beat.")
+    assert rest.harmony_above_chance < -0.4
+
+
+def test_a_quarter_beat_late_is_told_what_is_seen_and_not_how_late() -> None:
     judgement = judged(dancer(0.25))
     assert judgement.level == 3
-    pattern = r"You keep time, steadily \d+ ms (late|early) for a rest or a hit on the beat\."
-    assert re.fullmatch(pattern, judgement.verdict)
-    assert abs(judgement.lag_s) == pytest.approx(0.125, abs=0.02)
+    seen = re.fullmatch(
+        r"In time: you are fastest (\d+) ms after the beat, and stillest (\d+) ms after it\.", judgement.verdict
+    )
+    assert seen and float(seen[1]) == pytest.approx(375, abs=40) and float(seen[2]) == pytest.approx(125, abs=40)
+    told = judged(dancer(0.25), pattern=HOW_PATTERNS["rest"])
+    assert re.fullmatch(r"You keep time, steadily \d+ ms late for a rest on the beat\.", told.verdict)
+    assert told.lag_s == pytest.approx(0.125, abs=0.02)
+
+
+@pytest.mark.parametrize("tempo", [90.0, 120.0, 150.0])
+@pytest.mark.parametrize("seconds", [0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5])
+def test_who_arrives_on_the_beat_is_in_time_and_neither_early_nor_late(tempo: float, seconds: float) -> None:
+    beats = np.arange(1, SECONDS * tempo / 60 - 1) * 60 / tempo
+    judgement = judged(arriving(beats, seconds), BeatTrack(beats, np.ones(beats.size), 100.0, SECONDS))
+    assert judgement.level >= 3
+    assert not judgement.harmony_above_chance < -0.2
+    words = " ".join([judgement.verdict, *judgement.remarks, *judgement.details])
+    assert "late" not in words and "early" not in words
+    assert f"p = {judgement.p_time:.3f}" in words
+
+
+def arriving(ends: np.ndarray, seconds: float) -> Motion:
+    """Arms that go up and down by turns, in `seconds` each, arrive at these times and stand."""
+    times = np.arange(round(SECONDS * 60)) / 60
+    way = np.clip((times[:, None] - ends + seconds) / seconds, 0, 1)
+    eased = way**3 * (10 - 15 * way + 6 * way**2)
+    height = eased @ np.where(np.arange(ends.size) % 2 == 0, 1.0, -1.0)
+    return raising(height)
+
+
+def raising(height: np.ndarray) -> Motion:
+    """A body whose arms stand at a height from 0 to 1, 60 frames a second."""
+    body = np.array([[0.0, 1.0, 0.0], [0.0, 1.6, 0.0], [0.2, 1.4, 0.0], [-0.2, 1.4, 0.0], [0.1, 0.0, 0.1]])
+    hands = np.array([[0.7, 1.0, 0.2], [-0.7, 1.0, 0.2]]) + 0.6 * height[:, None, None] * np.array([-0.3, 1.0, 0.2])
+    positions = np.concatenate([np.broadcast_to(body, (height.size, 5, 3)), hands], axis=1)
+    return Motion(positions, 60.0, Skeleton.unnamed(7))
 
 
 @pytest.mark.parametrize(("tempo", "told"), [(121.9, "121.9"), (128.4, "128.4"), (95.0, "95.0")])
@@ -71,11 +119,38 @@ def test_another_tempo_is_level_one_and_is_told(tempo: float, told: str) -> None
     assert own and float(own[1]) == pytest.approx(float(told), abs=0.3)
 
 
-def test_half_and_double_time_are_on_the_beat_and_named() -> None:
-    for every, words in ((2.0, "half time"), (0.5, "double time")):
-        judgement = judged(dancer(every=every))
-        assert judgement.level == 4
-        assert any(words in remark for remark in judgement.remarks)
+@pytest.mark.parametrize(
+    ("rate", "words"),
+    [(2.0, "twice a beat (double time"), (4 / 3, "4 times in 3 beats"), (1.5, "3 times in 2 beats")],
+)
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.6, 0.9])
+def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float, words: str, phase: float) -> None:
+    times = np.arange(round(SECONDS * 60)) / 60
+    judgement = judged(raising(0.5 - 0.5 * np.cos(np.pi * (times / PERIOD * rate + phase))))
+    assert judgement.level in (1, 2, 3) and "on the beat" not in judgement.verdict
+    assert words in judgement.verdict or f"Your own tempo is {120 * rate:.1f} bpm" in judgement.verdict
+
+
+def test_half_time_is_named_beside_the_beat() -> None:
+    judgement = judged(dancer(every=2.0))
+    assert any("half time" in text for text in (judgement.verdict, *judgement.remarks))
+    told = judged(dancer(every=2.0), pattern=HOW_PATTERNS["half time"])
+    assert told.level == 4 and "you rest on every second one" in told.verdict
+
+
+def test_a_waltz_is_seen_by_its_threes_without_being_told() -> None:
+    times = np.arange(round(SECONDS * 100)) / 100
+    speed = 1 + 0.5 * waltz_speed(times / PERIOD) + 0.1 * np.random.default_rng(0).normal(size=times.size)
+    energy, size = np.square(speed)[:, None] * np.ones(5), np.ones(times.size)
+    judgement = judge(ShapeSpeed(100.0, speed, energy, energy.mean(axis=1), size, size > 0, 3), BEATS)
+    assert (judgement.level, judgement.reading) == (4, "waltz")
+    assert judgement.verdict == "You are on the beat: you move in threes, as in a waltz."
+
+
+def waltz_speed(beats: np.ndarray) -> np.ndarray:
+    """The course of the waltz's pattern."""
+    waves, angle = DANCE_PATTERNS["waltz"], 2 * np.pi * beats[:, None] * np.arange(1, 4) / 3
+    return np.cos(angle) @ np.array(waves.cosines) + np.sin(angle) @ np.array(waves.sines)
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-9])
@@ -108,7 +183,7 @@ def test_a_wandering_dancer_keeps_the_tempo_but_no_place() -> None:
     bars = replace(BEATS, bar_places=np.arange(1, 47) % 2)
     judgement = judged(wandering, bars, BarPattern(2, (-1.0,), (0.0,)))
     assert judgement.level == 2
-    assert judgement.verdict == "You keep its tempo, but no steady place."
+    assert judgement.verdict == "You keep its tempo, but no steady place in the beat."
 
 
 def test_a_dance_is_named_where_its_pattern_is_asked_for() -> None:
@@ -192,10 +267,124 @@ def test_who_keeps_the_beat_but_no_bar_is_told_so(dance: str) -> None:
     assert "Your place in the beat is steady; the beat of the bar that it belongs to is not." in judgement.remarks
 
 
-def test_a_lag_that_lies_anywhere_between_rest_and_hit_is_not_called_steady() -> None:
-    steady = judged(dancer(0.25))
-    anywhere = replace(steady, lag_interval=(-0.24, 0.23))
-    assert "steadily" in steady.verdict
-    assert not any("anywhere" in remark for remark in steady.remarks)
-    assert "steadily" not in anywhere.verdict
-    assert any("anywhere between rest and hit" in remark for remark in anywhere.remarks)
+# Thresholds, a case on either side of each
+
+
+def evidence(
+    *,
+    p: float = 0.02,
+    lag: float = 0.0,
+    wander: float = 0.1,
+    lowest: float = 0.1,
+    above: float = 0.5,
+    beside: int = 6,
+    power: float = 1.0,
+) -> Judgement:
+    """A judgement on hand-made evidence: p in time, lag and its spread in beats, H and its lower end, lags as good."""
+    curve = np.full(48, 0.4)
+    curve[1 : 1 + beside] = curve[0] = 0.5 + above / 2
+    time = TimeTest(np.zeros(241), np.zeros(241), p, {Fraction(1): power, Fraction(2): 1.0}, {1: 9.0, 2: 8.0})
+    place = HandMade(HOW_PATTERNS["rest"], curve[None, None, :], 0, 0.5, lag)
+    level = level_of(time, place, (lowest, 0.8), (lag - wander / 2, lag + wander / 2))
+    return Judgement(level, BEATS, None, None, time, place)
+
+
+@dataclass(frozen=True, eq=False)
+class HandMade(PlaceTest):
+    """A place test whose lag is given."""
+
+    given: float = 0.0
+
+    @property
+    def lag(self) -> float:
+        return self.given
+
+
+@pytest.mark.parametrize(
+    ("inside", "outside", "level"),
+    [
+        ({"p": 0.05}, {"p": 0.0501}, 1),
+        ({"wander": 0.5}, {"wander": 0.501}, 2),
+        ({"lag": 0.125}, {"lag": 0.13}, 3),
+        ({"lag": -0.125}, {"lag": -0.13}, 3),
+        ({"lowest": 0.001}, {"lowest": 0.0}, 3),
+        ({"beside": 11}, {"beside": 12}, 3),
+        ({"power": 0.0101}, {"power": 0.0099}, 3),
+    ],
+)
+def test_each_threshold_parts_level_four_from_a_lower_one(
+    inside: dict[str, float], outside: dict[str, float], level: int
+) -> None:
+    assert evidence(**inside).level == 4
+    assert evidence(**outside).level == level
+
+
+def test_harmony_at_chance_is_not_on_the_beat() -> None:
+    assert evidence(above=0.01, beside=3).level == 4
+    assert evidence(above=0.0, beside=3).level == 3
+
+
+def part(**changes: float) -> ShapeSignal:
+    """A signal far above the floor but for what is changed."""
+    moving = ShapeSignal(np.arange(9.0), np.zeros(9), np.ones(9, bool), 0.4, 0.6, 0.6, 3, 3, 0.3)
+    return replace(moving, **changes)
+
+
+def test_the_floor_lies_at_its_pulse_its_share_and_its_swing() -> None:
+    assert floor(part(pulse=0.0301)) == "" and floor(part(pulse=0.0299)) == "too little movement inside the body"
+    assert floor(part(share=0.101)) == "" and floor(part(share=0.099)) == "you only turn and travel"
+    assert floor(part(share=0.01, dimensions=2)) == ""
+    point = {"dimensions": 0, "pulse": np.nan}
+    assert floor(part(**point, swing=0.0201)) == ""
+    assert floor(part(**point, swing=0.0199)) == "too little movement inside the body"
+    assert floor(part(**point, swing=1e-9, axes=2)) == ""
+
+
+def test_an_own_tempo_is_told_from_eight_deviations_on() -> None:
+    clear = evidence(p=0.5)
+    assert clear.time is not None
+    for best, is_told in ((8.0, True), (7.9, False)):
+        z = np.where(np.arange(241) == 130, best, 0.0)
+        judgement = replace(clear, level=1, time=replace(clear.time, z=z, power=z))
+        assert ("Your own tempo" in judgement.verdict) is is_told
+
+
+def test_sixteen_beats_are_judged_and_fewer_than_48_are_said_to_be_few() -> None:
+    times = 0.4 * np.arange(1, 58)
+    short, enough = (
+        judged(dancer(tempo=97.0), BeatTrack(times[:count], np.ones(count), 100.0, SECONDS)) for count in (47, 48)
+    )
+    assert any("A longer take" in text for text in (*short.remarks, *short.details))
+    assert not any("A longer take" in text for text in (*enough.remarks, *enough.details))
+
+
+def test_a_trembling_point_is_too_little_and_one_that_swings_is_not() -> None:
+    swing = np.sin(2 * np.pi * np.arange(round(SECONDS * 60)) / 60 / PERIOD)[:, None, None]
+    for size, level in ((1e-9, 0), (1e-3, 0), (0.1, 3)):
+        motion = Motion(size * swing * np.ones((1, 1, 3)), 60.0, Skeleton.unnamed(1))
+        assert (judged(motion).level >= level) if level else judged(motion).level == 0
+    flat = judged(Motion(1e-9 * swing * np.ones((1, 1, 2)), 60.0, Skeleton.unnamed(1)))
+    assert any("how large the movement is cannot be known" in text for text in (*flat.remarks, *flat.details))
+
+
+def test_left_and_right_swapped_for_single_frames_is_no_dance() -> None:
+    standing = raising(np.zeros(round(SECONDS * 60))).positions + np.random.default_rng(0).normal(
+        0, 0.002, (1440, 7, 3)
+    )
+    swapped = standing.copy()
+    frames = np.round(BEATS.times * 60).astype(int)
+    swapped[frames] = swapped[frames][:, [0, 1, 3, 2, 4, 6, 5]]
+    judgement = judged(Motion(swapped, 60.0, Skeleton.unnamed(7)))
+    assert (judgement.level, judgement.verdict) == (0, "Cannot tell: too little movement inside the body.")
+
+
+def test_p_beside_on_the_beat_is_one_that_the_level_asks_for() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        lag, jitter, every = rng.uniform(-0.3, 0.3), rng.uniform(0, 0.15), rng.choice([0.5, 0.75, 1.0, 2.0])
+        ends = np.sort((np.arange(-2, 60) * every + lag + jitter * rng.normal(size=62)) * PERIOD)
+        judgement = judged(synthetic_motion(ends[(ends >= 0) & (ends < SECONDS)], seconds=SECONDS, fps=30.0, seed=4))
+        if judgement.level == 4:
+            assert judgement.p_time <= 0.05 and judgement.p_place <= 0.25
+            assert float(re.findall(r"p = ([\d.]+);", " ".join(judgement.remarks))[0]) <= 0.05
+            assert judgement.p_value <= 0.25 and judgement.harmony_above_chance > 0

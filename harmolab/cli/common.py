@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harmolab.cli.screen import detail, note, refuse
+from harmolab.cli.screen import detail, is_verbose, note, refuse
 
 if TYPE_CHECKING:
     from harmolab.corpora.folders import Problem
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 PAGES = (".html", ".htm")
 VIDEOS_OUT = (".mp4", ".webm")
 SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
-LEVELS = ("cannot tell", "no sign", "no place", "late or early", "on the beat")  # of the verdict, in a few words
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".json", ".c3d")
 
 
@@ -118,6 +117,25 @@ Smpl = Annotated[
 ]
 
 
+class How(StrEnum):
+    """What a dancer does on the beat; names of `harmolab.params.HOW_PATTERNS`."""
+
+    rest = "rest"
+    hit = "hit"
+    half = "half time"
+
+
+HowDanced = Annotated[
+    How | None,
+    typer.Option(
+        "--how",
+        help="What you mean to do on the beat: rest on it, hit it (be fastest), or rest on every second one. Left out, "
+        "a rest or a waltz counts as on the beat, and anything else is said as it is seen.",
+        show_default=False,
+    ),
+]
+
+
 class Axis(StrEnum):
     """Axis of a motion file that points up."""
 
@@ -154,26 +172,44 @@ def reading(
     return options if joints is None else options | {"joints": names_in(joints) or None}
 
 
-def recommended(pattern: Path | None, dance: str) -> HarmonyParams:
-    """The recommended settings, with the pattern of a file, or else with that of the dance where one is shipped."""
-    from harmolab.bar_pattern import load_pattern
-    from harmolab.params import DANCE_PATTERNS, HarmonyParams
+def recommended(pattern: Path | None, dance: str, how: How | None = None) -> HarmonyParams:
+    """The recommended settings, with what was told: a file's pattern, how it is danced, or the dance, if it is known.
 
-    return HarmonyParams.recommended(load_pattern(pattern, dance) if pattern else DANCE_PATTERNS.get(dance))
+    Raises
+    ------
+    ValueError
+        `how` is told beside a pattern.
+    """
+    from harmolab.bar_pattern import load_pattern
+    from harmolab.params import DANCE_PATTERNS, DANCES, HOW_PATTERNS, HarmonyParams
+
+    if how is not None:
+        if pattern is not None:
+            raise ValueError("--how and --pattern exclude each other: each says what to expect on the beat")
+        return HarmonyParams.recommended(HOW_PATTERNS[how.value])
+    if pattern is not None:
+        return HarmonyParams.recommended(load_pattern(pattern, dance))
+    if dance in DANCES and dance not in DANCE_PATTERNS:
+        note(f"{dance}: no usual course of its movement is known, so it is judged as a dance that is not named")
+    return HarmonyParams.recommended(DANCE_PATTERNS.get(dance))
 
 
 def print_verdict(judgement: Judgement | None, name: str = "") -> None:
-    """The verdict in words and its remarks, a line each, or all in one after a name; nothing without a judgement."""
+    """The verdict in words and its remarks, a line each, or all in one after a name; nothing without a judgement.
+
+    With --verbose its details too.
+    """
     if judgement is not None:
-        lines = [judgement.verdict, *judgement.remarks]
+        lines = [judgement.verdict, *judgement.remarks, *(judgement.details if is_verbose() else ())]
         typer.echo(f"{name}: {' '.join(lines)}" if name else "\n".join(lines))
 
 
 def print_music(beats: BeatTrack) -> None:
-    """A line about the beats that a dance was judged by: tempo, steadiness, "one"."""
+    """With --verbose a line about the beats that a dance was judged by: tempo, steadiness, "one"."""
     from harmolab.beats.meter import describe_beats
 
-    typer.echo(f"music: {describe_beats(beats)}")
+    if is_verbose():
+        typer.echo(f"music: {describe_beats(beats)}")
 
 
 def note_assumptions(path: PathLike, file: MotionFile) -> None:

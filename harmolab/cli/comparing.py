@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from harmolab.cli.common import (
-    LEVELS,
     AsJson,
     Force,
     Jobs,
@@ -122,6 +121,8 @@ def print_comparison(summary: dict[str, Any]) -> None:
 def _level_table(levels: dict[str, list[int]]) -> Table:
     """A table of the number of whole recordings that reach each level."""
     from rich.table import Table
+
+    from harmolab.verdict.judge import LEVELS
 
     table = Table("music", *(f"{level} {name}" for level, name in enumerate(LEVELS)), title="recordings by verdict")
     for music, counts in levels.items():

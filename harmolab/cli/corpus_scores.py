@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from harmolab.cli.checks import is_told
-from harmolab.cli.common import LEVELS, check_out, show
+from harmolab.cli.common import check_out, show
 from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
 from harmolab.cli.sources import Sources
 
@@ -104,6 +104,8 @@ def _print(rows: list[dict[str, Any]], title: str) -> None:
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
+
+    from harmolab.verdict.judge import LEVELS
 
     table = Table("recording", "dance", "harmony above chance", "p", "level", title=escape(printable(title)))
     for row in rows:

@@ -26,7 +26,7 @@ from harmolab.cli.dance_files import dance_files, write_files
 from harmolab.cli.dance_report import DanceReport
 from harmolab.cli.dancers import dancer_of
 from harmolab.cli.naming import plain_name
-from harmolab.cli.screen import finding_beats, note, plain_errors, printable, progress, wrote
+from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, printable, progress, wrote
 from harmolab.io.files import plain
 
 if TYPE_CHECKING:
@@ -223,7 +223,8 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
     for report in reports:
         typer.echo("\n  ".join(map(printable, [f"seed {report.seed}: {report.verdict[0]}", *report.verdict[1:]])))
     print_music(reports[0].music)
-    _print_table({f"seed {report.seed}": report.facts for report in reports})
+    if is_verbose():
+        _print_table({f"seed {report.seed}": report.facts for report in reports})
 
 
 def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:

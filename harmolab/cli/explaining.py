@@ -11,8 +11,22 @@ import typer
 from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.checks import is_told
-from harmolab.cli.common import AsJson, Beats, Dance, DanceName, Fps, Joints, One, PatternFile, Scale, Smpl, Song, Up
-from harmolab.cli.screen import plain_errors, progress, refuse, waiting, wrote
+from harmolab.cli.common import (
+    AsJson,
+    Beats,
+    Dance,
+    DanceName,
+    Fps,
+    HowDanced,
+    Joints,
+    One,
+    PatternFile,
+    Scale,
+    Smpl,
+    Song,
+    Up,
+)
+from harmolab.cli.screen import is_verbose, plain_errors, progress, refuse, waiting, wrote
 from harmolab.cli.sources import note_music, sources
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
@@ -37,6 +51,7 @@ def explain(
     beats: Beats = None,
     one: One = None,
     pattern: PatternFile = None,
+    how: HowDanced = None,
     fps: Fps = None,
     scale: Scale = None,
     joints: Joints = "",
@@ -53,9 +68,8 @@ def explain(
 ) -> None:
     """Say how a dance goes with its song: whether it is in time, where in the beat, and how steady that is.
 
-    The first line is the verdict, the same as that of `harmolab score`. Milliseconds, early and late are spoken of only
-    where the movement keeps a steady place in the beat; without --dance they count from a rest or a hit, since a rest
-    half a beat late is a hit on the beat.
+    The first line is the verdict, the same as that of `harmolab score`; --verbose and the page of --out say more. Early
+    and late are spoken of only where it was told what is danced (--dance) or meant (--how).
 
     Where the dance begins in the song is found by comparing the video's sound with the song; without that sound from
     the movement, up to whole beats, and then nothing is said about its place in the beat.
@@ -81,7 +95,7 @@ def explain(
         if out is not None:
             common.check_out(out, "the page", common.PAGES)
         files = sources(context, song, motion, beats=beats, one=one, dance=dance)
-        params = common.recommended(pattern, files.dance)
+        params = common.recommended(pattern, files.dance, how)
         performance = load_performance(
             files.motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
             report=common.note_assumptions, progress=progress,
@@ -106,10 +120,10 @@ def explain(
     if as_json:
         typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
         return
-    typer.echo("\n".join([result.verdict, *result.remarks, "", str(result.placement)]))
-    common.print_music(result.music)
-    for sentence in result.words.sentences:
-        typer.echo(sentence)
+    typer.echo("\n".join([result.verdict, *result.remarks, str(result.placement)]))
+    if is_verbose():
+        common.print_music(result.music)
+        typer.echo("\n".join([*result.judgement.details, *result.words.sentences]))
     if out is not None:
         wrote(out)
 

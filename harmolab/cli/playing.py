@@ -14,6 +14,7 @@ from harmolab.cli.common import (
     Dance,
     DanceName,
     Fps,
+    HowDanced,
     Offset,
     One,
     PatternFile,
@@ -51,6 +52,7 @@ def play(
     beats: Beats = None,
     one: One = None,
     pattern: PatternFile = None,
+    how: HowDanced = None,
     fps: Fps = None,
     scale: Scale = None,
     smpl: Smpl = None,
@@ -73,7 +75,7 @@ def play(
         files = sources(context, song, motion, beats=beats, one=one, dance=dance)
         if files.is_video:
             raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
-        params = common.recommended(pattern, files.dance)
+        params = common.recommended(pattern, files.dance, how)
         reading = common.reading(fps, scale, smpl, up)
         clip = clip_of(files, offset=offset, seconds=None, one=one, sample_rate=None, **reading)
         note_lengths(clip, files.song)

@@ -13,6 +13,7 @@ from harmolab.cli.common import (
     Dance,
     DanceName,
     Fps,
+    HowDanced,
     Joints,
     Offset,
     One,
@@ -23,7 +24,6 @@ from harmolab.cli.common import (
     Song,
     Start,
     Up,
-    show,
 )
 from harmolab.cli.screen import plain_errors, progress, wrote
 from harmolab.cli.sources import clip_of, note_lengths, sources
@@ -60,6 +60,7 @@ def render(
     beats: Beats = None,
     one: One = None,
     pattern: PatternFile = None,
+    how: HowDanced = None,
     height: Annotated[
         int | None,
         typer.Option(
@@ -105,7 +106,7 @@ def render(
         over = over or (files.motion if files.is_video else None)
         if over is not None and (is_gif or start is not None):
             raise ValueError(f"{over}: {NO_GIF if is_gif else NO_START}")
-        params = common.recommended(pattern, files.dance)
+        params = common.recommended(pattern, files.dance, how)
         seconds = GIF_SECONDS if is_gif and seconds is None else seconds
         reading = common.reading(fps, scale, smpl, up, joints)
         points = None
@@ -126,5 +127,4 @@ def render(
     if score is not None:
         common.print_verdict(score.judgement)
         common.print_music(score.music)
-        typer.echo(f"harmony above chance {show(score.above_chance)}, p {show(score.p_value)}")
     wrote(out)

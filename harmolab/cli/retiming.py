@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import Beats, Dance, DanceName, Fps, Offset, One, PatternFile, Scale, Song, show
+from harmolab.cli.common import Beats, Dance, DanceName, Fps, HowDanced, Offset, One, PatternFile, Scale, Song, show
 from harmolab.cli.screen import note, plain_errors, progress, wrote
 from harmolab.cli.sources import sources
 
@@ -43,6 +43,7 @@ def retime(
     beats: Beats = None,
     one: One = None,
     pattern: PatternFile = None,
+    how: HowDanced = None,
     method: Annotated[
         Method, typer.Option(help="dp: bounded; lee2019: Lee et al. 2019, for comparison, no bounds.")
     ] = Method.dp,
@@ -69,7 +70,7 @@ def retime(
         retimed = retime_files(
             files.song, files.motion, out, strength=strength, phase=phase, offset=offset, slowest=slowest,
             fastest=fastest, dance=files.dance, beats=files.beats, one=one, method=method.value, fps=fps, scale=scale,
-            progress=progress, params=common.recommended(pattern, files.dance),
+            progress=progress, params=common.recommended(pattern, files.dance, how),
         )  # fmt: skip
     _print(retimed)
     wrote(out)

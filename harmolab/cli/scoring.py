@@ -17,6 +17,7 @@ from harmolab.cli.common import (
     Dance,
     DanceName,
     Fps,
+    HowDanced,
     Joints,
     Offset,
     One,
@@ -29,10 +30,11 @@ from harmolab.cli.common import (
     show,
 )
 from harmolab.cli.corpus_scores import is_corpus, score_corpus
-from harmolab.cli.screen import plain_errors
+from harmolab.cli.screen import is_verbose, plain_errors, wrote
 from harmolab.cli.sources import Sources, clip_of, note_lengths, sources
 
 if TYPE_CHECKING:
+    from harmolab.cli.common import How
     from harmolab.params import HarmonyParams
     from harmolab.types import BeatTrack, Clip
     from harmolab.verdict.score import HarmonyScore
@@ -75,6 +77,7 @@ def score(
     beats: Beats = None,
     one: One = None,
     pattern: PatternFile = None,
+    how: HowDanced = None,
     joints: Joints = "",
     smpl: Smpl = None,
     up: Up = None,
@@ -95,13 +98,14 @@ def score(
 ) -> None:
     """Score a motion against its music.
 
-    First the verdict in words: is it in time, where in the beat, how far off. Then the numbers. `harmony above chance`
-    is 0 for a random phase, 1 where every beat is the best moment of the take, -1 the worst; its p value is the larger
-    of two: in time (against other tempi) and in place (against other lags). The spread from bar to bar says how steady
-    the take is, and is no evidence. Sixteen beats are needed. The paper's `harmony` and `hit rate` mean little without
-    `chance`: at T_delay = 0.25 s most of the time lies near a beat anyway, and above .9 nothing is left to be above.
+    First the verdict in words: is it in time, and on the beat. Below it how sure that is, how steady, and what would
+    help. Sixteen beats are needed. All numbers, those of the paper too, come with --verbose and --json: `harmony above
+    chance` is 0 for a random phase, 1 where every beat is the best moment of the take, -1 the worst; its p value is the
+    larger of two: in time (against other tempi) and in place (against other lags). The paper's `harmony` and `hit rate`
+    mean little without `chance`: at T_delay = 0.25 s most of the time lies near a beat anyway.
 
-    With --dance the place is that of its dancers; without it a rest or a hit on the beat, or a rest on every second.
+    With --dance the place is that of its dancers, with --how what you say. With nothing told you are on the beat where
+    you rest on it or dance a waltz; a hit, or an arrival, is said as it is seen, and not called late.
 
     Examples:
 
@@ -119,7 +123,7 @@ def score(
     reading = common.reading(fps, scale, smpl, up, joints)
 
     def scored(files: Sources) -> Scored:
-        modes = settings(mode, pattern, dance or files.dance, lag, clock)
+        modes = settings(mode, pattern, dance or files.dance, how, lag, clock)
         clip = clip_of(files, offset=offset, seconds=seconds, one=one, **reading)
         note_lengths(clip, files.song)
         return scored_clip(clip, modes, clock)
@@ -146,9 +150,13 @@ def score(
         content = {"clip": about, **{name: result.to_dict() for name, result in scores.items()}}
         typer.echo(json.dumps(content | ({"others": measures} if others else {}), indent=2))
         return
-    common.print_verdict(next((score.judgement for score in scores.values() if score.judgement), None))
+    judgement = next((score.judgement for score in scores.values() if score.judgement), None)
+    common.print_verdict(judgement)
     common.print_music(music)
-    print_scores(scores, measures)
+    if judgement is None or measures or is_verbose():
+        print_scores(scores, measures)
+    if plot:
+        wrote(plot)
 
 
 class Scored(NamedTuple):
@@ -167,13 +175,15 @@ def scored_clip(clip: Clip, modes: dict[str, HarmonyParams], clock: float) -> Sc
     return Scored(clip, music, {name: score_motion(music, movement, params=params) for name, params in modes.items()})
 
 
-def settings(mode: Mode, pattern: Path | None, dance: str, lag: float, clock: float) -> dict[str, HarmonyParams]:
+def settings(
+    mode: Mode, pattern: Path | None, dance: str, how: How | None, lag: float, clock: float
+) -> dict[str, HarmonyParams]:
     """The parameters of each mode."""
     from dataclasses import replace
 
     from harmolab.params import HarmonyParams
 
-    recommended = common.recommended(pattern, dance)
+    recommended = common.recommended(pattern, dance, how)
     # The patterns that are shipped are of shape speed.
     room = HarmonyParams.room_speed(recommended.pattern if pattern else None)
     params = {"paper": HarmonyParams.paper(), "recommended": recommended, "room": room}
@@ -201,7 +211,7 @@ def print_scores(scores: dict[str, HarmonyScore], measures: dict[str, float]) ->
 
 def score_rows(score: HarmonyScore) -> Iterator[tuple[str, str]]:
     """Name and text of each number of a score: "-" where it does not exist, "" where it is no number of this mode."""
-    from harmolab.verdict.judge import FEWEST_BEATS
+    from harmolab.verdict.time_test import FEWEST_BEATS
 
     values, above_chance = score.to_dict(), score.above_chance
     has_number = values["n_audio"] >= FEWEST_BEATS and above_chance == above_chance

@@ -64,6 +64,11 @@ Verbose = Annotated[
 ]  # fmt: skip
 
 
+def is_verbose() -> bool:
+    """True for those who want to know all."""
+    return LEVEL.get() >= VERBOSE
+
+
 def note(message: str) -> None:
     """One line on standard error, unless it is to be quiet."""
     if LEVEL.get() > QUIET:
@@ -72,7 +77,7 @@ def note(message: str) -> None:
 
 def detail(message: str) -> None:
     """One line on standard error for those who want to know all."""
-    if LEVEL.get() >= VERBOSE:
+    if is_verbose():
         _line(message)
 
 
@@ -98,7 +103,7 @@ def plain_errors() -> Iterator[None]:
     try:
         yield
     except (ValueError, OSError) as error:
-        if LEVEL.get() >= VERBOSE:
+        if is_verbose():
             typer.echo(traceback.format_exc(), err=True)
         is_plain = isinstance(error, OSError) and error.filename is not None and error.strerror
         refuse(f"{error.filename}: {error.strerror}" if is_plain else str(error))  # type: ignore[union-attr]
@@ -171,7 +176,7 @@ def quiet_decoders() -> Iterator[None]:
 
     They write to file 2 past Python, so Python's own standard error moves to another file meanwhile.
     """
-    if LEVEL.get() >= VERBOSE or not _is_file_2(sys.stderr):
+    if is_verbose() or not _is_file_2(sys.stderr):
         yield
         return
     python, screen, nothing = sys.stderr, os.dup(2), os.open(os.devnull, os.O_WRONLY)

@@ -1,4 +1,4 @@
-"""One verdict on a movement and its beats: five levels, in words, from the floor, the time test and the place test.
+"""One verdict on a movement and its beats: five levels, from the floor, the time test and the place test.
 
 =====  =============================================================================================================
 level  when
@@ -6,38 +6,47 @@ level  when
 0      cannot tell: too little movement inside the body, the body only turns and travels, or fewer than 16 beats
 1      no sign that the movement follows these beats (time test, p > .05)
 2      the tempo is kept, but the lag wanders by more than a quarter of a beat to either side
-3      in time, at a steady lag of more than an eighth of a beat
-4      on the beat
+3      in time, and not shown to be on the beat
+4      on the beat: a steady lag of an eighth of a beat at most, harmony above 0 from bar to bar, a place that no more
+       than a quarter of the other lags would do as well as (place test, p <= .25), and a movement that has the rate of
+       the beats
 =====  =============================================================================================================
+
+A dance, or how it is danced, may be told (`pattern`): then its place is asked for. With nothing told there is one
+reading, which the movement's own metre picks: the waltz's curve where it recurs most clearly every three beats, else a
+rest on each beat. Neither half of that choice looks at the phase. Who is at rest on the beat is on it; who is fastest
+on it, or arrives on it and stands, may mean to be there, and hears what was seen.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from harmolab.beats.meter import cycle_of_meter
-from harmolab.params import BarPattern
+from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal
 from harmolab.types import BeatTrack
+from harmolab.verdict import sentences
+from harmolab.verdict.course import Course, beat_course
 from harmolab.verdict.place_test import PlaceTest, place_test
-from harmolab.verdict.time_test import TimeTest, time_test
+from harmolab.verdict.time_test import ALPHA, FEWEST_BEATS, TimeTest, time_test
 
-FEWEST_BEATS = 16
 LEAST_PULSE = 0.03  # per second: 2 cm/s for an adult
+LEAST_SWING = 0.02  # metres a second, where fewer than three points have no size to compare with
 LEAST_SHARE = 0.1  # of the movement in the room, in 3-D; a picture cannot tell a turning statue from a dancer
-ALPHA = 0.05
 CLEAR = 8.0  # z of a tempo that is the body's own: noise reaches 5 to 8, dancers 10 to 47
 STEADY = 0.25  # beats: half the width of a steady lag's interval
 ON_THE_BEAT = 0.125  # beats
-ANYWHERE = 0.45  # beats: nine tenths of the half beat between rest and hit
-MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
-FEW_BEATS = 48  # about half of the recorded dancers pass the time test with so many
+MOST_PLACES = 0.25  # share of the lags that may do as well: those within an eighth of a beat to either side
+LEAST_POWER = 0.01  # of the strongest rate's: runners at another rate have .0003 at most, dancers on the beat .03 up
 NAN = float("nan")
 Interval = tuple[float, float]
+LEVELS = ("cannot tell", "no sign", "in time, no steady place", "in time", "on the beat")  # in a few words
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +57,12 @@ class Judgement:
     ----------
     level : int, 0 to 4
     beats : BeatTrack
-    pattern : BarPattern of the dance, or None where rest, hit and half time were tried
+    pattern : BarPattern that was told: of the dance, or one of `HOW_PATTERNS`; None where nothing was
     signal : ShapeSignal, None with fewer than two beats
     time, place : TimeTest and PlaceTest, None at level 0
     interval, lag_interval : (float, float)
-        Spread of H and of the lag (beats) from bar to bar, 95 %: how steady the take is, no evidence against luck.
+        Spread of the place test's H and of the lag (beats) from bar to bar, 95 %: how steady the take is, no evidence
+        against luck.
     """
 
     level: int
@@ -72,13 +82,28 @@ class Judgement:
         return int((np.interp(self.beats.times, self.signal.times, self.signal.valid) >= 0.5).sum())
 
     @property
+    def is_placed(self) -> bool:
+        """True where the place in the beat can be judged: it was told, or the movement is on the beat by what it is."""
+        return self.place is not None and (self.pattern is not None or self.level == 4)
+
+    @property
     def harmony_above_chance(self) -> float:
-        """H of the place test, in [-1, 1]; NaN at level 0."""
+        """H of the place test, in [-1, 1]; NaN where no place can be judged."""
+        return self.place.harmony_above_chance if self.place and self.is_placed else NAN
+
+    @property
+    def place_harmony(self) -> float:
+        """H of the place test also where no place can be judged, for means over many dances; NaN at level 0."""
         return self.place.harmony_above_chance if self.place else NAN
 
     @property
+    def harmony_interval(self) -> Interval:
+        """Spread of H from bar to bar; NaN where no place can be judged."""
+        return self.interval if self.is_placed else (NAN, NAN)
+
+    @property
     def p_time(self) -> float:
-        """p-value of the time test."""
+        """p-value of the time test, the one that decides whether the movement is in time."""
         return self.time.p_value if self.time else NAN
 
     @property
@@ -88,7 +113,12 @@ class Judgement:
 
     @property
     def p_value(self) -> float:
-        """The larger of both, which is that of H: harmony is the tempo and the place."""
+        """p-value of H; NaN where no place can be judged."""
+        return self.p_harmony if self.is_placed else NAN
+
+    @property
+    def p_harmony(self) -> float:
+        """The larger of both p-values, since harmony is the tempo and the place: that of `place_harmony`."""
         return max(self.p_time, self.p_place)
 
     @cached_property
@@ -113,28 +143,73 @@ class Judgement:
 
     @property
     def reading(self) -> str:
-        """Name of the reading that fits best at the lag: a dance, "rest", "hit" or "half time"; "" at level 0."""
+        """Name of what the place is measured from: a dance, "rest", "hit" or "half time"; "" at level 0."""
         if self.place is None:
             return ""
-        return self.place.reading.source if self.pattern is None else self.pattern.dance or "pattern"
+        pattern = self.place.pattern
+        return pattern.dance or (pattern.source if pattern.source in HOW_PATTERNS else "pattern")
+
+    @property
+    def has_own_rate(self) -> bool:
+        """True where what recurs has the rate of the reading, not only another one, as of 4 movements in 3 beats."""
+        return bool(self.time and self.place and _has_rate(self.time, self.place.pattern))
+
+    @cached_property
+    def course(self) -> Course | None:
+        """The mean movement from one beat to the next; None at level 0."""
+        return beat_course(self.signal, self.beats.times) if self.signal and self.time else None
+
+    @property
+    def floor(self) -> str:
+        """The reason why there is too little movement to judge; "" where there is enough, or nothing was seen."""
+        return floor(self.signal) if self.signal else ""
+
+    @property
+    def is_near(self) -> bool:
+        """True where the lag is an eighth of a beat at most."""
+        return abs(self.lag) <= ON_THE_BEAT
+
+    @property
+    def keeps_the_beat(self) -> bool:
+        """True where the lag is steady once it is looked for within half a beat only, not in the whole bar."""
+        if self.place is None or self.place.reach <= 0.5:
+            return False
+        low, high = replace(self.place, reach=0.5).spread()[1]
+        return high - low <= 2 * STEADY
+
+    @property
+    def is_hit(self) -> bool:
+        """True where the movement is in time and fastest on the beat.
+
+        Who arrives on the beat in a tenth of a second and stands is fastest an eighth of a beat before it.
+        """
+        if self.level < 3 or self.course is None or not self.has_own_rate:
+            return False
+        return min(self.course.fastest, 1 - self.course.fastest) <= ON_THE_BEAT / 2
 
     @property
     def verdict(self) -> str:
         """The level in a sentence or two."""
-        return _VERDICTS[self.level](self)
+        return sentences.verdict(self)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences to read beside the verdict, and ways to learn more."""
-        return tuple(_remarks(self))
+        """Three sentences at most to read below the verdict: how sure it is, how steady, what would help."""
+        return sentences.remarks(self)
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """All else there is to say: for those who want to know more."""
+        return sentences.details(self)
 
     def to_dict(self) -> dict[str, Any]:
         """The numbers and sentences, for JSON."""
-        names = ("level", "verdict", "remarks", "p_time", "p_place", "lag_s", "tempo", "own_tempo", "reading")
-        numbers = {name: getattr(self, name) for name in names}
+        names = ("level", "verdict", "remarks", "details", "p_time", "p_place", "lag_s", "tempo", "own_tempo")
+        numbers = {name: getattr(self, name) for name in (*names, "reading")}
         interval = tuple(edge * 60 / self.tempo for edge in self.lag_interval)
         parts = {name: getattr(self.signal, name, NAN) for name in ("pulse", "share", "joints")}
-        return numbers | {"lag_interval_s": interval} | parts
+        seen = {"rate": float(self.time.rate) if self.time else NAN} | sentences.seen(self)
+        return numbers | {"lag_interval_s": interval} | seen | parts
 
 
 def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = None, seed: int = 0) -> Judgement:
@@ -145,8 +220,8 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
     shape : ShapeSpeed of the motion
     beats : BeatTrack
         All count alike; only the movement between the first and the last is looked at.
-    pattern : BarPattern of the dance, or None
-        None asks whether the body rests on the beats, hits them, or rests on every second one.
+    pattern : BarPattern of the dance, one of `HOW_PATTERNS`, or None
+        None takes the reading that the movement's own metre picks.
     seed : int, of the spread from bar to bar
     """
     if len(beats) < 2:
@@ -155,13 +230,13 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
     nothing = Judgement(0, beats, pattern, signal)
     if nothing.n_beats < FEWEST_BEATS or floor(signal):
         return nothing
-    time = time_test(signal, beats.times, cycles=_cycles(beats, pattern))
-    place = place_test(signal, beats.times, beats.bar_places, pattern)
+    time = time_test(signal, beats.times, cycles=cycles_of(beats, pattern))
+    place = placed(signal, beats, pattern or own_reading(time), is_told=pattern is not None)
     interval, lags = place.spread(seed=seed)
-    return Judgement(_level(time, place.lag, lags), beats, pattern, signal, time, place, interval, lags)
+    return Judgement(level_of(time, place, interval, lags), beats, pattern, signal, time, place, interval, lags)
 
 
-def _cycles(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
+def cycles_of(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
     """Beats after which a movement may recur: one, and the cycle of the dance or of the bar; up to three if unknown."""
     if pattern is not None:
         return tuple(sorted({1, pattern.beats}))
@@ -170,116 +245,36 @@ def _cycles(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:
     return tuple(sorted({1, cycle_of_meter(int(beats.bar_places.max()) + 1)}))
 
 
+def own_reading(time: TimeTest) -> BarPattern:
+    """What a movement is asked for when nothing is told: the waltz's curve in three, else a rest on each beat."""
+    return DANCE_PATTERNS["waltz"] if time.metre == 3 else HOW_PATTERNS["rest"]
+
+
+def placed(signal: ShapeSignal, beats: BeatTrack, pattern: BarPattern, *, is_told: bool) -> PlaceTest:
+    """The place test of a pattern; a bar counts only where the dance was told."""
+    return place_test(signal, beats.times, beats.bar_places if is_told else None, pattern)
+
+
 def floor(signal: ShapeSignal) -> str:
     """The reason why there is too little movement to judge; "" where there is enough."""
     if signal.dimensions == 3 and signal.share < LEAST_SHARE:
         return "you only turn and travel"
-    return "too little movement inside the body" if signal.pulse < LEAST_PULSE else ""
+    is_still = signal.pulse < LEAST_PULSE or (signal.is_point and signal.swing < LEAST_SWING)
+    return "too little movement inside the body" if is_still else ""
 
 
-def _level(time: TimeTest, lag: float, lags: Interval) -> int:
+def level_of(time: TimeTest, place: PlaceTest, interval: Interval, lags: Interval) -> int:
     """The level of a movement above the floor."""
     if not time.p_value <= ALPHA:
         return 1
     if lags[1] - lags[0] > 2 * STEADY:
         return 2
-    return 3 if abs(lag) > ON_THE_BEAT else 4
+    is_near = abs(place.lag) <= ON_THE_BEAT and place.harmony_above_chance > 0 and interval[0] > 0
+    return 4 if is_near and place.p_value <= MOST_PLACES and _has_rate(time, place.pattern) else 3
 
 
-# Sentences: all of them are below, made from the fields of a judgement.
-
-
-def _cannot_tell(judgement: Judgement) -> str:
-    if judgement.signal is not None and (reason := floor(judgement.signal)):
-        return f"Cannot tell: {reason}."
-    count = judgement.n_beats
-    return f"Cannot tell: {count} {'beat is' if count == 1 else 'beats are'} too few; {FEWEST_BEATS} are needed."
-
-
-def _no_sign(judgement: Judgement) -> str:
-    own = judgement.own_tempo
-    words = "" if np.isnan(own) else f" Your own tempo is {own:.1f} bpm, the music's {judgement.tempo:.1f}."
-    return f"No sign that you follow this beat.{words}"
-
-
-def _no_place(judgement: Judgement) -> str:
-    return "You keep its tempo, but no steady place."
-
-
-def _steadily(judgement: Judgement) -> str:
-    steadily = "" if _is_anywhere(judgement) else "steadily "
-    place = "a rest or a hit on the beat" if judgement.pattern is None else _dance(judgement)
-    return f"You keep time, {steadily}{_late_or_early(judgement)} for {place}."
-
-
-def _is_anywhere(judgement: Judgement) -> bool:
-    """True where a lag of rest or hit takes nearly all the half beat there is for it from bar to bar.
-
-    It may wander as much as a lag of level 2: within a quarter of a beat to either side that cannot be seen.
-    """
-    low, high = judgement.lag_interval
-    return judgement.pattern is None and bool(high - low >= ANYWHERE)
-
-
-def _on_the_beat(judgement: Judgement) -> str:
-    movement = _MOVEMENTS.get(judgement.reading, f"you move as in {_dance(judgement)}")
-    return f"You are on the beat: {movement} ({_late_or_early(judgement)})."
-
-
-def _late_or_early(judgement: Judgement) -> str:
-    return f"{abs(judgement.lag_s) * 1000:.0f} ms {'early' if judgement.lag < 0 else 'late'}"
-
-
-def _dance(judgement: Judgement) -> str:
-    """The dance with its article, or the pattern."""
-    name = judgement.reading
-    return "this pattern" if name == "pattern" else f"{'an' if name[:1] in 'aeiou' else 'a'} {name}"
-
-
-_VERDICTS = (_cannot_tell, _no_sign, _no_place, _steadily, _on_the_beat)
-_MOVEMENTS = {"rest": "you rest on it", "hit": "you hit it", "half time": "you rest on every second one"}
-_RATES = {0.5: "You move in half time: once in two beats.", 2.0: "You move in double time: twice a beat."}
-
-
-def _remarks(judgement: Judgement) -> list[str]:
-    """The remarks of `Judgement.remarks`."""
-    remarks = []
-    signal, level = judgement.signal, judgement.level
-    if signal is not None and judgement.time is not None:
-        if signal.share < MOSTLY_TRAVELS:
-            remarks.append(f"You mostly turn and travel: {signal.share:.0%} of the movement is inside the body.")
-        if signal.joints < FEW_JOINTS:
-            remarks.append(f"Few joints move: all of it is the movement of {signal.joints:.0%} of them.")
-        if signal.dimensions == 2:
-            remarks.append("In a picture, a statue that turns cannot be told from a dancer.")
-        if signal.dimensions == 0:
-            remarks.append("Fewer than three points have no shape: their speed in the room was read.")
-    if level == 2 and judgement.place is not None and judgement.place.reach > 0.5 and _keeps_the_beat(judgement.place):
-        remarks.append("Your place in the beat is steady; the beat of the bar that it belongs to is not.")
-    if level >= 2 and judgement.time is not None and judgement.time.rate in _RATES:
-        remarks.append(_RATES[judgement.time.rate])
-    if level >= 3 and _is_anywhere(judgement):
-        remarks.append("That is the mean: from bar to bar you are anywhere between rest and hit.")
-    if level >= 3 and judgement.pattern is None:
-        remarks.append("A rest half a beat late is a hit on the beat: movement alone cannot tell which is meant.")
-    return remarks + _advice(judgement)
-
-
-def _keeps_the_beat(place: PlaceTest) -> bool:
-    """True where the lag is steady once it is looked for within half a beat only, not in the whole bar."""
-    low, high = replace(place, reach=0.5).spread()[1]
-    return high - low <= 2 * STEADY
-
-
-def _advice(judgement: Judgement) -> list[str]:
-    """Ways to learn more than this verdict says."""
-    advice: list[str] = []
-    if judgement.level == 4 or (judgement.signal is not None and floor(judgement.signal)):
-        return advice
-    if FEWEST_BEATS <= judgement.n_beats < FEW_BEATS:
-        advice.append(f"A longer take would show more: it has {judgement.n_beats} beats, {FEW_BEATS} say enough.")
-    if judgement.pattern is None:
-        advice.append("The name of the dance would show more, where its pattern is known (--dance).")
-    elif judgement.beats.bar_places is None and judgement.pattern.beats > 1:
-        advice.append('Where "one" is was not known: the place in the bar could not count (--one, or `harmolab tap`).')
-    return advice
+def _has_rate(time: TimeTest, pattern: BarPattern) -> bool:
+    """True where some of the power on which the blocks agree is at the rates of the pattern."""
+    rates = {Fraction(h, pattern.beats) for h in range(1, len(pattern.cosines) + 1)}
+    power = sum(time.rates.get(rate, 0.0) for rate in rates)
+    return power >= LEAST_POWER * max(time.rates.values())

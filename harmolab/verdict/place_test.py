@@ -1,15 +1,14 @@
 """The place test: at which lag does a movement do on the beats what dancers do there?
 
-A reading says what is expected around a beat: the learnt curve of a dance; without a dance that the body rests on the
-beat, hits it, or rests on every second one. Every moment of the take is ranked by how well the next cycle of movement
-fits; moved by a lag u, the beats have the mean rank M_f(u), and the best reading T(u) = max_f M_f(u). The choice of the
-reading is part of the null, since every lag has it too.
+A pattern says what is expected around a beat: the learnt curve of a dance, or that the body rests on the beat. Where it
+is longer than a beat and "one" is not known, every place at which it may begin is a reading. Every moment of the take
+is ranked by how well the next cycle of movement fits; moved by a lag u, the beats have the mean rank M_f(u), and the
+best reading T(u) = max_f M_f(u). The choice of the reading is part of the null, since every lag has it too.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import lcm
 
 import numpy as np
 from scipy.stats import rankdata
@@ -22,9 +21,6 @@ MOMENTS = 48  # a beat
 TIE = 0.03  # of the range of T: lags that fit as well as the best
 BLOCK = 4  # beats that are drawn together, at least
 N_DRAWS = 200
-REST, HIT = BarPattern(1, (-1.0,), (0.0,), "rest"), BarPattern(1, (1.0,), (0.0,), "hit")
-HALF_TIME = BarPattern(2, (-1.0,), (0.0,), "half time")
-FREE = (REST, HIT, HALF_TIME)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +29,14 @@ class PlaceTest:
 
     Parameters
     ----------
-    readings : tuple of (BarPattern, int), F readings: a pattern, and the number of the beat it begins on
+    pattern : BarPattern
     ranks : (F, B, U) array in (0, 1)
-        Rank of each of B beats moved by u / 48 beats, for the U lags of one cycle.
+        Rank of each of B beats moved by u / 48 beats, for the U lags of one cycle, and F places where it may begin.
     first : int, number of the first of these beats among the music's
     reach : float, beats: lags up to so far on either side are told apart
     """
 
-    readings: tuple[tuple[BarPattern, int], ...]
+    pattern: BarPattern
     ranks: FloatArray
     first: int
     reach: float
@@ -53,12 +49,12 @@ class PlaceTest:
     @property
     def chance(self) -> float:
         """Mean rank at a random lag: 1/2 for one reading, above that where the best of several is taken."""
-        return _chance(self.curve, len(self.readings))
+        return _chance(self.curve, len(self.ranks))
 
     @property
     def harmony_above_chance(self) -> float:
         """H = (T(0) - c) / (1 - c), in [-1, 1]: 1 when every beat is the best moment of the take."""
-        return float(_above(self.curve, len(self.readings)))
+        return float(_above(self.curve, len(self.ranks)))
 
     @property
     def p_value(self) -> float:
@@ -70,12 +66,6 @@ class PlaceTest:
     def lag(self) -> float:
         """The lag (beats, late is positive) at which the beats rank highest."""
         return float(_lags(self.curve, self.reach))
-
-    @property
-    def reading(self) -> BarPattern:
-        """The pattern that fits best at the lag."""
-        moment = int(np.floor(self.lag * MOMENTS + 0.5)) % self.ranks.shape[2]
-        return self.readings[int(self.ranks.mean(axis=1)[:, moment].argmax())][0]
 
     def shares(self, n_beats: int) -> FloatArray:
         """Rank of each of the music's beats, (n_beats,), in the reading that fits best at lag 0."""
@@ -93,7 +83,7 @@ class PlaceTest:
         They say how steady the take is, not how likely its place in the beat is by luck: a take has one phase. Both are
         NaN with fewer than two blocks.
         """
-        cycle = lcm(*(pattern.beats for pattern, _ in self.readings))
+        cycle = self.pattern.beats
         starts = np.arange(0, self.ranks.shape[1], cycle * -(-BLOCK // cycle))
         if starts.size < 2:
             return (np.nan, np.nan), (np.nan, np.nan)
@@ -104,14 +94,12 @@ class PlaceTest:
         curves = means.max(axis=1)
         away = (_lags(curves, self.reach) - self.lag + self.reach) % (2 * self.reach) - self.reach
         edges = (1 - level) / 2, (1 + level) / 2
-        harmony = np.quantile(_above(curves, len(self.readings)), edges)
+        harmony = np.quantile(_above(curves, len(self.ranks)), edges)
         lags = self.lag + np.quantile(away, edges)
         return (float(harmony[0]), float(harmony[1])), (float(lags[0]), float(lags[1]))
 
 
-def place_test(
-    signal: ShapeSignal, beats: FloatArray, bar_places: IntArray | None = None, pattern: BarPattern | None = None
-) -> PlaceTest:
+def place_test(signal: ShapeSignal, beats: FloatArray, bar_places: IntArray | None, pattern: BarPattern) -> PlaceTest:
     """The test of a movement against beats.
 
     Parameters
@@ -119,15 +107,14 @@ def place_test(
     signal : ShapeSignal over the span of the beats
     beats : (B,) array, seconds on the signal's time line
     bar_places : (B,) array of int, or None when unknown: then every place of the bar is a reading
-    pattern : BarPattern, or None for rest, hit and half time at either place
+    pattern : BarPattern
 
     Raises
     ------
     ValueError
         If the beats do not hold one whole cycle of the readings.
     """
-    readings = _readings(bar_places, pattern)
-    cycle = lcm(*(reading.beats for reading, _ in readings))
+    cycle, places = pattern.beats, range(pattern.beats if bar_places is None else 1)
     # The first sample after a beat may lie up to a step behind it.
     start = signal.times[0] - (signal.times[1] - signal.times[0])
     first = int(np.ceil(np.interp(start, beats, np.arange(beats.size)) - 1e-6))
@@ -137,20 +124,13 @@ def place_test(
     moments = np.interp(first + np.arange(count * MOMENTS) / MOMENTS, np.arange(beats.size), beats)
     speed = np.interp(moments, signal.times[signal.valid], signal.values[signal.valid])
     origin = 0 if bar_places is None else int(bar_places[0])
-    ranks = [_beat_ranks(speed, pattern, first + origin - place, cycle) for pattern, place in readings]
-    reach = 0.25 if pattern is None else 0.5 * (cycle if len(readings) == 1 else 1)
-    return PlaceTest(readings, np.array(ranks), first, reach)
+    ranks = [_beat_ranks(speed, pattern, first + origin - place) for place in places]
+    reach = 0.5 * (cycle if len(places) == 1 else 1)
+    return PlaceTest(pattern, np.array(ranks), first, reach)
 
 
-def _readings(bar_places: IntArray | None, pattern: BarPattern | None) -> tuple[tuple[BarPattern, int], ...]:
-    """The patterns to try, each at every place where it may begin."""
-    patterns = FREE if pattern is None else (pattern,)
-    is_placed = pattern is not None and bar_places is not None
-    return tuple((each, place) for each in patterns for place in range(1 if is_placed else each.beats))
-
-
-def _beat_ranks(speed: FloatArray, pattern: BarPattern, origin: int, cycle: int) -> FloatArray:
-    """(B, U) ranks of the beats of a circular speed at every lag within `cycle` beats.
+def _beat_ranks(speed: FloatArray, pattern: BarPattern, origin: int) -> FloatArray:
+    """(B, U) ranks of the beats of a circular speed at every lag within the pattern.
 
     `origin` is the number of the first beat counted from where the pattern begins.
     """
@@ -158,7 +138,7 @@ def _beat_ranks(speed: FloatArray, pattern: BarPattern, origin: int, cycle: int)
     weights = np.array([pattern.cosines, pattern.sines]).T.ravel()
     places = [_rank(turned(weights, pattern.beats, place) @ harmonics) for place in range(pattern.beats)]
     numbers = np.arange(speed.size // MOMENTS)
-    moments = (numbers[:, None] * MOMENTS + np.arange(cycle * MOMENTS)) % speed.size
+    moments = (numbers[:, None] * MOMENTS + np.arange(pattern.beats * MOMENTS)) % speed.size
     return np.array(places)[(numbers + origin)[:, None] % pattern.beats, moments]
 
 
@@ -214,7 +194,9 @@ def _chance(curve: FloatArray, n_readings: int) -> float:
 def _above(curves: FloatArray, n_readings: int) -> FloatArray:
     """H of curves (..., U)."""
     chance = 0.5 if n_readings == 1 else curves.mean(axis=-1)
-    return (curves[..., 0] - chance) / (1 - chance)
+    # With several readings chance lies above 1/2, and the worst moment would lie below -1.
+    above: FloatArray = np.maximum((curves[..., 0] - chance) / (1 - chance), -1.0)
+    return above
 
 
 def _lags(curves: FloatArray, reach: float) -> FloatArray:

@@ -36,7 +36,9 @@ class HarmonyScore:
     hit_rate : float
         Share of all music beats with an attentional visual beat within the delay.
     chance : float, the share that a random shift in time would reach
-    harmony_above_chance : float: 0 is what chance reaches, 1 is every beat hit
+    harmony_above_chance : float
+        0 is what chance reaches, 1 is every beat hit. The recommended score's is H of its `judgement`: in [-1, 1], and
+        NaN where no place in the beat can be judged.
     intervals : (N,) array, from each attentional music beat to its nearest visual beat, less the lag (Eq. 17)
     p_value : float
         Share of random rotations in time that score as high; NaN when not computed. The recommended score's is that of
@@ -68,6 +70,11 @@ class HarmonyScore:
     def above_chance(self) -> float:
         """`harmony_above_chance` where it means something: NaN where chance alone reaches more than .9 of the beats."""
         return self.harmony_above_chance if self.chance <= MOST_CHANCE else float("nan")
+
+    @property
+    def place_harmony(self) -> float:
+        """`harmony_above_chance` also where no place can be judged, for means over many dances."""
+        return self.judgement.place_harmony if self.judgement else self.harmony_above_chance
 
     @property
     def hits(self) -> BoolArray:

@@ -10,8 +10,9 @@ lie between .6 and 1.67 times that of the beats.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -26,6 +27,7 @@ SLOWEST = 0.6  # ratio of the slowest grid; the fastest is 1 / SLOWEST
 N_RATIOS = 241  # log-even, the beats' own tempo in the middle
 BLOCK = 4  # beats in a block, at least
 FEWEST_BLOCKS = 3
+FEWEST_BEATS = 16  # below which nothing is judged: even a dancer in time passes in one take of six
 ALPHA = 0.05
 BESIDE = 5  # grids, 2 %
 LEAST_SPREAD = 0.3  # of the mean SD of the blocks: a block that nearly stands still is not blown up
@@ -42,13 +44,25 @@ class TimeTest:
     z : (241,) array, agreement on the grids of `RATIOS` times the beats' tempo; -inf where there are too few blocks
     power : (241,) array, power of one movement a beat of each grid, agreed on by the blocks
     p_value : float, share of the grids, the beats' own counted, that agree at least as well as the beats' own
-    rate : float, movements a beat: the harmonic that agrees best on the beats' own grid
+    rates : dict, movements a beat -> the power on which the blocks agree, on the beats' own grid
+    cycles : dict, beats after which a movement may recur -> agreement on the beats' own grid
     """
 
     z: FloatArray
     power: FloatArray
     p_value: float
-    rate: float
+    rates: Mapping[Fraction, float]
+    cycles: Mapping[int, float]
+
+    @property
+    def rate(self) -> Fraction:
+        """Movements a beat: the harmonic that agrees best on the beats' own grid."""
+        return max(self.rates, key=self.rates.__getitem__)
+
+    @property
+    def metre(self) -> int:
+        """Beats after which the movement recurs most clearly, of the cycles that were tried."""
+        return max(self.cycles, key=self.cycles.__getitem__)
 
     @property
     def own(self) -> float:
@@ -99,11 +113,12 @@ def time_test(signal: ShapeSignal, beats: FloatArray, *, cycles: tuple[int, ...]
     own = z[N_RATIOS // 2]
     p = float(np.mean(z >= own)) if np.isfinite(own) else 1.0
     rates = {
-        h / cycle: row[N_RATIOS // 2]
+        Fraction(h, cycle): float(row[N_RATIOS // 2])
         for cycle, grid in zip(cycles, grids, strict=True)
         for h, row in enumerate(grid.harmonics, 1)
     }
-    return TimeTest(z, grids[0].harmonics[cycles[0] - 1], p, max(rates, key=rates.__getitem__))
+    owns = {cycle: float(grid.z[N_RATIOS // 2]) for cycle, grid in zip(cycles, grids, strict=True)}
+    return TimeTest(z, grids[0].harmonics[cycles[0] - 1], p, rates, owns)
 
 
 class _Agreement(NamedTuple):

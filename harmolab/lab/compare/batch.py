@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import lcm
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,11 @@ from harmolab.harmony import EDGE
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
-from harmolab.verdict.judge import floor
-from harmolab.verdict.place_test import FREE, HIT, MOMENTS, place_test
+from harmolab.verdict.judge import cycles_of, floor, own_reading
+from harmolab.verdict.place_test import MOMENTS, place_test
+from harmolab.verdict.time_test import time_test
+
+LONGEST = 3  # beats, of the readings where nothing is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,15 +135,16 @@ class PlaceBatch:
 def _place_row(music: BeatTrack, motion: Motion, params: HarmonyParams) -> tuple[Any, ...]:
     """The fields of a `PlaceBatch` of one clip."""
     pattern, strengths = params.pattern, normalise_strengths(music.strengths, params.normalisation)
-    cycle = lcm(*(one.beats for one in FREE)) if pattern is None else pattern.beats
+    cycle = LONGEST if pattern is None else pattern.beats
     curve, hits, chance = np.full(cycle * MOMENTS, 0.5), np.zeros((2, cycle * MOMENTS)), 0.5
     # A beat at either end may lie beyond the motion's samples.
     if len(music) >= cycle + 2 and not floor(signal := shape_signal(shape_speed(motion), *music.times[[0, -1]])):
-        place = place_test(signal, music.times, music.bar_places, pattern)
+        reading = pattern or own_reading(time_test(signal, music.times, cycles=cycles_of(music, None)))
+        place = place_test(signal, music.times, None if pattern is None else music.bar_places, reading)
         fits = place.shares_at_lags(len(music)) > 0.5
-        curve, hits, chance = place.curve, np.array([fits.sum(axis=0), strengths @ fits]), place.chance
-        if place.reading is HIT:
-            params = replace(params, detector="peaks")
+        sums = np.array([place.curve, fits.sum(axis=0), strengths @ fits])
+        tiled, chance = np.tile(sums, cycle // reading.beats), place.chance
+        curve, hits = tiled[0], tiled[1:]
     period = 60 / music.tempo if len(music) > 1 else 1.0
     return curve, *hits, chance, len(music), len(visual_beats(motion, params=params)), period, music.duration
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -29,8 +29,7 @@ from harmolab.metrics.likeness import LikenessLimits, likeness
 from harmolab.metrics.quality import foot_skating, freezing, jerk, or_nan, pfc
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.types import BeatTrack, Clip, FloatArray, Motion
-from harmolab.verdict.judge import floor
-from harmolab.verdict.score import HarmonyScore
+from harmolab.verdict.judge import Judgement
 
 FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
 FEATURES = ("kinetic", "geometric", "pose")  # kinds of features of a dance as a whole
@@ -234,17 +233,12 @@ def _harmony(music: BeatTrack, motion: Motion, dance: str) -> dict[str, float]:
 def _recommended(music: BeatTrack, motion: Motion, params: HarmonyParams) -> dict[str, float]:
     """A recommended score. A body in which nothing moves has a harmony of 0 and a p-value of 1, not none."""
     score = score_motion(music, motion, params=params)
-    low, high = score.interval
-    level = float(score.judgement.level if score.judgement else 0)
-    if _is_still(score):
+    judgement = cast(Judgement, score.judgement)
+    (low, high), level = judgement.interval, float(judgement.level)
+    if judgement.floor:
         return {"harmony": 0.0, "p_value": 1.0, "harmony_low": 0.0, "harmony_high": 0.0, "level": level}
-    values = {"harmony": score.harmony_above_chance, "p_value": score.p_value}
+    values = {"harmony": judgement.place_harmony, "p_value": judgement.p_harmony}
     return values | {"harmony_low": low, "harmony_high": high, "level": level}
-
-
-def _is_still(score: HarmonyScore) -> bool:
-    judgement = score.judgement
-    return judgement is not None and judgement.signal is not None and bool(floor(judgement.signal))
 
 
 def paper_numbers(music: BeatTrack, motion: Motion) -> dict[str, float]:

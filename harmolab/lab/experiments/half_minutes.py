@@ -133,7 +133,7 @@ def harmony_matrix(motions: Sequence[Motion], tracks: Sequence[BeatTrack], param
     """(N, M) harmony above chance of each motion with each music, both from time 0."""
     return np.array(
         [
-            [score_motion(track, motion, params=params, n_rotations=0).harmony_above_chance for track in tracks]
+            [score_motion(track, motion, params=params, n_rotations=0).place_harmony for track in tracks]
             for motion in motions
         ]
     ).reshape(len(motions), len(tracks))

@@ -23,7 +23,8 @@ from harmolab.lab.profile import RunProfile
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, FloatArray, Motion
-from harmolab.verdict.judge import FEW_JOINTS, LEAST_SHARE, Judgement, judge
+from harmolab.verdict.judge import LEAST_SHARE, Judgement, judge
+from harmolab.verdict.sentences import FEW_JOINTS
 
 Course = Callable[[FloatArray], FloatArray]  # number of the beat -> number of poses gone through
 Body = Callable[[FloatArray, np.random.Generator], FloatArray]  # number of the beat -> positions (T, J, 3)
@@ -228,11 +229,11 @@ def judged_columns(judgement: Judgement) -> dict[str, Any]:
     return {
         "level": judgement.level,
         "H": judgement.harmony_above_chance,
-        "p": judgement.p_value,
+        "p": judgement.p_harmony,
         "p_time": judgement.p_time,
         "lag (ms)": 1000 * judgement.lag_s,
         "own tempo": judgement.own_tempo,
-        "rate": np.nan if judgement.time is None else judgement.time.rate,
+        "rate": np.nan if judgement.time is None else float(judgement.time.rate),
         "pulse": np.nan if signal is None else signal.pulse,
         "share": np.nan if signal is None else signal.share,
         "joints": np.nan if signal is None else signal.joints,
@@ -252,6 +253,6 @@ def evidence(judgement: Judgement) -> str:
         own = "" if np.isnan(judgement.own_tempo) else f", own tempo {judgement.own_tempo:.1f} bpm"
         return f"time test: p = {judgement.p_time:.2f}{own}"
     lag = f"{judgement.reading}: lag {1000 * judgement.lag_s:+.0f} ms"
-    rate = 1.0 if judgement.time is None else judgement.time.rate
+    rate = 1.0 if judgement.time is None else float(judgement.time.rate)
     pace = "" if rate == 1 else f", {rate:g} movements a beat"
     return lag + pace + (f", joints {signal.joints:.2f}" if signal.joints < FEW_JOINTS else "")

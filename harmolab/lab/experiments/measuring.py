@@ -207,7 +207,7 @@ def _guard_of(contest: Contest, contestant: Contestant, excerpt: Excerpt) -> tup
     music = _within(excerpt.beats, excerpt, motion)
     pattern = None if music.bar_places is None else contest.patterns.get(excerpt.clip.dance)
     shape = score_motion(music, motion, params=HarmonyParams.recommended(pattern), n_rotations=0)
-    return float("nan") if judged is None else float(judged), shape.harmony_above_chance
+    return float("nan") if judged is None else float(judged), shape.place_harmony
 
 
 def dance_seconds(contest: Contest, name: str, contestant: Contestant) -> float:

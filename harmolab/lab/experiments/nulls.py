@@ -199,7 +199,7 @@ def _p_values(motion: Motion, beats: BeatTrack, n_rotations: int) -> dict[str, f
     """The p-values of one clip; NaN where it is not judged."""
     judgement = judge(shape_speed(motion), beats)
     old = score_motion(beats, motion, params=HarmonyParams.room_speed(), n_rotations=n_rotations)
-    return {"p_time": judgement.p_time, "p": judgement.p_value, OLD: old.p_value}
+    return {"p_time": judgement.p_time, "p": judgement.p_harmony, OLD: old.p_value}
 
 
 def _small_shares(values: pd.DataFrame) -> dict[str, float]:

@@ -14,6 +14,7 @@ from matplotlib.ticker import MultipleLocator
 from harmolab.lab.figures.style import COLOURS, mark_synthetic, styled_axes
 from harmolab.lab.figures.variants import LOOKS, Look, Record, by_corpus, draw_mean, rows_by_name, spread
 from harmolab.lab.figures.words import clearly_above, corpus_words, is_synthetic, listed
+from harmolab.verdict.judge import LEVELS
 
 # Columns of the table of tricks, with the words for them.
 CHEAT_MEASURES = MappingProxyType(
@@ -35,7 +36,6 @@ CHANCE = MappingProxyType({"paper_hit_rate": "paper_chance"})  # measure -> the 
 TRUE = "true"
 UNTOUCHED = "as danced"
 PLEASED = 0.3  # of the old score, above chance
-LEVEL_WORDS = ("cannot tell", "not this beat", "no steady place", "early or late", "on the beat")
 
 
 def draw_dumbbells(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
@@ -186,7 +186,7 @@ def draw_levels(ax: Axes, rows: Sequence[Record], places: Mapping[str, float]) -
         ax.hlines(height, 0, 4, color=COLOURS["faint"], linewidth=1, zorder=0)
         ax.plot(row["level"], height, mark, color=colour, markersize=9)
     ax.set(xlim=(-0.4, 4.4), xticks=range(5))
-    ax.set_xticklabels([f"{level} {words}" for level, words in enumerate(LEVEL_WORDS)], rotation=35, ha="right")
+    ax.set_xticklabels([f"{level} {words}" for level, words in enumerate(LEVELS)], rotation=35, ha="right")
     return ax
 
 

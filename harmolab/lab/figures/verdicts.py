@@ -11,12 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from harmolab.lab.figures.cheating import LEVEL_WORDS
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.lab.figures.variants import Record, rows_by_name
 from harmolab.lab.figures.words import corpus_words, sentence
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.judge import LEVELS
 
 NOMINAL, EDGE = 0.05, 0.42
 FEWEST_ALARMS = 5  # expected in a row, below which its share says nothing
@@ -86,7 +86,7 @@ def draw_level_counts(ax: Axes, rows: Sequence[Record]) -> Axes:
     for music, place in places.items():
         levels = [row["level"] for row in rows if row["music"] == music]
         left = 0
-        for level, words in enumerate(LEVEL_WORDS):
+        for level, words in enumerate(LEVELS):
             count = levels.count(level)
             label = f"{level} {words}" if place == len(musics) - 1 else None
             ax.barh(place, count, left=left, color=LEVEL_COLOURS[level], edgecolor=COLOURS["ink"], label=label)
@@ -117,7 +117,7 @@ def _levels_title(corpus: str, rows: Sequence[Record]) -> str:
     """Recordings that reach the highest level with the first music, and with all others."""
     own = rows[0]["music"]
     parts = ([row["level"] for row in rows if (row["music"] == own) is first] for first in (True, False))
-    top = len(LEVEL_WORDS) - 1
+    top = len(LEVELS) - 1
     first, other = (f"{levels.count(top)} of {len(levels)}" for levels in parts)
     return f"{sentence(corpus_words(corpus))} at level {top}: {first} with {own} music, {other} with other music"
 

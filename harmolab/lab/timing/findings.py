@@ -104,24 +104,27 @@ def explain(score: HarmonyScore) -> Explanation:
         raise ValueError(f"words need a score of measure 'shape', got {score.params.measure!r}")
     if judgement.place is None:
         return Explanation()
-    findings = [_score(judgement), _tempo(judgement)]
+    findings = [*_score(judgement), _tempo(judgement)]
     if judgement.level >= 2:
         findings.append(_rate(judgement))
     if judgement.level < 3:
         return Explanation(tuple(findings))
     halves = _half_lags(judgement)
-    findings += [_lag(judgement), *_change(halves), *_hits(score)]
-    return Explanation(tuple(findings), halves=halves)
+    findings += [*_lag(judgement), *_change(halves), *_hits(score)]
+    return Explanation(tuple(findings), halves=halves if judgement.pattern else ())
 
 
-def _score(judgement: Judgement) -> Finding:
+def _score(judgement: Judgement) -> list[Finding]:
+    """The number, where a place can be judged."""
+    if not judgement.is_placed:
+        return []
     value, (low, high) = judgement.harmony_above_chance, judgement.interval
     spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} from bar to bar"
     sentence = (
         f"Harmony above chance is {value:.2f} (0 is a random phase, 1 the best moment of the take on every beat"
         f"{spread}; p = {judgement.p_value:.3f})."
     )
-    return Finding("score", value, sentence, judgement.interval)
+    return [Finding("score", value, sentence, judgement.interval)]
 
 
 def _tempo(judgement: Judgement) -> Finding:
@@ -134,15 +137,18 @@ def _tempo(judgement: Judgement) -> Finding:
 
 
 def _rate(judgement: Judgement) -> Finding:
-    rate = judgement.time.rate if judgement.time else np.nan
+    rate = float(judgement.time.rate) if judgement.time else np.nan
     return Finding("rate", rate, f"Movements a beat: {rate:.2g}.")
 
 
-def _lag(judgement: Judgement) -> Finding:
+def _lag(judgement: Judgement) -> list[Finding]:
+    """The lag, where it was told from what."""
+    if judgement.pattern is None:
+        return []
     low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
     spread = "" if np.isnan(low) else f" ({1000 * low:+.0f} to {1000 * high:+.0f} ms from bar to bar)"
     sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+.0f} ms{spread}."
-    return Finding("lag", judgement.lag_s, sentence, (low, high))
+    return [Finding("lag", judgement.lag_s, sentence, (low, high))]
 
 
 def _half_lags(judgement: Judgement) -> tuple[MeanOffset, ...]:
@@ -150,9 +156,11 @@ def _half_lags(judgement: Judgement) -> tuple[MeanOffset, ...]:
     beats, signal, pattern = judgement.beats, judgement.signal, judgement.pattern
     second = beats.times >= (beats.times[0] + beats.times[-1]) / 2
     halves = beats.select(~second), beats.select(second)
-    if signal is None or min(map(len, halves)) <= max(FEWEST, pattern.beats if pattern else 0):
+    if signal is None or judgement.place is None or min(map(len, halves)) <= max(FEWEST, judgement.place.pattern.beats):
         return ()
-    tests = [place_test(signal, half.times, half.bar_places, pattern) for half in halves]
+    places = (None, None) if pattern is None else tuple(half.bar_places for half in halves)
+    reading = judgement.place.pattern
+    tests = [place_test(signal, half.times, at, reading) for half, at in zip(halves, places, strict=True)]
     return tuple(_mean_offset(judgement, half, test) for half, test in zip(halves, tests, strict=True))
 
 

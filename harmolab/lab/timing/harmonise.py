@@ -16,13 +16,13 @@ from torch import Tensor
 
 from harmolab.harmony import score_motion
 from harmolab.io.files import Progress, silent
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.params import HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.skeletons import ancestors
 from harmolab.systems.common.soft_harmony import anneal, soft_harmony
 from harmolab.systems.harmogan.natural_terms import foot_loss, jerk_loss
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import LEAST_PULSE, Judgement
-from harmolab.verdict.place_test import REST, PlaceTest, place_test
+from harmolab.verdict.place_test import PlaceTest, place_test
 
 KNOT = 0.15  # seconds between the knots of the splines that offsets follow: little above 3 Hz is added
 RATE = 30.0  # hertz: the search looks at this many frames a second, or a few more
@@ -62,7 +62,7 @@ def harmonise(
         The score to raise. ``HarmonyParams.valleys()`` brings the moments at which the joints are slowest onto the
         beats.
     pattern : BarPattern of the dance (one of `DANCE_PATTERNS`), in place of that of `params`
-        Without one the recommended score raises what the dance is closest to: a rest on the beat, a hit, half time.
+        Without one the recommended score raises what it asks for: a rest on the beat, or a waltz.
     steps : int, gradient steps
     seed : int, of the tiny random movement that the search starts from
     progress : function(steps, label) -> steps, such as ``lambda steps, label: tqdm(steps, label)``
@@ -218,7 +218,7 @@ def _aim(motion: Motion, music: BeatTrack, params: HarmonyParams) -> HarmonyPara
         return params
     judgement = score_motion(music, motion, params=params, n_rotations=0).judgement
     place = _place(judgement) if judgement is not None else None
-    return replace(params, pattern=REST if place is None else place.reading)
+    return replace(params, pattern=HOW_PATTERNS["rest"] if place is None else place.pattern)
 
 
 def _place(judgement: Judgement) -> PlaceTest | None:
@@ -227,4 +227,5 @@ def _place(judgement: Judgement) -> PlaceTest | None:
     fewest = 3 if pattern is None else pattern.beats + 1
     if judgement.place is not None or signal is None or signal.pulse < LEAST_PULSE or len(beats) < fewest:
         return judgement.place
-    return place_test(signal, beats.times, beats.bar_places, pattern)
+    told = pattern or HOW_PATTERNS["rest"]
+    return place_test(signal, beats.times, None if pattern is None else beats.bar_places, told)

@@ -240,8 +240,8 @@ class OwnDance:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences to read beside the verdict."""
-        return self.judgement.remarks
+        """Sentences to read below the verdict; those on the place in the beat only where it is known."""
+        return self.judgement.remarks if self.placement.is_absolute else self.judgement.remarks[:1]
 
     def to_dict(self) -> dict[str, Any]:
         """Numbers and text, ready for JSON."""

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from harmolab.params import HarmonyParams
+from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.systems.common.soft_beats import (
     frames_before_end,
     parabola_shift,
@@ -24,7 +24,6 @@ from harmolab.systems.common.soft_beats import (
     soft_speed,
 )
 from harmolab.systems.common.soft_shape import soft_place, soft_shape_speed
-from harmolab.verdict.place_test import REST
 
 EDGE = 1e-7  # seconds: a beat exactly at the delay is a hit, also at the smallest tau
 REACH = 9.2  # widths of the hit kernel's edge beyond which it is nothing (below 1e-4)
@@ -166,7 +165,7 @@ def _of_shape(
     counted = counted & (late >= 0) & (late <= duration)
     if span is not None:
         counted = counted & (beats >= span[:, :1]) & (beats < span[:, 1:])
-    pattern = params.pattern or REST
+    pattern = params.pattern or HOW_PATTERNS["rest"]
     shape = soft_shape_speed(positions, mask, fps, smoothing=params.position_smoothing)
     place = soft_place(shape, late, counted, pattern, tau=tau, places=bar_places)
     n_audio = counted.sum(dim=1).to(positions.dtype)

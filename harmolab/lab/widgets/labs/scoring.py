@@ -47,7 +47,8 @@ def scoring_lab(clip: Clip, *, pattern: BarPattern | None = None, **values: Any)
     ----------
     clip : Clip with a motion; a few seconds are best
     pattern : BarPattern, optional
-        Movement that the recommended mode expects; rests, hits and half time are tried when left out.
+        Movement that the recommended mode expects; when left out, a waltz where the movement recurs every three beats,
+        else a rest on each.
     **values
         Where controls start instead of at the paper mode: ``delay=0.1``; a mode brings its own settings.
 
@@ -282,5 +283,5 @@ def verdict_numbers(stage: Stage, lag: float) -> dict[str, Any]:
 
 def _reading(judgement: Judgement) -> dict[str, Any]:
     """The reading that fits best, as a pattern; rests on the beat where there is none."""
-    pattern = judgement.place.reading if judgement.place else BarPattern.stop_on_the_beat()
+    pattern = judgement.place.pattern if judgement.place else BarPattern.stop_on_the_beat()
     return {"beats": pattern.beats, "waves": (pattern.cosines, pattern.sines)}
