@@ -10,7 +10,7 @@ import pytest
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_harmony, score_motion
 from harmolab.lab.compare.batch import BatchScores, BeatBatch, PlaceBatch, rescore, rescore_places
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.params import HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion, Skeleton
 
 SETTINGS = {
@@ -60,7 +60,8 @@ def test_an_empty_batch_is_refused() -> None:
 # The recommended mode
 
 PATTERNS = {
-    "rest, hit or half time": HarmonyParams.recommended(),
+    "nothing told": HarmonyParams.recommended(),
+    "hit": HarmonyParams.recommended(HOW_PATTERNS["hit"]),
     "beta": replace(HarmonyParams.recommended(), beta=2.0),
     "two beats": HarmonyParams.recommended(BarPattern(2, (-0.5, -0.5), (0.1, 0.0), "planted")),
 }
@@ -92,7 +93,8 @@ def test_place_batch_agrees_with_score_motion(dances: list[tuple[BeatTrack, Moti
     batch = rescore_places(PlaceBatch.of(dances, params), params)
     singles = [score_motion(*pair, params=params, n_rotations=0) for pair in dances]
     for field in fields(BatchScores):
-        expected = [getattr(single, field.name) for single in singles]
+        name = "place_harmony" if field.name == "harmony_above_chance" else field.name
+        expected = [getattr(single, name) for single in singles]
         np.testing.assert_allclose(getattr(batch, field.name), expected, atol=1e-9, err_msg=field.name)
 
 

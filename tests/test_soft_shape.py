@@ -13,18 +13,19 @@ from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.params import DANCE_PATTERNS, BarPattern, HarmonyParams
+from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.systems.common.soft_beats import soft_speed
 from harmolab.systems.common.soft_harmony import SoftHarmony, soft_harmony
 from harmolab.systems.common.soft_shape import SoftShape, soft_place, soft_shape_speed, unturned
 from harmolab.systems.harmogan.terms import above_chance_loss
 from harmolab.types import Motion, Skeleton
-from harmolab.verdict.place_test import HIT, REST, place_test
+from harmolab.verdict.place_test import place_test
 
 SECONDS = 24.0
 BEATS = np.arange(0.4137, SECONDS - 0.4, 0.5)
 TEMPO = 0.5
+REST, HIT = HOW_PATTERNS["rest"], HOW_PATTERNS["hit"]
 WALTZ, CHA_CHA = DANCE_PATTERNS["waltz"], DANCE_PATTERNS["cha-cha"]
 SOFTNESS = 0.1
 DANCER = synthetic_motion(BEATS, seconds=SECONDS, fps=15.0, seed=3)

@@ -62,7 +62,7 @@ def harmonise(
         The score to raise. ``HarmonyParams.valleys()`` brings the moments at which the joints are slowest onto the
         beats.
     pattern : BarPattern of the dance (one of `DANCE_PATTERNS`), in place of that of `params`
-        Without one the recommended score raises what it asks for: a rest on the beat, or a waltz.
+        Without one the recommended score raises what the dance is closer to: a rest on the beat, or a hit.
     steps : int, gradient steps
     seed : int, of the tiny random movement that the search starts from
     progress : function(steps, label) -> steps, such as ``lambda steps, label: tqdm(steps, label)``
@@ -82,14 +82,14 @@ def harmonise(
     if steps < 1:
         raise ValueError(f"steps must be at least 1, got {steps}")
     params = params or HarmonyParams.recommended()
-    params = params if pattern is None else replace(params, pattern=pattern)
     music = beats.span(0.0, motion.duration)
+    params = _aim(motion, music, params if pattern is None else replace(params, pattern=pattern))
     best = _above_chance(motion, music, params)
     if len(music) == 0 or best >= 1 - 1e-9:
         return motion
     body, splines = _Body.of(motion), _Splines.of(motion)
     best_motion, turns = motion, progress(range(steps), "harmonising")
-    for knots in _search(motion, music, _aim(motion, music, params), reach, turns, steps, seed):
+    for knots in _search(motion, music, params, reach, turns, steps, seed):
         candidate = replace(motion, positions=body.moved(splines.at(knots), reach).numpy())
         score = _above_chance(candidate, music, params)
         if score > best:
@@ -213,19 +213,21 @@ def _above_chance(motion: Motion, music: BeatTrack, params: HarmonyParams) -> fl
 
 
 def _aim(motion: Motion, music: BeatTrack, params: HarmonyParams) -> HarmonyParams:
-    """The params with a pattern: without one, that of the reading the motion is closest to."""
+    """The params with a pattern: without one, a rest or a hit on the beat, whichever is nearer."""
     if params.measure != "shape" or params.pattern is not None:
         return params
-    judgement = score_motion(music, motion, params=params, n_rotations=0).judgement
-    place = _place(judgement) if judgement is not None else None
-    return replace(params, pattern=HOW_PATTERNS["rest"] if place is None else place.pattern)
+    readings = [replace(params, pattern=HOW_PATTERNS[name]) for name in ("rest", "hit")]
+    judgements = [score_motion(music, motion, params=each, n_rotations=0).judgement for each in readings]
+    places = [None if judgement is None else _place(judgement) for judgement in judgements]
+    lags = [np.inf if place is None else abs(place.lag) for place in places]
+    return readings[int(np.argmin(lags))]
 
 
 def _place(judgement: Judgement) -> PlaceTest | None:
     """The place test of a judgement, also where beats are too few to judge; None below the floor of movement."""
     signal, beats, pattern = judgement.signal, judgement.beats, judgement.pattern
-    fewest = 3 if pattern is None else pattern.beats + 1
-    if judgement.place is not None or signal is None or signal.pulse < LEAST_PULSE or len(beats) < fewest:
+    if judgement.place is not None or signal is None or pattern is None:
         return judgement.place
-    told = pattern or HOW_PATTERNS["rest"]
-    return place_test(signal, beats.times, None if pattern is None else beats.bar_places, told)
+    if signal.pulse < LEAST_PULSE or len(beats) <= pattern.beats:
+        return None
+    return place_test(signal, beats.times, beats.bar_places, pattern)
