@@ -8,7 +8,17 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harmolab.lab.experiments.levels import LAGGED, OTHER, OWN, level_recordings, level_table
+from harmolab.lab.experiments.levels import (
+    HALF,
+    OTHER,
+    OWN,
+    QUARTER,
+    SAME,
+    level_counts,
+    level_recordings,
+    level_settings,
+    level_table,
+)
 from harmolab.lab.figures.verdicts import levels_figure
 from harmolab.lab.profile import RunProfile
 
@@ -25,8 +35,22 @@ def table() -> pd.DataFrame:
 def test_planted_dancers_are_on_the_beat_of_their_own_music_only(table: pd.DataFrame):
     levels = table.groupby("music")["level"].apply(list)
     assert set(levels[OWN]) == {4}
-    assert 4 not in levels[LAGGED]
+    assert 4 not in levels[QUARTER] + levels[HALF]
     assert set(levels[OTHER]) == {1}
+
+
+def test_four_settings_are_counted_by_level(table: pd.DataFrame):
+    rows = table.assign(told=table["told"].where(table["music"] != OWN, other=True))
+    counts = level_counts(rows)
+    assert counts.loc[("annotated", True), OWN] == "0 0 0 0 6"
+
+
+@pytest.mark.slow
+def test_settings_are_tracked_and_annotated_told_and_not():
+    recordings = level_recordings(RunProfile.quick())["synthetic"][:2]
+    rows = level_settings(recordings)
+    assert rows.groupby(["beats", "told"]).ngroups == 4
+    assert set(rows["music"]) == {OWN, QUARTER, HALF, SAME}
 
 
 def test_reading_is_the_dance_that_was_learnt_on_other_recordings(table: pd.DataFrame):
@@ -36,7 +60,7 @@ def test_reading_is_the_dance_that_was_learnt_on_other_recordings(table: pd.Data
 
 def test_one_dance_alone_has_no_other_music():
     recordings = level_recordings(replace(RunProfile.quick(), seed=2))["synthetic"][:2]
-    assert list(level_table(recordings)["music"].unique()) == [OWN, LAGGED]
+    assert list(level_table(recordings)["music"].unique()) == [OWN, QUARTER, HALF, SAME]
 
 
 def test_picture_counts_the_levels_of_each_music():
@@ -59,7 +83,8 @@ def test_picture_counts_the_levels_of_each_music():
 def test_recorded_dancers_are_on_the_beat_of_their_own_music_only(data_root: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_DATA", str(data_root / "beatlocked"))
     (recordings,) = level_recordings(RunProfile.full()).values()
-    on_the_beat = level_table(recordings).query("level == 4").groupby("music").size()
-    assert on_the_beat[OWN] >= 8
-    assert on_the_beat.get(LAGGED, 0) <= 1
-    assert on_the_beat.get(OTHER, 0) == 0
+    on_the_beat = level_settings(recordings).query("level == 4").groupby(["beats", "told", "music"]).size()
+    ordinary, told = on_the_beat["tracked", False], on_the_beat["annotated", True]
+    assert ordinary[OWN] >= 10 and told[OWN] >= 8
+    for counts in (ordinary, told):
+        assert max(counts.get(music, 0) for music in (QUARTER, HALF, OTHER)) <= 1

@@ -116,7 +116,13 @@ from .experiments.half_minutes import machine_marks as machine_marks
 from .experiments.half_minutes import right_music_table as right_music_table
 from .experiments.judging import danced_unit as danced_unit
 from .experiments.levels import (
+    level_counts as level_counts,
+)
+from .experiments.levels import (
     level_recordings as level_recordings,
+)
+from .experiments.levels import (
+    level_settings as level_settings,
 )
 from .experiments.levels import (
     level_table as level_table,

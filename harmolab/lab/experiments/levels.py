@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
 
-from harmolab.corpora.folders import Recording
+from harmolab.corpora.folders import Recording, recording_beats
 from harmolab.corpora.synthetic import ClipSettings, planted_clip
 from harmolab.lab.compare.windows import BeatClip, cut_clips, learn_patterns
 from harmolab.lab.experiments.generation import SYNTHETIC
@@ -19,10 +20,12 @@ from harmolab.lab.profile import RunProfile
 from harmolab.params import DANCE_PATTERNS, BarPattern
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
-from harmolab.verdict.judge import judge
+from harmolab.verdict.judge import LEVELS, judge
 
-OWN, LAGGED, OTHER = "its own", "0.3-0.7 beat late", "another dance's"
-LAGS = (0.3, 0.7)  # beats
+OWN, QUARTER, HALF = "its own", "a quarter of a beat late", "half a beat late"
+SAME, OTHER = "the same dance's", "another dance's"
+LAGS = MappingProxyType({QUARTER: 0.25, HALF: 0.5})  # beats
+SETTINGS = (("tracked", False), ("tracked", True), ("annotated", False), ("annotated", True))
 SECONDS = 32.0  # of each synthetic recording: 16 beats are the least that is judged
 PER_DANCE = 3
 
@@ -49,35 +52,57 @@ def _synthetic_recordings(profile: RunProfile) -> Iterator[Recording]:
             yield Recording(planted.clip, planted.annotation, Path(f"{dance} {take}"))
 
 
-def level_table(recordings: Sequence[Recording], *, seed: int = 0) -> pd.DataFrame:
-    """The verdict on whole recordings with annotated beats, to three musics.
+def level_table(
+    recordings: Sequence[Recording], *, beats: str = "annotated", is_told: bool = True, seed: int = 0
+) -> pd.DataFrame:
+    """The verdict on whole recordings, to five musics.
 
-    The pattern of a recording is learnt on others of its dance, on figures that it does not hold; where every other
-    recording shares a figure, on all of them ("shared figures").
+    Where the dance is told its pattern is learnt on other recordings of it, on figures that the judged one does not
+    hold; where every other recording shares a figure, on all of them ("shared figures").
 
     Parameters
     ----------
     recordings : of one corpus, each with motion and annotated beats
-    seed : int, of the lags and the choice of other music
+    beats : "annotated" or "tracked"
+    is_told : bool, whether the dance is told
+    seed : int, of the choice of other music
 
     Returns
     -------
-    DataFrame, a row for each recording and music (`OWN`, `LAGGED`, `OTHER`): recording, dance, music, "shared figures",
-    and the columns of `judged_columns`. No row for other music where all recordings are of one dance.
+    DataFrame, a row for each recording and music: recording, dance, music, beats, "told", "shared figures", and the
+    columns of `judged_columns`. No row for another dance's music where all recordings are of one dance, and none for
+    the same dance's where there is one recording of it.
     """
     rng = np.random.default_rng(seed)
     clips = [cut_clips(recording, "annotated", None) for recording in recordings]
+    tracks = [recording_beats(recording, beats) for recording in recordings]
     rows = []
-    for recording, parts in zip(recordings, clips, strict=True):
-        pattern, shared = _pattern_of_others(
-            parts, [clip for others in clips if others is not parts for clip in others]
-        )
-        motion, start = _motion(recording), recording.clip.offset
-        about = {"recording": recording.clip.name, "dance": recording.clip.dance, "shared figures": shared}
-        for music, beats in _musics(parts[0], motion, start, [each[0] for each in clips], rng).items():
-            verdict = judge(shape_speed(motion), beats, pattern=pattern)
-            rows.append({**about, "music": music, **judged_columns(verdict)})
+    for number, (recording, parts) in enumerate(zip(recordings, clips, strict=True)):
+        pattern, shared = (None, False)
+        if is_told:
+            rest = [clip for others in clips if others is not parts for clip in others]
+            pattern, shared = _pattern_of_others(parts, rest)
+        about = {"recording": recording.clip.name, "dance": recording.clip.dance, "beats": beats, "told": is_told}
+        shape = shape_speed(_motion(recording))
+        for music, track in _musics(recordings, tracks, number, rng).items():
+            verdict = judge(shape, track, pattern=pattern)
+            rows.append({**about, "shared figures": shared, "music": music, **judged_columns(verdict)})
     return pd.DataFrame(rows)
+
+
+def level_settings(recordings: Sequence[Recording], *, seed: int = 0) -> pd.DataFrame:
+    """`level_table` with tracked and with annotated beats, with nothing told and with the dance told."""
+    tables = [level_table(recordings, beats=beats, is_told=told, seed=seed) for beats, told in SETTINGS]
+    return pd.concat(tables, ignore_index=True)
+
+
+def level_counts(table: pd.DataFrame) -> pd.DataFrame:
+    """A table of `level_settings` as counts: a row a setting, a column a music; in a cell recordings by level, 0 to 4."""
+
+    def counts(levels: pd.Series) -> str:
+        return " ".join(map(str, np.bincount(levels, minlength=len(LEVELS))))
+
+    return table.groupby(["beats", "told", "music"], sort=False)["level"].agg(counts).unstack().fillna("")
 
 
 def _motion(recording: Recording) -> Motion:
@@ -97,13 +122,19 @@ def _pattern_of_others(parts: Sequence[BeatClip], others: Sequence[BeatClip]) ->
 
 
 def _musics(
-    part: BeatClip, motion: Motion, start: float, corpus: Sequence[BeatClip], rng: np.random.Generator
+    recordings: Sequence[Recording], tracks: Sequence[BeatTrack], number: int, rng: np.random.Generator
 ) -> dict[str, BeatTrack]:
-    """Beats of each music on the motion's time line."""
-    lag, seconds = rng.uniform(*LAGS) * part.period, motion.duration
-    musics = {OWN: part.track.span(start, seconds), LAGGED: part.track.span(start - lag, seconds)}
-    strangers = [clip.track for clip in corpus if clip.dance != part.dance]
-    if strangers:
-        track = strangers[rng.integers(len(strangers))]
-        musics[OTHER] = track.span(rng.uniform(0.0, max(track.duration - seconds, 0.0)), seconds)
+    """Beats of each music on the time line of the motion of a recording, by its number."""
+    clip, track = recordings[number].clip, tracks[number]
+    start, seconds = clip.offset, _motion(recordings[number]).duration
+    musics = {OWN: track.span(start, seconds)}
+    musics |= {name: track.span(start - lag * 60 / track.tempo, seconds) for name, lag in LAGS.items()}
+    for name, is_same in ((SAME, True), (OTHER, False)):
+        others = [
+            other for at, (item, other) in enumerate(zip(recordings, tracks, strict=True))
+            if at != number and (item.clip.dance == clip.dance) is is_same
+        ]  # fmt: skip
+        if others:
+            other = others[rng.integers(len(others))]
+            musics[name] = other.span(rng.uniform(0.0, max(other.duration - seconds, 0.0)), seconds)
     return musics

@@ -74,7 +74,7 @@ def dance_page(dance: OwnDance) -> str:
         dance=dance,
         is_together=dance.is_together,
         verdict=dance.verdict,
-        sentences=[*dance.remarks, *dance.words.sentences],
+        sentences=[*dance.remarks, *dance.judgement.details, *dance.words.sentences],
         wide=_timing_png(dance, WIDE),
         narrow=_timing_png(dance, NARROW),
         player=dance_player(dance).page if is_short and not dance.performance.is_video else "",
@@ -110,7 +110,7 @@ def _numbers(dance: OwnDance) -> dict[str, str]:
     judgement, score = dance.judgement, dance.score
     numbers = {"Level": f"{dance.level} of 4", "p in time": f"{judgement.p_time:.3f}"}
     if dance.placement.is_absolute:
-        numbers["p in place"] = f"{judgement.p_place:.3f}"
+        numbers["p in place"] = f"{judgement.p_place:.3f}" if judgement.is_placed else "nan"
         numbers["Harmony above chance (0: a random phase, 1: all)"] = f"{score.harmony_above_chance:.2f}"
         numbers["its spread from bar to bar"] = "{:.2f} to {:.2f}".format(*score.interval)
     numbers["Music beats"] = f"{len(dance.music)}: {describe_beats(dance.music)}"
