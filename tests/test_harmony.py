@@ -15,6 +15,7 @@ from harmolab.harmony import (
     f_score,
     harmony_from_hits,
     hit_mask,
+    hit_pairs,
     hitting_score,
     interval_matrix,
     nearest_intervals,
@@ -53,8 +54,14 @@ def test_a_beat_exactly_at_the_delay_is_a_hit():
     np.testing.assert_array_equal(hits, [True, False])
 
 
-def test_a_delay_of_frames_that_float_rounds_is_still_a_hit():
-    assert hit_mask(np.array([0.3]), np.array([0.1 + 0.1]), delay=0.1).all()
+@pytest.mark.parametrize("matching", ["many", "nearest", "max"])
+def test_a_delay_that_float_rounds_up_is_still_a_hit_and_a_microsecond_more_is_none(matching: str):
+    music, motion = np.array([0.8]), np.array([0.7])
+    assert music[0] - motion[0] > 0.1  # by the last bit
+    assert hit_mask(music, motion, delay=0.1, matching=matching).all()
+    assert not hit_mask(music + 1e-6, motion, delay=0.1, matching=matching).any()
+    assert hit_pairs(music, motion, delay=0.1, matching=matching).tolist() == [0]
+    assert hit_pairs(music + 1e-6, motion, delay=0.1, matching=matching).tolist() == [-1]
 
 
 # Three music beats around two visual ones: 1.0 and 1.2 both near 1.1; 1.4 near 1.25 too.
@@ -133,6 +140,11 @@ def test_chance_of_a_lagged_beat_outside_the_clip_is_nothing():
 )
 def test_above_chance_is_zero_at_chance_and_one_at_the_top(share: float, chance: float, expected: float):
     assert above_chance(share, chance) == pytest.approx(expected)
+
+
+def test_a_chance_that_is_one_but_for_rounding_leaves_nothing_to_be_above():
+    assert above_chance(1.0, 1 - 1e-12) == 0.0
+    assert above_chance(1.0, 1 - 1e-6) == 1.0
 
 
 def test_a_score_by_hand():
@@ -242,6 +254,23 @@ def test_the_fit_of_the_speed_in_the_room_is_high_where_the_dancer_stops_on_the_
     assert good.hits.all()
     assert bad.harmony_above_chance < -0.8
     assert not bad.hits.any()
+
+
+@pytest.mark.parametrize(
+    ("lag", "kept"),
+    [
+        (0.25, [0.0, 0.24, 0.25, 3.0, 5.75]),
+        (-0.25, [0.25, 3.0, 5.75, 5.76, 6.0]),
+        (0.0, [0.0, 0.24, 0.25, 3.0, 5.75, 5.76, 6.0]),
+    ],
+)
+def test_a_lag_takes_the_music_beats_whose_movement_would_lie_outside_of_the_clip(
+    swinging_arm: Swing, lag: float, kept: list[float]
+):
+    # Six seconds. Danced .25 s late, 5.75 is danced at their very end and 5.76 after it; early, .24 before their start.
+    beats = track([0.0, 0.24, 0.25, 3.0, 5.75, 5.76, 6.0], duration=6.0)
+    params = replace(HarmonyParams.recommended(), lag=lag)
+    assert score_motion(beats, swinging_arm(1.0, 60.0), params=params).music.times.tolist() == kept
 
 
 STOPS = [0.25 + 0.5 * k for k in range(12)]
