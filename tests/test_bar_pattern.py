@@ -232,3 +232,19 @@ def test_a_motion_shorter_than_the_grid_of_moments_fits_as_chance_does(rng: np.r
 def test_doubled_beats_are_refused_before_they_fill_the_memory(swinging_arm: Swing):
     with pytest.raises(ValueError, match=r"music beats lie 1e-07 s apart: are there doubles among them\?"):
         fit_of_motion(track([1.0, 1.0000001]), swinging_arm(1.0, 60.0), RECOMMENDED)
+
+
+HALVED = np.pi / np.sqrt(0.5 * np.log(2))  # seconds: a Gaussian with an SD of one second keeps half of such a wave
+
+
+@pytest.mark.parametrize(("period", "left"), [(HALVED, 1 / 2), (HALVED / 2, 15 / 16), (2 * HALVED, 1 - 2**-0.25)])
+def test_a_gaussian_of_one_second_is_the_drift_that_is_taken_off_the_speed(period: float, left: float) -> None:
+    # Its share of a wave is exp(-2 (pi SD / period)^2). Beside the slow wave a fast one, of which all is left.
+    fps = 50.0
+    times = (np.arange(round(40 * period * fps)) + 0.5) / fps
+    waves = [np.exp(2j * np.pi * times / each) for each in (period, 0.5)]
+    steps = 3 + waves[0].imag + waves[1].imag
+    params = replace(RECOMMENDED, position_smoothing=0.0, smoothing=0.0)
+    found, speed = normalised_speed(builders.along_x(np.cumsum(steps) / fps, fps=fps), params)
+    slow, fast = (abs(np.exp(-2j * np.pi * found / each) @ speed) for each in (period, 0.5))
+    assert slow / fast == pytest.approx(left, rel=0.03)

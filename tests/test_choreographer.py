@@ -24,11 +24,20 @@ from harmolab.metrics.quality import bone_error
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.skeletons import heading
 from harmolab.systems.choreographer import Choreographer
-from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose
+from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose, node_costs
 from harmolab.systems.choreographer.choreography import TOO_LITTLE, warnings_of
 from harmolab.systems.choreographer.lay import beat_numbers, faded, fit, runs_of
-from harmolab.systems.choreographer.moves import Clouds, Course, Distances, clouds_of, distances, moves_of
-from harmolab.systems.choreographer.params import TOO_LONG, ChoreographerParams
+from harmolab.systems.choreographer.moves import (
+    Clouds,
+    Course,
+    Distances,
+    Moves,
+    clouds_of,
+    distances,
+    moves_of,
+    pattern_shares,
+)
+from harmolab.systems.choreographer.params import TOO_LONG, TOO_SHORT, ChoreographerParams
 from harmolab.systems.choreographer.pulse import pulse
 from harmolab.systems.choreographer.takes import Take, take_of
 from harmolab.systems.common.motion_code import fixed_bones
@@ -146,6 +155,71 @@ def test_the_path_is_the_best_of_all_there_are(rng: np.random.Generator):
     assert cost(tuple(choose(moves, music, PLAIN))) == pytest.approx(cost(best), rel=1e-5)
 
 
+@pytest.mark.parametrize("paths", [2, 3, 500])
+def test_every_path_that_is_followed_has_its_own_memory_and_its_own_run(paths: int):
+    params = ChoreographerParams(
+        seam=1.0, variety=60.0, alike=20.0, noise=0.0, unplaced_run=2, longest_run=3, paths=paths
+    )
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        takes = [wandering_take(name, rng, count=7) for name in "ab"]
+        shares = [rng.uniform(size=7) for _ in takes]
+        moves = moves_of([Course(take, take.beats) for take in takes], params, shares)
+        music = MusicBeats(np.cumsum(rng.uniform(0.4, 0.6, 10)), np.zeros(0, int), 0)
+        assert choose(moves, music, params).tolist() == followed(moves, music, params), seed
+
+
+def followed(moves: Moves, music: MusicBeats, params: ChoreographerParams) -> list[int]:
+    """The best path where to each beat and node the best way is kept, all of each path's costs counted from itself."""
+    every = np.arange(len(moves))
+    cost, likeness = moves.seam_rows(every, params)[1], np.exp(-((moves.alike.rows(every) / params.alike) ** 2))
+    own = params.tempo / 4 * np.abs(np.log(np.diff(music.times))[:, None] - np.log(moves.lengths))
+    own += params.harmony * (1 - moves.shares)
+
+    def step(path: list[int], node: int) -> float:
+        run = 1
+        while run < len(path) and moves.following[path[-run - 1]] == path[-run]:
+            run += 1
+        ages = np.arange(len(path))[::-1]
+        seen = (likeness[path, node] * np.exp(-ages / params.forgetting)).max() * params.variety / 4
+        if moves.following[path[-1]] == node:
+            return float(seen + TOO_LONG * (run >= params.longest_run))
+        return float(seen + cost[path[-1], node] + TOO_SHORT * (run < params.unplaced_run))
+
+    paths = [(float(own[0, node]), [node]) for node in every.tolist()]
+    for beat in range(1, len(own)):
+        kept = sorted(paths)[: params.paths]
+        paths = []
+        for node in every.tolist():
+            total, path = min((total + step(path, node), path) for total, path in kept)
+            paths.append((total + float(own[beat, node]), [*path, node]))
+    return min(paths)[1]
+
+
+def test_of_two_recordings_alike_the_one_that_fits_its_dance_better_is_danced(rng: np.random.Generator):
+    params = replace(PLAIN, harmony=6.0)
+    take, music = wandering_take("a", rng, count=6), MusicBeats(np.arange(6) / 2, np.zeros(0, int), 0)
+    courses = [Course(take, take.beats)] * 2
+    for shares, danced in (((0.9, 0.1), 0), ((0.1, 0.9), 1), ((0.45, 0.55), 1)):
+        moves = moves_of(courses, params, [np.full(6, share) for share in shares])
+        assert moves.course[choose(moves, music, params)].tolist() == [danced] * 5
+        costs = node_costs(moves, music, params, 0)
+        np.testing.assert_allclose(costs[:, [0, 5]], np.tile(6.0 * (1 - np.array(shares)), (5, 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_each_beat_is_ranked_as_the_beat_of_the_bar_that_it_is(first: int):
+    # Hands go up or down around "one" and rest on "two" and "three"; the take begins on any of them.
+    count = 31
+    numbers = np.arange(0.0, count - 1, 1 / 15) + first
+    phase = np.floor((numbers + 0.5) / 3) + np.clip((numbers + 0.5) % 3, 0, 1)
+    places = (np.arange(count) + first) % 3
+    take = Take("waltz", waving(phase), "waltz", np.arange(count) / 2, places, 3)
+    (shares,) = pattern_shares([take])
+    for place in range(3):
+        assert shares[2:-2][places[2:-2] == place].min() > 0.9
+
+
 def test_no_run_is_shorter_than_a_bar_or_longer_than_eight_beats(dancer: Choreographer):
     made = dancer.choreograph(SILENCE, beats(), seconds=40.0)
     lengths = [piece.last_beat - piece.first_beat for piece in made.pieces]
@@ -204,6 +278,48 @@ def test_a_beat_of_the_music_lies_exactly_on_a_recorded_beat(dancer: Choreograph
     np.testing.assert_allclose(made[:, 1], nearest[:, 1], atol=0.02)
     exact = course.positions(np.array([float(moves.beat[node])]))[0]
     np.testing.assert_allclose(made[:, 1], exact[:, 1], atol=1e-9)
+
+
+def walked(name: str, turn: complex = 1.0, shift: complex = 0.0, height: float = 0.0) -> Take:
+    """A body that walks eight beats of half a second with waving hands: turned, moved on the floor, and lifted."""
+    positions = waving(np.arange(0.0, 8.0, 1 / 15)).positions.copy()
+    positions[..., 2] += np.linspace(0.0, 4.0, len(positions))[:, None]
+    floor = (positions[..., 0] + 1j * positions[..., 2]) * turn + shift
+    placed = np.stack([floor.real, positions[..., 1] + height, floor.imag], axis=-1)
+    return Take(name, Motion(placed, 30.0, Skeleton.unnamed(len(BODY))), beats=np.arange(8) / 2)
+
+
+def test_one_walk_recorded_in_three_places_and_directions_is_danced_as_one():
+    takes = [walked("a"), walked("b", np.exp(0.7j), 5 - 3j), walked("c", np.exp(-2.1j), -2 + 1j)]
+    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    runs = runs_of(moves, np.array([0, 1, 9, 10, 11, 19, 20]), PLAIN)  # seven nodes a recording
+    assert [(run.course, run.beat, run.first, run.last) for run in runs] == [(0, 0, 0, 2), (1, 2, 2, 5), (2, 5, 5, 7)]
+    numbers = np.linspace(0.0, 6.9, 80)
+    np.testing.assert_allclose(faded(moves, runs, numbers), moves.courses[0].positions(numbers), atol=1e-5)
+
+
+def test_a_dance_that_begins_turned_and_moved_is_turned_and_moved_as_a_whole(rng: np.random.Generator):
+    takes = [wandering_take(name, rng) for name in "abc"]
+    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    path, numbers = np.array([0, 1, 9, 10, 18, 19]), np.linspace(0.0, 5.9, 80)
+    usual, other = (
+        faded(moves, runs_of(moves, path, PLAIN, turn=turn, shift=shift), numbers)
+        for turn, shift in ((1.0, 0.0), (1j, 2 - 3j))
+    )
+    # 1j turns x to z and z to -x.
+    expected = np.stack([2 - usual[..., 2], usual[..., 1], usual[..., 0] - 3], axis=-1)
+    np.testing.assert_allclose(other, expected, atol=1e-9)
+
+
+def test_a_fade_is_slow_at_its_ends_and_fast_in_its_middle():
+    # From a body to the same one a metre higher. With s from 0 to 1: s^3 (10 - 15 s + 6 s^2), 53 / 512 at s = 1 / 4.
+    takes = [walked("a"), walked("b", height=1.0)]
+    moves = moves_of([Course(take, take.beats) for take in takes], PLAIN)
+    runs = runs_of(moves, np.array([0, 1, 9, 10]), PLAIN)
+    numbers = 2 + np.array([-0.6, -0.5, -0.25, 0.0, 0.25, 0.5, 0.6])
+    risen = faded(moves, runs, numbers) - moves.courses[0].positions(numbers)
+    expected = [0, 0, 53 / 512, 1 / 2, 459 / 512, 1, 1]
+    np.testing.assert_allclose(risen[..., 1], np.tile(expected, (len(BODY), 1)).T, atol=1e-9)
 
 
 # Dances

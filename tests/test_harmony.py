@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from harmolab.beats.visual import visual_beats
 from harmolab.harmony import (
@@ -15,6 +16,7 @@ from harmolab.harmony import (
     f_score,
     harmony_from_hits,
     hit_mask,
+    hit_pairs,
     hitting_score,
     interval_matrix,
     nearest_intervals,
@@ -26,7 +28,8 @@ from harmolab.harmony import (
 from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from tests.builders import track
+from harmolab.verdict.place_test import REST
+from tests.builders import BODY, track
 
 ALL_BEATS = replace(HarmonyParams.paper(), audio_threshold=0.0, visual_threshold=None)
 Swing = Callable[..., Motion]
@@ -53,8 +56,14 @@ def test_a_beat_exactly_at_the_delay_is_a_hit():
     np.testing.assert_array_equal(hits, [True, False])
 
 
-def test_a_delay_of_frames_that_float_rounds_is_still_a_hit():
-    assert hit_mask(np.array([0.3]), np.array([0.1 + 0.1]), delay=0.1).all()
+@pytest.mark.parametrize("matching", ["many", "nearest", "max"])
+def test_a_delay_that_float_rounds_up_is_still_a_hit_and_a_microsecond_more_is_none(matching: str):
+    music, motion = np.array([0.8]), np.array([0.7])
+    assert music[0] - motion[0] > 0.1  # by the last bit
+    assert hit_mask(music, motion, delay=0.1, matching=matching).all()
+    assert not hit_mask(music + 1e-6, motion, delay=0.1, matching=matching).any()
+    assert hit_pairs(music, motion, delay=0.1, matching=matching).tolist() == [0]
+    assert hit_pairs(music + 1e-6, motion, delay=0.1, matching=matching).tolist() == [-1]
 
 
 # Three music beats around two visual ones: 1.0 and 1.2 both near 1.1; 1.4 near 1.25 too.
@@ -126,6 +135,8 @@ def test_chance_is_the_share_of_time_near_a_visual_beat(visual: list[float], exp
 
 def test_chance_of_a_lagged_beat_outside_the_clip_is_nothing():
     assert chance_level(np.array([-0.5, 11.0]), delay=0.25, duration=10.0) == 0.0
+    # The second reaches to .15 s, and from the start at the earliest.
+    assert chance_level(np.array([-0.5, -0.1]), delay=0.25, duration=10.0) == pytest.approx(0.015)
 
 
 @pytest.mark.parametrize(
@@ -133,6 +144,11 @@ def test_chance_of_a_lagged_beat_outside_the_clip_is_nothing():
 )
 def test_above_chance_is_zero_at_chance_and_one_at_the_top(share: float, chance: float, expected: float):
     assert above_chance(share, chance) == pytest.approx(expected)
+
+
+def test_a_chance_that_is_one_but_for_rounding_leaves_nothing_to_be_above():
+    assert above_chance(1.0, 1 - 1e-12) == 0.0
+    assert above_chance(1.0, 1 - 1e-6) == 1.0
 
 
 def test_a_score_by_hand():
@@ -163,6 +179,60 @@ def test_the_lag_is_taken_off_the_visual_beats():
     music, late = track([1.0, 3.0, 5.0]), track([1.4, 3.4, 5.4])
     assert score_harmony(music, late, params=ALL_BEATS, n_rotations=0).hit_rate == 0.0
     assert score_harmony(music, late, params=replace(ALL_BEATS, lag=0.4), n_rotations=0).hit_rate == 1.0
+
+
+def test_movements_that_lag_score_as_those_that_come_so_much_earlier():
+    music = track([0.5, 3.0, 5.0, 9.0], [1.0, 0.5, 1.0, 0.5])
+    late, early = (track([each + 0.5, each + 3.4, each + 5.9]) for each in (0.375, 0.0))
+    score = score_harmony(music, late, params=replace(ALL_BEATS, lag=0.375), n_rotations=99)
+    same = score_harmony(music, early, params=ALL_BEATS, n_rotations=99)
+    np.testing.assert_allclose(score.intervals, [0.0, 0.4, 0.9, 3.1], atol=1e-12)
+    np.testing.assert_allclose(score.intervals, same.intervals, atol=1e-12)
+    np.testing.assert_array_equal(score.null, same.null)
+    assert score.p_value == same.p_value
+
+
+def test_chance_of_movements_that_lag_is_counted_where_they_belong():
+    # From .5 s the quarter of a second to either side is whole, from .1 s it is cut off at the start.
+    params = replace(ALL_BEATS, reaction_delay=0.25, lag=0.4)
+    score = score_harmony(track([1.0, 3.0]), track([0.5]), params=params, n_rotations=0)
+    assert score.chance == pytest.approx(0.035)
+
+
+def test_the_hit_rate_pairs_beats_as_it_is_told():
+    music, between = track([1.0, 1.2]), track([1.1])
+    rates = [
+        score_harmony(music, between, params=replace(ALL_BEATS, matching=matching), n_rotations=0).hit_rate
+        for matching in ("many", "nearest", "max")
+    ]
+    assert rates == [1.0, 0.5, 0.5]
+
+
+def test_null_and_interval_are_shares_of_the_strengths():
+    # Strengths 2 and 1: a rotation hits two thirds, a third or nothing, and so may a resampling.
+    music, params = track([1.0, 5.0], [2.0, 1.0]), replace(ALL_BEATS, reaction_delay=0.25)
+    score = score_harmony(music, track([1.0]), params=params, n_rotations=99)
+    np.testing.assert_allclose(np.unique(score.null), [0, 1 / 3, 2 / 3])
+    # A twentieth of ten seconds lies near the movement: no hit at all is (0 - .05) / .95.
+    assert score.interval == pytest.approx((-0.05 / 0.95, 1.0))
+
+
+def test_the_interval_counts_beats_by_their_strength():
+    # Nineteen beats of strength 1 are hit, one of 50 is missed. Of resamplings 1.6 % draw it four times or more and
+    # 7.5 % three times or more, so the bound at 2.5 % is that of three times.
+    music = track(np.arange(20) / 2.0, [1.0] * 19 + [50.0])
+    score = score_harmony(music, track(np.arange(19) / 2.0), params=replace(ALL_BEATS, reaction_delay=0.1))
+    assert score.interval[0] == pytest.approx(above_chance(17 / (17 + 3 * 50), score.chance))
+
+
+@pytest.mark.parametrize("params", [HarmonyParams.room_speed(), replace(HarmonyParams.recommended(), pattern=REST)])
+def test_a_beat_is_hit_where_it_fits_better_than_the_median_moment(params: HarmonyParams, rng: np.random.Generator):
+    wandering = BODY + 0.1 * gaussian_filter1d(rng.normal(size=(900, *BODY.shape)), 3, axis=0)
+    beats = track(0.3 + 0.5 * np.arange(58), duration=30.0)
+    score = score_motion(beats, Motion(wandering, 30.0, Skeleton.unnamed(len(BODY))), params=params, n_rotations=0)
+    shares = score.shares
+    assert ((shares > 0.4) & (shares <= 0.5)).any() and ((shares > 0.5) & (shares < 0.6)).any()
+    assert score.hit_rate == np.mean(shares > 0.5)
 
 
 @pytest.mark.parametrize(("music", "motion"), [([], []), ([], [1.0]), ([1.0], [])])
@@ -242,6 +312,23 @@ def test_the_fit_of_the_speed_in_the_room_is_high_where_the_dancer_stops_on_the_
     assert good.hits.all()
     assert bad.harmony_above_chance < -0.8
     assert not bad.hits.any()
+
+
+@pytest.mark.parametrize(
+    ("lag", "kept"),
+    [
+        (0.25, [0.0, 0.24, 0.25, 3.0, 5.75]),
+        (-0.25, [0.25, 3.0, 5.75, 5.76, 6.0]),
+        (0.0, [0.0, 0.24, 0.25, 3.0, 5.75, 5.76, 6.0]),
+    ],
+)
+def test_a_lag_takes_the_music_beats_whose_movement_would_lie_outside_of_the_clip(
+    swinging_arm: Swing, lag: float, kept: list[float]
+):
+    # Six seconds. Danced .25 s late, 5.75 is danced at their very end and 5.76 after it; early, .24 before their start.
+    beats = track([0.0, 0.24, 0.25, 3.0, 5.75, 5.76, 6.0], duration=6.0)
+    params = replace(HarmonyParams.recommended(), lag=lag)
+    assert score_motion(beats, swinging_arm(1.0, 60.0), params=params).music.times.tolist() == kept
 
 
 STOPS = [0.25 + 0.5 * k for k in range(12)]

@@ -13,6 +13,7 @@ import torch
 from harmolab.corpora.folders import find_recordings, load_recording
 from harmolab.corpora.synthetic import synthetic_clip, write_corpus
 from harmolab.corpora.tang2018 import TANG_23
+from harmolab.io.files import silent
 from harmolab.rotations import fit_body, forward_kinematics, joint_rotations
 from harmolab.skeletons import heading, turned
 from harmolab.systems import load
@@ -22,6 +23,7 @@ from harmolab.systems.common.groups import Segment
 from harmolab.systems.common.shards import Shard
 from harmolab.systems.common.splits import Split, split_units
 from harmolab.systems.common.unit_corpus import load_units
+from harmolab.systems.music2dance import generate
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode, stored_code
 from harmolab.systems.music2dance.generate import heard_song
 from harmolab.systems.music2dance.networks import DanceNetwork, Prediction, shifted
@@ -30,7 +32,13 @@ from harmolab.systems.music2dance.points import POINTS, body_points
 from harmolab.systems.music2dance.sampler import sampler
 from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences, side_frames, window_starts
 from harmolab.systems.music2dance.system import Music2Dance
-from harmolab.systems.music2dance.terms import contact_loss, likelihood_loss, majority_contacts, unchanged_contacts
+from harmolab.systems.music2dance.terms import (
+    contact_accuracy,
+    contact_loss,
+    likelihood_loss,
+    majority_contacts,
+    unchanged_contacts,
+)
 from harmolab.systems.music2dance.train import predicted, train_music2dance
 from harmolab.systems.music2dance.windows import Windows, WindowSource, cluster_weights, training_statistics
 from harmolab.types import Motion
@@ -141,6 +149,46 @@ def test_a_long_song_is_heard_in_windows_that_fade_into_each_other():
     torch.testing.assert_close(whole[130:170], early[30:70], atol=0.2, rtol=0.0)
 
 
+def test_the_middle_of_a_window_counts_most(monkeypatch: pytest.MonkeyPatch):
+    # Windows of 22 moments begin at -10, 0, 10 ... What is heard is the place in the window, as if music were nothing.
+    net = network()
+    monkeypatch.setattr(net, "music_at", lambda window, at: at[..., None].expand(-1, -1, 8))
+    heard = heard_song(net, np.zeros((200, 15), np.float32), np.array([0.0, 13.0, 18.0, 40.5]))
+    # 13: place 3, 3 from the end, and place 13, 8 from it. 18: 8 and 18, 8 and 3 from the ends. 40.5: .5, 10.5, 20.5.
+    expected = [10.0, (3 * 3 + 13 * 8) / 11, (8 * 8 + 18 * 3) / 11, 10.5]
+    np.testing.assert_allclose(heard, np.tile(expected, (8, 1)).T, atol=0.01)
+
+
+def danced_to(net: DanceNetwork, music: np.ndarray, *, start: float = 0.0, before: int = 0) -> generate.Danced:
+    """Two seconds of dance that go on from so many frames of nothing; no dice are thrown."""
+    return generate.danced(
+        net, music, start=start, frames=50, dance=0, seed=0, prior=np.zeros((before, net.n_motion)), progress=silent
+    )
+
+
+@pytest.mark.parametrize("before", [0, 25, 125])
+@pytest.mark.parametrize(("start", "first"), [(0.0, 26), (0.5, 13), (0.9, 3), (0.98, 1)])
+def test_the_frame_of_a_moment_hears_that_moment_however_long_the_movement_before_it(
+    start: float, first: int, before: int
+):
+    # Ten features a second, 25 frames. The music changes from feature 11 on: heard from just after second 1.
+    net = network(replace(TINY, mapping=False, temperature=0.0, smoothing=0.0))
+    music = np.zeros((80, 15), np.float32)
+    changed = music.copy()
+    changed[11:] = 1.0
+    one, other = (danced_to(net, each, start=start, before=before).code for each in (music, changed))
+    assert np.flatnonzero(np.abs(one - other).max(axis=1) > 0)[0] == first
+
+
+def test_a_foot_stands_where_that_is_more_likely_than_not():
+    net = network()
+    with torch.no_grad():
+        net.body.head.layer.weight.zero_()
+        net.body.head.layer.bias[-2:] = torch.tensor([0.1, -0.1])  # probabilities .525 and .475
+    contacts = danced_to(net, np.zeros((40, 15), np.float32)).contacts
+    np.testing.assert_array_equal(contacts, np.tile([1.0, 0.0], (50, 1)))
+
+
 # Losses
 
 
@@ -169,6 +217,14 @@ def test_as_in_the_frame_before_is_counted_from_the_second_frame_on():
     contacts = torch.tensor([[[0.0, 1.0], [0.0, 1.0], [1.0, 1.0]]])
     assert float(unchanged_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
     assert float(majority_contacts(contacts, torch.ones(1, 3))) == pytest.approx(0.75)
+
+
+def test_a_foot_is_said_to_stand_from_a_probability_of_one_half_on():
+    # The first frame does not count; of the other six all are right but one.
+    logits = torch.tensor([[[9.0, 9.0], [0.1, 0.1], [-0.1, -0.1], [9.0, -9.0]]])
+    contacts = torch.tensor([[[0.0, 0.0], [1.0, 1.0], [0.0, 0.0], [0.0, 0.0]]])
+    said = Prediction(logits, logits, logits)
+    assert float(contact_accuracy(said, contacts, torch.ones(1, 4))) == pytest.approx(5 / 6)
 
 
 def test_the_second_pass_learns_from_the_first_ones_prediction_without_a_way_back():

@@ -118,3 +118,24 @@ def test_every_beat_has_a_share() -> None:
 def test_too_few_beats_for_a_cycle_are_an_error() -> None:
     with pytest.raises(ValueError, match="3 beats hold no whole cycle of 3"):
         place_test(resting(), BEATS[:3], None, WALTZ)
+
+
+def ranked(heights: dict[int, float]) -> PlaceTest:
+    """One reading, one beat: its ranks are .5 at every lag but these (in 48ths of a beat)."""
+    ranks = np.full((1, 1, MOMENTS), 0.5)
+    for lag, height in heights.items():
+        ranks[0, 0, lag % MOMENTS] = height
+    return PlaceTest(((REST, 0),), ranks, 0, 0.5)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize(("height", "lag"), [(0.889, 4), (0.887, 10), (0.9, 4)])
+def test_three_hundredths_of_the_range_are_a_tie_and_the_nearest_lag_has_it(height: float, lag: int, side: int) -> None:
+    # The range is .5 to .9: from .888 on a lag is as good as the best, 10.
+    found = ranked({10 * side: 0.9, 4 * side: height}).lag
+    assert found == pytest.approx(lag * side / MOMENTS)
+
+
+@pytest.mark.parametrize(("height", "lag"), [(0.889, 9.0), (0.887, 10.0)])
+def test_neighbours_in_a_tie_are_a_plateau_with_the_lag_in_its_middle(height: float, lag: float) -> None:
+    assert ranked({8: height, 9: height, 10: 0.9}).lag == pytest.approx(lag / MOMENTS)

@@ -34,6 +34,11 @@ def test_in_the_literal_reading_the_factor_cannot_matter():
         )
 
 
+def test_the_literal_reading_compares_with_the_spread_and_not_with_the_mean():
+    np.testing.assert_array_equal(audio_mask(STRENGTHS, 1.0, reading="literal"), [False, True, False, True])  # 1 is SD
+    np.testing.assert_array_equal(audio_mask(STRENGTHS + 0.5, 1.0, reading="literal"), [True, True, True, True])
+
+
 def test_equal_music_beats_are_all_salient():
     np.testing.assert_array_equal(audio_mask(np.full(3, 0.2), 5.0), [True, True, True])
 
@@ -56,6 +61,18 @@ VISUAL = np.array([1.0, 5.0, 3.0, 9.0])
 def test_a_visual_beat_is_salient_where_its_step_exceeds_the_spread_of_steps():
     np.testing.assert_array_equal(visual_mask(VISUAL, 1.5), [True, True, False, True])  # 2.45
     np.testing.assert_array_equal(visual_mask(VISUAL, 3.0), [False, False, False, True])  # 4.90
+
+
+def test_the_copied_first_step_has_no_part_in_the_spread():
+    # With it the spread would be sqrt(2), and 4 above 2.6 times that.
+    np.testing.assert_array_equal(visual_mask(VISUAL, 2.6), [False, False, False, True])  # 4.25
+    np.testing.assert_array_equal(visual_mask(VISUAL, 2.4), [True, True, False, True])  # 3.92
+
+
+@pytest.mark.parametrize("reading", ["threshold", "literal"])
+def test_a_visual_beat_whose_step_is_the_spread_is_not_salient(reading):
+    # R = 1, 1, 3; SD of the defined 1 and 3 is 1.
+    np.testing.assert_array_equal(visual_mask(np.array([0.0, 1.0, 4.0]), 1.0, reading=reading), [False, False, True])
 
 
 def test_the_printed_formula_compares_the_strength_itself():
@@ -103,3 +120,22 @@ def test_salient_visual_beats_keep_their_raw_strength():
     kept = salient_visual(metronome(VISUAL.tolist(), period=1.0, duration=10.0), params)
     np.testing.assert_array_equal(kept.times, [3.0])
     np.testing.assert_array_equal(kept.strengths, [9.0])
+
+
+@pytest.mark.parametrize(
+    ("how", "times"),
+    [
+        ({"visual_threshold": 1.5, "first_beat": "drop"}, [1.0, 3.0]),
+        ({"visual_threshold": 3.0, "visual_saliency": "strength"}, [1.0, 3.0]),
+        ({"visual_threshold": 3.0, "saliency": "literal"}, [0.0, 1.0, 2.0, 3.0]),
+    ],
+)
+def test_visual_saliency_is_read_as_the_params_say(how, times):
+    kept = salient_visual(metronome(VISUAL.tolist(), period=1.0), replace(HarmonyParams.paper(), **how))
+    np.testing.assert_array_equal(kept.times, times)
+
+
+@pytest.mark.parametrize(("reading", "count"), [("threshold", 0), ("literal", 4)])
+def test_audio_saliency_is_read_as_the_params_say(reading, count):
+    params = replace(HarmonyParams.paper(), audio_threshold=100.0, saliency=reading)
+    assert len(salient_audio(metronome([1.0, 3.0, 2.0, 3.0]), params)) == count

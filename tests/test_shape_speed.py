@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.shape_speed import shape_signal, shape_speed, unturn
+from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed, unturn
 from harmolab.types import FloatArray, Motion, Skeleton
 
 BODY = np.random.default_rng(1).normal(0.0, 0.5, (12, 3))
@@ -128,3 +128,38 @@ def test_a_span_without_movement_is_all_zero() -> None:
 
 def test_unturned_positions_lie_around_their_mean() -> None:
     assert np.abs(unturn(DANCE.positions).mean(axis=1)).max() < 1e-12
+
+
+def rigid(turn: FloatArray, body: FloatArray) -> Motion:
+    """A body (J, d) seen through matrices (T, d, d), one a frame, a hundred frames a second."""
+    return moving(np.einsum("tde,je->tjd", turn, body), 100.0)
+
+
+def test_the_ridge_leaves_three_millionths_of_a_round_body_that_tumbles() -> None:
+    # Six joints on the axes: (2/3 + 2 R) trace w = 2/3 trace w0, so 3 R of the rotation is left, with R = 1e-6.
+    angle = 0.01 * np.arange(100)
+    turn = np.tile(np.eye(3), (100, 1, 1))
+    turn[:, 1, 1] = turn[:, 2, 2] = np.cos(angle)
+    turn[:, 2, 1], turn[:, 1, 2] = np.sin(angle), -np.sin(angle)
+    shape = shape_speed(rigid(turn, np.concatenate([np.eye(3), -np.eye(3)])), smoothing=0.0)
+    np.testing.assert_allclose((shape.speed / np.sqrt(shape.room))[1:-1], 3e-6, rtol=1e-3)
+
+
+def test_the_ridge_leaves_two_millionths_of_a_round_picture_that_is_zoomed() -> None:
+    # Four joints on the axes: (1/2 + R) trace A = 1/2 trace A0.
+    zoom = (1 + 0.01 * np.arange(100))[:, None, None] * np.eye(2)
+    shape = shape_speed(rigid(zoom, np.concatenate([np.eye(2), -np.eye(2)])), smoothing=0.0)
+    np.testing.assert_allclose((shape.speed / np.sqrt(shape.room))[1:-1], 2e-6, rtol=1e-3)
+
+
+HALVED = np.pi / np.sqrt(0.5 * np.log(2))  # seconds: half of a wave of this period is within the SD of one second
+
+
+@pytest.mark.parametrize(("period", "left"), [(HALVED, 1 / 2), (HALVED / 2, 15 / 16), (2 * HALVED, 1 - 2**-0.25)])
+def test_a_gaussian_of_one_second_is_the_drift_that_is_taken_off(period: float, left: float) -> None:
+    # It keeps exp(-2 (pi SD / period)^2) of a wave.
+    fps, count = 10.0, round(200 * period * 10)
+    speed = 2 + np.sqrt(2) * np.sin(2 * np.pi * np.arange(count) / fps / period)  # SD 1
+    ones, valid = np.ones(count), np.ones(count, bool)
+    signal = shape_signal(ShapeSpeed(fps, speed, ones[:, None], ones, ones, valid, 3))
+    assert signal.pulse == pytest.approx(left, rel=0.01)

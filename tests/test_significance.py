@@ -57,6 +57,18 @@ def test_p_value_counts_the_observation_itself(observed, null, expected):
     assert p_value(observed, null) == expected
 
 
+def test_a_null_value_that_rounding_put_below_the_observation_counts_as_large():
+    assert p_value(0.1 + 0.2, [0.3]) == 1.0
+    assert p_value(0.3 + 1e-9, [0.3]) == 0.5
+
+
+@pytest.mark.parametrize(("beat", "hits"), [(1.8, 1.0), (1.8 + 1e-6, 0.0)])
+def test_a_rotated_beat_exactly_at_the_delay_is_a_hit(beat: float, hits: float):
+    # Half of two seconds earlier; .8 - .7 is rounded up.
+    shares = rotated_shares(np.array([beat]), np.array([0.7]), np.ones(1), delay=0.1, duration=2.0, count=1)
+    assert shares.tolist() == [hits]
+
+
 def test_equal_values_have_an_interval_of_no_width():
     assert bootstrap_interval([0.5, 0.5, 0.5]) == (0.5, 0.5)
 

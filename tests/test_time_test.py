@@ -87,3 +87,17 @@ def test_masked_samples_count_for_nothing() -> None:
 def test_the_grids_lie_evenly_around_the_beats_own_tempo() -> None:
     assert RATIOS[N_RATIOS // 2] == pytest.approx(1.0)
     np.testing.assert_allclose(RATIOS * RATIOS[::-1], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "counts"),
+    [(1.0, 1.0), (0.25, 1.0), (0.2, 0.2 / 0.22), (0.1, 0.1 / 0.21)],
+)
+def test_a_block_counts_less_below_three_tenths_of_the_mean_spread(amplitude: float, counts: float) -> None:
+    # Three blocks of four beats, the last moves so little. .3 of the mean is .225, .22 and .21 of the others' spread.
+    beats = 0.4 * np.arange(13)
+    times = np.arange(481) / RATE
+    values = np.cos(2 * np.pi * times / 0.4) * np.where(times < 3.2 - 1e-9, 1.0, amplitude)
+    test = time_test(ShapeSignal(times, values, np.ones(481, bool), 0.4, 0.6, 0.6, 3), beats, cycles=(1,))
+    # Vectors of sizes 1, 1 and w over sqrt(2): (|sum|^2 - sum of squares) / 3^2.
+    assert test.power[N_RATIOS // 2] == pytest.approx((2 + 4 * counts) / 18, rel=1e-6)
