@@ -125,7 +125,7 @@ def ranked(heights: dict[int, float]) -> PlaceTest:
     ranks = np.full((1, 1, MOMENTS), 0.5)
     for lag, height in heights.items():
         ranks[0, 0, lag % MOMENTS] = height
-    return PlaceTest(((REST, 0),), ranks, 0, 0.5)
+    return PlaceTest(REST, ranks, 0, 0.5)
 
 
 @pytest.mark.parametrize("side", [-1, 1])

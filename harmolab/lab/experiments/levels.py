@@ -97,7 +97,7 @@ def level_settings(recordings: Sequence[Recording], *, seed: int = 0) -> pd.Data
 
 
 def level_counts(table: pd.DataFrame) -> pd.DataFrame:
-    """A table of `level_settings` as counts: a row a setting, a column a music; in a cell recordings by level, 0 to 4."""
+    """A table of `level_settings` as counts: a row a setting, a column a music; cells by level, 0 to 4."""
 
     def counts(levels: pd.Series) -> str:
         return " ".join(map(str, np.bincount(levels, minlength=len(LEVELS))))
