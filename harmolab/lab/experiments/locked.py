@@ -21,10 +21,10 @@ from harmolab.corpora.synthetic import DANCER, synthetic_motion
 from harmolab.harmony import score_motion
 from harmolab.lab.profile import RunProfile
 from harmolab.params import HarmonyParams
-from harmolab.shape_speed import shape_speed
-from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.shape_speed import ShapeSignal, shape_speed
+from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
 from harmolab.verdict.judge import LEAST_SHARE, Judgement, judge
-from harmolab.verdict.sentences import FEW_JOINTS
+from harmolab.verdict.sentences import FEW_JOINTS, seen
 
 Course = Callable[[FloatArray], FloatArray]  # number of the beat -> number of poses gone through
 Body = Callable[[FloatArray, np.random.Generator], FloatArray]  # number of the beat -> positions (T, J, 3)
@@ -159,6 +159,25 @@ def wandering(beats: FloatArray, rng: np.random.Generator) -> FloatArray:
     return pose + 0.1 * wander / wander.std()
 
 
+def running(beats: FloatArray, rng: np.random.Generator, *, rate: float, late: float = 0.0) -> FloatArray:
+    """A runner's left and right, to and fro by 20 cm against each other: `rate` steps a beat, `late` beats late."""
+    pose = standing(rng, beats)
+    sides = np.array([{"L": 1.0, "R": -1.0}.get(name[-1], 0.0) for name in DANCER.joints])
+    pose[..., 2] += 0.2 * sides * np.cos(np.pi * rate * (beats - late))[:, None]
+    return pose
+
+
+def trembling_point(beats: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """One point, nobody's, that trembles by a nanometre on the beats."""
+    return 1e-9 * np.cos(np.pi * beats)[:, None, None] * rng.normal(size=(1, 1, 3))
+
+
+def arrivals(beats: FloatArray, *, width: float) -> FloatArray:
+    """The course of movements that last `width` beats, end on the beats, and stand until the next begins."""
+    way = np.clip((beats % 1.0 - 1 + width) / width, 0.0, 1.0)
+    return np.floor(beats) + way**3 * (10 - 15 * way + 6 * way**2)
+
+
 BODIES: Mapping[str, Mapping[str, Body]] = MappingProxyType(
     {
         CHEATS: {
@@ -167,6 +186,7 @@ BODIES: Mapping[str, Mapping[str, Body]] = MappingProxyType(
             "rigid bob": bobbing,
             "tremor of 1 mm": partial(trembling_body, size=1e-3),
             "tremor of 1 nm": partial(trembling_body, size=1e-9),
+            "one point, 1 nm": trembling_point,
             "one toe, 1 mm": partial(one_joint, joint="toe L", size=1e-3),
             "tremor of 5 mm on a drift": partial(trembling_body, size=5e-3, drift=1.0),
             "sensor noise, 1 cm": partial(sensor_noise, size=0.01),
@@ -182,6 +202,9 @@ BODIES: Mapping[str, Mapping[str, Body]] = MappingProxyType(
             "rests, half a beat late": dancing(partial(rests, late=0.5)),
             "hits the beats": dancing(partial(strokes, width=0.6)),
             "impact, then freeze": dancing(impacts),
+            "arrives in .1 s, then stands": dancing(partial(arrivals, width=0.2)),
+            "arrives in .25 s, then stands": dancing(partial(arrivals, width=0.5)),
+            "runner, a step a beat": partial(running, rate=1.0, late=0.1),
             "accents on 2 and 4": dancing(lambda beats: strokes((beats + 1) / 2, width=0.3)),
             "half time": dancing(partial(rests, rate=0.5)),
             "double time": dancing(partial(rests, rate=2.0)),
@@ -191,6 +214,7 @@ BODIES: Mapping[str, Mapping[str, Body]] = MappingProxyType(
             "tempo + 1.6 %": dancing(partial(rests, rate=1.016)),
             "tempo + 7 %": dancing(partial(rests, rate=1.07)),
             "other tempo (+ 27 %)": dancing(partial(rests, rate=1.27)),
+            "runner, 4 steps in 3 beats": partial(running, rate=4 / 3, late=0.1),
             "smooth noise": wandering,
         },
     }
@@ -200,7 +224,9 @@ BODIES: Mapping[str, Mapping[str, Body]] = MappingProxyType(
 def locked_motion(body: Body, *, seed: int) -> Motion:
     """The motion of a body to the `metronome`."""
     beats = np.arange(round(SECONDS * FPS)) / FPS / PERIOD - 0.5
-    return Motion(body(beats, np.random.default_rng(seed)), FPS, DANCER)
+    positions = body(beats, np.random.default_rng(seed))
+    joints = positions.shape[1]
+    return Motion(positions, FPS, DANCER if joints == len(DANCER.joints) else Skeleton.unnamed(joints))
 
 
 def locked_table(profile: RunProfile) -> pd.DataFrame:
@@ -247,12 +273,26 @@ def evidence(judgement: Judgement) -> str:
     if signal is None:
         return f"{len(judgement.beats)} beats"
     if judgement.level == 0:
-        only_turns = signal.dimensions == 3 and signal.share < LEAST_SHARE
-        return f"share {signal.share:.2f}: one piece" if only_turns else f"pulse {signal.pulse:.3f}: next to nothing"
+        return _below_the_floor(signal)
     if judgement.level == 1:
         own = "" if np.isnan(judgement.own_tempo) else f", own tempo {judgement.own_tempo:.1f} bpm"
         return f"time test: p = {judgement.p_time:.2f}{own}"
-    lag = f"{judgement.reading}: lag {1000 * judgement.lag_s:+.0f} ms"
     rate = 1.0 if judgement.time is None else float(judgement.time.rate)
-    pace = "" if rate == 1 else f", {rate:g} movements a beat"
-    return lag + pace + (f", joints {signal.joints:.2f}" if signal.joints < FEW_JOINTS else "")
+    pace = "" if rate == 1 else f", {rate:.3g} movements a beat"
+    return _place(judgement) + pace + (f", joints {signal.joints:.2f}" if signal.joints < FEW_JOINTS else "")
+
+
+def _below_the_floor(signal: ShapeSignal) -> str:
+    if signal.is_point:
+        return f"speed {signal.swing:.1e} m/s: next to nothing"
+    only_turns = signal.dimensions == 3 and signal.share < LEAST_SHARE
+    return f"share {signal.share:.2f}: one piece" if only_turns else f"pulse {signal.pulse:.3f}: next to nothing"
+
+
+def _place(judgement: Judgement) -> str:
+    """The lag after what was told, or when the body is fastest."""
+    if judgement.pattern is not None:
+        return f"{judgement.reading}: lag {1000 * judgement.lag_s:+.0f} ms"
+    seconds = seen(judgement)
+    fastest, stillest = (1000 * seconds[name] for name in ("fastest_after_beat_s", "stillest_after_beat_s"))
+    return f"fastest {fastest:.0f}, stillest {stillest:.0f} ms after the beat"
