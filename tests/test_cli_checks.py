@@ -407,9 +407,13 @@ def test_the_table_of_a_corpus_shows_its_scores_by_their_whole_names(
     names = ("recommended", "paper_above_chance", "beat_align_motion")
     about = {"corpus": "corpus", "n": 70, "beats": "annotated", "null": "lagged", "fitted_on": "x", "unfitted_parts": 0}
     about["levels"] = {"true": [0, 1, 0, 0, 6]}
-    print_comparison({**about, "scores": dict.fromkeys(names, row)})
+    lags_found = {"recommended": 21, "discriminant": 10}
+    about["discriminant"] = {"auc_difference": 0.0806, "interval": [-0.05, 0.11], "lags_found": lags_found}
+    print_comparison({**about, "n_sequences": 23, "scores": dict.fromkeys(names, row)})
     table = capsys.readouterr().out
     assert all(name in table for name in names)
+    assert "AUC +0.081 [-0.050 to 0.110] over the learnt curve" in table
+    assert "within 1/8 beat in 10 of 23 recordings, the learnt curve in 21 of 23" in table
 
 
 # Sizes

@@ -56,7 +56,7 @@ def test_corpora_without_effect_lie_inside_the_band(
     move: Callable[[np.random.Generator, float], Motion], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("HARMOLAB_CACHE", "off")
-    outside = {"recommended": 0, "room_speed": 0, "peaks_lagged": 0}
+    outside = {"recommended": 0, "discriminant": 0, "room_speed": 0, "peaks_lagged": 0}
     for seed in range(N_CORPORA):
         scores = compare(null_corpus(move, seed), n_rotations=N_DRAWS, seed=seed).summary["scores"]
         for name in outside:
@@ -78,3 +78,14 @@ def test_recorded_movement_in_time_is_told_from_lagged_music(
     row = compare(data_root / corpus, window=window, n_rotations=100).summary["scores"]["recommended"]
     assert row["auc"] >= least
     assert row["auc"] > row["chance_band"][1]
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_discriminant_tells_more_of_recorded_dance_and_finds_fewer_lags(data_root: Path):
+    summary = compare(data_root / "beatlocked", n_rotations=100).summary
+    row, beside = summary["scores"]["discriminant"], summary["discriminant"]
+    assert row["auc"] >= 0.85
+    assert row["auc"] > row["chance_band"][1]
+    assert beside["interval"][0] > 0
+    assert beside["lags_found"]["recommended"] > beside["lags_found"]["discriminant"]

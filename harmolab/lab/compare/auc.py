@@ -2,7 +2,7 @@
 
 True music is compared with the same music 0.3-0.7 beat late, or with other songs. The chance band holds 95 % of the
 AUCs of null corpora: the music of each unit of choreography, or of each recording, begins at a random phase, and all
-that is fitted is fitted anew. A window scores the mean of its clips.
+that is fitted is fitted anew, the discriminant in every draw, too. A window scores the mean of its clips.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from harmolab.corpora import folders
 from harmolab.io.files import Progress, plain, silent
+from harmolab.lab.compare.discriminant import DISCRIMINANT, NEAR, discriminant_score, recording_lags
 from harmolab.lab.compare.fits import TENTHS
 from harmolab.lab.compare.rows import THIS_PROCESS, Corpus, Processes, RecordingOptions, corpus_scores
 from harmolab.lab.compare.scores import Scores, ScoreTable, other_music, score_table
@@ -25,6 +26,8 @@ from harmolab.lab.compare.windows import CLIP_SECONDS, FITTED, BeatClip, learn_p
 from harmolab.params import DANCES, BarPattern
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
+
+OURS = "recommended"
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +110,18 @@ def compare(
     patterns = {name: learn_patterns(clips, fit_clips, score=name) for name in FITTED}
     music = other_music(clips, seed) if null == "other" else None
     table = score_table(clips, patterns, usable, fit_clips, music)
+    second = {DISCRIMINANT: discriminant_score(clips, fit_clips, music)}
+    table = replace(table, fitted={OURS: table.fitted[OURS]} | second | table.fitted)
     result = _summarise(clips, table, n_rotations, seed, progress)
-    learnt = patterns["recommended"]
+    learnt = patterns[OURS]
     verdicts = [scores.verdict for scores in recorded if scores.verdict is not None]
     summary = {
         "corpus": corpus or (str(recordings) if isinstance(recordings, str | os.PathLike) else ""),
         "window": window if window is not None else "whole", "null": null, "beats": beats,
         "n": len(result.dances), "n_sequences": len(set(result.sequences)), "fitted_on": _fit_note(clips, fit_clips),
         "n_parts": len(clips), "unfitted_parts": sum(pattern == BarPattern.stop_on_the_beat() for pattern in learnt),
-        "seed": seed, **result.summary, **verdict_summary(verdicts, fit_clips or clips, fit_clips is None, seed),
+        "seed": seed, **result.summary, "discriminant": _beside(result, table, clips, seed, n_rotations),
+        **verdict_summary(verdicts, fit_clips or clips, fit_clips is None, seed),
     }  # fmt: skip
     fitted: dict[str, list[BarPattern]] = {}
     shifts: dict[str, list[float]] = {}
@@ -229,17 +235,38 @@ def _quantiles(values: Sequence[float]) -> list[float | None]:
 
 def _row(true: FloatArray, wrong: FloatArray, sequences: Sequence[str], seed: int, count: int) -> dict[str, Any]:
     """AUC, its bootstrap interval over recordings, and the mean scores."""
+    return {
+        "auc": auc(true, wrong),
+        "interval": _quantiles([auc(true[rows], wrong[rows]) for rows in _resampled(sequences, seed, count)]),
+        "n": len(true),
+        "mean_true": float(true.mean()),
+        "mean_wrong": float(wrong.mean()),
+    }
+
+
+def _resampled(sequences: Sequence[str], seed: int, count: int) -> list[IntArray]:
+    """Numbers of the windows of as many recordings, drawn with replacement, so many times; none for one recording."""
     names = np.array(sequences)
     members = [np.flatnonzero(names == name) for name in dict.fromkeys(sequences)]
     rng = np.random.default_rng(seed)
     draws = rng.integers(0, len(members), (count if len(members) > 1 else 0, len(members)))
-    indices = [np.concatenate([members[i] for i in row]) for row in draws]
+    return [np.concatenate([members[i] for i in row]) for row in draws]
+
+
+def _beside(
+    result: CorpusResult, table: ScoreTable, clips: Sequence[BeatClip], seed: int, count: int
+) -> dict[str, Any]:
+    """The discriminant beside the learnt curve: difference in AUC, and number of recordings whose lag each finds."""
+    true, wrong = result.true, result.wrong
+
+    def gain(rows: IntArray) -> float:
+        return auc(true[DISCRIMINANT][rows], wrong[DISCRIMINANT][rows]) - auc(true[OURS][rows], wrong[OURS][rows])
+
+    lags = {name: recording_lags(table.fitted[name], clips) for name in (OURS, DISCRIMINANT)}
     return {
-        "auc": auc(true, wrong),
-        "interval": _quantiles([auc(true[index], wrong[index]) for index in indices]),
-        "n": len(true),
-        "mean_true": float(true.mean()),
-        "mean_wrong": float(wrong.mean()),
+        "auc_difference": gain(np.arange(len(result.sequences))),
+        "interval": _quantiles([gain(rows) for rows in _resampled(result.sequences, seed, count)]),
+        "lags_found": {name: int(np.sum(np.abs(row) <= NEAR)) for name, row in lags.items()},
     }
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -48,6 +49,15 @@ def coefficients(pattern: BarPattern, cycle: int) -> FloatArray:
     return weights.ravel()
 
 
+def turned_signals(weights: FloatArray, cycle: int, place: float | FloatArray) -> FloatArray:
+    """`turned` coefficients (..., F) of several signals, one after another; a `place` array has the shape (..., 1, 1).
+
+    The harmonics of moments turned by -place are those that the coefficients turned by place see.
+    """
+    signals = weights.reshape(*weights.shape[:-1], -1, 2 * cycle)
+    return turned(signals, cycle, place).reshape(weights.shape)
+
+
 @dataclass(frozen=True, eq=False)
 class FitBatch:
     """Fits of n clips with one cycle to each harmonic of it.
@@ -55,7 +65,7 @@ class FitBatch:
     Parameters
     ----------
     cycle : int, beats
-    fits : (n, 2 cycle, G) array of `harmonic_fits`, zeros behind the end of a shorter clip
+    fits : (n, F, G) array of `harmonic_fits`, zeros behind the end of a shorter clip: F = 2 cycle for each signal
     sizes : (n,) array of int, moments of each clip: whole cycles, or 0
     """
 
@@ -65,7 +75,7 @@ class FitBatch:
 
     @classmethod
     def of(cls, curves: Sequence[FloatArray], cycle: int) -> FitBatch:
-        """The batch of n curves of `cycle_curve`."""
+        """The batch of n curves of `cycle_curve`, of one signal."""
         sizes = np.array([curve.size for curve in curves], np.int64)
         fits = np.zeros((sizes.size, 2 * cycle, max(sizes.max(initial=0), cycle * MOMENTS)))
         for row, curve in zip(fits, curves, strict=True):
@@ -78,13 +88,13 @@ class FitBatch:
 
         Parameters
         ----------
-        weights : (n, 2 cycle) array, the coefficients of each clip's pattern
+        weights : (n, F) array, the coefficients of each clip's pattern
         """
         outside = np.arange(self.fits.shape[2]) >= self.sizes[:, None]
         below = np.where(outside, np.inf, 0.0)
         ranks = np.zeros((self.sizes.size, TENTHS * self.cycle))
         for place in range(self.cycle):
-            row = turned(weights, self.cycle, place)[:, None] @ self.fits
+            row = turned_signals(weights, self.cycle, place)[:, None] @ self.fits
             folded = self._cycle_means(_ranks(row[:, 0] + below) * ~outside)
             ranks += np.roll(folded, -MOMENTS * place, axis=1)[:, :: MOMENTS // TENTHS]
         sizes = self.sizes[:, None]
@@ -102,6 +112,13 @@ def _ranks(values: FloatArray) -> FloatArray:
     ranks = np.empty(values.shape)
     np.put_along_axis(ranks, values.argsort(axis=1), np.arange(values.shape[1])[None], axis=1)
     return ranks
+
+
+class Teacher(Protocol):
+    """Source of the weights of a score: lessons of clips, and who may learn from whom."""
+
+    def weights(self, origins: FloatArray | float = 0.0) -> FloatArray:
+        """(n, F) coefficients for each judged clip where the music of each teaching clip begins so many beats late."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harmolab.lab.compare.batch import BeatBatch, rescore
-from harmolab.lab.compare.fits import TENTHS, FitBatch, Lessons, coefficients, cycle_curve
+from harmolab.lab.compare.fits import TENTHS, FitBatch, Lessons, Teacher, coefficients, cycle_curve
 from harmolab.lab.compare.windows import FITTED, BeatClip
 from harmolab.metrics.beats import beat_align, beat_hit_rate, mir_eval_scores
 from harmolab.params import BarPattern, HarmonyParams
@@ -30,7 +30,7 @@ class ScoredClip(BeatClip):
     Parameters
     ----------
     hits : dict from score name to (10 cycle,) array, at lags of 0, .1, .2 ... beat
-    curves : dict from the names of `FITTED` to its `cycle_curve`
+    curves : dict from the names of `FITTED` and "bounce" to its `cycle_curve`
     """
 
     hits: Mapping[str, FloatArray]
@@ -55,7 +55,7 @@ class ScoreTable:
     sizes : (n,) array of int, tenths of a beat in the cycle of each clip
     hits : dict from score name to (n, S) array, at lags of 0, .1, .2 ... beat; 0 behind a clip's cycle
     other_hits : dict from score name to (n, K) array, with other recordings' music; empty for lagged music
-    fitted : dict from the names of `FITTED` to FittedScore
+    fitted : dict from the names of `FITTED` and "discriminant" to FittedScore
     lags : PeakLags, for the row "peaks_lagged"
     """
 
@@ -128,6 +128,12 @@ class FittedScore:
     sequences: IntArray
     is_placed: BoolArray
 
+    @classmethod
+    def of(cls, parts: Sequence[PatternScores], clips: Sequence[BeatClip]) -> FittedScore:
+        """The score of clips whose parts are made."""
+        _, sequences = np.unique([clip.sequence for clip in clips], return_inverse=True)
+        return cls(tuple(parts), sequences, np.array([clip.is_placed for clip in clips]))
+
     def at(self, origins: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """H at lags of 0, .1, .2 ... beat, (n, S), and with other music, (n, K).
 
@@ -153,14 +159,14 @@ class FittedScore:
 class PatternScores:
     """The clips of one cycle: their numbers (p,), their fits, those of other music (p K rows), and their patterns.
 
-    `fixed` holds the coefficients (p, 2 cycle) of patterns that come from another corpus, else `lessons` teaches them.
+    `fixed` holds the coefficients (p, F) of patterns that come from another corpus, else `lessons` teaches them.
     """
 
     clips: IntArray
     batch: FitBatch
     others: FitBatch | None
     fixed: FloatArray
-    lessons: Lessons | None
+    lessons: Teacher | None
 
     def weights(self, origins: FloatArray) -> FloatArray:
         """Coefficients of each clip's pattern where the music of the clips begins so many beats late."""
@@ -279,8 +285,7 @@ def fitted_score(
                 None if usable is None else _lessons(name, clips, numbers, usable, cycle),
             )
         )
-    _, sequences = np.unique([clip.sequence for clip in clips], return_inverse=True)
-    return FittedScore(tuple(parts), sequences, np.array([clip.is_placed for clip in clips]))
+    return FittedScore.of(parts, clips)
 
 
 def _lessons(name: str, clips: Sequence[BeatClip], numbers: IntArray, usable: BoolArray, cycle: int) -> Lessons:

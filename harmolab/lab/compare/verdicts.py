@@ -65,7 +65,7 @@ def recording_verdict(recording: folders.Recording, beats: str, clips: Sequence[
     numbers = {"harmony_above_chance": judgement.harmony_above_chance, "p_value": judgement.p_value}
     row = {"name": clip.name, "dance": clip.dance, **judgement.to_dict(), **numbers}
     figures = frozenset[str]().union(*(one.figures for one in clips))
-    first = replace(clips[0], figures=figures, visual={}, speeds={}, sums={})
+    first = replace(clips[0], figures=figures, visual={}, speeds={}, sums={}, lessons={})
     slim = replace(shape, energy=shape.energy.mean(axis=1, keepdims=True))
     return RecordingVerdict(first, plain(row), slim, music)
 

@@ -19,15 +19,18 @@ from harmolab.corpora import folders
 from harmolab.corpora.files import corpus_recordings
 from harmolab.corpora.folders import recording_beats
 from harmolab.io.files import PathLike, Progress, silent
+from harmolab.kinematics import smooth_positions, upsample_motion
+from harmolab.lab.compare.fits import cycle_curve
 from harmolab.metrics.beats import kinematic_params
 from harmolab.params import DANCES, BarPattern, HarmonyParams
-from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.shape_speed import RATE, SMOOTHING, shape_signal, shape_speed
 from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion
 from harmolab.verdict.judge import floor
 
 CLIP_SECONDS = 6.0
 # Scores with a pattern to learn: the movement signal of each.
 FITTED = MappingProxyType({"recommended": HarmonyParams.recommended(), "room_speed": HarmonyParams.room_speed()})
+SIGNALS = ("recommended", "bounce")  # what a discriminant reads: shape speed, and how fast the body's centre rises
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +49,9 @@ class BeatClip:
     cycle : int, beats in a bar pattern's cycle
     is_placed : bool; False where beats are counted from the recording's first, since "one" is not known
     visual : dict from "turns", "valleys", "peaks", "kinematic" to that kind of visual beats
-    speeds : dict from the names of `FITTED` to (times, speed), the normalised movement signal
-    sums : dict from the same names to what it adds to a bar pattern; empty when it has no tempo
+    speeds : dict from the names of `FITTED` and "bounce" to (times, speed), the normalised movement signal
+    sums : dict from the names of `FITTED` to what it adds to a bar pattern; empty when it has no tempo
+    lessons : dict from `SIGNALS` to its `cycle_curve` on the beats that it teaches by: what a discriminant learns from
     """
 
     sequence: str
@@ -63,6 +67,7 @@ class BeatClip:
     visual: Mapping[str, BeatTrack]
     speeds: Mapping[str, tuple[FloatArray, FloatArray]]
     sums: Mapping[str, PatternSums]
+    lessons: Mapping[str, FloatArray]
 
     @property
     def period(self) -> float:
@@ -131,9 +136,11 @@ def _beat_clip(
     sums = {
         name: pattern_sums(beat_positions(row[0], beats), row[1], cycle) for name, row in speeds.items() if is_timed
     }
+    speeds["bounce"] = bounce(motion)
+    lessons = {name: cycle_curve(*speeds[name], beats, cycle) for name in SIGNALS}
     return BeatClip(
         folder, window, recording.clip.dance, frozenset(figure for figure, _ in units), longest, begins,
-        motion.duration, track, cycle, is_placed, _visual_tracks(motion), speeds, sums,
+        motion.duration, track, cycle, is_placed, _visual_tracks(motion), speeds, sums, lessons,
     )  # fmt: skip
 
 
@@ -142,6 +149,20 @@ def _speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArra
     times, speed = normalised_speed(motion, params)
     is_judged = params.measure != "shape" or not floor(shape_signal(shape_speed(motion)))
     return times, speed * is_judged
+
+
+def bounce(motion: Motion) -> tuple[FloatArray, FloatArray]:
+    """Seconds and vertical velocity of the mean of all joints, upwards, in its standard deviations over the clip.
+
+    Both are (T',) arrays on the time line of the shape speed; the velocity is 0 where the body keeps its height.
+    """
+    fine = upsample_motion(motion, RATE)
+    centre = smooth_positions(fine.positions, SMOOTHING, fine.fps).mean(axis=1)
+    speeds = np.gradient(centre, 1 / fine.fps, axis=0)
+    upwards = speeds[:, 1] * (-1 if centre.shape[1] == 2 else 1)  # a picture's y points down
+    spread = upwards.std()
+    is_level = spread <= 1e-9 * max(np.abs(speeds).max(), 1e-300)
+    return np.arange(upwards.size) / fine.fps, 0 * upwards if is_level else (upwards - upwards.mean()) / spread
 
 
 def _visual_tracks(motion: Motion) -> dict[str, BeatTrack]:
@@ -167,17 +188,24 @@ def _units_in(recording: folders.Recording, start: float, length: float) -> dict
     return seconds
 
 
-def usable(clip: BeatClip, judged: BeatClip, *, same_corpus: bool) -> bool:
-    """May `clip` be fitted on when `judged` is scored? Same dance and cycle, no shared figure, another recording."""
-    if (clip.dance, clip.cycle) != (judged.dance, judged.cycle) or clip.figures & judged.figures:
+def usable(clip: BeatClip, judged: BeatClip, *, same_corpus: bool, any_dance: bool = False) -> bool:
+    """May `clip` be fitted on when `judged` is scored? Same dance and cycle, no shared figure, another recording.
+
+    With `any_dance` the dances of one cycle share what they teach.
+    """
+    if clip.cycle != judged.cycle or clip.figures & judged.figures:
+        return False
+    if clip.dance != judged.dance and not any_dance:
         return False
     return not (same_corpus and clip.sequence == judged.sequence)
 
 
-def usable_clips(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None = None) -> BoolArray:
+def usable_clips(
+    clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None = None, *, any_dance: bool = False
+) -> BoolArray:
     """(n, m) bools: clip j of `fit_clips` (of the corpus itself when left out) may be fitted on when i is judged."""
     source, same = (clips, True) if fit_clips is None else (fit_clips, False)
-    rows = [[usable(clip, judged, same_corpus=same) for clip in source] for judged in clips]
+    rows = [[usable(clip, judged, same_corpus=same, any_dance=any_dance) for clip in source] for judged in clips]
     return np.array(rows, bool).reshape(len(clips), len(source))
 
 

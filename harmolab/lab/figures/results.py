@@ -21,6 +21,7 @@ from harmolab.params import BarPattern
 
 SCORE_LABELS = {
     "recommended": "recommended (shape speed)",
+    "discriminant": "discriminant, trained on lagged music",
     "room_speed": "before: joint speed in the room",
     "peaks_lagged": "speed peaks, one lag a dance",
     "valleys": "speed valleys within 0.1 s",

@@ -1,0 +1,237 @@
+"""The discriminant of `compare`: what it learns, from whom, and that it sees what the learnt curve of speed cannot.
+
+The bodies here change their shape at random, which no music knows of, and are carried up and down as one piece: fastest
+upwards `peak` beats after every beat. The music has a beat every half second, two in a cycle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from harmolab.corpora.folders import Recording
+from harmolab.io.beats import BeatAnnotation, Unit
+from harmolab.lab.compare.auc import CorpusResult, compare
+from harmolab.lab.compare.discriminant import DiscriminantLessons, beat_features, recording_lags, signal_batch
+from harmolab.lab.compare.fits import MOMENTS, FitBatch, turned_signals
+from harmolab.lab.compare.scores import FittedScore, PatternScores
+from harmolab.lab.compare.windows import bounce, cut_clips
+from harmolab.types import Audio, Clip, FloatArray, Motion, Skeleton
+
+FPS = 30.0
+PERIOD = 0.5
+SECONDS = 12.0
+
+
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HARMOLAB_CACHE", "off")
+
+
+def bobbing(seed: int, *, peak: float = 0.0, height: float = 0.05) -> Motion:
+    """Eight joints that wander about each other while all of them bob."""
+    rng = np.random.default_rng(seed)
+    frames = round(SECONDS * FPS)
+    wander = gaussian_filter1d(rng.normal(size=(frames, 8, 3)), 4, axis=0)
+    wander -= wander.mean(axis=1, keepdims=True)
+    places = 0.1 * wander / wander.std() + 0.5 * rng.normal(size=(8, 3))
+    places[..., 1] += height * np.sin(2 * np.pi * (np.arange(frames) / FPS / PERIOD - peak))[:, None]
+    return Motion(places, FPS, Skeleton.unnamed(8))
+
+
+def danced(name: str, motion: Motion, *figures: str, dance: str = "cha-cha", bars: bool = True) -> Recording:
+    """A recording that begins on a downbeat; each figure fills an equal stretch of it."""
+    edges = np.linspace(0, SECONDS, len(figures) + 1)
+    units = tuple(Unit(f"{name} {i}", edges[i], edges[i + 1], 4, figure) for i, figure in enumerate(figures))
+    times = np.arange(0, SECONDS + 1, PERIOD)
+    annotation = BeatAnnotation(
+        times, times[::4] if bars else None, 4 if bars else None, 60 / PERIOD, dance, units, 0.0
+    )
+    sound = Audio(np.zeros(round(1000 * (SECONDS + 1))), 1000)
+    return Recording(Clip(name, sound, motion, 0.0, "hand-made", dance=dance), annotation, Path("corpus") / name)
+
+
+def corpus(peaks: list[float]) -> list[Recording]:
+    """A recording for each, with figures of its own."""
+    return [danced(f"S{i:02}", bobbing(i, peak=peak), f"a{i}", f"b{i}") for i, peak in enumerate(peaks)]
+
+
+def compared(recordings: list[Recording], **options: object) -> CorpusResult:
+    return compare(recordings, **({"n_rotations": 60} | options))
+
+
+# What it reads
+
+
+@pytest.mark.parametrize("flip", [1, -1], ids=["metres, y up", "picture, y down"])
+def test_bounce_is_how_fast_the_centre_rises(flip: int):
+    motion = bobbing(1, peak=0.25)
+    if flip < 0:
+        motion = Motion(motion.positions[..., :2] * [1, -1], FPS, motion.skeleton)
+    times, upwards = bounce(motion)
+    expected = np.cos(2 * np.pi * (times / PERIOD - 0.25)) * np.sqrt(2)
+    inside = (times > 0.5) & (times < SECONDS - 0.5)
+    np.testing.assert_allclose(upwards[inside], expected[inside], atol=0.05)
+
+
+def test_body_that_keeps_its_height_does_not_bounce():
+    sliding = bobbing(1, height=0.0).positions.copy()
+    sliding[..., 1] = np.arange(8)
+    assert not bounce(Motion(sliding, FPS, Skeleton.unnamed(8)))[1].any()
+
+
+@pytest.fixture
+def noise(rng: np.random.Generator) -> FitBatch:
+    """Five clips of noise of 8, 12, 8, 0 and 10 beats in cycles of two."""
+    sizes = (8, 12, 8, 0, 10)
+    names = ("recommended", "bounce")
+    return signal_batch([{name: rng.normal(size=size * MOMENTS) for name in names} for size in sizes], 2)
+
+
+def test_features_of_a_beat_are_turned_to_where_a_cycle_begins(rng: np.random.Generator):
+    batch = signal_batch([{name: rng.normal(size=9 * MOMENTS) for name in ("recommended", "bounce")}], 3)
+    fits, weights = batch.fits[0], rng.normal(size=12)
+    features = beat_features(fits, 3)
+    assert features.shape == (30, 9, 12)
+    for lag, beat in ((0, 0), (0, 1), (7, 5), (13, 7)):
+        moment = (beat * MOMENTS + lag * 2) % fits.shape[1]
+        expected = turned_signals(weights, 3, beat % 3) @ fits[:, moment]
+        assert features[lag, beat] @ weights == pytest.approx(expected)
+
+
+def test_clip_that_stays_level_is_read_by_its_shape_alone(rng: np.random.Generator):
+    shape = rng.normal(size=4 * MOMENTS)
+    batch = signal_batch([{"recommended": shape, "bounce": np.zeros(0)}], 2)
+    assert batch.sizes.tolist() == [shape.size]
+    np.testing.assert_array_equal(batch.fits[:, :4], FitBatch.of([shape], 2).fits)
+    assert not batch.fits[:, 4:].any()
+
+
+# What it learns
+
+
+def by_hand(clips: list[FloatArray]) -> FloatArray:
+    """The formula, over the features (L, B, F) of all clips together."""
+    true = np.concatenate([rows[0] for rows in clips])
+    later = np.concatenate([rows[lag] for rows in clips for lag in (3, 4, 5, 6, 7)])
+    within = (np.cov(true.T, bias=True) + np.cov(later.T, bias=True)) / 2
+    return np.linalg.solve(within + np.trace(within) / 8 * np.eye(8), true.mean(axis=0) - later.mean(axis=0))
+
+
+def test_weights_are_those_of_the_formula_on_the_clips_that_may_teach(noise: FitBatch):
+    usable = ~np.eye(5, dtype=bool)
+    weights = DiscriminantLessons.of(noise, usable).weights()
+    features = {
+        i: beat_features(noise.fits[i, :, : noise.sizes[i]], 2) for i in (0, 1, 2, 4)
+    }  # the fourth has no beats
+    for judged in range(5):
+        teachers = [rows for i, rows in features.items() if i != judged]
+        np.testing.assert_allclose(weights[judged], by_hand(teachers), rtol=1e-9)
+
+
+def test_music_that_begins_later_teaches_what_it_teaches_from_there_on(noise: FitBatch):
+    origins = np.array([0.7, 0.0, 1.3, 0.5, 1.9])
+    moved = noise.fits.copy()
+    for row, size, origin in zip(moved, noise.sizes, origins, strict=True):
+        row[:, :size] = np.roll(row[:, :size], -round(origin * MOMENTS), axis=1)
+    usable = ~np.eye(5, dtype=bool)
+    expected = DiscriminantLessons.of(replace(noise, fits=moved), usable).weights()
+    np.testing.assert_allclose(DiscriminantLessons.of(noise, usable).weights(origins), expected, rtol=1e-9)
+
+
+def test_nobody_to_learn_from_leaves_bodies_that_stop_on_the_beat(noise: FitBatch):
+    usable = np.zeros((5, 5), bool)
+    usable[0, 3] = True  # who has no beats teaches nothing
+    weights = DiscriminantLessons.of(noise, usable).weights()
+    np.testing.assert_array_equal(weights, np.tile([0.0, 0, -1, 0, 0, 0, 0, 0], (5, 1)))
+
+
+def test_bounce_that_is_the_only_sign_is_found_by_the_discriminant_alone():
+    summary = compared(corpus([0.0] * 8)).summary
+    ours, second = (summary["scores"][name] for name in ("recommended", "discriminant"))
+    assert second["auc"] > 0.95
+    assert second["auc"] > second["chance_band"][1]
+    assert ours["chance_band"][0] <= ours["auc"] <= ours["chance_band"][1]
+    beside = summary["discriminant"]
+    assert beside["auc_difference"] == pytest.approx(second["auc"] - ours["auc"])
+    assert 0 < beside["interval"][0] <= beside["auc_difference"] <= beside["interval"][1]
+
+
+def test_discriminant_of_bodies_at_random_phases_lies_inside_its_chance_band():
+    outside = 0
+    for seed in range(4):
+        peaks = np.random.default_rng(seed).uniform(0, 2, 6)
+        row = compared(corpus(peaks.tolist()), seed=seed).summary["scores"]["discriminant"]
+        outside += not row["chance_band"][0] <= row["auc"] <= row["chance_band"][1]
+    # At one in twenty, two and more of four happen once in seventy times.
+    assert outside <= 1
+
+
+# From whom
+
+
+def test_recordings_with_a_figure_of_the_judged_one_teach_it_nothing():
+    # X goes the other way; B would give A's answer away.
+    a, b = (danced(name, bobbing(i, peak=0.5), "X", "X") for i, name in enumerate("AB"))
+    others = corpus([0.0] * 10)[2:]
+    first = compared([a, b, *others], n_rotations=0)
+    second = compared([a, danced("B", bobbing(9, peak=0.3), "X", "X"), *others], n_rotations=0)
+    true = first.true["discriminant"]
+    assert true[:2].max() < -0.5 < 0.5 < true[4:].min()
+    np.testing.assert_array_equal(true[:2], second.true["discriminant"][:2])
+    assert first.true["discriminant"][4:].tolist() != second.true["discriminant"][4:].tolist()
+
+
+def test_another_window_of_the_judged_recording_teaches_it_nothing():
+    # Each knows only the other, who goes the other way; X is in both, so one window is left to judge it by.
+    pair = compared([danced("A", bobbing(1), "X", "Y"), danced("B", bobbing(2, peak=0.5), "X", "Z")], n_rotations=0)
+    assert pair.summary["n"] == 4
+    assert pair.true["discriminant"].max() < -0.4
+
+
+def test_dances_of_one_cycle_share_what_they_teach():
+    dances = [
+        danced(f"S{i}", bobbing(i), f"a{i}", dance=dance) for i, dance in enumerate(("rumba", "tango", "cha-cha"))
+    ]
+    result = compared(dances, n_rotations=0)
+    assert result.true["discriminant"].min() > 0.5
+    assert result.summary["unfitted_parts"] == 6  # the curves of speed have nobody of their own dance
+
+
+def test_another_corpus_teaches_alone():
+    judged, teachers = corpus([0.5] * 4), [danced(f"T{i}", bobbing(20 + i), f"t{i}") for i in range(3)]
+    result = compared(judged, fit_on=teachers)
+    assert result.true["discriminant"].max() < -0.5
+    assert result.wrong["discriminant"][:, 2].min() > 0.5
+
+
+def test_other_music_is_judged_by_what_lagged_music_taught():
+    recordings = corpus([0.0] * 4)
+    own, other = compared(recordings, n_rotations=0), compared(recordings, null="other", n_rotations=0)
+    np.testing.assert_array_equal(own.true["discriminant"], other.true["discriminant"])
+    assert other.wrong["discriminant"].shape == (8, 5)
+    assert other.wrong["discriminant"].std() > 0.3  # songs of the same tempo, from random moments on
+
+
+# Its lag
+
+
+def test_lag_of_a_recording_is_where_its_clips_score_highest_together():
+    # Cosines over a cycle of two beats, highest .3 beat late and .2 early; the third recording has no movement.
+    shape = [np.cos(np.pi * (np.arange(8 * MOMENTS) / MOMENTS - peak)) for peak in (0.2, 0.4, 1.8)]
+    batch = signal_batch([{"recommended": one, "bounce": 0 * one} for one in (*shape, np.zeros(0))], 2)
+    weights = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (4, 1))
+    part = PatternScores(np.arange(4), batch, None, weights, None)
+    score = FittedScore((part,), np.array([0, 0, 1, 2]), np.ones(4, bool))
+    (clip, *_) = cut_clips(corpus([0.0])[0], "annotated", 6.0)
+    np.testing.assert_allclose(recording_lags(score, [clip] * 4), [0.3, -0.2, np.nan], atol=1e-9)
+
+
+def test_recordings_whose_lag_is_found_are_counted():
+    peaks = [0.0] * 8 + [0.5]
+    recordings = [danced(f"S{i}", bobbing(i, peak=peak), f"a{i}", bars=False) for i, peak in enumerate(peaks)]
+    assert compared(recordings, n_rotations=0).summary["discriminant"]["lags_found"]["discriminant"] == 8
