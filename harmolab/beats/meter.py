@@ -111,7 +111,7 @@ def describe_beats(track: BeatTrack) -> str:
 
 
 def _steadiness(track: BeatTrack) -> str:
-    """What is to be said of how steady, or how sure, tracked beats are."""
+    """Steadiness of tracked beats in words, or a warning that the sound does not keep to them."""
     if not track.quality:
         return "too few beats to call it steady"
     if track.fit is not None and not track.is_sure:

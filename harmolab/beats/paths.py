@@ -115,11 +115,11 @@ def window_accents(curve: FloatArray, rate: float, beats: FloatArray, span: tupl
     """
     smooth, times = _smooth(curve, rate), np.arange(curve.size) / rate
     count = max(1, round(2 * (span[1] - span[0]) / WINDOW) - 1)
-    starts = span[0] + WINDOW / 2 * np.arange(count)
+    starts = np.array([span[0] + WINDOW / 2 * number for number in range(count)])
     level = _window_means(times, smooth, starts)
-    own = _window_means(beats, np.asarray(np.interp(beats, times, smooth), np.float64), starts)
+    own = _window_means(beats, np.interp(beats, times, smooth), starts)
     sounding = level > SILENT
-    return np.asarray(own[sounding] / level[sounding])
+    return own[sounding] / level[sounding]
 
 
 def _window_means(times: FloatArray, values: FloatArray, starts: FloatArray) -> FloatArray:
