@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.steady import STEADY
-from harmolab.types import BeatTrack, BoolArray, FloatArray
+from harmolab.types import SURE, BeatTrack, BoolArray, FloatArray
 
 COURSE = 8  # beats over which the tempo of a moment is told
 ONE_WAY = 0.9  # part of its whole range that a tempo has moved by, from start to end, where it goes one way
@@ -114,7 +114,7 @@ def _steadiness(track: BeatTrack) -> str:
     """Steadiness of tracked beats in words, or a warning that the sound does not keep to them."""
     if not track.quality:
         return "too few beats to call it steady"
-    if track.fit is not None and not track.is_sure:
+    if track.fit is not None and track.fit < SURE:
         seconds = float(np.ptp(track.times))
         lost = (1 - track.fit) * seconds
         return f"unsure: in about {lost:.0f} of {seconds:.0f} s the sound does not keep to these beats"
