@@ -102,12 +102,15 @@ def describe_beats(track: BeatTrack) -> str:
     >>> describe_beats(BeatTrack([0.5, 1.0, 1.5], [1.0, 1.0, 1.0], 100.0, 3.0, [0, 1, 2]))
     'annotated, 120.0 bpm; "one" known, 3 beats a bar'
     """
-    if len(track) < 2:
-        return "no beats" if len(track) == 0 else "one beat: no tempo"
-    tempo, one = f"{track.tempo:.1f} bpm", '"one": not known'
+    if track.times.size < 2:
+        return "no beats" if track.times.size == 0 else "one beat: no tempo"
+    one = '"one": not known'
     if track.bar_places is not None:
         one = f'"one" known, {track.bar_places.max() + 1} beats a bar'
-    return f"annotated, {tempo}; {one}" if track.quality is None else f"{tempo}, {_steadiness(track)}; {one}"
+    if track.quality is None:
+        return f"annotated, {track.tempo:.1f} bpm; {one}"
+    steadiness = _steadiness(track)
+    return f"{track.tempo:.1f} bpm, {steadiness}; {one}"
 
 
 def _steadiness(track: BeatTrack) -> str:
