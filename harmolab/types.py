@@ -20,6 +20,8 @@ IntArray = NDArray[np.int64]
 
 # Share of a frame by which a time may miss the frame it stands for: rounding, not another frame.
 FRAME_EDGE = 1e-6
+# Share of the music from which on tracked beats that explain it are sure.
+SURE = 0.75
 
 
 def _frozen(values: ArrayLike, name: str, dtype: Any = np.float64) -> NDArray[Any]:
@@ -149,6 +151,7 @@ class BeatTrack:
     duration : float, seconds
     bar_places : (B,) array of int: place of each beat in its bar, 0 for the downbeat; None when unknown
     quality : float, of tracked beats: share of them within 70 ms of one steady grid; None for any others
+    fit : float, of tracked beats: share of the sounding music that they explain; None for any others
     """
 
     times: FloatArray
@@ -157,6 +160,7 @@ class BeatTrack:
     duration: float
     bar_places: IntArray | None = None
     quality: float | None = None
+    fit: float | None = None
 
     def __post_init__(self) -> None:
         times, strengths = _frozen(self.times, "beat times"), _frozen(self.strengths, "beat strengths")
@@ -182,6 +186,11 @@ class BeatTrack:
 
     def __len__(self) -> int:
         return self.times.size
+
+    @property
+    def is_sure(self) -> bool:
+        """False for tracked beats that explain less than `SURE` of the music: nothing should be judged by them."""
+        return self.fit is None or self.fit >= SURE
 
     @property
     def tempo(self) -> float:

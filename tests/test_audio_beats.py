@@ -230,16 +230,20 @@ def test_a_damaged_cache_file_is_built_again(counted: list[Audio], cache: Path):
     assert file.read_bytes() == whole
 
 
+FIT = {"fit": np.array(1.0)}
+
+
 @pytest.mark.parametrize(
     "arrays",
     [
         {"envelope": np.ones(5)},
-        {"envelope": np.full(5, np.nan), "beats": np.array([1]), "quality": np.array(1.0)},
-        {"envelope": np.ones((5, 5)), "beats": np.array([1]), "quality": np.array(1.0)},
-        {"envelope": np.ones(5), "beats": np.array([np.nan]), "quality": np.array(1.0)},
-        {"envelope": np.ones(5), "beats": np.array([1]), "quality": np.array([1.0])},
-        {"envelope": np.ones(5), "beats": np.array([3, 1]), "quality": np.array(1.0)},
-        {"envelope": np.array(["a"]), "beats": np.array([1]), "quality": np.array(1.0)},
+        {"envelope": np.full(5, np.nan), "beats": np.array([1]), "quality": np.array(1.0), **FIT},
+        {"envelope": np.ones((5, 5)), "beats": np.array([1]), "quality": np.array(1.0), **FIT},
+        {"envelope": np.ones(5), "beats": np.array([np.nan]), "quality": np.array(1.0), **FIT},
+        {"envelope": np.ones(5), "beats": np.array([1]), "quality": np.array([1.0]), **FIT},
+        {"envelope": np.ones(5), "beats": np.array([1]), "quality": np.array(1.0), "fit": np.array([1.0])},
+        {"envelope": np.ones(5), "beats": np.array([3, 1]), "quality": np.array(1.0), **FIT},
+        {"envelope": np.array(["a"]), "beats": np.array([1]), "quality": np.array(1.0), **FIT},
     ],
 )
 def test_a_cache_file_with_something_else_in_it_is_built_again(counted: list[Audio], cache: Path, arrays: dict):

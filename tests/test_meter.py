@@ -93,7 +93,8 @@ def test_a_line_about_beats_says_tempo_steadiness_and_one():
             beats,
             replace(with_one(beats, 1.0, 3), quality=0.97),
             replace(beats, quality=0.5),
-            replace(beats, quality=0.0),
+            replace(beats, quality=0.0, fit=0.0),
+            replace(beats, quality=0.5, fit=0.4),
             metronome([1.0], period=0.5),
             metronome([], period=0.5),
         )
@@ -101,8 +102,18 @@ def test_a_line_about_beats_says_tempo_steadiness_and_one():
     assert lines == [
         'annotated, 120.0 bpm; "one": not known',
         '120.0 bpm, steady (97% of tracked beats on one grid); "one" known, 3 beats a bar',
-        '120.0 bpm, not steady (50% of tracked beats on one grid); "one": not known',
+        '120.0 bpm, not steady (50% of tracked beats on one grid), followed beat by beat; "one": not known',
         '120.0 bpm, too few beats to call it steady; "one": not known',
+        '120.0 bpm, unsure: in about 1 of 2 s the sound does not keep to these beats; "one": not known',
         "one beat: no tempo",
         "no beats",
     ]
+
+
+def test_a_line_about_beats_says_where_their_tempo_goes():
+    # Eight beats at a time of equal steps: 60 beats a minute, later 120, and in the second line 60 again.
+    there = np.concatenate([np.arange(10.0), 9.5 + 0.5 * np.arange(10)])
+    back = np.concatenate([there, 15.0 + np.arange(10)])
+    lines = [describe_beats(replace(track(times, duration=30.0), quality=0.5, fit=1.0)) for times in (there, back)]
+    assert "followed beat by beat from 60 to 120 bpm;" in lines[0]
+    assert "followed beat by beat between 60 and 120 bpm;" in lines[1]

@@ -1,4 +1,4 @@
-"""Steady grids: planted tempo and phase come back, music that keeps none keeps its tracked beats."""
+"""Steady grids: planted tempo and phase come back, and music that keeps none is followed."""
 
 from __future__ import annotations
 
@@ -65,18 +65,28 @@ def test_a_tempo_that_drifts_is_followed():
     assert mir_eval.beat.f_measure(beats, steady.times) > 0.98
 
 
-def test_a_tempo_that_runs_away_keeps_its_tracked_beats():
+def test_a_tempo_that_runs_away_is_followed_even_where_the_tracker_loses_it():
     beats = changing(90, 150)
-    steady = steady_beats(envelope(beats), RATE, beats, (0.0, SECONDS))
+    tracked = np.concatenate([beats[:40], np.arange(beats[40], SECONDS, 0.6)])
+    steady = steady_beats(envelope(beats), RATE, tracked, (0.0, SECONDS))
     assert steady.quality < 0.6
-    np.testing.assert_array_equal(steady.times, beats)
+    assert mir_eval.beat.f_measure(beats, steady.times) > 0.98
+    assert steady.fit == 1
+
+
+def test_music_of_one_tempo_has_exactly_its_constant_grid():
+    beats = np.arange(0.2, SECONDS, 0.5)
+    curve = accents(envelope(beats), RATE)
+    steady = steady_beats(envelope(beats), RATE, beats, (0.0, SECONDS))
+    np.testing.assert_array_equal(steady.times, best_grid(curve, RATE, 120.0, 0.04).beats(0.0, SECONDS))
+    assert steady.fit == 1
 
 
 def test_few_beats_make_no_grid():
     beats = np.arange(1.0, 4.0, 0.5)
     steady = steady_beats(envelope(beats), RATE, beats, (0.0, SECONDS))
     np.testing.assert_array_equal(steady.times, beats)
-    assert steady.quality == 0
+    assert steady.quality == steady.fit == 0
 
 
 @pytest.mark.parametrize(

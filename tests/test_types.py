@@ -184,6 +184,16 @@ def test_beats_keep_their_quality_when_selected_or_cut():
     assert steady.span(1.5, 2.0).quality == 0.9
 
 
+def test_tracked_beats_are_sure_from_three_quarters_of_the_music_on_and_stay_so_when_cut():
+    beats = track([1.0, 2.0, 3.0])
+    assert beats.is_sure  # annotated
+    assert replace(beats, fit=0.75).is_sure
+    unsure = replace(beats, fit=0.74)
+    assert not unsure.is_sure
+    assert not unsure.select(np.array([True, False, True])).is_sure
+    assert not unsure.span(1.5, 2.0).is_sure
+
+
 def test_tempo_is_that_of_a_line_through_the_beats_over_a_gap():
     # Every half second; the third beat is missing, two are 20 ms off in turn.
     assert track([0.0, 0.52, 1.5, 1.98, 2.5]).tempo == pytest.approx(120, rel=0.01)

@@ -1,7 +1,8 @@
 """Audio to beats by librosa onset strength and tempo (Eq. 2-3). The whole track is tracked once, then sliced.
 
-The tracked beats are laid on one steady grid where the music keeps one; see `harmolab.beats.steady`. Analysis is cached
-on disk under a hash of the samples, so a song is listened to once; see `harmolab.io.files`.
+The tracked beats are laid on one steady grid where the music keeps one, else they follow it; see
+`harmolab.beats.steady`. Analysis is cached on disk under a hash of the samples, so a song is listened to once; see
+`harmolab.io.files`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray
 
 HOP = 512  # samples between onset strengths
-CACHE_VERSION = 3  # raise when the analysis changes
+CACHE_VERSION = 4  # raise when the analysis changes
 # Envelope samples by which onset strength lies behind what annotators tap: 30 ms at 22,050 Hz. There it is 19 to 51 ms
 # on songs of known grid; from 8 to 48 kHz it is 1.0 to 1.6 samples on three recordings.
 LATENESS = 1.3
@@ -70,15 +71,16 @@ def audio_beats(audio: Audio, *, tempo: str | tuple[float, float] | None = None)
     Returns
     -------
     BeatTrack; empty for silence. From the first to the last sound, on one steady grid where the music keeps one, with
-    `quality`, the share of the tracked beats that lie on it. Bar places are unknown: in 4/4 the strongest beat is as
-    often another as the first.
+    `quality`, the share of the tracked beats that lie on it, and `fit`, the share of the music that the beats explain.
+    Bar places are unknown: in 4/4 the strongest beat is as often another as the first.
     """
     analysis = _cached_analysis(audio, tempo_range(tempo))
     rate = audio.sample_rate / HOP
     strengths = _largest_near(analysis.envelope, rate, analysis.beats)
     times = analysis.beats - LATENESS / rate
     inside = (times >= 0) & (times <= audio.duration)
-    return BeatTrack(times[inside], strengths[inside], rate, audio.duration, quality=analysis.quality)
+    quality, fit = analysis.quality, analysis.fit
+    return BeatTrack(times[inside], strengths[inside], rate, audio.duration, quality=quality, fit=fit)
 
 
 def music_beats(clip: Clip) -> BeatTrack:
@@ -183,11 +185,12 @@ def _largest_near(envelope: FloatArray, rate: float, times: FloatArray) -> Float
 
 
 class _Analysis(NamedTuple):
-    """Onset strength, (F,); beats in seconds on the envelope's clock, (B,); their quality, see `SteadyBeats`."""
+    """Onset strength, (F,); beats in seconds on the envelope's clock, (B,); quality and fit, see `SteadyBeats`."""
 
     envelope: FloatArray
     beats: FloatArray
     quality: float
+    fit: float
 
 
 def _cached_analysis(audio: Audio, bounds: tuple[float, float] | None) -> _Analysis:
@@ -217,12 +220,13 @@ def _sound(arrays: Mapping[str, NDArray[Any]] | None) -> _Analysis | None:
     """The analysis out of the cache; None when it holds anything else."""
     try:
         names = {} if arrays is None else arrays
-        envelope, beats, quality = (names[name].astype(np.float64) for name in _Analysis._fields)
+        envelope, beats, quality, fit = (names[name].astype(np.float64) for name in _Analysis._fields)
     except (KeyError, ValueError):
         return None
     whole = envelope.ndim == beats.ndim == 1 and np.isfinite(envelope).all() and (envelope >= 0).all()
     rising = np.isfinite(beats).all() and (np.diff(beats) > 0).all()
-    return _Analysis(envelope, beats, float(quality)) if whole and rising and quality.shape == () else None
+    single = quality.shape == fit.shape == ()
+    return _Analysis(envelope, beats, float(quality), float(fit)) if whole and rising and single else None
 
 
 def _key(audio: Audio, settings: tuple[float, float] | None) -> str:

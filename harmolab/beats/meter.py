@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harmolab.beats.steady import STEADY
-from harmolab.types import BeatTrack, BoolArray
+from harmolab.types import SURE, BeatTrack, BoolArray, FloatArray
+
+COURSE = 8  # beats over which the tempo of a moment is told
+ONE_WAY = 0.9  # part of its whole range that a tempo has moved by, from start to end, where it goes one way
 
 # Accent pattern (True = strong) -> signature. Three types in four categories, as Sec. 4.1 counts them: a quarter-note
 # meter opens on a strong beat and is split by its inner strong beats, 4 = 2+2 or 4, 5 = 3+2, 6 = 3+3.
@@ -99,17 +102,39 @@ def describe_beats(track: BeatTrack) -> str:
     >>> describe_beats(BeatTrack([0.5, 1.0, 1.5], [1.0, 1.0, 1.0], 100.0, 3.0, [0, 1, 2]))
     'annotated, 120.0 bpm; "one" known, 3 beats a bar'
     """
-    if len(track) < 2:
-        return "no beats" if len(track) == 0 else "one beat: no tempo"
-    tempo, one = f"{track.tempo:.1f} bpm", '"one": not known'
+    if track.times.size < 2:
+        return "no beats" if track.times.size == 0 else "one beat: no tempo"
+    one = '"one": not known'
     if track.bar_places is not None:
         one = f'"one" known, {track.bar_places.max() + 1} beats a bar'
     if track.quality is None:
-        return f"annotated, {tempo}; {one}"
-    if track.quality == 0:
-        return f"{tempo}, too few beats to call it steady; {one}"
-    steadiness = "steady" if track.quality >= STEADY else "not steady"
-    return f"{tempo}, {steadiness} ({track.quality:.0%} of tracked beats on one grid); {one}"
+        return f"annotated, {track.tempo:.1f} bpm; {one}"
+    steadiness = _steadiness(track)
+    return f"{track.tempo:.1f} bpm, {steadiness}; {one}"
+
+
+def _steadiness(track: BeatTrack) -> str:
+    """Steadiness of tracked beats in words, or a warning that the sound does not keep to them."""
+    if not track.quality:
+        return "too few beats to call it steady"
+    if track.fit is not None and track.fit < SURE:
+        seconds = float(np.ptp(track.times))
+        lost = (1 - track.fit) * seconds
+        return f"unsure: in about {lost:.0f} of {seconds:.0f} s the sound does not keep to these beats"
+    share = f"({track.quality:.0%} of tracked beats on one grid)"
+    if track.quality >= STEADY:
+        return f"steady {share}"
+    return f"not steady {share}, followed beat by beat{_course(track.times)}"
+
+
+def _course(times: FloatArray) -> str:
+    """From where to where a tempo goes, eight beats at a time; nothing where it stays within one beat a minute."""
+    tempi = 60 * COURSE / (times[COURSE:] - times[:-COURSE])
+    if not tempi.size or np.ptp(tempi) < 1:
+        return ""
+    if abs(tempi[-1] - tempi[0]) >= ONE_WAY * np.ptp(tempi):
+        return f" from {tempi[0]:.0f} to {tempi[-1]:.0f} bpm"
+    return f" between {tempi.min():.0f} and {tempi.max():.0f} bpm"
 
 
 def meter_units(track: BeatTrack) -> tuple[MeterUnit, ...]:
