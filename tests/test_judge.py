@@ -388,3 +388,15 @@ def test_p_beside_on_the_beat_is_one_that_the_level_asks_for() -> None:
             assert judgement.p_time <= 0.05 and judgement.p_place <= 0.25
             assert float(re.findall(r"p = ([\d.]+);", " ".join(judgement.remarks))[0]) <= 0.05
             assert judgement.p_value <= 0.25 and judgement.harmony_above_chance > 0
+
+
+def test_nothing_is_judged_by_beats_that_the_sound_does_not_keep_to() -> None:
+    unsure = replace(BEATS, quality=0.3, fit=0.5)
+    lost = judged(dancer(tempo=97.0), unsure)
+    assert lost.level == 0 and np.isnan(lost.p_time)
+    assert (
+        lost.verdict == "Cannot tell: the beats found in this music are unsure, since its sound does not keep to them."
+    )
+    followed = judged(dancer(), unsure)
+    assert followed.level == 4
+    assert any("unsure" in text for text in (*followed.remarks, *followed.details))

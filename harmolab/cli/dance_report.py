@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from harmolab.verdict.score import HarmonyScore
 
 NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
+UNSURE = "laid on beats that a program found, which are unsure here"
 ADVICE = "(--"  # begins the option that a remark advises
 JOINED = (
     *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
@@ -82,7 +83,8 @@ class DanceReport:
     def _judged(self) -> tuple[str, ...]:
         """Likeness, and harmony where it means something."""
         judgement = self.score.judgement if self.has_harmony else None
-        harmony = () if judgement is None else (judgement.verdict,)
+        is_sure = judgement is None or judgement.beats.is_sure
+        harmony = () if judgement is None else (judgement.verdict if is_sure else UNSURE,)
         return tuple(map(sentence, (self.likeness.verdict, *harmony)))
 
     @cached_property

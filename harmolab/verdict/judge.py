@@ -3,7 +3,8 @@
 =====  =============================================================================================================
 level  when
 =====  =============================================================================================================
-0      cannot tell: too little movement inside the body, the body only turns and travels, or fewer than 16 beats
+0      cannot tell: too little movement inside the body, the body only turns and travels, fewer than 16 beats, or no
+       sign of beats that the sound does not keep to
 1      no sign that the movement follows these beats (time test, p > .05)
 2      the tempo is kept, but the lag wanders by more than a quarter of a beat to either side
 3      in time, and not shown to be on the beat
@@ -233,7 +234,10 @@ def judge(shape: ShapeSpeed, beats: BeatTrack, *, pattern: BarPattern | None = N
     time = time_test(signal, beats.times, cycles=cycles_of(beats, pattern))
     place = placed(signal, beats, pattern or own_reading(time), is_told=pattern is not None)
     interval, lags = place.spread(seed=seed)
-    return Judgement(level_of(time, place, interval, lags), beats, pattern, signal, time, place, interval, lags)
+    level = level_of(time, place, interval, lags)
+    if level == 1 and not beats.is_sure:
+        return nothing
+    return Judgement(level, beats, pattern, signal, time, place, interval, lags)
 
 
 def cycles_of(beats: BeatTrack, pattern: BarPattern | None) -> tuple[int, ...]:

@@ -39,6 +39,8 @@ def _cannot_tell(judgement: Judgement) -> str:
     if judgement.floor:
         return f"Cannot tell: {judgement.floor}."
     count = judgement.n_beats
+    if count >= FEWEST_BEATS and not judgement.beats.is_sure:
+        return "Cannot tell: the beats found in this music are unsure, since its sound does not keep to them."
     return f"Cannot tell: {count} {'beat is' if count == 1 else 'beats are'} too few; {FEWEST_BEATS} are needed."
 
 
@@ -160,6 +162,8 @@ def _caveats(judgement: Judgement) -> list[str]:
     signal, time, lines = judgement.signal, judgement.time, list[str]()
     if signal is None or time is None:
         return lines
+    if not judgement.beats.is_sure:
+        lines.append("The beats found in this music are unsure, since its sound does not keep to all of them.")
     if signal.share < MOSTLY_TRAVELS:
         lines.append(f"You mostly turn and travel: {signal.share:.0%} of the movement is inside the body.")
     if signal.joints < FEW_JOINTS:
