@@ -155,4 +155,4 @@ def test_picture_has_a_row_for_each_body_and_counts_who_goes_with_the_music(tabl
     assert {line.get_marker() for line in marks if line.get_xdata()[0] == 4} == {"o"}
     title = figure.get_suptitle()
     assert f"{CHEATS.lower()} 10 of 13, now 2" in title
-    assert f"{IN_TIME.lower()} 3 of 9, now 9" in title
+    assert f"{IN_TIME.lower()} 4 of 12, now 12" in title
