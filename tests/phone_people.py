@@ -109,7 +109,9 @@ def _paint(picture: np.ndarray, depth: np.ndarray, limb: Limb, camera: Camera) -
     depth[part][is_seen] = depths[is_seen]
 
 
-def _paint_head(picture: np.ndarray, depth: np.ndarray, joints: dict[tuple[str, str], np.ndarray], camera: Camera) -> None:
+def _paint_head(
+    picture: np.ndarray, depth: np.ndarray, joints: dict[tuple[str, str], np.ndarray], camera: Camera
+) -> None:
     """A ball with hair, eyes, brows and mouth."""
     middle, across = _head(joints)
     size = 0.068 * camera.size

@@ -1,10 +1,11 @@
 """Videos as a phone makes them, of dancers whose every movement is known: the planted answers of reading a video.
 
-A drawn person (`harmolab.lab.render.scene`) before a wall with a texture, filmed by a hand that shakes, through a sensor
-with noise, compressed hard; perhaps beside a second person who hardly moves, perhaps with the feet out of the picture.
+A person of `tests.phone_people` before a wall with a texture, filmed by a hand that shakes, through a sensor with noise,
+compressed hard; perhaps beside a second person who hardly moves, perhaps with the feet out of the picture.
 
-`python -m tests.phone_videos FOLDER [pose|flow] [SONG ...]` writes the table of `CASES` for the four dancers of `DANCERS` and says
-the verdict on each, beside the verdict on the true movement.
+`python -m tests.phone_videos FOLDER [CASE ...]` films the four dancers of `DANCERS` in the cases that are named, or all
+of `CASES`, and prints the levels of the verdict, also 120 ms late and with another song, beside those of the true
+movement. Videos that are there are not filmed again; HARMOLAB_POSE=off reads them by flow.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,20 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from harmolab.harmony import score_motion
 from harmolab.io.video import AUDIO_RATE
-from harmolab.types import Audio, Clip, Motion
-from tests.builders import planted_dance
+from harmolab.lab.timing.filmed import filmed_motion
+from harmolab.params import HarmonyParams
+from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import planted_dance, track
 from tests.phone_people import person_frames
 
 Frame = np.ndarray
 START = 0.5  # seconds of the song before the film begins
 LATE = 0.12  # seconds
 DANCERS = (("cha-cha", 1), ("waltz", 2), ("rumba", 3), ("cha-cha", 4))  # dance and seed
+OTHER_SONGS = (("waltz",), ("cha-cha",), ("tango",), ("waltz",))
 SECONDS = 30.0
 
 
@@ -47,6 +52,7 @@ class Phone:
     contrast : float, of the texture of the wall, 0 for a plain one
     people : 1, or 2 with one beside who hardly moves
     has_feet : bool, False where the picture ends at the knees
+    curtain : float, pixels by which a part of the wall swings to either side, at a tempo of its own
     height : int, pixels
     seed : int
     """
@@ -58,6 +64,7 @@ class Phone:
     contrast: float = 1.0
     people: int = 1
     has_feet: bool = True
+    curtain: float = 0.0
     height: int = 480
     seed: int = 0
 
@@ -97,20 +104,22 @@ def phone_frames(motion: Motion, phone: Phone) -> Iterator[Frame]:
     height, width = phone.height, round(phone.height * 4 / 3)
     rng, room = np.random.default_rng(phone.seed + 1), wall(height, width, phone.contrast, phone.seed)
     people = [motion] if phone.people == 1 else [motion, hardly_moving(motion)]
-    drawn = [
-        person_frames(one, height=height, width=width, fps=phone.fps, follow=phone.people > 1) for one in people
-    ]
+    drawn = [person_frames(one, height=height, width=width, fps=phone.fps, follow=phone.people > 1) for one in people]
     shifts = [0] if phone.people == 1 else [round(0.22 * width), -round(0.22 * width)]
     grains = phone.noise * rng.standard_normal((4, height + 64, width + 64, 3), np.float32)
     hand = _hand(motion.n_frames / motion.fps * phone.fps, phone, rng)
-    for pictures, (right, down, turn) in zip(zip(*drawn, strict=False), hand, strict=False):
-        frame = room.copy()
+    for index, (pictures, (right, down, turn)) in enumerate(zip(zip(*drawn, strict=False), hand, strict=False)):
+        frame, swing = room.copy(), phone.curtain * np.sin(2 * np.pi * 0.83 * index / phone.fps)
+        if phone.curtain:
+            frame[:, -width // 3 :] = np.roll(room, round(swing * height / 480), axis=1)[:, -width // 3 :]
         for (picture, mask), shift in zip(pictures, shifts, strict=True):
             is_person = np.roll(mask, shift, axis=1)
             frame[is_person] = np.roll(picture, shift, axis=1)[is_person]
         matrix = cv2.getRotationMatrix2D((width / 2, 0.1 * height), turn, 1.0 if phone.has_feet else 1.35)
         matrix[:, 2] += right, down
-        seen = cv2.warpAffine(cv2.GaussianBlur(frame, (3, 3), 0.7), matrix, (width, height), borderMode=cv2.BORDER_REFLECT)
+        seen = cv2.warpAffine(
+            cv2.GaussianBlur(frame, (3, 3), 0.7), matrix, (width, height), borderMode=cv2.BORDER_REFLECT
+        )
         down, right = rng.integers(0, 64, 2)
         seen += grains[rng.integers(4), down : down + height, right : right + width]
         yield np.clip(seen, 0, 255).astype(np.uint8)
@@ -165,8 +174,60 @@ def _write_sound(container: Any, sound: Audio) -> None:
     container.mux(stream.encode())
 
 
-def filmed_part(clip: Clip, *, late: float = 0.0) -> tuple[Motion, Audio]:
-    """The movement that is filmed and the music in the room meanwhile; the dancer is late by so many seconds."""
-    assert clip.motion is not None
-    seconds = clip.motion.duration - START - 0.1
-    return clip.motion.span(START - late, seconds), clip.audio.span(START, seconds)
+def filmed_part(clip: Clip, *, seconds: float | None = None) -> tuple[Motion, Audio, BeatTrack]:
+    """The movement that is filmed, the music in the room meanwhile, and its beats, all from `START` on."""
+    assert clip.motion is not None and clip.beats is not None
+    length = clip.motion.duration - START - 0.1 if seconds is None else seconds
+    return clip.motion.span(START, length), clip.audio.span(START, length), clip.beats.span(START, length)
+
+
+def moved(beats: BeatTrack, seconds: float) -> BeatTrack:
+    """The beats earlier by so many seconds: the dancer is late by them."""
+    times = beats.times - seconds
+    return track(times[times >= 0], fps=beats.fps, duration=beats.duration)
+
+
+def level(beats: BeatTrack, motion: Motion) -> int:
+    """Level of the verdict by the recommended settings."""
+    return score_motion(beats, motion, params=HarmonyParams.recommended()).judgement.level
+
+
+def main(folder: Path, names: list[str]) -> None:
+    """Film every dancer in every case that is named, and print the levels of the true and of the filmed movement."""
+    for number, (dance, seed) in enumerate(DANCERS):
+        clip = planted_dance(dance, seconds=SECONDS, seed=seed)
+        motion, sound, beats = filmed_part(clip)
+        other = planted_dance(*OTHER_SONGS[number], seconds=SECONDS, seed=9).beats.span(0.0, motion.duration)
+        songs = {"on": beats, "late": moved(beats, LATE), "other": other}
+        print(dance, seed, "true", *(f"{name} {level(song, motion)}" for name, song in songs.items()), flush=True)
+        for name in names or list(CASES):
+            path = folder / f"{dance}_{seed}_{name.replace(' ', '_')}.mp4"
+            if not path.exists():
+                film(path, motion, sound, replace(CASES[name], seed=number))
+            try:
+                read = filmed_motion(path)
+            except ValueError as error:
+                print(" ", error, flush=True)
+                continue
+            levels = " ".join(f"{song} {level(beats, read.motion)}" for song, beats in songs.items())
+            r, shift = agreement(motion, read.motion)
+            print(f"  {name}: {levels}; agrees {r:.2f} at {1000 * shift:+.0f} ms; {'; '.join(read.notes)}", flush=True)
+
+
+def agreement(true: Motion, read: Motion, *, most: float = 0.15) -> tuple[float, float]:
+    """Best correlation of the shape speeds, and how many seconds the read one comes later there."""
+    first, second = (shape_signal(shape_speed(motion)) for motion in (true, read))
+    times = np.arange(0.3, min(first.times[-1], second.times[-1]) - 0.3, 0.005)
+    shifts = 0.005 * np.arange(-round(most / 0.005), round(most / 0.005) + 1)
+    fits = [
+        np.corrcoef(np.interp(times, first.times, first.values), np.interp(times + shift, second.times, second.values))[
+            0, 1
+        ]
+        for shift in shifts
+    ]
+    best = int(np.argmax(fits))
+    return float(fits[best]), float(shifts[best])
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])

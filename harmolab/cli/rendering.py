@@ -82,7 +82,8 @@ def render(
     """Write a video of a motion with its music: a person on a floor, or a skeleton over the dancer's own video.
 
     With marks, the verdict and the number of `harmolab score` are printed too; the marks are rests of the body, or hits
-    where it hits the beats. A video alone gets the marks, and no skeleton.
+    where it hits the beats. A video alone gets the marks, and a
+    skeleton where `harmolab pose` finds the body.
 
     Examples:
 
@@ -97,6 +98,7 @@ def render(
     from harmolab.harmony import score_clip
     from harmolab.lab.render.overlay import load_points
     from harmolab.lab.render.video import write_dance
+    from harmolab.lab.timing.filmed import points_in_video
 
     is_gif = out.suffix.lower() == GIF
     with plain_errors():
@@ -116,10 +118,11 @@ def render(
             sample_rate=None, movement=points, **reading,
         )  # fmt: skip
         note_lengths(clip, files.song)
+        in_video = points_in_video(files.motion) if files.is_video else None
         if start is not None:
             clip = clip.span(start, seconds or clip.audio.duration - start)
         write_dance(
-            out, clip, over=over, marks=marks, rate=rate or (GIF_RATE if is_gif else None),
+            out, clip, over=over, points=in_video, marks=marks, rate=rate or (GIF_RATE if is_gif else None),
             height=height or (GIF_HEIGHT if is_gif else HEIGHT), follow=follow, params=params, progress=progress,
         )  # fmt: skip
         score = score_clip(clip, params) if marks else None

@@ -15,7 +15,7 @@ import hashlib
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +25,9 @@ from scipy.ndimage import median_filter
 from harmolab.io.files import PathLike, Progress, cache_folder, cached_arrays, keep_arrays, silent
 from harmolab.io.keypoints import filled_points
 from harmolab.io.layouts import MEDIAPIPE_33
+from harmolab.io.pose_child import LANDMARKS
 from harmolab.io.pose_environment import MEDIAPIPE, pose_environment
-from harmolab.io.pose_process import LANDMARKS, VALUES, Landmarks, Picture, child_command, found_people
+from harmolab.io.pose_process import VALUES, Landmarks, Picture, child_command, found_people
 from harmolab.io.video import VideoFrames, opened_container, video_frames
 from harmolab.shape_speed import shape_speed
 from harmolab.skeletons import joint_indices, skeleton_part
@@ -60,10 +61,12 @@ class PoseReading:
     Parameters
     ----------
     motion : Motion, (T, J, 3) metres from the middle of the hips, y up; not valid where the body is not seen
+    points : Motion, (T, J, 2), the same joints as shares of the picture's width and height
     notes : sentences about what was found, for people
     """
 
     motion: Motion
+    points: Motion
     notes: tuple[str, ...] = ()
 
 
@@ -206,7 +209,7 @@ def _dancer(people: Sequence[NDArray[np.float32]], fps: float) -> PoseReading:
     if len(found) == 1:
         return dancer
     note = f"{len(found)} people are in the picture; the one who moves most was taken"
-    return PoseReading(dancer.motion, (note, *dancer.notes))
+    return replace(dancer, notes=(note, *dancer.notes))
 
 
 def _movement(motion: Motion) -> float:
@@ -230,14 +233,15 @@ def body_motion(landmarks: NDArray[np.float32], fps: float) -> PoseReading:
     """
     points = landmarks[:, joint_indices(MEDIAPIPE_33, BODY)]
     is_found = np.isfinite(points).all(axis=(1, 2))
-    is_seen = np.nan_to_num(points[..., 5]) >= SEEN
+    is_seen: BoolArray = np.asarray(np.nan_to_num(points[..., 5]) >= SEEN)
     shown = is_seen[is_found].mean(axis=0) >= SHOWN if is_found.any() else np.zeros(len(BODY), bool)
     keep = [BODY[joint] for joint in np.flatnonzero(shown)]
     if len(keep) < FEWEST_JOINTS:
         raise ValueError(f"{UNREAD}only {len(keep)} of {len(BODY)} joints of the body are seen; film all of it")
     skeleton = skeleton_part(MEDIAPIPE_33, joint_indices(MEDIAPIPE_33, keep))
-    places = filled_points(points[:, shown, 2:5], np.repeat(is_found[:, None], len(keep), axis=1), skeleton)
-    steady: FloatArray = median_filter(places, (MEDIAN, 1, 1), mode="nearest") * np.array([1.0, -1.0, -1.0])
+    there = np.ones((1, len(keep)), bool)
+    places = filled_points(points[:, shown, :5], is_found[:, None] & there, skeleton)
+    steady: FloatArray = median_filter(places, (MEDIAN, 1, 1), mode="nearest")
     valid: BoolArray = is_found & (is_seen[:, shown].mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN)
     if not valid.any():
         raise ValueError(f"{UNREAD}the body is hidden in every picture")
@@ -245,7 +249,8 @@ def body_motion(landmarks: NDArray[np.float32], fps: float) -> PoseReading:
     notes = [f"a body is seen in {valid.mean():.0%} of the pictures"]
     if hidden:
         notes.append(f"hardly ever seen, and left out: {', '.join(hidden)}")
-    return PoseReading(Motion(steady, fps, skeleton, valid), tuple(notes))
+    in_space = Motion(steady[..., 2:] * np.array([1.0, -1.0, -1.0]), fps, skeleton, valid)
+    return PoseReading(in_space, Motion(steady[..., :2], fps, skeleton, valid), tuple(notes))
 
 
 # What is kept
@@ -265,8 +270,10 @@ def _kept_people(name: str) -> list[NDArray[np.float32]] | None:
     people = None if arrays is None else arrays.get("people")
     if people is None or people.dtype != np.float32 or people.ndim != 4 or not 0 < len(people) <= MOST_PEOPLE:
         return None
-    is_whole = np.isfinite(people).all(axis=(2, 3)) | np.isnan(people).all(axis=(2, 3))
-    return list(people) if people.shape[1] > 1 and people.shape[2:] == (LANDMARKS, VALUES) and is_whole.all() else None
+    if people.shape[1] < 2 or people.shape[2:] != (LANDMARKS, VALUES) or np.isinf(people).any():
+        return None
+    is_missing = np.isnan(people).all(axis=(2, 3))
+    return list(people) if not np.isnan(people[~is_missing]).any() else None
 
 
 def _keep(name: str, people: Sequence[NDArray[np.float32]]) -> None:

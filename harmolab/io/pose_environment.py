@@ -62,12 +62,14 @@ def is_off() -> bool:
 
 
 def hindrance() -> str:
-    """Why the environment cannot be made here, in a sentence without its point; "" where nothing is known against it."""
+    """Why the environment cannot be made here, a sentence without its point; "" where nothing is known against it."""
     if is_off():
         return f"{SWITCH} is off"
     if not OLDEST <= sys.version_info[:2] <= NEWEST:
         versions = " to ".join(".".join(map(str, version)) for version in (OLDEST, NEWEST))
-        return f"MediaPipe {MEDIAPIPE} runs in Python {versions}, and this is {sys.version_info[0]}.{sys.version_info[1]}"
+        return (
+            f"MediaPipe {MEDIAPIPE} runs in Python {versions}, and this is {sys.version_info[0]}.{sys.version_info[1]}"
+        )
     if cache_folder() is None:
         return "HARMOLAB_CACHE is off, so there is no place for MediaPipe"
     return ""
@@ -123,7 +125,9 @@ def _install(part: Path, pip: Sequence[str]) -> None:
     if done.returncode:
         lines = [line for line in done.stderr.decode("utf-8", "replace").splitlines() if line.strip()]
         errors = [line for line in lines if line.startswith("ERROR")] or lines
-        raise ValueError(f"MediaPipe could not be fetched; is there a network? pip says: {errors[-1][:300] if errors else 'nothing'}")
+        raise ValueError(
+            f"MediaPipe could not be fetched; is there a network? pip says: {errors[-1][:300] if errors else 'nothing'}"
+        )
 
 
 def remove_pose_environment() -> bool:

@@ -1,0 +1,63 @@
+"""The movement of the dancer in a video: by the body where that can be found, else by the flow of the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.pose import read_pose
+from harmolab.io.pose_environment import pose_environment
+from harmolab.io.video import video_frames
+from harmolab.lab.timing.movement import PICTURE, picture_motion
+from harmolab.types import Motion
+
+HEIGHT = 160  # pixels of the video that flow is measured on
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedMotion:
+    """The movement in a video.
+
+    Parameters
+    ----------
+    motion : Motion of a body, or `picture_motion`
+    notes : sentences about how it was read, for people
+    """
+
+    motion: Motion
+    notes: tuple[str, ...] = ()
+
+
+def filmed_motion(path: PathLike, *, progress: Progress = silent) -> FilmedMotion:
+    """The movement of the dancer in a video.
+
+    Parameters
+    ----------
+    path : str or path of a video
+    progress : function(iterable, label) -> iterable
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; ValueError also where the movement cannot be read well enough to be judged, with the reason.
+    """
+    path = Path(path)
+    if pose_environment() is not None:
+        reading = read_pose(path, progress=progress)
+        return FilmedMotion(reading.motion, reading.notes)
+    frames = video_frames(path, height=HEIGHT)
+    try:
+        return FilmedMotion(picture_motion(frames, frames.fps, progress=progress))
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
+
+
+def points_in_video(path: PathLike) -> Motion | None:
+    """The points of the dancer as shares of the picture, (T, J, 2), once `filmed_motion` has read her; None by flow."""
+    return None if pose_environment() is None else read_pose(path).points
+
+
+def has_body(motion: Motion) -> bool:
+    """False for the movement of a whole picture, of which no body is known."""
+    return motion.skeleton != PICTURE
