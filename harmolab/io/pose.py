@@ -232,7 +232,7 @@ def body_motion(landmarks: NDArray[np.float32], fps: float) -> PoseReading:
         Too few joints are seen.
     """
     points = landmarks[:, joint_indices(MEDIAPIPE_33, BODY)]
-    is_found = np.isfinite(points).all(axis=(1, 2))
+    is_found: BoolArray = np.asarray(np.isfinite(points).all(axis=(1, 2)))
     is_seen: BoolArray = np.asarray(np.nan_to_num(points[..., 5]) >= SEEN)
     shown = is_seen[is_found].mean(axis=0) >= SHOWN if is_found.any() else np.zeros(len(BODY), bool)
     keep = [BODY[joint] for joint in np.flatnonzero(shown)]
@@ -242,7 +242,7 @@ def body_motion(landmarks: NDArray[np.float32], fps: float) -> PoseReading:
     there = np.ones((1, len(keep)), bool)
     places = filled_points(points[:, shown, :5], is_found[:, None] & there, skeleton)
     steady: FloatArray = median_filter(places, (MEDIAN, 1, 1), mode="nearest")
-    valid: BoolArray = is_found & (is_seen[:, shown].mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN)
+    valid = np.asarray(is_found & (is_seen[:, shown].mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN))
     if not valid.any():
         raise ValueError(f"{UNREAD}the body is hidden in every picture")
     hidden = [name.replace("_", " ") for name in BODY if name not in keep]
