@@ -1,6 +1,6 @@
 """Videos as a phone makes them, of dancers whose every movement is known: the planted answers of reading a video.
 
-A person of `tests.phone_people` before a wall with a texture, filmed by a hand that shakes, through a sensor with noise,
+A person of `tests.phone_people` before a wall with a texture, filmed by a hand that shakes, through a noisy sensor,
 compressed hard; perhaps beside a second person who hardly moves, perhaps with the feet out of the picture.
 
 `python -m tests.phone_videos FOLDER [CASE ...]` films the four dancers of `DANCERS` in the cases that are named, or all

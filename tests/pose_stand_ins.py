@@ -1,4 +1,4 @@
-"""A process that answers as `harmolab.io.pose_child` does, without MediaPipe, and a command that installs as pip does."""
+"""A process that answers as `harmolab.io.pose_child` does, without MediaPipe, and a command that installs like pip."""
 
 from __future__ import annotations
 
@@ -63,7 +63,8 @@ if mode == "fails":
     print("WARNING: retrying", file=sys.stderr)
     print("ERROR: No matching distribution found for mediapipe==0.10.21", file=sys.stderr)
     sys.exit(1)
-if mode == "broken": (target / "mediapipe/python/solutions/pose.py").write_text("raise ImportError('GLIBC is too old')\\n")
+if mode == "broken":
+    (target / "mediapipe/python/solutions/pose.py").write_text("raise ImportError('GLIBC is too old')\\n")
 """
 
 

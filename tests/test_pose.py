@@ -1,4 +1,4 @@
-"""The body in a video: asked of another process, which may fall silent, die or talk nonsense; several people; the cache."""
+"""The body in a video: asked of a process that may fall silent, die or talk nonsense; several people; the cache."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
         yield from pictures(2)
         raise ValueError("take.mp4: is cut off")
 
-    with pytest.raises(ValueError, match="take.mp4: is cut off"):
+    with pytest.raises(ValueError, match=r"take\.mp4: is cut off"):
         list(found_people(damaged(), stand_in(tmp_path)))
 
 

@@ -111,8 +111,9 @@ def test_killed_in_the_middle_leaves_nothing_and_the_next_cleans_up(tmp_path: Pa
 
 
 def test_several_at_once_make_one(tmp_path: Path, cache: Path):
+    command = pip(tmp_path)
     with ThreadPoolExecutor(4) as pool:
-        folders = set(pool.map(lambda _: made(tmp_path), range(4)))
+        folders = set(pool.map(lambda _: environment.make_pose_environment(pip=command), range(4)))
     assert folders == {environment.pose_environment()}
     assert len((cache / "calls").read_text().splitlines()) == 1
 

@@ -85,12 +85,12 @@ def _write(video: Path, out: Path) -> None:
 
 
 def install_poses(*, is_agreed: bool) -> None:
-    """Fetch the environment, after a yes.
+    """Fetches the environment, after a yes.
 
     Raises
     ------
     ValueError
-        The answer is no, there is nobody to ask, or it cannot be made.
+        The answer is no, there is no terminal to ask at, or it cannot be made.
     """
     from harmolab.io import pose_environment as environment
 
@@ -98,7 +98,7 @@ def install_poses(*, is_agreed: bool) -> None:
         raise ValueError(f"{reason}; the movement of a video can be read from the flow of its picture only")
     if not is_agreed and not _is_terminal():
         raise ValueError(f"{_offer()} To agree: harmolab pose --install --yes")
-    if not is_agreed and not _asked():
+    if not is_agreed and not _is_agreed():
         raise ValueError("nothing was fetched")
     with waiting("fetching MediaPipe (about half a minute)"):
         folder = environment.make_pose_environment()
@@ -116,7 +116,7 @@ def offer_poses(video: Path) -> None:
         detail(f"{video.name}: no body is looked for: {reason}")
         return
     if _is_terminal() and not _declined().exists():
-        if _asked():
+        if _is_agreed():
             try:
                 install_poses(is_agreed=True)
             except (ValueError, OSError) as error:
@@ -151,7 +151,7 @@ def _offer() -> str:
     )
 
 
-def _asked() -> bool:
+def _is_agreed() -> bool:
     typer.echo(printable(_offer()), err=True)
     return typer.confirm("Fetch it now? (With no, the flow of the picture is used.)", default=False, err=True)
 

@@ -25,8 +25,8 @@ from harmolab.cli.common import (
     Up,
     show,
 )
-from harmolab.cli.screen import plain_errors, progress, wrote
-from harmolab.cli.sources import clip_of, note_lengths, sources
+from harmolab.cli.screen import note, plain_errors, progress, wrote
+from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
 
 GIF = ".gif"
 GIF_SECONDS, GIF_HEIGHT, GIF_RATE = 5.0, 240, 12.5  # unless asked for otherwise: some hundred kilobytes
@@ -127,7 +127,11 @@ def render(
         )  # fmt: skip
         score = score_clip(clip, params) if marks else None
     if score is not None:
-        common.print_verdict(score.judgement)
+        try:
+            check_signs(files, clip, [score])
+            common.print_verdict(score.judgement)
+        except ValueError as error:  # the video is written all the same
+            note(str(error))
         common.print_music(score.music)
         typer.echo(f"harmony above chance {show(score.above_chance)}, p {show(score.p_value)}")
     wrote(out)

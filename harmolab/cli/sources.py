@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +16,7 @@ from harmolab.cli.screen import detail, finding_beats, note, progress
 if TYPE_CHECKING:
     from harmolab.lab.timing.performance import Performance
     from harmolab.types import Clip, Motion
+    from harmolab.verdict.score import HarmonyScore
 
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
 FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
@@ -175,6 +177,15 @@ def video_performance(video: Path) -> Performance:
     for sentence in performance.notes:
         note(f"{video.name}: {sentence}")
     return performance
+
+
+def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> None:
+    """ValueError where a video was read by flow, and no sign of the beat was seen; that is no verdict."""
+    from harmolab.lab.timing.filmed import check_sign
+
+    for judgement in (score.judgement for score in scores):
+        if judgement is not None and clip.motion is not None:
+            check_sign(files.motion, clip.motion, judgement.level)
 
 
 def note_lengths(clip: Clip, song: Path) -> None:

@@ -82,8 +82,8 @@ def read_pose(path: PathLike, *, command: Sequence[str] | None = None, progress:
     Raises
     ------
     FileNotFoundError, ValueError
-        Both name the file. ValueError also where there is no environment, and where nobody is found, or not enough of a
-        body.
+        Both name the file. ValueError also where there is no environment, and where no person is found, or not enough
+        of a body.
     """
     video = video_frames(path, height=HEIGHT, colour=True)
     name, stride = _kept_name(Path(path)), max(1, int(np.ceil(video.fps / MOST_RATE)))
@@ -189,16 +189,16 @@ def _dancer(people: Sequence[NDArray[np.float32]], fps: float) -> PoseReading:
     Raises
     ------
     ValueError
-        Nobody is, or too little of a body is seen.
+        No person is, or too little of a body is seen.
     """
-    found = [person for person in people if _is_found(person)]
-    if not found:
+    candidates = [person for person in people if _is_found(person)]
+    if not candidates:
         shares = [float(np.isfinite(person[:, 0, 0]).mean()) for person in people]
         few = f"a person is found in {max(shares):.0%} of the pictures only"
         raise ValueError(UNREAD + (few if max(shares) > 0 else "nobody is found in the picture"))
     readings = []
     faults: list[ValueError] = []
-    for person in found:
+    for person in candidates:
         try:
             readings.append(body_motion(person, fps))
         except ValueError as error:
@@ -206,9 +206,9 @@ def _dancer(people: Sequence[NDArray[np.float32]], fps: float) -> PoseReading:
     if not readings:
         raise faults[0]
     dancer = max(readings, key=lambda reading: _movement(reading.motion))
-    if len(found) == 1:
+    if len(candidates) == 1:
         return dancer
-    note = f"{len(found)} people are in the picture; the one who moves most was taken"
+    note = f"{len(candidates)} people are in the picture; the one who moves most was taken"
     return replace(dancer, notes=(note, *dancer.notes))
 
 
@@ -234,15 +234,15 @@ def body_motion(landmarks: NDArray[np.float32], fps: float) -> PoseReading:
     points = landmarks[:, joint_indices(MEDIAPIPE_33, BODY)]
     is_found: BoolArray = np.asarray(np.isfinite(points).all(axis=(1, 2)))
     is_seen: BoolArray = np.asarray(np.nan_to_num(points[..., 5]) >= SEEN)
-    shown = is_seen[is_found].mean(axis=0) >= SHOWN if is_found.any() else np.zeros(len(BODY), bool)
-    keep = [BODY[joint] for joint in np.flatnonzero(shown)]
+    is_kept = is_seen[is_found].mean(axis=0) >= SHOWN if is_found.any() else np.zeros(len(BODY), bool)
+    keep = [BODY[joint] for joint in np.flatnonzero(is_kept)]
     if len(keep) < FEWEST_JOINTS:
         raise ValueError(f"{UNREAD}only {len(keep)} of {len(BODY)} joints of the body are seen; film all of it")
     skeleton = skeleton_part(MEDIAPIPE_33, joint_indices(MEDIAPIPE_33, keep))
-    there = np.ones((1, len(keep)), bool)
-    places = filled_points(points[:, shown, :5], is_found[:, None] & there, skeleton)
+    columns = np.ones((1, len(keep)), bool)
+    places = filled_points(points[:, is_kept, :5], is_found[:, None] & columns, skeleton)
     steady: FloatArray = median_filter(places, (MEDIAN, 1, 1), mode="nearest")
-    valid = np.asarray(is_found & (is_seen[:, shown].mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN))
+    valid = np.asarray(is_found & (is_seen[:, is_kept].mean(axis=1) >= 1 - MOST_JOINTS_HIDDEN))
     if not valid.any():
         raise ValueError(f"{UNREAD}the body is hidden in every picture")
     hidden = [name.replace("_", " ") for name in BODY if name not in keep]
@@ -265,7 +265,7 @@ def _kept_name(path: Path) -> str:
 
 
 def _kept_people(name: str) -> list[NDArray[np.float32]] | None:
-    """What was kept under a name; None where there is nothing, or nothing like it."""
+    """The people kept under a name; None where there are none, or the file is damaged."""
     arrays = cached_arrays(name)
     people = None if arrays is None else arrays.get("people")
     if people is None or people.dtype != np.float32 or people.ndim != 4 or not 0 < len(people) <= MOST_PEOPLE:

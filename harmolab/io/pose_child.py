@@ -5,7 +5,7 @@ harmolab is imported here, and no module from outside FOLDER and Python itself.
 
 In, for each picture: height, width, and whether to look for other people, as three unsigned 32-bit numbers, then its
 RGB bytes. A height of 0 ends. Out: the 8 bytes of `READY`; then for each picture its people, 33 landmarks each, as
-32-bit numbers (x and y as shares of the picture; x, y, z in metres; visibility), NaN where nobody is. One person is
+32-bit numbers (x and y as shares of the picture; x, y, z in metres; visibility), NaN without one. One person is
 followed; where others are looked for, a second one comes after her, whom she does not cover.
 """
 
@@ -70,7 +70,7 @@ def _picture(stream: BinaryIO) -> tuple[Any, bool] | None:
 
 
 def _landmarks(body: Any, pixels: Any) -> Any:
-    """(33, 6) landmarks of the person in a picture, NaN where nobody is."""
+    """(33, 6) landmarks of the person in a picture, NaN without one."""
     import numpy as np
 
     result = body.process(pixels)

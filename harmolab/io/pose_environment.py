@@ -2,7 +2,7 @@
 
 MediaPipe's wheel holds its models, and asks for numpy 1, which does not fit into one process with ours. So its packages
 go into a folder that another process of the same Python reads (`harmolab.io.pose_child`). Afterwards nothing needs a
-network. Nobody fetches anything unasked: `make_pose_environment` is called by `harmolab pose` alone, after a yes.
+network. Nothing is fetched unasked: `make_pose_environment` is called by `harmolab pose` alone, after a yes.
 
 ``HARMOLAB_POSE=off`` turns pose estimation off, whether the environment is there or not.
 """
@@ -62,7 +62,7 @@ def is_off() -> bool:
 
 
 def hindrance() -> str:
-    """Why the environment cannot be made here, a sentence without its point; "" where nothing is known against it."""
+    """The reason why the environment cannot be made here, without a full stop; "" without one."""
     if is_off():
         return f"{SWITCH} is off"
     if not OLDEST <= sys.version_info[:2] <= NEWEST:

@@ -146,7 +146,7 @@ class _Sender(Thread):
 
 @dataclass(frozen=True, eq=False)
 class _Answers:
-    """What comes back from a process, checked."""
+    """The answers of a process, checked."""
 
     process: subprocess.Popen[bytes]
     watch: _Watch

@@ -21,7 +21,7 @@ from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, Progress, plain, silent
 from harmolab.io.video import is_video
 from harmolab.io.video_sound import video_sound
-from harmolab.lab.timing.filmed import filmed_motion, has_body
+from harmolab.lab.timing.filmed import check_sign, filmed_motion, has_body
 from harmolab.lab.timing.findings import Explanation, explain
 from harmolab.lab.timing.movement import find_offset
 from harmolab.lab.timing.sound import find_sound_offset
@@ -317,6 +317,7 @@ def explain_performance(
     except ValueError as error:
         raise ValueError(f"{performance.path}: {error}") from None
     score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
+    check_sign(performance.path, performance.motion, score.judgement.level if score.judgement else 0)
     words = explain(score)
     return OwnDance(
         Path(song).name,
