@@ -48,6 +48,14 @@ def figures_aside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def poses_off() -> Iterator[None]:
+    """Tests read videos by flow, wherever they run; those of poses turn them on."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HARMOLAB_POSE", "off")
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def tracker_compiled() -> None:
     """Workers that compile librosa at the same moment would break numba's cache for each other."""
     compile_tracker()

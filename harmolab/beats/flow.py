@@ -14,7 +14,7 @@ and a light that fades within a second looks like movement.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import cv2
@@ -97,6 +97,7 @@ def flow_directograms(
     lag: float = LAG,
     n_bins: int = 16,
     still: float = STILL,
+    watch: Callable[[NDArray[np.float32]], None] | None = None,
     progress: Progress = silent,
 ) -> FloatArray:
     """The directogram of a video, for the eye and for `impact_envelope`.
@@ -112,6 +113,7 @@ def flow_directograms(
         t_1 of Eq. 4: flow is measured over this time (at least one frame), so that 25 and 50 fps see the same.
     n_bins : int, directions (see `directogram`)
     still : float, picture heights per second; what moves slower counts as still
+    watch : function(speed), called with the speed of every pixel, (H, W) picture heights per second, of each flow
     progress : function(iterable, label) -> iterable
 
     Returns
@@ -136,6 +138,8 @@ def flow_directograms(
             height = frame.shape[0]
             flow = optical_flow(recent[0], frame)
             row = directogram(flow, n_bins=n_bins, still=still * height / per_second) * (per_second / height)
+            if watch is not None:
+                watch(np.hypot(flow[..., 0], flow[..., 1]) * np.float32(per_second / height))
         rows.append(row)
     if not rows:
         raise ValueError("a video needs at least one frame, got none")

@@ -19,6 +19,7 @@ from harmolab.cli.evaluating import evaluate
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
 from harmolab.cli.playing import play
+from harmolab.cli.posing import pose
 from harmolab.cli.rendering import render
 from harmolab.cli.retiming import retime
 from harmolab.cli.scoring import score
@@ -35,7 +36,7 @@ PANELS = {
     "Start here": (demo, score, explain, play, dance, render),
     "The music": (beats, tap),
     "Many dances": (evaluate, compare, learn),
-    "Movement": (retime, convert),
+    "Movement": (pose, retime, convert),
     "Networks": (train, perform),
 }
 for panel, commands in PANELS.items():

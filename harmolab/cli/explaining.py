@@ -27,7 +27,7 @@ from harmolab.cli.common import (
     Up,
 )
 from harmolab.cli.screen import is_verbose, plain_errors, progress, refuse, waiting, wrote
-from harmolab.cli.sources import note_music, sources
+from harmolab.cli.sources import note_music, sources, video_performance
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 
@@ -96,7 +96,7 @@ def explain(
             common.check_out(out, "the page", common.PAGES)
         files = sources(context, song, motion, beats=beats, one=one, dance=dance)
         params = common.recommended(pattern, files.dance, how)
-        performance = load_performance(
+        performance = video_performance(files.motion) if files.is_video else load_performance(
             files.motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
             report=common.note_assumptions, progress=progress,
         )  # fmt: skip

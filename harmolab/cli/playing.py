@@ -26,12 +26,14 @@ from harmolab.cli.common import (
     Up,
 )
 from harmolab.cli.naming import dance_title, video_command
+from harmolab.cli.posing import is_body_found
 from harmolab.cli.screen import plain_errors, wrote
 from harmolab.cli.sources import clip_of, note_lengths, sources
 
 VIDEO = (
-    "{video}: is a video, of which no body is known to play; `harmolab explain {video} --out {stem}.html` makes a page "
-    "about it, `harmolab render {video} --out {stem}_marked.mp4` marks its beats"
+    "{video}: is a video, of which no body is known to play; `harmolab pose --install` fetches what finds it. Without, "
+    "`harmolab explain {video} --out {stem}.html` makes a page about it, `harmolab render {video} --out "
+    "{stem}_marked.mp4` marks its beats"
 )
 
 
@@ -73,7 +75,7 @@ def play(
     with plain_errors():
         common.check_out(out, "the player", common.PAGES)
         files = sources(context, song, motion, beats=beats, one=one, dance=dance)
-        if files.is_video:
+        if files.is_video and not is_body_found(files.motion):
             raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
         params = common.recommended(pattern, files.dance, how)
         reading = common.reading(fps, scale, smpl, up)

@@ -25,8 +25,8 @@ from harmolab.cli.common import (
     Start,
     Up,
 )
-from harmolab.cli.screen import plain_errors, progress, wrote
-from harmolab.cli.sources import clip_of, note_lengths, sources
+from harmolab.cli.screen import note, plain_errors, progress, wrote
+from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
 
 GIF = ".gif"
 GIF_SECONDS, GIF_HEIGHT, GIF_RATE = 5.0, 240, 12.5  # unless asked for otherwise: some hundred kilobytes
@@ -83,7 +83,8 @@ def render(
     """Write a video of a motion with its music: a person on a floor, or a skeleton over the dancer's own video.
 
     With marks, the verdict and the number of `harmolab score` are printed too; the marks are rests of the body, or hits
-    where it hits the beats. A video alone gets the marks, and no skeleton.
+    where it hits the beats. A video alone gets the marks, and a
+    skeleton where `harmolab pose` finds the body.
 
     Examples:
 
@@ -98,6 +99,7 @@ def render(
     from harmolab.harmony import score_clip
     from harmolab.lab.render.overlay import load_points
     from harmolab.lab.render.video import write_dance
+    from harmolab.lab.timing.filmed import points_in_video
 
     is_gif = out.suffix.lower() == GIF
     with plain_errors():
@@ -117,14 +119,19 @@ def render(
             sample_rate=None, movement=points, **reading,
         )  # fmt: skip
         note_lengths(clip, files.song)
+        in_video = points_in_video(files.motion) if files.is_video else None
         if start is not None:
             clip = clip.span(start, seconds or clip.audio.duration - start)
         write_dance(
-            out, clip, over=over, marks=marks, rate=rate or (GIF_RATE if is_gif else None),
+            out, clip, over=over, points=in_video, marks=marks, rate=rate or (GIF_RATE if is_gif else None),
             height=height or (GIF_HEIGHT if is_gif else HEIGHT), follow=follow, params=params, progress=progress,
         )  # fmt: skip
         score = score_clip(clip, params) if marks else None
     if score is not None:
-        common.print_verdict(score.judgement)
+        try:
+            check_signs(files, clip, [score])
+            common.print_verdict(score.judgement)
+        except ValueError as error:  # the video is written all the same
+            note(str(error))
         common.print_music(score.music)
     wrote(out)

@@ -31,7 +31,7 @@ from harmolab.cli.common import (
 )
 from harmolab.cli.corpus_scores import is_corpus, score_corpus
 from harmolab.cli.screen import is_verbose, plain_errors, wrote
-from harmolab.cli.sources import Sources, clip_of, note_lengths, sources
+from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, sources
 
 if TYPE_CHECKING:
     from harmolab.cli.common import How
@@ -126,7 +126,9 @@ def score(
         modes = settings(mode, pattern, dance or files.dance, how, lag, clock)
         clip = clip_of(files, offset=offset, seconds=seconds, one=one, **reading)
         note_lengths(clip, files.song)
-        return scored_clip(clip, modes, clock)
+        result = scored_clip(clip, modes, clock)
+        check_signs(files, clip, result.scores.values())
+        return result
 
     with plain_errors():
         if motion is None and is_corpus(song):

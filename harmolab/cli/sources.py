@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,10 +10,13 @@ import typer
 
 from harmolab.cli.checks import is_told
 from harmolab.cli.common import MOTIONS, SOUNDS, note_assumptions
+from harmolab.cli.posing import offer_poses
 from harmolab.cli.screen import detail, finding_beats, note, progress
 
 if TYPE_CHECKING:
+    from harmolab.lab.timing.performance import Performance
     from harmolab.types import Clip, Motion
+    from harmolab.verdict.score import HarmonyScore
 
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
 FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
@@ -124,7 +128,7 @@ def clip_of(
     movement: Motion | None = None,
     **reading: Any,
 ) -> Clip:
-    """The song and the dance with the music's beats; a video moves as its picture does as a whole.
+    """The song and the dance with the music's beats; the movement of a video is that of its dancer.
 
     Parameters
     ----------
@@ -152,10 +156,9 @@ def clip_of(
 def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
     """The movement of a video, and the song's time at which it begins, by its sound unless told."""
     from harmolab.io.video_sound import load_sound
-    from harmolab.lab.timing.performance import load_performance
     from harmolab.lab.timing.sound import find_sound_offset
 
-    performance = load_performance(files.motion, progress=progress)
+    performance = video_performance(files.motion)
     if offset is not None or files.song.resolve() == files.motion.resolve():
         return performance.motion, offset or 0.0
     place = None if performance.sound is None else find_sound_offset(performance.sound, load_sound(files.song))
@@ -163,6 +166,26 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
         raise ValueError(UNPLACED.format(files))
     note(f"{files.motion.name} begins at {place.seconds:.2f} s of the song, by its sound")
     return performance.motion, place.seconds
+
+
+def video_performance(video: Path) -> Performance:
+    """The movement of a video and its sound; first the question whether what finds bodies may be fetched."""
+    from harmolab.lab.timing.performance import load_performance
+
+    offer_poses(video)
+    performance = load_performance(video, progress=progress)
+    for sentence in performance.notes:
+        note(f"{video.name}: {sentence}")
+    return performance
+
+
+def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> None:
+    """ValueError where a video was read by flow, and no sign of the beat was seen; that is no verdict."""
+    from harmolab.lab.timing.filmed import check_sign
+
+    for judgement in (score.judgement for score in scores):
+        if judgement is not None and clip.motion is not None:
+            check_sign(files.motion, clip.motion, judgement.level)
 
 
 def note_lengths(clip: Clip, song: Path) -> None:

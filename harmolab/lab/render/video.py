@@ -16,7 +16,7 @@ from harmolab.io.motion import save_motion
 from harmolab.io.video import CODINGS, VideoFrames, is_video, video_frames, write_video
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import render_dance
-from harmolab.lab.timing.movement import PICTURE, picture_motion
+from harmolab.lab.timing.filmed import filmed_motion, has_body
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
 from harmolab.retime.matching import Method
 from harmolab.retime.retime import Retimed, retime, warp_video
@@ -31,6 +31,7 @@ def write_dance(
     clip: Clip,
     *,
     over: PathLike | None = None,
+    points: Motion | None = None,
     marks: bool = True,
     rate: float | None = None,
     height: int = 480,
@@ -47,6 +48,7 @@ def write_dance(
     clip : Clip with a motion
     over : str or path of the video in which the points of the motion were found, to draw them over it
         Of a `picture_motion` the marks alone are drawn.
+    points : Motion (T, J, 2), the points in that video where the motion of the clip is another, in space
     marks : bool, whether marks light up on the beats of the clip, if it has any, on the dancer's and on hits
     rate : float, pictures a second, 30 when left out; a video keeps its own
     height : int, pixels
@@ -75,13 +77,14 @@ def write_dance(
     else:
         check_output(out, [over])
         video = video_frames(over, height=height, colour=True)
-        motion, rate = _over(motion, video), video.fps
-        frames = overlay_skeleton(video, rate, motion, score=(score or _score(clip, motion, params)) if marks else None)
-    drawn = progress(frames, "drawing")
+        drawn, rate = _over(motion if points is None else points, video), video.fps
+        judged = drawn if points is None else motion
+        frames = overlay_skeleton(video, rate, drawn, score=(score or _score(clip, judged, params)) if marks else None)
+    pictures = progress(frames, "drawing")
     if Path(out).suffix.lower() == ".gif":
-        write_gif(out, drawn, rate)
+        write_gif(out, pictures, rate)
     else:
-        write_video(out, drawn, rate, audio=sound_of(clip))
+        write_video(out, pictures, rate, audio=sound_of(clip))
 
 
 def retime_files(
@@ -108,7 +111,7 @@ def retime_files(
     Parameters
     ----------
     song, motion, offset, dance, beats, one, fps, scale : as in `load_clip`; `motion` may also be a video
-        A video moves as its pictures do as a whole, whose rests are those of the dancer.
+        A video moves as its dancer does (`harmolab.lab.timing.filmed.filmed_motion`).
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
     params : HarmonyParams of the number before and after, as in `harmolab.harmony.score_clip`
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
@@ -120,8 +123,8 @@ def retime_files(
         Both name the file; ValueError also for a setting out of range.
     """
     check_output(out, [song, motion])
-    video = video_frames(motion) if is_video(motion) else None
-    movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
+    video = Path(motion) if is_video(motion) else None
+    movement = filmed_motion(video, progress=progress).motion if video else motion
     for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
         clip = load_clip(
             path, movement, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
@@ -133,7 +136,7 @@ def retime_files(
         score=lambda bent: score_clip(replace(clip, motion=bent), params),
     )  # fmt: skip
     if video:
-        warp_video(video.path, out, retimed.warp, sound_of(clip))
+        warp_video(video, out, retimed.warp, sound_of(clip))
     elif Path(out).suffix.lower() in CODINGS:
         write_dance(out, replace(clip, motion=retimed.motion), progress=progress)
     else:
@@ -150,7 +153,7 @@ def sound_of(clip: Clip) -> Audio:
 
 def _over(motion: Motion, video: VideoFrames) -> Motion:
     """The points to be drawn over a video; none are seen of the movement of the whole picture, which has no points."""
-    if motion.skeleton == PICTURE:
+    if not has_body(motion):
         return replace(motion, valid=np.zeros(motion.n_frames, bool))
     return points_in_picture(motion, video)
 

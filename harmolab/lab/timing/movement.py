@@ -12,7 +12,7 @@ a second before them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -218,14 +218,20 @@ def _lag_to_attacks(audio: Audio, beats: FloatArray) -> float:
     return float(lags[smooth(mean, TRACKER_SPREAD, 1 / ATTACK_FRAME).argmax()]) if mean.any() else 0.0
 
 
-def picture_motion(frames: Iterable[NDArray[np.uint8]], fps: float, *, progress: Progress = silent) -> Motion:
+def picture_motion(
+    frames: Iterable[NDArray[np.uint8]],
+    fps: float,
+    *,
+    watch: Callable[[NDArray[np.float32]], None] | None = None,
+    progress: Progress = silent,
+) -> Motion:
     """The movement of a whole picture, as a point on a line.
 
     Everything in the picture counts, so the camera has to stand still.
 
     Parameters
     ----------
-    frames, fps, progress : see `harmolab.beats.flow.flow_directograms`
+    frames, fps, watch, progress : see `harmolab.beats.flow.flow_directograms`
 
     Returns
     -------
@@ -236,7 +242,7 @@ def picture_motion(frames: Iterable[NDArray[np.uint8]], fps: float, *, progress:
     ValueError
         For frames that are none, an fps that cannot be, or less video than three times the flow's lag.
     """
-    speed = flow_directograms(frames, fps, progress=progress).sum(axis=1)
+    speed = flow_directograms(frames, fps, watch=watch, progress=progress).sum(axis=1)
     lag_frames = max(1, round(LAG * fps))
     if speed.size <= 3 * lag_frames:
         raise ValueError(f"a video of {speed.size} frames is too short to find movement in")

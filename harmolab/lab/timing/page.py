@@ -43,8 +43,8 @@ def dance_player(dance: OwnDance) -> Player:
     ValueError
         It is a video, of which no skeleton is known, or longer than the player shows.
     """
-    if dance.performance.is_video:
-        raise ValueError(f"{dance.name}: is a video; the player shows skeletons")
+    if not dance.performance.has_body:
+        raise ValueError(f"{dance.name}: is a video of which no body is known; the player shows bodies")
     score = dance.score
     if not dance.placement.is_absolute:  # its offset was fitted to the movement: there is no number to give
         score = replace(score, harmony_above_chance=np.nan, judgement=None)
@@ -77,7 +77,7 @@ def dance_page(dance: OwnDance) -> str:
         sentences=[*dance.remarks, *dance.judgement.details, *dance.words.sentences],
         wide=_timing_png(dance, WIDE),
         narrow=_timing_png(dance, NARROW),
-        player=dance_player(dance).page if is_short and not dance.performance.is_video else "",
+        player=dance_player(dance).page if is_short and dance.performance.has_body else "",
         longest=LONGEST / 60,
         stills=list(_stills(dance)) if dance.performance.is_video else [],
         numbers=_numbers(dance),

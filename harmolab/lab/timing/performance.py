@@ -19,17 +19,17 @@ from harmolab.corpora.files import load_clip
 from harmolab.corpora.folders import ReadingReport, load_any_motion, recorded_offset
 from harmolab.harmony import score_clip
 from harmolab.io.files import PathLike, Progress, plain, silent
-from harmolab.io.video import is_video, video_frames
+from harmolab.io.video import is_video
 from harmolab.io.video_sound import video_sound
+from harmolab.lab.timing.filmed import check_sign, filmed_motion, has_body
 from harmolab.lab.timing.findings import Explanation, explain
-from harmolab.lab.timing.movement import find_offset, picture_motion
+from harmolab.lab.timing.movement import find_offset
 from harmolab.lab.timing.sound import find_sound_offset
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Motion
 from harmolab.verdict.judge import Judgement
 from harmolab.verdict.score import HarmonyScore
 
-HEIGHT = 160  # pixels of the video that flow is measured on
 SURE = 0.95  # confidence of an offset by movement, below which it means little
 # Numbers that mean nothing where the offset was fitted to the movement.
 PLACED = ("harmony_above_chance", "interval", "p_value", "p_place", "lag_s", "lag_interval_s", "reading")
@@ -48,11 +48,12 @@ class Performance:
     Parameters
     ----------
     path : Path
-    motion : Motion; of a video `picture_motion`
+    motion : Motion; of a video as by `harmolab.lab.timing.filmed.filmed_motion`
     is_video : bool
     sound : Audio or None, of a video whose sound can be read
     start : float or None, seconds
         Song time of frame 0 where the motion's file, or the folder of the recording, holds it.
+    notes : sentences about how a video was read
     """
 
     path: Path
@@ -60,6 +61,12 @@ class Performance:
     is_video: bool = False
     sound: Audio | None = None
     start: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def has_body(self) -> bool:
+        """False where the movement is that of a whole picture."""
+        return has_body(self.motion)
 
 
 @dataclass(frozen=True)
@@ -138,15 +145,11 @@ def load_performance(
     """
     path = Path(path)
     if is_video(path):
-        frames = video_frames(path, height=HEIGHT)
-        try:
-            motion = picture_motion(frames, frames.fps, progress=progress)
-        except ValueError as error:
-            raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
+        filmed = filmed_motion(path, progress=progress)
         sound = None
         with suppress(ValueError):  # none, or none that can be read: the movement has to do
             sound = video_sound(path)
-        return Performance(path, motion, True, sound)
+        return Performance(path, filmed.motion, True, sound, notes=filmed.notes)
     names = None if joints is None else tuple(joints)
     motion = load_any_motion(path, fps=fps, scale=scale, joints=names, smpl=smpl, up=up, report=report)
     return Performance(path, motion, start=recorded_offset(path))
@@ -314,6 +317,7 @@ def explain_performance(
     except ValueError as error:
         raise ValueError(f"{performance.path}: {error}") from None
     score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
+    check_sign(performance.path, performance.motion, score.judgement.level if score.judgement else 0)
     words = explain(score)
     return OwnDance(
         Path(song).name,

@@ -1,0 +1,81 @@
+"""The movement of the dancer in a video: by the body where that can be found, else by the flow of the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from harmolab.io.files import PathLike, Progress, silent
+from harmolab.io.pose import UNREAD, read_pose
+from harmolab.io.pose_environment import pose_environment
+from harmolab.io.video import video_frames
+from harmolab.lab.timing.movement import PICTURE, picture_motion
+from harmolab.lab.timing.picture_quality import PictureWatch, check_rate
+from harmolab.types import Motion
+
+NO_SIGN = (
+    "the flow of the picture shows no sign of the beat, and flow misses some who are on it; `harmolab pose --install` "
+    "fetches what finds the body itself"
+)
+HEIGHT = 160  # pixels of the video that flow is measured on
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedMotion:
+    """The movement in a video.
+
+    Parameters
+    ----------
+    motion : Motion of a body, or `picture_motion`
+    notes : sentences about how it was read, for people
+    """
+
+    motion: Motion
+    notes: tuple[str, ...] = ()
+
+
+def filmed_motion(path: PathLike, *, progress: Progress = silent) -> FilmedMotion:
+    """The movement of the dancer in a video.
+
+    Parameters
+    ----------
+    path : str or path of a video
+    progress : function(iterable, label) -> iterable
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; ValueError also where the movement cannot be read well enough to be judged, with the reason.
+    """
+    path = Path(path)
+    if pose_environment() is not None:
+        reading = read_pose(path, progress=progress)
+        return FilmedMotion(reading.motion, reading.notes)
+    frames, watch = video_frames(path, height=HEIGHT), PictureWatch()
+    try:
+        check_rate(frames.fps)
+        motion = picture_motion(frames, frames.fps, watch=watch, progress=progress)
+        watch.check()
+        return FilmedMotion(motion)
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
+
+
+def check_sign(path: PathLike, motion: Motion, level: int) -> None:
+    """ValueError where the flow of a picture shows no sign of the beat (level 1): that may be the flow's fault.
+
+    Of planted dancers whose true movement is in time, clearly filmed, a sixth show none in the flow: it follows all
+    that moves, and fast hands most. A sign that is seen counts; one that is not seen is no verdict on a dancer.
+    """
+    if level == 1 and not has_body(motion):
+        raise ValueError(f"{path}: {UNREAD}{NO_SIGN}")
+
+
+def points_in_video(path: PathLike) -> Motion | None:
+    """The points of the dancer as shares of the picture, (T, J, 2), once `filmed_motion` has read her; None by flow."""
+    return None if pose_environment() is None else read_pose(path).points
+
+
+def has_body(motion: Motion) -> bool:
+    """False for the movement of a whole picture, of which no body is known."""
+    return motion.skeleton != PICTURE

@@ -1,0 +1,233 @@
+"""Videos as a phone makes them, of dancers whose every movement is known: the planted answers of reading a video.
+
+A person of `tests.phone_people` before a wall with a texture, filmed by a hand that shakes, through a noisy sensor,
+compressed hard; perhaps beside a second person who hardly moves, perhaps with the feet out of the picture.
+
+`python -m tests.phone_videos FOLDER [CASE ...]` films the four dancers of `DANCERS` in the cases that are named, or all
+of `CASES`, and prints the levels of the verdict, also 120 ms late and with another song, beside those of the true
+movement. Videos that are there are not filmed again; HARMOLAB_POSE=off reads them by flow.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from harmolab.harmony import score_motion
+from harmolab.io.video import AUDIO_RATE
+from harmolab.lab.timing.filmed import filmed_motion
+from harmolab.params import HarmonyParams
+from harmolab.shape_speed import shape_signal, shape_speed
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import planted_dance, track
+from tests.phone_people import person_frames
+
+Frame = np.ndarray
+START = 0.5  # seconds of the song before the film begins
+LATE = 0.12  # seconds
+DANCERS = (("cha-cha", 1), ("waltz", 2), ("rumba", 3), ("cha-cha", 4))  # dance and seed
+OTHER_SONGS = (("waltz",), ("cha-cha",), ("tango",), ("waltz",))
+SECONDS = 30.0
+
+
+@dataclass(frozen=True)
+class Phone:
+    """How a dance is filmed.
+
+    Parameters
+    ----------
+    fps : float, hertz
+    noise : float, standard deviation in grey levels of 255, anew in every frame
+    shake : float, pixels, standard deviation of a hand's quick tremor; its slow sway is three times as wide
+    crf : int, of H.264; more is worse
+    contrast : float, of the texture of the wall, 0 for a plain one
+    people : 1, or 2 with one beside who hardly moves
+    has_feet : bool, False where the picture ends at the knees
+    curtain : float, pixels by which a part of the wall swings to either side, at a tempo of its own
+    height : int, pixels
+    seed : int
+    """
+
+    fps: float = 30.0
+    noise: float = 2.0
+    shake: float = 0.0
+    crf: int = 28
+    contrast: float = 1.0
+    people: int = 1
+    has_feet: bool = True
+    curtain: float = 0.0
+    height: int = 480
+    seed: int = 0
+
+
+CASES = {
+    "good": Phone(),
+    "noise 4": Phone(noise=4, crf=23),
+    "noise 8": Phone(noise=8),
+    "shake": Phone(shake=1.0),
+    "worst": Phone(noise=6, shake=1.5, crf=35),
+    "15 fps": Phone(fps=15, noise=3, crf=32),
+    "60 fps": Phone(fps=60, noise=3, shake=0.5),
+    "two people": Phone(people=2),
+    "no feet": Phone(has_feet=False, shake=0.5),
+    "plain wall": Phone(contrast=0.0, noise=0, crf=23),
+}
+
+
+def wall(height: int, width: int, contrast: float, seed: int) -> Frame:
+    """(H, W, 3) picture of a room: blotches of all sizes and things with edges, the same in every frame."""
+    rng, picture = np.random.default_rng(seed), np.full((height, width, 3), 150.0)
+    for size in (3, 7, 15, 40, 100):
+        blotches = rng.normal(0, 1, (height // size + 2, width // size + 2, 1)) + rng.normal(0, 0.2, 3)
+        smooth = cv2.resize(blotches, (width + size, height + size), interpolation=cv2.INTER_CUBIC)
+        picture += contrast * (4 + size / 6) * smooth[:height, :width]
+    for _ in range(round(12 * min(contrast, 1.0))):
+        left, top, wide, high = rng.uniform(0, 0.9, 2).tolist() + rng.uniform(0.03, 0.25, 2).tolist()
+        rows = slice(round(top * height), round((top + high) * height))
+        colour = rng.uniform(40, 220) + rng.normal(0, 20, 3)
+        picture[rows, round(left * width) : round((left + wide) * width)] *= 0.3
+        picture[rows, round(left * width) : round((left + wide) * width)] += 0.7 * colour
+    return np.clip(picture, 20, 235).astype(np.float32)
+
+
+def phone_frames(motion: Motion, phone: Phone) -> Iterator[Frame]:
+    """(H, W, 3) uint8 frames, frame i at i / fps seconds of the motion."""
+    height, width = phone.height, round(phone.height * 4 / 3)
+    rng, room = np.random.default_rng(phone.seed + 1), wall(height, width, phone.contrast, phone.seed)
+    people = [motion] if phone.people == 1 else [motion, hardly_moving(motion)]
+    drawn = [person_frames(one, height=height, width=width, fps=phone.fps, follow=phone.people > 1) for one in people]
+    shifts = [0] if phone.people == 1 else [round(0.22 * width), -round(0.22 * width)]
+    grains = phone.noise * rng.standard_normal((4, height + 64, width + 64, 3), np.float32)
+    hand = _hand(motion.n_frames / motion.fps * phone.fps, phone, rng)
+    for index, (pictures, (right, down, turn)) in enumerate(zip(zip(*drawn, strict=False), hand, strict=False)):
+        frame, swing = room.copy(), phone.curtain * np.sin(2 * np.pi * 0.83 * index / phone.fps)
+        if phone.curtain:
+            frame[:, -width // 3 :] = np.roll(room, round(swing * height / 480), axis=1)[:, -width // 3 :]
+        for (picture, mask), shift in zip(pictures, shifts, strict=True):
+            is_person = np.roll(mask, shift, axis=1)
+            frame[is_person] = np.roll(picture, shift, axis=1)[is_person]
+        matrix = cv2.getRotationMatrix2D((width / 2, 0.1 * height), turn, 1.0 if phone.has_feet else 1.35)
+        matrix[:, 2] += right, down
+        seen = cv2.warpAffine(
+            cv2.GaussianBlur(frame, (3, 3), 0.7), matrix, (width, height), borderMode=cv2.BORDER_REFLECT
+        )
+        down, right = rng.integers(0, 64, 2)
+        seen += grains[rng.integers(4), down : down + height, right : right + width]
+        yield np.clip(seen, 0, 255).astype(np.uint8)
+
+
+def hardly_moving(motion: Motion) -> Motion:
+    """Another person beside, who sways a little, at a tempo of her own."""
+    times = np.arange(motion.n_frames) / motion.fps
+    pose = np.repeat(motion.positions[:1], motion.n_frames, axis=0)
+    sway = 0.04 * np.sin(2 * np.pi * 0.31 * times)[:, None] * (pose[:, :, 1] / pose[:, :, 1].max())
+    return replace(motion, positions=pose + np.stack([sway, 0 * sway, 0 * sway], axis=-1))
+
+
+def _hand(frames: float, phone: Phone, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Pixels to the right and down, and degrees, by which the picture is moved in each frame."""
+    number = round(frames) + 2
+    if not phone.shake:
+        yield from np.zeros((number, 3))
+        return
+    moves = np.zeros((number, 3))
+    for seconds, size in ((0.06, phone.shake), (0.5, 3 * phone.shake)):
+        smooth = gaussian_filter1d(rng.normal(0, 1, (number, 3)), seconds * phone.fps, axis=0)
+        moves += size * smooth / smooth.std(axis=0)
+    yield from moves * (phone.height / 480) * np.array([1, 1, 0.1])
+
+
+def film(path: Path, motion: Motion, sound: Audio | None, phone: Phone) -> Path:
+    """The file, which then holds the film of a motion with the sound that was in the room."""
+    rate = Fraction(phone.fps).limit_denominator(1000)
+    with av.open(str(path), "w") as container:
+        video = container.add_stream("libx264", rate=rate, options={"crf": str(phone.crf), "preset": "veryfast"})
+        video.height, video.width, video.pix_fmt = phone.height, round(phone.height * 4 / 3), "yuv420p"
+        if sound is not None:
+            _write_sound(container, sound)
+        for frame in phone_frames(motion, phone):
+            container.mux(video.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        container.mux(video.encode())
+    return path
+
+
+def _write_sound(container: Any, sound: Audio) -> None:
+    stream = container.add_stream("aac", rate=AUDIO_RATE, layout="mono")
+    resampler = av.AudioResampler("fltp", "mono", AUDIO_RATE)
+    rate, size = round(sound.sample_rate), 4096
+    for start in range(0, sound.samples.size, size):
+        part = av.AudioFrame.from_ndarray(sound.samples[None, start : start + size].astype(np.float32), "fltp", "mono")
+        part.sample_rate, part.pts, part.time_base = rate, start, Fraction(1, rate)
+        for one in resampler.resample(part):
+            container.mux(stream.encode(one))
+    for one in resampler.resample(None):
+        container.mux(stream.encode(one))
+    container.mux(stream.encode())
+
+
+def filmed_part(clip: Clip, *, seconds: float | None = None) -> tuple[Motion, Audio, BeatTrack]:
+    """The movement that is filmed, the music in the room meanwhile, and its beats, all from `START` on."""
+    assert clip.motion is not None and clip.beats is not None
+    length = clip.motion.duration - START - 0.1 if seconds is None else seconds
+    return clip.motion.span(START, length), clip.audio.span(START, length), clip.beats.span(START, length)
+
+
+def moved(beats: BeatTrack, seconds: float) -> BeatTrack:
+    """The beats earlier by so many seconds: the dancer is late by them."""
+    times = beats.times - seconds
+    return track(times[times >= 0], fps=beats.fps, duration=beats.duration)
+
+
+def level(beats: BeatTrack, motion: Motion) -> int:
+    """Level of the verdict by the recommended settings."""
+    return score_motion(beats, motion, params=HarmonyParams.recommended()).judgement.level
+
+
+def main(folder: Path, names: list[str]) -> None:
+    """Film every dancer in every case that is named, and print the levels of the true and of the filmed movement."""
+    for number, (dance, seed) in enumerate(DANCERS):
+        clip = planted_dance(dance, seconds=SECONDS, seed=seed)
+        motion, sound, beats = filmed_part(clip)
+        other = planted_dance(*OTHER_SONGS[number], seconds=SECONDS, seed=9).beats.span(0.0, motion.duration)
+        songs = {"on": beats, "late": moved(beats, LATE), "other": other}
+        print(dance, seed, "true", *(f"{name} {level(song, motion)}" for name, song in songs.items()), flush=True)
+        for name in names or list(CASES):
+            path = folder / f"{dance}_{seed}_{name.replace(' ', '_')}.mp4"
+            if not path.exists():
+                film(path, motion, sound, replace(CASES[name], seed=number))
+            try:
+                read = filmed_motion(path)
+            except ValueError as error:
+                print(" ", error, flush=True)
+                continue
+            levels = " ".join(f"{song} {level(beats, read.motion)}" for song, beats in songs.items())
+            r, shift = agreement(motion, read.motion)
+            print(f"  {name}: {levels}; agrees {r:.2f} at {1000 * shift:+.0f} ms; {'; '.join(read.notes)}", flush=True)
+
+
+def agreement(true: Motion, read: Motion, *, most: float = 0.15) -> tuple[float, float]:
+    """Best correlation of the shape speeds, and how many seconds the read one comes later there."""
+    first, second = (shape_signal(shape_speed(motion)) for motion in (true, read))
+    times = np.arange(0.3, min(first.times[-1], second.times[-1]) - 0.3, 0.005)
+    shifts = 0.005 * np.arange(-round(most / 0.005), round(most / 0.005) + 1)
+    fits = [
+        np.corrcoef(np.interp(times, first.times, first.values), np.interp(times + shift, second.times, second.values))[
+            0, 1
+        ]
+        for shift in shifts
+    ]
+    best = int(np.argmax(fits))
+    return float(fits[best]), float(shifts[best])
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -1,0 +1,76 @@
+"""A video that cannot be read by flow is not judged, and the reason is told."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harmolab.io.video import write_video
+from harmolab.lab.timing.filmed import check_sign, filmed_motion
+from harmolab.lab.timing.movement import PICTURE
+from harmolab.lab.timing.picture_quality import PictureWatch
+from harmolab.types import Motion
+from tests.builders import planted_dance, waving
+from tests.phone_videos import Phone, agreement, film, filmed_part
+
+SMALL = Phone(height=180, noise=3.0, fps=25.0)
+UNREAD = "I could not read your movement well enough: "
+
+
+@pytest.fixture(scope="module")
+def dance() -> Motion:
+    return filmed_part(planted_dance(seconds=12.0), seconds=6.0)[0]
+
+
+@pytest.mark.parametrize("phone", [SMALL, replace(SMALL, noise=8.0, crf=35), replace(SMALL, shake=0.7, contrast=0.5)])
+def test_a_dancer_before_a_wall_that_rests_is_read(dance: Motion, tmp_path: Path, phone: Phone):
+    read = filmed_motion(film(tmp_path / "take.mp4", dance, None, phone)).motion
+    correlation, shift = agreement(dance, read)
+    assert correlation > 0.6
+    assert abs(shift) <= 0.02
+
+
+@pytest.mark.parametrize(
+    ("phone", "reason"),
+    [
+        (replace(SMALL, shake=6.0), "the camera moves; put it on something that stands still"),
+        (replace(SMALL, curtain=30.0), "the background moves, or others do; film with only yourself in the picture"),
+        (replace(SMALL, fps=6.0), "6 pictures a second are too few; film with 8 or more"),
+    ],
+)
+def test_what_moves_besides_the_dancer_is_named(dance: Motion, tmp_path: Path, phone: Phone, reason: str):
+    path = film(tmp_path / "take.mp4", dance, None, phone)
+    with pytest.raises(ValueError, match="^" + re.escape(f"{path}: {UNREAD}{reason}")):
+        filmed_motion(path)
+
+
+def test_a_picture_without_movement_is_told_so(tmp_path: Path):
+    write_video(tmp_path / "wall.mp4", [np.full((64, 96, 3), 90, np.uint8)] * 60, 20.0)
+    with pytest.raises(ValueError, match=f"{UNREAD}nothing moves in the picture"):
+        filmed_motion(tmp_path / "wall.mp4")
+
+
+@pytest.mark.parametrize(("columns", "is_read"), [(0, True), (1, False)])
+def test_the_limit_lies_between_two_shares_of_the_edge(columns: int, is_read: bool):
+    watch, speed = PictureWatch(), np.zeros((60, 80), np.float32)
+    speed[10:, :10] = 1.0  # five of six cells of the left edge, of 18 in all: .28
+    speed[:10, 10 : 10 + 10 * columns] = 1.0  # and one more: .33
+    watch(speed)
+    if is_read:
+        watch.check()
+    else:
+        with pytest.raises(ValueError, match="the background moves"):
+            watch.check()
+
+
+def test_no_sign_in_the_flow_is_no_verdict_and_in_a_body_it_is_one():
+    body = waving(np.arange(60) / 15)
+    flow = Motion(np.zeros((60, 1, 2)), 30.0, PICTURE)
+    with pytest.raises(ValueError, match=f"{UNREAD}the flow of the picture shows no sign of the beat"):
+        check_sign("take.mp4", flow, 1)
+    for motion, level in ((body, 1), (flow, 0), (flow, 2), (flow, 4)):
+        check_sign("take.mp4", motion, level)
