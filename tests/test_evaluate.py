@@ -134,6 +134,26 @@ def test_subfolders_are_seeds(table: Evaluation) -> None:
     assert (WILD, "multimodality_kinetic") not in table.sets
 
 
+@pytest.mark.parametrize("own", ["beats.json that says nothing of it", "npz alone"])
+def test_a_dance_is_scored_from_where_its_npz_begins_in_the_song(tmp_path: Path, own: str) -> None:
+    song = next(write_corpus(tmp_path / "songs", clips=1, seconds=22.0, fps=30.0, seed=4).glob("clip_*"))
+    notes = json.loads((song / "beats.json").read_text())
+    del notes["motion_offset_s"]
+    (folder := tmp_path / song.name).mkdir()
+    shutil.copy(song / "audio.wav", folder)
+    if own != "npz alone":
+        (folder / "beats.json").write_text(json.dumps(notes))
+    save_motion(folder / "motion.npz", load_motion(song / "motion.npz").span(10.0, 12.0), offset=10.0)
+    row = clip_row(Pair("x", "", song.name, folder, song / "audio.wav"), RowOptions())
+    arguments = ("score", folder / "audio.wav", folder / "motion.npz", "--beats", song / "beats.json", "--json")
+    scored = json.loads(run(*arguments).stdout)
+    assert scored["clip"]["offset"] == 10.0
+    assert row["harmony"] == pytest.approx(scored["recommended"]["harmony_above_chance"], abs=1e-9)
+    assert row["seconds"] == pytest.approx(12.0)
+    whole = clip_row(Pair("x", "", song.name, song, song / "audio.wav"), RowOptions())
+    assert row["harmony"] == pytest.approx(whole["harmony"], abs=0.1)  # the same dancer, from 10 s on
+
+
 def test_no_other_song_is_the_own_one() -> None:
     recorded = [Pair(RECORDED, "", song, Path(song), Path(song), RECORDED) for song in "abcde"]
     others = [pair for pair in control_pairs(recorded) if pair.kind == OTHER_SONG]
