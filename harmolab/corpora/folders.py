@@ -210,7 +210,8 @@ def recorded_offset(path: PathLike) -> float | None:
     ----------
     path : str or path
         A recording's folder, its motion.npz or its skeletons.json, whose beats.json or config.json is asked first; or
-        any `.npz` that keeps its offset, also where beats.json says nothing of it. Other files beside a recording do not belong to it.
+        any `.npz` that keeps its offset, also where beats.json says nothing of it. Other files beside a recording do
+        not belong to it.
 
     Raises
     ------
