@@ -25,7 +25,7 @@ from harmolab.lab.evaluate import evaluation as evaluation_module
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
 from harmolab.lab.evaluate.engine import run_rows
-from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
+from harmolab.lab.evaluate.evaluation import Evaluation, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.methods import methods_paragraph, table_notes
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
 from harmolab.lab.evaluate.parts import part_rows, write_part
@@ -39,6 +39,7 @@ from harmolab.lab.evaluate.rows import (
     protocol_numbers,
 )
 from harmolab.lab.evaluate.sets import SetNumber, set_numbers
+from harmolab.lab.evaluate.settings import EvaluationSettings
 from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
 from harmolab.lab.evaluate.table_files import number_text, table_tex
 from harmolab.lab.widgets import evaluation_page
@@ -120,6 +121,24 @@ def test_another_song_is_at_chance_and_the_own_one_is_not(table: Evaluation) -> 
     assert own.low > 0.5
     difference = next(one for one in table.differences if {one.a, one.b} == {RECORDED, OTHER_SONG})
     assert difference.songs == CLIPS
+
+
+def test_the_python_of_the_tutorial_runs_as_it_stands(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder := planted / "tutorial").mkdir()
+    (folder / "try").symlink_to(planted / "recorded")
+    (folder / "ours").symlink_to(planted / "on" / "seed1")
+    monkeypatch.chdir(folder)
+    tutorial = (Path(__file__).resolve().parents[1] / "docs" / "tutorial_model.md").read_text("utf-8")
+    exec(re.search(r"## In Python\n\n```python\n(.*?)```", tutorial, flags=re.DOTALL)[1], {})
+    assert (folder / "table" / "index.html").is_file()
+    assert json.loads((folder / "table" / "evaluation.json").read_text())["settings"]["music"] == "try"
+
+
+def test_paths_given_as_text_are_the_same_settings(planted: Path) -> None:
+    paths = settings(planted, pairs=planted / "pairs.csv", smpl=planted / "body.npz")
+    systems = {name: str(folder) for name, folder in paths.systems.items()}
+    texts = {name: str(getattr(paths, name)) for name in ("music", "reference", "pairs", "smpl")}
+    assert settings(planted, systems=systems, **texts) == paths
 
 
 def test_controls_have_no_rank(table: Evaluation) -> None:
