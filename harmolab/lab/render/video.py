@@ -122,7 +122,7 @@ def retime_files(
     check_output(out, [song, motion])
     video = video_frames(motion) if is_video(motion) else None
     movement = picture_motion(progress(video, "looking for movement"), video.fps) if video else motion
-    for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
+    for path in progress([song], "finding the beats"):
         clip = load_clip(
             path, movement, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
         )
