@@ -1,4 +1,4 @@
-"""Whether librosa's tracker has been compiled on this machine, as numba's cache tells."""
+"""State of librosa's tracker on this machine: compiled or not, as numba's cache tells."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def said_level(context: typer.Context) -> Iterator[None]:
 
 
 class _Notes(logging.Handler):
-    """What the package logs, such as that it compiles, as notes."""
+    """Notes of all that the package logs, such as that it compiles."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """One line on standard error, unless it is to be quiet."""

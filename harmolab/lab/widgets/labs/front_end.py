@@ -1,4 +1,4 @@
-"""Whether somebody looks at the notebook in which a lab is shown, so that a widget there has a page that answers it."""
+"""Presence of a page that can show a widget: JupyterLab has one, a program that runs notebooks has none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from IPython import get_ipython
 
 
 def has_front_end() -> bool:
-    """False where a program runs a notebook and nobody looks on: nbconvert, papermill, and our report.
+    """False where a program runs the notebook without a page: nbconvert, papermill, and our report.
 
     JupyterLab, Notebook and VS Code name the cell in the metadata of each request to execute it; those programs leave
     them empty (nbclient). Voilà runs notebooks as they do and shows widgets; it names itself in the environment. True
