@@ -12,6 +12,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -269,6 +270,41 @@ def test_arrow_keys_on_a_slider_of_a_live_lab_change_its_picture(labs: Any, titl
     assert pixels(lab) != before
     screenshot(labs, f"lab_{title[4:]}_{name}", lab)
     report(f"{title[4:]}, {name}", delays)
+
+
+# Names and numbers under a lab, and where their letters are: left, top, right, bottom.
+LETTERS = """board => [...board.querySelectorAll("dt, dd")].map(node => {
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    const { left, top, right, bottom } = range.getBoundingClientRect();
+    return [node.textContent, left, top, right, bottom];
+})"""
+SHARED = 1.0  # pixels that two boxes may share: the browser rounds
+
+
+def overlaps(boxes: list[list[Any]]) -> list[tuple[str, str]]:
+    """Names of the boxes that lie on one another."""
+    return [
+        (one[0], other[0])
+        for one, other in combinations(boxes, 2)
+        if all(min(one[3 + axis], other[3 + axis]) - max(one[1 + axis], other[1 + axis]) > SHARED for axis in (0, 1))
+    ]
+
+
+def test_boxes_that_lie_on_one_another_are_named() -> None:
+    boxes = [["a", 0, 0, 10, 10], ["b", 9.5, 0, 20, 10], ["c", 5, 5, 15, 15], ["d", 0, 40, 10, 50]]
+    assert overlaps(boxes) == [("a", "c"), ("b", "c")]
+
+
+@pytest.mark.parametrize("width", [1280, 900])
+def test_numbers_under_the_labs_do_not_overprint(labs: Any, width: int) -> None:
+    labs.set_viewport_size({"width": width, "height": 1000})
+    for title in ("The detector lab", "The meter lab", "The saliency lab", "The corpus lab"):
+        lab = live_lab(labs, title)
+        screenshot(labs, f"lab_board_{title[4:]}_{width}", lab.locator(".board"))
+        boxes = lab.locator(".board").evaluate(LETTERS)
+        assert len(boxes) >= 4 and all(box[3] > box[1] and box[4] > box[2] for box in boxes)
+        assert overlaps(boxes) == [], title
 
 
 @pytest.mark.parametrize("width", [1400, 700])

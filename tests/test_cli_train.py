@@ -200,7 +200,7 @@ def test_without_the_libraries_training_says_what_to_install(monkeypatch: pytest
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "lightning_fabric", None)
     line = told(run(tmp_path, "--out", tmp_path / "run"))
-    assert line == "harmolab: training needs lightning_fabric; install it with: pip install 'harmolab[train]'"
+    assert line == "harmolab: training needs lightning_fabric; in a copy of harmolab, run: pip install '.[train]'"
 
 
 def test_the_second_process_does_not_look_at_the_folder(monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path):

@@ -85,6 +85,14 @@ def test_every_direct_dependency_is_pinned_within_its_bounds():
     assert wrong == []
 
 
+def test_hints_install_extras_from_a_copy_and_by_no_name_on_an_index():
+    pages = [ROOT / "README.md", ROOT / "CHANGELOG.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*")]
+    texts = {path: path.read_text("utf-8") for path in (*pages, *(ROOT / "harmolab").rglob("*.py")) if path.is_file()}
+    assert [path.name for path, text in texts.items() if re.search(r"\bharmolab\[[a-z]", text)] == []
+    named = {extra for text in texts.values() for extra in re.findall(r"pip install '\.\[([a-z0-9]+)\]'", text)}
+    assert {"train", "cluster", "c3d"} <= named <= set(project()["optional-dependencies"])
+
+
 def test_scoring_does_not_depend_on_torch_or_jupyter():
     names = {requirement.name for requirement in requirements()}
     assert names.isdisjoint({"torch", "lightning-fabric", "jupyterlab", "ipywidgets", "dask"})

@@ -25,7 +25,7 @@ from harmolab.lab.evaluate import evaluation as evaluation_module
 from harmolab.lab.evaluate.collecting import collect, written_parts
 from harmolab.lab.evaluate.controls import control_pairs
 from harmolab.lab.evaluate.engine import run_rows
-from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
+from harmolab.lab.evaluate.evaluation import Evaluation, check_table_folder, evaluate_dances
 from harmolab.lab.evaluate.methods import methods_paragraph, table_notes
 from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
 from harmolab.lab.evaluate.parts import part_rows, write_part
@@ -39,6 +39,7 @@ from harmolab.lab.evaluate.rows import (
     protocol_numbers,
 )
 from harmolab.lab.evaluate.sets import SetNumber, set_numbers
+from harmolab.lab.evaluate.settings import EvaluationSettings
 from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
 from harmolab.lab.evaluate.table_files import number_text, table_tex
 from harmolab.lab.widgets import evaluation_page
@@ -95,7 +96,7 @@ def table(planted: Path) -> Evaluation:
 
 def test_a_missing_package_is_named_before_any_work(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parts, "find_spec", lambda name: None)
-    with pytest.raises(ValueError, match=r"this needs pyarrow; install it with: pip install 'harmolab\[cluster\]'"):
+    with pytest.raises(ValueError, match=r"this needs pyarrow; .*run: pip install '\.\[cluster\]'"):
         evaluate_dances(settings(planted), planted / "nothing")
     assert not (planted / "nothing").exists()
 
@@ -122,6 +123,24 @@ def test_another_song_is_at_chance_and_the_own_one_is_not(table: Evaluation) -> 
     assert difference.songs == CLIPS
 
 
+def test_the_python_of_the_tutorial_runs_as_it_stands(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder := planted / "tutorial").mkdir()
+    (folder / "try").symlink_to(planted / "recorded")
+    (folder / "ours").symlink_to(planted / "on" / "seed1")
+    monkeypatch.chdir(folder)
+    tutorial = (Path(__file__).resolve().parents[1] / "docs" / "tutorial_model.md").read_text("utf-8")
+    exec(re.search(r"## In Python\n\n```python\n(.*?)```", tutorial, flags=re.DOTALL)[1], {})
+    assert (folder / "table" / "index.html").is_file()
+    assert json.loads((folder / "table" / "evaluation.json").read_text())["settings"]["music"] == "try"
+
+
+def test_paths_given_as_text_are_the_same_settings(planted: Path) -> None:
+    paths = settings(planted, pairs=planted / "pairs.csv", smpl=planted / "body.npz")
+    systems = {name: str(folder) for name, folder in paths.systems.items()}
+    texts = {name: str(getattr(paths, name)) for name in ("music", "reference", "pairs", "smpl")}
+    assert settings(planted, systems=systems, **texts) == paths
+
+
 def test_controls_have_no_rank(table: Evaluation) -> None:
     assert {name for ranked in table.ranks.values() for name in ranked} <= set(table.systems)
     assert table.controls == (RECORDED, OTHER_SONG, FROZEN)
@@ -132,6 +151,26 @@ def test_subfolders_are_seeds(table: Evaluation) -> None:
     assert table.counts[WILD] == (CLIPS, CLIPS, 1)
     assert table.sets["on the beat", "multimodality_kinetic"].value > 0
     assert (WILD, "multimodality_kinetic") not in table.sets
+
+
+@pytest.mark.parametrize("own", ["beats.json that says nothing of it", "npz alone"])
+def test_a_dance_is_scored_from_where_its_npz_begins_in_the_song(tmp_path: Path, own: str) -> None:
+    song = next(write_corpus(tmp_path / "songs", clips=1, seconds=22.0, fps=30.0, seed=4).glob("clip_*"))
+    notes = json.loads((song / "beats.json").read_text())
+    del notes["motion_offset_s"]
+    (folder := tmp_path / song.name).mkdir()
+    shutil.copy(song / "audio.wav", folder)
+    if own != "npz alone":
+        (folder / "beats.json").write_text(json.dumps(notes))
+    save_motion(folder / "motion.npz", load_motion(song / "motion.npz").span(10.0, 12.0), offset=10.0)
+    row = clip_row(Pair("x", "", song.name, folder, song / "audio.wav"), RowOptions())
+    arguments = ("score", folder / "audio.wav", folder / "motion.npz", "--beats", song / "beats.json", "--json")
+    scored = json.loads(run(*arguments).stdout)
+    assert scored["clip"]["offset"] == 10.0
+    assert row["harmony"] == pytest.approx(scored["recommended"]["harmony_above_chance"], abs=1e-9)
+    assert row["seconds"] == pytest.approx(12.0)
+    whole = clip_row(Pair("x", "", song.name, song, song / "audio.wav"), RowOptions())
+    assert row["harmony"] == pytest.approx(whole["harmony"], abs=0.1)  # the same dancer, from 10 s on
 
 
 def test_no_other_song_is_the_own_one() -> None:

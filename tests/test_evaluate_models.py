@@ -13,9 +13,9 @@ import pytest
 
 from harmolab.cli import app
 from harmolab.io.motion import load_motion, save_motion
-from harmolab.lab.evaluate.evaluation import EvaluationSettings
 from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
+from harmolab.lab.evaluate.settings import EvaluationSettings
 from harmolab.types import BeatTrack
 from tests.builders import called, planted_dance, write_song
 

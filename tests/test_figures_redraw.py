@@ -28,6 +28,18 @@ def test_shipped_tables_give_figures_whose_letters_are_large_enough_on_a_page_of
     assert {"fig11_harmony_loss", "m2d_chance", "a2b_hits"} <= set(sizes)
 
 
+def test_figure_of_other_weights_is_there_only_with_its_table(tmp_path: Path):
+    shipped = json.loads((SHIPPED / MANIFEST).read_text("utf-8"))
+    assert ("fig11b_trade_off.png" in shipped) == ("table11d_trade_off.csv" in shipped)
+    assert ("fig11b_trade_off" in figures_of_tables(SHIPPED)) == ("table11d_trade_off.csv" in shipped)
+    for path in SHIPPED.glob("*.csv"):
+        shutil.copy(path, tmp_path)
+    corpus = pd.read_csv(tmp_path / "table11_ablation.csv")["corpus"][:1]
+    sweep = pd.DataFrame({"corpus": corpus, "harmony_weight": 0.1, "above_chance": 0.5, "jerk": 80.0, "fid": 2.0})
+    sweep.to_csv(tmp_path / "table11d_trade_off.csv", index=False)
+    assert "fig11b_trade_off" in figures_of_tables(tmp_path)
+
+
 def test_no_name_of_a_corpus_is_left_in_a_figure_of_a_table():
     for name, figure in figures_of_tables(SHIPPED).items():
         words = " ".join(text.get_text() for text in figure.findobj(Text))

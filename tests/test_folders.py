@@ -310,6 +310,8 @@ def test_start_is_what_a_motion_file_keeps(tmp_path: Path) -> None:
     save_motion(ours / "motion.npz", Motion(upright(), 25.0, ARM), offset=0.5)
     save_motion(ours / "another.npz", Motion(upright(), 25.0, ARM), offset=0.25)
     assert [recorded_offset(ours / name) for name in ("", "motion.npz", "another.npz")] == [0.75, 0.75, 0.25]
+    (ours / "beats.json").write_text(json.dumps(BEATS))
+    assert [recorded_offset(ours), load_recording(ours).clip.offset] == [0.5, 0.5]
     (ours / "beats.json").unlink()
     assert [recorded_offset(ours), load_recording(ours).clip.offset] == [0.5, 0.5]
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from harmolab.corpora.synthetic import synthetic_clip
 from harmolab.harmony import score_clip, score_motion
+from harmolab.lab.widgets.labs import front_end
 from harmolab.lab.widgets.labs.corpus import corpus_lab
 from harmolab.lab.widgets.labs.detector import detector_lab
 from harmolab.lab.widgets.labs.live import LiveLab
@@ -254,6 +256,32 @@ def test_a_notebook_gets_the_page_and_the_sentence_beside_the_live_widget(plante
     assert "application/vnd.jupyter.widget-view+json" in data
     assert data["text/plain"] == f"{lab.sentence}\n{lab.line}"
     assert data["text/html"].startswith(f'<iframe title="{lab.content.title}" srcdoc="')
+
+
+@pytest.mark.parametrize(
+    ("kind", "metadata", "server", "is_live"),
+    [
+        ("execute_request", {}, "", False),  # nbconvert and other programs
+        ("execute_request", {"cellId": "a1", "deletedCells": []}, "", True),  # JupyterLab
+        ("execute_request", {}, "voila/0.5.13", True),
+        ("comm_msg", {}, "", True),  # a widget's page asks for it
+    ],
+)
+def test_the_widget_is_left_out_where_no_page_can_show_it(
+    kind: str,
+    metadata: dict[str, object],
+    server: str,
+    is_live: bool,
+    planted_clip: Clip,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    request = {"header": {"msg_type": kind}, "metadata": metadata}
+    shell = SimpleNamespace(kernel=SimpleNamespace(get_parent=lambda: request))
+    monkeypatch.setattr(front_end, "get_ipython", lambda: shell)
+    monkeypatch.setenv("SERVER_SOFTWARE", server)
+    data, _ = LABS["saliency"](planted_clip)._repr_mimebundle_()
+    assert ("application/vnd.jupyter.widget-view+json" in data) == is_live
+    assert {"text/html", "text/plain"} <= set(data)
 
 
 def test_names_of_clips_are_escaped_and_the_page_asks_for_no_file(planted_clip: Clip, tmp_path: Path):

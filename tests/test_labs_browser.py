@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import nbformat
 import numpy as np
 import pytest
+from nbformat.v4 import new_code_cell, new_notebook
 
 from harmolab.lab.widgets.labs.corpus import corpus_lab
 from harmolab.lab.widgets.labs.live import LiveLab, Menu, Slider
@@ -263,6 +267,27 @@ def test_recommended_mode_switches_off_what_means_nothing_in_it(chromium: Any, s
     assert not slider(page, "lag").is_disabled()
     assert page.locator("code").inner_text() == "HarmonyParams.recommended()"
     page.context.close()
+
+
+def test_plain_nbconvert_gives_a_page_whose_lab_is_alive_offline(chromium: Any, tmp_path: Path) -> None:
+    cell = "from harmolab import synthetic_clip\nfrom harmolab.lab import saliency_lab\n"
+    cell += "saliency_lab(synthetic_clip('cha-cha', seconds=6.0, seed=1))"
+    nbformat.write(new_notebook(cells=[new_code_cell(cell)]), tmp_path / "lab.ipynb")
+    command = [sys.executable, "-m", "nbconvert", "--to", "html", "--execute", str(tmp_path / "lab.ipynb")]
+    subprocess.run(command, check=True, capture_output=True)
+    context = chromium.new_context(viewport=WIDE, offline=True)
+    page = context.new_page()
+    page.goto((tmp_path / "lab.html").as_uri(), wait_until="commit")
+    frame = page.locator("iframe").first.element_handle(timeout=20_000).content_frame()
+    frame.wait_for_function("window.harmolabLab", timeout=20_000)
+    assert frame.locator("canvas").bounding_box()["height"] > 100
+    before = picture(frame), frame.locator(".board").inner_text()
+    slider(frame, "lambda2").focus()
+    for _ in range(20):
+        page.keyboard.press("ArrowRight")
+    assert picture(frame) != before[0]
+    assert frame.locator(".board").inner_text() != before[1]
+    context.close()
 
 
 @pytest.mark.parametrize("viewport", [WIDE, PHONE])

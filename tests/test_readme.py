@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -32,7 +35,7 @@ def commands_in(text: str) -> list[tuple[str, list[str]]]:
 
 
 def test_the_readme_is_one_page():
-    assert len(README.splitlines()) <= 70
+    assert len(README.splitlines()) <= 90
     assert max(map(len, README.splitlines())) <= 160
 
 
@@ -67,3 +70,69 @@ def test_the_readme_opens_with_a_moving_picture_that_is_there():
 def test_a_command_and_its_options_are_read_from_blocks_and_lines():
     text = "Say `harmolab beats song.mp3 --one 3`.\n```\n$ harmolab score a b --plot x.png  # a picture\n```\n"
     assert commands_in(text) == [("score", ["--plot"]), ("beats", ["--one"])]
+
+
+# What is pasted runs
+
+NOT_RUN = ("pip ", "make ")  # installing, and hours of the whole project's own work
+
+
+def blocks_in(text: str, language: str) -> list[str]:
+    """The code blocks of a language, "" for those that name none."""
+    blocks = re.findall(r"^```(.*)\n((?:.*\n)*?)```$", text, flags=re.MULTILINE)
+    return [block for name, block in blocks if name == language]
+
+
+def console_commands(text: str) -> list[tuple[str, list[str]]]:
+    """(command, lines of output printed below it) of the console blocks; a block without "$ " holds commands alone.
+
+    Comments and the commands of `NOT_RUN` are left out.
+    """
+    commands: list[tuple[str, list[str]]] = []
+    for block in blocks_in(text, ""):
+        has_prompts = "$ " in block
+        for line in block.splitlines():
+            if line.startswith("$ ") or not has_prompts:
+                commands.append((line.removeprefix("$ ").partition("  #")[0].strip(), []))
+            else:
+                commands[-1][1].append(line)
+    return [(command, lines) for command, lines in commands if command and not command.startswith(NOT_RUN)]
+
+
+def squeezed(text: str) -> str:
+    """The text without white space."""
+    return re.sub(r"\s+", "", text)
+
+
+def test_commands_are_read_with_their_output_and_without_set_up_and_comments():
+    text = "```\npip install .  # once\nharmolab demo  # a page\n```\n"
+    text += "```python\nprint(1)\n```\n```\n$ ls a  # all\none\ntwo\n$ make x\n```\n"
+    assert blocks_in(text, "python") == ["print(1)\n"]
+    assert console_commands(text) == [("harmolab demo", []), ("ls a", ["one", "two"])]
+
+
+@pytest.fixture(scope="module")
+def newcomer(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """An empty folder, and an environment in which `harmolab` is this copy and no browser opens."""
+    programs = tmp_path_factory.mktemp("bin")
+    shim = programs / "harmolab"
+    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m harmolab.cli "$@"\n')
+    shim.chmod(0o755)
+    search = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    changes = {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": search}
+    return tmp_path_factory.mktemp("newcomer"), {**os.environ, **changes, "BROWSER": "true", "COLUMNS": "100"}
+
+
+@pytest.mark.slow
+def test_every_block_of_the_readme_runs_as_pasted_and_prints_what_it_shows(newcomer: tuple[Path, dict[str, str]]):
+    folder, environment = newcomer
+    ran = console_commands(README)
+    assert {command.split()[1] for command, _ in ran if command.startswith("harmolab ")} >= {"demo", *TASKS.values()}
+    for command, lines in ran:
+        run = subprocess.run(["sh", "-ec", command], cwd=folder, env=environment, capture_output=True, text=True)
+        assert run.returncode == 0, f"{command}\n{run.stderr}"
+        missing = [line for line in lines if squeezed(line) not in squeezed(run.stdout + run.stderr)]
+        assert missing == [], f"{command}\n{run.stdout}"
+    for block in blocks_in(README, "python"):
+        run = subprocess.run([sys.executable, "-c", block], cwd=folder, env=environment, capture_output=True, text=True)
+        assert run.returncode == 0 and run.stdout.strip(), run.stderr

@@ -209,6 +209,20 @@ def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
     assert run.seconds < 60
 
 
+@pytest.mark.parametrize(
+    ("arguments", "seconds"), [((), 900), (("--profile", "full"), 21600), (("--timeout", "30"), 30)]
+)
+def test_a_cell_may_take_a_quarter_of_an_hour_in_the_quick_report(
+    arguments: tuple[str, ...], seconds: float, monkeypatch: pytest.MonkeyPatch
+):
+    given = {}
+    monkeypatch.setattr(
+        report, "build", lambda **options: given.update(options) or report.Report(Path("index.html"), ())
+    )
+    assert report.main(arguments) == 0
+    assert given["timeout"] == seconds
+
+
 def test_folder_that_holds_something_else_is_not_replaced(tmp_path: Path):
     write_notebook(tmp_path / "00_good.ipynb", "# Good", "1")
     (tmp_path / "thesis").mkdir()

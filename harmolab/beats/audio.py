@@ -8,6 +8,7 @@ The tracked beats are laid on one steady grid where the music keeps one, else th
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import tempfile
 from collections.abc import Mapping
@@ -20,11 +21,14 @@ import numpy as np
 from filelock import FileLock
 from numpy.typing import NDArray
 
+from harmolab.beats.compiling import is_tracker_compiled
 from harmolab.beats.steady import NEAR, likelier_tempo, steady_beats
 from harmolab.io.files import cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray
 
+LOG = logging.getLogger(__name__)
+COMPILING = "compiling librosa's beat tracker, once on a machine (half a minute)"
 HOP = 512  # samples between onset strengths
 CACHE_VERSION = 4  # raise when the analysis changes
 # Envelope samples by which onset strength lies behind what annotators tap: 30 ms at 22,050 Hz. There it is 19 to 51 ms
@@ -252,13 +256,16 @@ def _window_samples(audio: Audio) -> NDArray[np.float32]:
 def compile_tracker() -> None:
     """Have librosa's numba functions compiled and loaded, one process at a time; quick after the first call.
 
-    numba's cache breaks for good when two processes fill it at the same moment: every later run would crash.
+    numba's cache breaks for good when two processes fill it at the same moment: every later run would crash. The log
+    of this module says `COMPILING` when this process begins to, and nothing while it waits for another one.
     """
-    import librosa
-
     samples = np.sin(np.arange(3 * 22050) / 50.0) * (np.arange(3 * 22050) % 11025 < 1000)
     name = f"harmolab-compile-{os.environ.get('USER', 'user')}.lock"
     with suppress(OSError), FileLock(Path(tempfile.gettempdir()) / name, timeout=300):
+        if not is_tracker_compiled():
+            LOG.info(COMPILING)
+        import librosa
+
         _analyse(Audio(samples, 22050.0), None)
         librosa.beat.beat_track(y=samples.astype(np.float32), sr=22050)  # as others call it: in single precision
 

@@ -148,7 +148,7 @@ PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar pattern
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Jobs = Annotated[
     int | None,
-    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without `harmolab[cluster]`).", min=0),
+    typer.Option(help="Processes; 0 measures in this one (default: one a core; 0 without the extra `cluster`).", min=0),
 ]
 Scheduler = Annotated[str, typer.Option(help="Address of a Dask scheduler.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with what was measured before.")]

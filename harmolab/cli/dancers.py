@@ -11,7 +11,7 @@ import typer
 
 from harmolab.cli.checks import is_told
 from harmolab.cli.screen import note, progress
-from harmolab.cli.training import accepted
+from harmolab.cli.training import TRAIN_HINT, accepted
 
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import LikenessLimits
@@ -30,7 +30,6 @@ TOO_FEW = (
 NO_BAR = "the bar of a {dance} is not asked for: the number is that of `harmolab score` without --dance"
 OTHER_DANCE = "these weights did not learn it, so they dance another one, judged as no dance in particular"
 NAMED_OTHERS = 3  # dances that come next, in words; --json has all
-TRAIN_HINT = "install it with: pip install 'harmolab[train]'"
 
 
 @runtime_checkable

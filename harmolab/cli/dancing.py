@@ -27,6 +27,7 @@ from harmolab.cli.dance_report import DanceReport
 from harmolab.cli.dancers import dancer_of
 from harmolab.cli.naming import plain_name
 from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, printable, progress, wrote
+from harmolab.cli.training import TRAIN_HINT
 from harmolab.io.files import plain
 
 if TYPE_CHECKING:
@@ -194,7 +195,7 @@ def _check_harmonise(reach: float | None) -> None:
     if not 0 < reach <= FARTHEST:
         raise ValueError(f"--harmonise is a number of centimetres up to {FARTHEST:g}, got {reach:g}")
     if find_spec("torch") is None:
-        raise ValueError("--harmonise needs torch; install it with: pip install 'harmolab[train]'")
+        raise ValueError(f"--harmonise needs torch; {TRAIN_HINT}")
 
 
 def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: HarmonyParams) -> Motion:

@@ -25,7 +25,8 @@ from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
+    from harmolab.lab.evaluate.evaluation import Evaluation
+    from harmolab.lab.evaluate.settings import EvaluationSettings
 
 KEY = (
     *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
@@ -130,7 +131,7 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
     ValueError
         A system has no name, no folder, or the name of another.
     """
-    from harmolab.lab.evaluate.evaluation import EvaluationSettings
+    from harmolab.lab.evaluate.settings import EvaluationSettings
 
     folders = {} if generated is None else {generated.resolve().name: generated}
     for text in systems:

@@ -100,7 +100,7 @@ def explain(
             files.motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
             report=common.note_assumptions, progress=progress,
         )  # fmt: skip
-        with waiting("listening (the first time on a machine: half a minute)"):
+        with waiting("listening"):
             result = explain_performance(
                 files.song,
                 performance,

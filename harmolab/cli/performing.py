@@ -17,8 +17,8 @@ from harmolab.cli.common import (
     Song,
 )
 from harmolab.cli.dance_files import files_to_write, written
-from harmolab.cli.dancers import TRAIN_HINT
 from harmolab.cli.screen import note, plain_errors, printable, progress, waiting, wrote
+from harmolab.cli.training import TRAIN_HINT
 
 if TYPE_CHECKING:
     from harmolab.corpora.instruments import Performance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import sys
 import traceback
@@ -33,9 +34,32 @@ def said_level(context: typer.Context) -> Iterator[None]:
     """The level that the options of a call ask for, inside the block."""
     token = LEVEL.set(context.meta.get(KEY, USUAL))
     try:
-        yield
+        with _log_said():
+            yield
     finally:
         LEVEL.reset(token)
+
+
+class _Notes(logging.Handler):
+    """Notes of all that the package logs, such as that it compiles."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One line on standard error, unless it is to be quiet."""
+        note(record.getMessage())
+
+
+@contextmanager
+def _log_said() -> Iterator[None]:
+    """The log of the package on the screen, inside the block."""
+    log, notes = logging.getLogger("harmolab"), _Notes()
+    level = log.level
+    log.addHandler(notes)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        log.removeHandler(notes)
 
 
 def _set_level(value: int) -> Callable[[typer.Context, bool], None]:
@@ -166,8 +190,8 @@ def _lines(text: Callable[[], str]) -> Iterator[None]:
 
 
 def finding_beats() -> Any:
-    """`waiting` for the beats of a song, which takes long the first time on a machine."""
-    return waiting("finding the beats (the first time on a machine: half a minute)")
+    """`waiting` for the beats of a song."""
+    return waiting("finding the beats")
 
 
 @contextmanager

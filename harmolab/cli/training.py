@@ -15,6 +15,7 @@ from harmolab.cli.checks import is_told
 from harmolab.cli.common import completed
 from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
 
+TRAIN_HINT = "in a copy of harmolab, run: pip install '.[train]'"
 # Arguments that every system is given, and those that are no business of it.
 LEARNERS = ("harmogan", "music2dance", "feet", "attributes", "lee2019", "ren2020", "audio2body")
 ANY_SYSTEM = {"data", "out", "system", "song", "weights", "offset", "start", "seconds", "samples", "pattern", "one"}
@@ -155,7 +156,7 @@ def train(
             learner = trainable(system)
             learner.train(data, out, **accepted(learner.train, context, extras))
         except ModuleNotFoundError as error:
-            raise ValueError(f"training needs {error.name}; install it with: pip install 'harmolab[train]'") from None
+            raise ValueError(f"training needs {error.name}; {TRAIN_HINT}") from None
     if first and system in PARTS:
         typer.echo(f"trained: {out}, a part of {PARTS[system]}, which uses it where it is RUN/{system}")
     elif first and system in PLAYERS:

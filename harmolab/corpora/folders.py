@@ -210,7 +210,8 @@ def recorded_offset(path: PathLike) -> float | None:
     ----------
     path : str or path
         A recording's folder, its motion.npz or its skeletons.json, whose beats.json or config.json is asked first; or
-        any `.npz` that keeps its offset. Other files beside a recording do not belong to it.
+        any `.npz` that keeps its offset, also where beats.json says nothing of it. Other files beside a recording do
+        not belong to it.
 
     Raises
     ------
@@ -222,7 +223,8 @@ def recorded_offset(path: PathLike) -> float | None:
     motion = path / "motion.npz" if path.is_dir() else path
     is_recording = path.is_dir() or path.name == "motion.npz"
     if (folder / "motion.npz").is_file() and is_recording and (folder / "beats.json").is_file():
-        return load_annotation(folder / "beats.json").offset
+        annotated = load_annotation(folder / "beats.json").offset
+        return load_offset(folder / "motion.npz") if annotated is None else annotated
     if motion.suffix.lower() == ".npz" and (motion.is_file() or not path.is_dir()):
         return load_offset(motion)
     is_tang = (path.is_dir() or path.name.endswith("skeletons.json")) and (folder / "config.json").is_file()

@@ -63,8 +63,8 @@ class BeatAnnotation:
     bpm : float or None, beats per minute
     dance : str, "" when unknown
     units : tuple of Unit, the choreography
-    offset : float, seconds
-        Audio time of motion frame 0.
+    offset : float or None, seconds
+        Audio time of motion frame 0; None where it does not say.
     source : str, origin of the recording; "" when unknown
     strengths : (B,) array or None (all 1)
     """
@@ -75,7 +75,7 @@ class BeatAnnotation:
     bpm: float | None = None
     dance: str = ""
     units: tuple[Unit, ...] = ()
-    offset: float = 0.0
+    offset: float | None = None
     source: str = ""
     strengths: FloatArray | None = None
 
@@ -87,7 +87,7 @@ class BeatAnnotation:
             raise ValueError(f"meter must be 1 to 32 beats in a bar, got {self.meter}")
         if self.bpm is not None and not 0 < self.bpm < 1000:
             raise ValueError(f"bpm must be positive and below 1000, got {self.bpm}")
-        if not math.isfinite(self.offset):
+        if self.offset is not None and not math.isfinite(self.offset):
             raise ValueError(f"motion_offset_s must be finite, got {self.offset}")
 
     def bar_places(self) -> NDArray[np.int64] | None:
@@ -266,7 +266,7 @@ def _from_json(path: Path) -> BeatAnnotation:
         None if content.get("bpm") is None else _field(content, "bpm"),
         str(content.get("dance") or ""),
         tuple(_unit(unit, number) for number, unit in enumerate(units)),
-        _field(content, "motion_offset_s", 0.0),
+        None if content.get("motion_offset_s") is None else _field(content, "motion_offset_s"),
         str(content.get("source") or ""),
     )
 
@@ -279,9 +279,9 @@ def _unit(unit: Any, number: int) -> Unit:
     return Unit(str(unit.get("name", number)), start, end, int(beats), str(unit.get("figure") or ""))
 
 
-def _field(record: dict[str, Any], name: str, default: float | None = None) -> float:
+def _field(record: dict[str, Any], name: str) -> float:
     """A finite number out of a record of JSON."""
-    value = record.get(name, default)
+    value = record.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ValueError(f"{name!r} must be a number, got {str(value)[:40]!r}")
     return float(value)

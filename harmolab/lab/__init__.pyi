@@ -1,10 +1,10 @@
 from .evaluate.body_rests import rests_on_beat as rests_on_beat
 from .evaluate.engine import run_rows as run_rows
 from .evaluate.evaluation import Evaluation as Evaluation
-from .evaluate.evaluation import EvaluationSettings as EvaluationSettings
 from .evaluate.evaluation import evaluate_dances as evaluate_dances
 from .evaluate.protocols import PROTOCOLS as PROTOCOLS
 from .evaluate.protocols import Protocol as Protocol
+from .evaluate.settings import EvaluationSettings as EvaluationSettings
 from .experiments.ablated import ablated_dancers as ablated_dancers
 from .experiments.ablated import ablation_table as ablation_table
 from .experiments.ablated import effector_disagreement as effector_disagreement

@@ -71,7 +71,7 @@ class Measurement(NamedTuple):
 
 
 def check_engine_installed(jobs: int, scheduler: str = "") -> None:
-    """ValueError unless the packages of ``harmolab[cluster]`` that `run_rows` needs for these are installed."""
+    """ValueError unless the packages of the extra ``cluster`` that `run_rows` needs for these are installed."""
     check_installed("pyarrow", *(("distributed",) if jobs or scheduler else ()))
 
 
@@ -122,7 +122,7 @@ def run_rows(
     ------
     ValueError
         For tasks out of order or none, negative jobs, a folder that may not be written to, a run with other settings,
-        tasks or versions, and without the packages of ``harmolab[cluster]``.
+        tasks or versions, and without the packages of the extra ``cluster``.
     ConnectionError
         When the scheduler does not answer, or not any more; what was measured is kept.
     """

@@ -10,12 +10,11 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 
 from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
-from harmolab.io.motion_file import ReadingOptions
 from harmolab.io.smpl import load_body
 from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
 from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
@@ -31,10 +30,10 @@ from harmolab.lab.evaluate.pairing import (
     unused_songs,
 )
 from harmolab.lab.evaluate.parts import MANIFEST, read_manifest, read_rows
-from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion, protocol_of
+from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion
 from harmolab.lab.evaluate.sets import SetNumber, protocol_sets, set_numbers
+from harmolab.lab.evaluate.settings import EvaluationSettings
 from harmolab.lab.evaluate.summary import (
-    RESAMPLES,
     Difference,
     Mean,
     measure_of,
@@ -45,56 +44,6 @@ from harmolab.lab.evaluate.summary import (
 
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
-
-
-@dataclass(frozen=True)
-class EvaluationSettings:
-    """Settings of an evaluation.
-
-    Parameters
-    ----------
-    systems : name -> folder of its dances
-    music : folder of songs
-    reference : folder of recorded dances
-    pairs : Path of a list of pairs, or None
-    protocol : str, name of a protocol, "" for none
-    fps, scale, smpl, up : as in `RowOptions`
-    pose_net : Path of a pose network, or None for the shipped one
-    resamples, seed : of the intervals
-    """
-
-    systems: Mapping[str, Path]
-    music: Path
-    reference: Path
-    pairs: Path | None = None
-    protocol: str = ""
-    fps: float | None = None
-    scale: float | None = None
-    pose_net: Path | None = None
-    resamples: int = RESAMPLES
-    seed: int = 0
-    smpl: Path | None = None
-    up: str = ""
-
-    def __post_init__(self) -> None:
-        if taken := set(self.systems) & set(CONTROLS):
-            raise ValueError(f"{min(taken)!r} is the name of a row that every table has; call the system otherwise")
-        if not self.systems and self.pairs is None:
-            raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
-        ReadingOptions(up=self.up)  # an error for another axis
-        if self.protocol:
-            protocol_of(self.protocol)
-
-    @property
-    def inputs(self) -> tuple[Path, ...]:
-        """All files and folders that are read."""
-        more = (self.pairs, self.pose_net, self.smpl)
-        return (*self.systems.values(), self.music, self.reference, *(path for path in more if path is not None))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The settings as JSON holds them."""
-        named = {name: str(value) if isinstance(value, Path) else value for name, value in vars(self).items()}
-        return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
 
 
 class Counts(NamedTuple):
@@ -239,7 +188,7 @@ def _check_limits(rows: Path, settings: EvaluationSettings, options: RowOptions)
 def check_table_folder(out: Path, settings: EvaluationSettings, *, force: bool) -> None:
     """ValueError unless a table may be written to `out`: it is no input, nor in a folder of dances, and new or ours."""
     check_output(out, settings.inputs)
-    for folder in (*settings.systems.values(), settings.reference):
+    for folder in map(Path, (*settings.systems.values(), settings.reference)):
         if folder.resolve() in out.resolve().parents:
             raise ValueError(f"{out}: lies in a folder of dances ({folder}); choose another place for the table")
     if out.exists() and not out.is_dir():
@@ -274,7 +223,7 @@ def _pose_net(settings: EvaluationSettings) -> Path | None:
         from harmolab.systems.common.pose_network import load_pose_net
 
         load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
-        return settings.pose_net
+        return Path(settings.pose_net)
     spec = find_spec("harmolab.systems.harmogan")
     return None if spec is None or spec.origin is None else Path(spec.origin).parent / "weights" / "pose_net"
 

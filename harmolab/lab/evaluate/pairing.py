@@ -184,7 +184,7 @@ def is_motion(path: Path) -> bool:
 
 
 def listed_pairs(
-    table: PathLike, songs_folder: PathLike | None, systems: Mapping[str, Path], *, default: str = GENERATED
+    table: PathLike, songs_folder: PathLike | None, systems: Mapping[str, PathLike], *, default: str = GENERATED
 ) -> Pairing:
     """The pairs of a CSV file with the columns motion and music, and perhaps system and seed.
 
@@ -203,6 +203,7 @@ def listed_pairs(
     FileNotFoundError, ValueError
         Both name the file; ValueError also where none of its pairs is there, or one stands in it twice.
     """
+    folders = {name: Path(folder) for name, folder in systems.items()}
     with reading(table, "a list of pairs") as file:
         columns = read_columns(file, ("motion", "music"))
         count = len(columns["motion"])
@@ -211,7 +212,7 @@ def listed_pairs(
         pairs: dict[str, Pair] = {}
         unpaired: list[Unpaired] = []
         for motion, music, system, seed in zip(columns["motion"], columns["music"], names, seeds, strict=True):
-            dance = _first_there(motion, (systems.get(system), file.parent))
+            dance = _first_there(motion, (folders.get(system), file.parent))
             song = _first_there(music, (None if songs_folder is None else Path(songs_folder), file.parent))
             if dance is None or song is None:
                 missing = motion if dance is None else music
@@ -223,7 +224,7 @@ def listed_pairs(
             pairs[pair.key] = pair
         if not pairs:
             raise ValueError(f"names no pair that is there ({unpaired[0].reason if unpaired else 'it has no lines'})")
-    return Pairing(tuple(pairs.values()), (*unpaired, *_unlisted(Path(table), pairs.values(), systems)))
+    return Pairing(tuple(pairs.values()), (*unpaired, *_unlisted(Path(table), pairs.values(), folders)))
 
 
 def _song_name(song: Path) -> str:

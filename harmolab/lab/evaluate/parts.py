@@ -1,7 +1,7 @@
 """Rows of a long run in Parquet parts: row i stands in part i // `PART_ROWS`, and a part is replaced whole as it grows.
 
 So the files are the same however often the run was stopped, whoever measured the rows, and what is done is read off
-them: every row stands there once or not yet. Needs pyarrow (``pip install 'harmolab[cluster]'``).
+them: every row stands there once or not yet. Needs pyarrow (``pip install '.[cluster]'``).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def check_installed(*packages: str) -> None:
     """ValueError unless these packages, which not every harmolab needs, are installed."""
     for name in packages:
         if find_spec(name) is None:
-            raise ValueError(f"this needs {name}; install it with: pip install 'harmolab[cluster]'")
+            raise ValueError(f"this needs {name}; in a copy of harmolab, run: pip install '.[cluster]'")
 
 
 def part_path(folder: Path, number: int) -> Path:

@@ -15,7 +15,7 @@ from harmolab.beats.visual import visual_beats
 from harmolab.corpora.files import song_beats
 from harmolab.corpora.folders import read_any_motion, recorded_offset
 from harmolab.harmony import harmony_from_hits, music_and_motion, score_motion
-from harmolab.io.files import plain
+from harmolab.io.files import PathLike, plain
 from harmolab.io.motion_file import MotionFile
 from harmolab.io.video_sound import load_sound
 from harmolab.lab.evaluate.pairing import Pair, annotation_of, dance_of, input_stamp
@@ -94,7 +94,7 @@ class RowOptions:
     protocol: str = ""
     pose_net: Path | None = None
     limits: LikenessLimits | None = None
-    smpl: Path | None = None
+    smpl: PathLike | None = None
     up: str = ""
 
     def to_dict(self) -> dict[str, Any]:

@@ -37,15 +37,14 @@ DRAWN = ("temperature", "smoothing", "draw_memory")
 def figures_of_tables(folder: Path) -> dict[str, Figure]:
     """Name -> the figure that stands under it in the manifest, from the tables in `folder`.
 
+    The figure of other weights of the harmony loss is among them where its table is.
+
     Raises
     ------
     FileNotFoundError
         If a table is missing.
     """
-
     means = _records(folder, "table11_ablation")
-    # The table of other weights is younger than the shipped figures: without it there are no marks for them.
-    sweep = _records(folder, "table11d_trade_off") if (folder / "table11d_trade_off.csv").is_file() else []
     return {
         "cheating_generators": listening_figure(_records(folder, "table_generators_late")),
         "cheating_tricks": tricks_figure(_records(folder, "table_cheating_tricks")),
@@ -55,10 +54,16 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
         "fig12_systems": comparison_figure(_records(folder, "table12_systems")),
         "fig13_machine_comparison": forced_choice_figure(by_corpus(_records(folder, "table13_machine_comparison"))),
         "fig11_harmony_loss": ablation_figure(means, _records(folder, "table11b_gains")),
-        "fig11b_trade_off": trade_off_figure(means, sweep),
+        **_trade_off(folder, means),
         **_music2dance_figures(folder),
         **_player_figures(folder),
     }
+
+
+def _trade_off(folder: Path, means: list[Record]) -> dict[str, Figure]:
+    if not (folder / "table11d_trade_off.csv").is_file():
+        return {}
+    return {"fig11b_trade_off": trade_off_figure(means, _records(folder, "table11d_trade_off"))}
 
 
 def _music2dance_figures(folder: Path) -> dict[str, Figure]:

@@ -125,7 +125,7 @@ def retime_files(
     check_output(out, [song, motion])
     video = Path(motion) if is_video(motion) else None
     movement = filmed_motion(video, progress=progress).motion if video else motion
-    for path in progress([song], "finding the beats (the first time on a machine: half a minute)"):
+    for path in progress([song], "finding the beats"):
         clip = load_clip(
             path, movement, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
         )

@@ -24,7 +24,7 @@ from harmolab.lab.figures.style import MANIFEST
 from harmolab.lab.report.pages import MARK, NotebookRun, write_pages
 from harmolab.lab.report.pictures import SAVED, manifest_of
 
-TIMEOUTS = {"quick": 300.0, "full": 21600.0}  # seconds a cell may take, by profile
+TIMEOUTS = {"quick": 900.0, "full": 21600.0}  # seconds a cell may take, by profile
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write")
     parser.add_argument("--profile", choices=("quick", "full"), default="quick")
     parser.add_argument("--figures", type=Path, help="publish figures and tables here, if every notebook ran")
-    parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 300, full: 6 hours)")
+    parser.add_argument("--timeout", type=float, help="seconds a cell may take (quick: 900, full: 6 hours)")
     parser.add_argument("--jobs", type=int, default=2, help="notebooks at the same time")
     options = parser.parse_args(arguments)
     options.timeout = options.timeout or TIMEOUTS[options.profile]

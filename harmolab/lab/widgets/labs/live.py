@@ -18,6 +18,7 @@ import traitlets
 
 from harmolab.io.files import PathLike, plain, write_text
 from harmolab.lab.report.templates import framed, rendered
+from harmolab.lab.widgets.labs.front_end import has_front_end
 from harmolab.lab.widgets.labs.lab import FIELDS, MODES, field_texts, params_line, setting, with_settings
 from harmolab.params import HarmonyParams
 
@@ -237,7 +238,8 @@ class LiveLab(anywidget.AnyWidget):
             self.player = f'<p role="alert">{html.escape(str(error))}</p>'
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
-        data, metadata = super()._repr_mimebundle_(**kwargs) or ({}, {})
+        """The widget where a page can show it, and the lab as a page of its own, which needs no Python."""
+        data, metadata = (has_front_end() and super()._repr_mimebundle_(**kwargs)) or ({}, {})
         text = f"{self.sentence}\n{self.line}"
         return {**data, "text/plain": text, "text/html": framed(self.page, title=self.content.title, height=HEIGHT)}, (
             metadata
