@@ -103,6 +103,7 @@ from .metrics.playing import playing_score as playing_score
 from .metrics.quality import foot_skating as foot_skating
 from .metrics.quality import jerk as jerk
 from .params import DANCES as DANCES
+from .params import HOW_PATTERNS as HOW_PATTERNS
 from .params import BarPattern as BarPattern
 from .params import HarmonyParams as HarmonyParams
 from .significance import auc as auc

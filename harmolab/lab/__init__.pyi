@@ -383,7 +383,9 @@ from .render.points import render_points as render_points
 from .render.stick import moving_box as moving_box
 from .render.stick import render_skeleton as render_skeleton
 from .render.stills import avatar_stills as avatar_stills
+from .render.video import write_dance as write_dance
 from .timing.avatar_players import avatar_player as avatar_player
+from .timing.film_readings import film_readings as film_readings
 from .timing.movement import find_offset as find_offset
 from .timing.page import dance_player as dance_player
 from .timing.page import save_page as save_page

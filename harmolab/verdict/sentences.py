@@ -175,8 +175,8 @@ def _caveats(judgement: Judgement) -> list[str]:
     if signal.dimensions == 2:
         lines.append("In a picture, a statue that turns cannot be told from a dancer.")
     if signal.dimensions == 0:
-        size = "" if signal.axes == 3 else ", and how large the movement is cannot be known"
-        lines.append(f"Fewer than three points have no shape: their speed in the room was read{size}.")
+        size = "" if signal.axes == 3 else "; how large the movement is cannot be known"
+        lines.append(f"Fewer than three points were read, not a body: they have no shape, but a speed{size}.")
     return lines
 
 

@@ -34,12 +34,13 @@ class FilmedMotion:
     notes: tuple[str, ...] = ()
 
 
-def filmed_motion(path: PathLike, *, progress: Progress = silent) -> FilmedMotion:
+def filmed_motion(path: PathLike, *, by_flow: bool = False, progress: Progress = silent) -> FilmedMotion:
     """The movement of the dancer in a video.
 
     Parameters
     ----------
     path : str or path of a video
+    by_flow : bool; True reads the flow of the picture even where the body can be found
     progress : function(iterable, label) -> iterable
 
     Raises
@@ -48,7 +49,7 @@ def filmed_motion(path: PathLike, *, progress: Progress = silent) -> FilmedMotio
         Both name the file; ValueError also where the movement cannot be read well enough to be judged, with the reason.
     """
     path = Path(path)
-    if pose_environment() is not None:
+    if pose_environment() is not None and not by_flow:
         reading = read_pose(path, progress=progress)
         return FilmedMotion(reading.motion, reading.notes)
     frames, watch = video_frames(path, height=HEIGHT), PictureWatch()

@@ -32,7 +32,10 @@ from harmolab.verdict.score import HarmonyScore
 
 SURE = 0.95  # confidence of an offset by movement, below which it means little
 # Numbers that mean nothing where the offset was fitted to the movement.
-PLACED = ("harmony_above_chance", "interval", "p_value", "p_place", "lag_s", "lag_interval_s", "reading")
+PLACED = (
+    *("harmony_above_chance", "interval", "p_value", "p_place", "lag_s", "lag_interval_s", "reading"),
+    *("fastest_after_beat_s", "stillest_after_beat_s"),
+)
 IN_TIME = (
     "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
     "the dance begins (--offset), or film with the song playing."
@@ -115,7 +118,7 @@ class Placement:
         doubt = "" if self.is_sure else " The evidence for this place is weak."
         if self.repeats:
             doubt = " Another place fits nearly as well: the song repeats itself, or another song plays in the video."
-        return f"Your dance begins at {self.seconds:.2f} s of the song{reason}{doubt}"
+        return f"Your dance begins at {round(self.seconds, 2) + 0.0:.2f} s of the song{reason}{doubt}"
 
 
 def load_performance(
@@ -126,6 +129,7 @@ def load_performance(
     joints: Sequence[str] | None = None,
     smpl: PathLike | None = None,
     up: str = "",
+    by_flow: bool = False,
     report: ReadingReport = lambda path, file: None,
     progress: Progress = silent,
 ) -> Performance:
@@ -135,6 +139,7 @@ def load_performance(
     ----------
     path : str or path
     fps, scale, joints, smpl, up : see `harmolab.io.motion.load_motion`; not for a video
+    by_flow : see `harmolab.lab.timing.filmed.filmed_motion`
     report : function(path, MotionFile), called with how a motion file was read
     progress : function(iterable, label) -> iterable
 
@@ -145,7 +150,7 @@ def load_performance(
     """
     path = Path(path)
     if is_video(path):
-        filmed = filmed_motion(path, progress=progress)
+        filmed = filmed_motion(path, by_flow=by_flow, progress=progress)
         sound = None
         with suppress(ValueError):  # none, or none that can be read: the movement has to do
             sound = video_sound(path)
@@ -244,7 +249,10 @@ class OwnDance:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences to read below the verdict; those on the place in the beat only where it is known."""
-        return self.judgement.remarks if self.placement.is_absolute else self.judgement.remarks[:1]
+        if self.placement.is_absolute:
+            return self.judgement.remarks
+        # With nothing told, level 3 judges no place: how sure it is, without the number.
+        return replace(self.judgement, pattern=None, level=min(self.judgement.level, 3)).remarks[:1]
 
     def to_dict(self) -> dict[str, Any]:
         """Numbers and text, ready for JSON."""
@@ -252,6 +260,7 @@ class OwnDance:
             "song": self.song,
             "recording": self.name,
             "verdict": self.verdict,
+            "remarks": list(self.remarks),
             "words": list(self.words.sentences),
             "findings": [
                 {"kind": one.kind, "sentence": one.sentence, "value": one.value, "interval": one.interval}
