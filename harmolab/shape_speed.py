@@ -164,19 +164,42 @@ def without_glitches(motion: Motion) -> Motion:
     """The motion with each joint that jumps away for a single frame at the median of its three frames.
 
     Left and right swapped for a frame, or a joint taken for another one, are steps that no body makes: further than a
-    quarter of the body's size from both frames beside it, and faster than a limb turns back. Bodies of three joints up.
+    quarter of the body's size from the frames beside it, which lie close together, and faster than a limb turns back.
+    Bodies of three joints up.
     """
-    positions, count = motion.positions, motion.positions.shape[1]
-    if count < FEWEST or len(positions) < 3:
+    if motion.positions.shape[1] < FEWEST or motion.n_frames < 3:
         return motion
+    positions = _centred(motion.positions)
     middle = np.median([positions[:-2], positions[1:-1], positions[2:]], axis=0)
     middle = np.concatenate([middle[:1], middle, middle[-1:]])
     away = np.linalg.norm(positions - middle, axis=-1)
-    size = np.median(np.sqrt(np.square(_centred(positions)).sum(axis=-1).mean(axis=-1)))
-    wrong = away > max(GLITCH, FASTEST_TURN / motion.fps**2) * size
+    beside = np.linalg.norm(positions[2:] - positions[:-2], axis=-1)
+    ends = np.linalg.norm(np.diff(positions[[1, 2, -3, -2]], axis=0)[[0, 2]], axis=-1)
+    beside = np.concatenate([ends[:1], beside, ends[1:]])
+    size = np.median(np.sqrt(np.square(positions).sum(axis=-1).mean(axis=-1)))
+    wrong = (away > max(GLITCH, FASTEST_TURN / motion.fps**2) * size) & (beside < away / 2)
+    wrong &= ~_is_turn(positions)[:, None]
     if not wrong.any():
         return motion
-    return replace(motion, positions=np.where(wrong[..., None], middle, positions))
+    return replace(motion, positions=motion.positions + np.where(wrong[..., None], middle - positions, 0.0))
+
+
+def _is_turn(positions: FloatArray) -> BoolArray:
+    """(T,) True for frames that are the frame beside them turned as one piece, to a tenth: a turn is no glitch."""
+    if positions.shape[2] != 3:
+        return np.zeros(len(positions), bool)
+    before = np.concatenate([positions[1:2], positions[:-1]])
+    cross, dot = _turn_sums(before, positions)
+    moved = np.square(positions - before).sum(axis=(1, 2))
+    # Least squares: what the best turn about the vertical leaves of the squared distances.
+    left = moved + 2 * (dot - np.hypot(cross, dot))
+    return np.asarray(left <= 0.01 * moved)
+
+
+def _turn_sums(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(T,) sums of cross and dot products of (T, J, 3) joints seen from above: the turn from one to the other."""
+    (x0, z0), (x1, z1) = ((each[..., 0], each[..., 2]) for each in (before, after))
+    return (z0 * x1 - x0 * z1).sum(axis=1), (x0 * x1 + z0 * z1).sum(axis=1)
 
 
 def unturn(positions: FloatArray) -> FloatArray:
@@ -186,9 +209,7 @@ def unturn(positions: FloatArray) -> FloatArray:
     """
     centred = _centred(positions)
     x, z = centred[..., 0], centred[..., 2]
-    cross = (z[:-1] * x[1:] - x[:-1] * z[1:]).sum(axis=1)
-    dot = (x[:-1] * x[1:] + z[:-1] * z[1:]).sum(axis=1)
-    angle = np.concatenate([[0.0], np.cumsum(np.arctan2(cross, dot))])[:, None]
+    angle = np.concatenate([[0.0], np.cumsum(np.arctan2(*_turn_sums(centred[:-1], centred[1:])))])[:, None]
     cos, sin = np.cos(angle), np.sin(angle)
     return np.stack([cos * x - sin * z, centred[..., 1], sin * x + cos * z], axis=-1)
 

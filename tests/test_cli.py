@@ -71,10 +71,13 @@ def cells(result: Result, name: str) -> list[str]:
 
 
 def test_score_says_the_verdict_first_and_then_the_numbers(recording: Path) -> None:
-    result = run("score", recording, "--mode", "recommended")
+    result = run("score", recording, "--mode", "recommended", "--verbose")
     assert result.exit_code == 0, result.output
     score = score_clip(load_recording(recording).clip)
     assert result.stdout.splitlines()[0] == score.judgement.verdict
+    short = run("score", recording).stdout.splitlines()
+    assert short == [score.judgement.verdict, *score.judgement.remarks]
+    assert len(short) <= 4
     for name, value in (("harmony above chance", score.harmony_above_chance), ("p in time", score.judgement.p_time)):
         assert cells(result, name) == [f"{value:.3f}"]
     assert cells(result, "level, 0 to 4") == [str(score.judgement.level)]
@@ -107,7 +110,7 @@ def test_where_chance_reaches_nearly_all_beats_nothing_is_above_it(recording: Pa
 
 
 def test_fewer_than_sixteen_beats_have_no_number_above_chance(clip_folder: Path) -> None:
-    result = run("score", clip_folder)
+    result = run("score", clip_folder, "--verbose")
     assert result.stdout.startswith("Cannot tell: ")
     assert cells(result, "harmony above chance") == ["-", "-"]
 

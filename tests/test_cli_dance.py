@@ -91,7 +91,7 @@ def test_npz_holds_what_the_function_gives(
 def test_table_begins_with_the_number_and_names_every_score_of_the_paper_beside_its_chance(
     dance: Callable[..., Result], tmp_path: Path
 ) -> None:
-    output = dance(tmp_path / "dance.npz").output
+    output = dance(tmp_path / "dance.npz", "--verbose").stdout
     assert output.startswith(
         "seed 0: Too short to be judged: 10 s of movement are needed, these are 2 s.\n  Cannot tell: "
     )
@@ -113,7 +113,7 @@ def test_a_dance_keeps_the_song_time_it_was_made_for(dance: Callable[..., Result
 
 
 def test_one_is_told_to_the_verdict(dance: Callable[..., Result], tmp_path: Path) -> None:
-    result = dance(tmp_path / "dance.npz", "--dance", "cha-cha", "--one", 1.0)
+    result = dance(tmp_path / "dance.npz", "--dance", "cha-cha", "--one", 1.0, "--verbose")
     assert result.exit_code == 0, result.output
     assert '"one" known, 4 beats a bar' in result.output
 
@@ -230,7 +230,7 @@ def test_scores_of_a_dancer_without_feet_have_none_for_skating(swinging_arm: Cal
 
 
 def test_three_frames_are_a_dance_without_jerk(dance: Callable[..., Result], tmp_path: Path) -> None:
-    result = dance(tmp_path / "dance.npz", "--seconds", 0.2)
+    result = dance(tmp_path / "dance.npz", "--seconds", 0.2, "--verbose")
     assert result.exit_code == 0, result.output
     assert load_motion(tmp_path / "dance.npz").n_frames == 3
     assert re.search(r"jerk, m/s³\W+-", result.output)

@@ -67,7 +67,7 @@ def one_line(result: Result) -> str:
 
 
 def test_no_option_at_all_writes_a_page_a_video_and_a_bvh(song: Path) -> None:
-    result = called(app, "dance", song)
+    result = called(app, "dance", song, "--verbose")
     assert result.exit_code == 0, result.output
     assert files() == ["my song_dance.bvh", "my song_dance.html", "my song_dance.mp4"]
     assert result.stdout.startswith("seed ")
@@ -118,7 +118,7 @@ def test_torch_and_figures_are_never_loaded(song: Path) -> None:
 
 
 def test_likeness_stands_before_harmony_and_each_number_beside_the_recorded_ones(song: Path) -> None:
-    output = called(app, "dance", song, "--out", "dance.npz").stdout
+    output = called(app, "dance", song, "--out", "dance.npz", "--verbose").stdout
     assert re.match(r"seed \d: (Moves like recorded dancers|Not meaningful)", output)
     assert re.search(r"like dancing: steps a second\W+[\d.]+ \([\d.]+ to [\d.]+\)", output)
     assert re.search(r"rests of the body on the beat, above\W+-?[\d.]+", output)
@@ -160,7 +160,7 @@ def test_a_dance_that_fails_is_left_for_the_next_seed_unless_one_is_named(
     result = called(app, "dance", song, "--out", "dance.npz")
     assert result.stdout.startswith("seed 1: ")
     assert "seed 0 is left: not meaningful: the body turns round and round" in result.stderr
-    named = called(app, "dance", song, "--seed", 0, "--out", "dance.npz")
+    named = called(app, "dance", song, "--seed", 0, "--out", "dance.npz", "--verbose")
     assert named.stdout.startswith("seed 0: Not meaningful: the body turns round and round")
     assert re.search(r"harmony above chance\W+not meaningful", named.stdout)
     assert "rests of the body" not in named.stdout
@@ -196,14 +196,18 @@ def test_page_of_a_dance_too_short_to_be_judged_says_so_before_its_harmony(song:
 
 
 def test_recordings_of_ones_own_know_their_bars(song: Path, corpus: Path) -> None:
-    first = called(app, "dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz")
+    first = called(
+        app, "dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz", "--verbose"
+    )
     assert first.exit_code == 0, first.output
     assert load_motion("dance.npz").skeleton == DANCER
     assert '"one" known, 4 beats a bar' in first.stdout
     assert "clip_0001_cha-cha" in first.stdout
     assert "jive" not in first.stdout
     before = Path("dance.npz").read_bytes()
-    again = called(app, "dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz")
+    again = called(
+        app, "dance", song, "--from", corpus, "--dance", "cha-cha", "--one", 1.0, "--out", "dance.npz", "--verbose"
+    )
     assert Path("dance.npz").read_bytes() == before  # of what was kept
     assert again.stdout == first.stdout
 
@@ -213,7 +217,7 @@ def test_a_corpus_that_changed_is_read_again(song: Path, tmp_path: Path) -> None
     folder.mkdir()
     for number in (1, 2):
         save_motion(folder / f"take {number}.npz", swaying(number))
-        result = called(app, "dance", song, "--from", folder, "--out", "dance.npz")
+        result = called(app, "dance", song, "--from", folder, "--out", "dance.npz", "--verbose")
         assert result.exit_code == 0, result.output
         assert ("take 2" in result.stdout) == (number == 2)
     assert len(list((tmp_path / "cache" / "corpora").iterdir())) == 1
@@ -226,7 +230,7 @@ def swaying(seed: int, *, seconds: float = 15.0) -> Motion:
 
 def test_one_bvh_dances_and_too_little_is_said(song: Path, tmp_path: Path) -> None:
     save_motion(tmp_path / "take.bvh", swaying(1))
-    result = called(app, "dance", song, "--from", tmp_path / "take.bvh", "--out", "dance.npz")
+    result = called(app, "dance", song, "--from", tmp_path / "take.bvh", "--out", "dance.npz", "--verbose")
     assert result.exit_code == 0, result.output
     assert "Too little motion for this song" in result.stdout
     assert "too few to be a measure" in result.stdout
@@ -254,7 +258,7 @@ def test_another_skeleton_dances_on_its_own_and_not_with_others(song: Path, tmp_
     motion = swaying(1)
     renamed = Skeleton(tuple(f"my_{name}" for name in DANCER.joints), DANCER.parents)
     save_motion(folder / "a.npz", Motion(motion.positions, motion.fps, renamed))
-    result = called(app, "dance", song, "--from", folder, "--out", "dance.npz")
+    result = called(app, "dance", song, "--from", folder, "--out", "dance.npz", "--verbose")
     assert result.exit_code == 0, result.output
     assert load_motion("dance.npz").skeleton.joints == renamed.joints
     Path("dance.npz").unlink()
@@ -267,7 +271,7 @@ def test_what_cannot_be_read_is_left_out_and_named(song: Path, tmp_path: Path) -
     folder.mkdir()
     save_motion(folder / "a.npz", swaying(1))
     (folder / "b.bvh").write_text("no bvh")
-    result = called(app, "dance", song, "--from", folder, "--out", "dance.npz")
+    result = called(app, "dance", song, "--from", folder, "--out", "dance.npz", "--verbose")
     assert result.exit_code == 0, result.output
     assert f"harmolab: left out: {folder / 'b.bvh'}" in result.stderr
 
@@ -301,7 +305,9 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
     trained = called(app, "train", corpus, "--system", "choreographer", "--out", tmp_path / "run")
     assert trained.exit_code == 0, trained.output
     for options in (("--weights", tmp_path / "run"), ("--from", tmp_path / "run")):
-        result = called(app, "dance", song, *options, "--dance", "cha-cha", "--seed", 0, "--out", "dance.npz")
+        result = called(
+            app, "dance", song, *options, "--dance", "cha-cha", "--seed", 0, "--out", "dance.npz", "--verbose"
+        )
         assert result.exit_code == 0, result.output
         assert re.search(r"seams, cm\W+\d", result.stdout)
 

@@ -50,7 +50,7 @@ def test_verdict_and_number_are_printed_with_marks_only(tmp_path: Path):
     score = score_clip(load_clip(song, dance))
     text = render(*small).stdout
     assert text.startswith(score.judgement.verdict)
-    assert f"harmony above chance {score.harmony_above_chance:.3f}, p {score.p_value:.3f}" in text
+    assert f"harmony above chance {score.harmony_above_chance:.2f} (0 is luck, 1 the most)" in text
     assert "chance" not in render(*small, "--no-marks").stdout
 
 

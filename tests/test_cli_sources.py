@@ -187,7 +187,7 @@ def test_the_demo_shows_one_dancer_in_time_and_one_late(tmp_path: Path, monkeypa
     out = tmp_path / "demo.html"
     result = run("demo", "--out", out)
     assert result.exit_code == 0, result.output
-    assert "You are on the beat" in result.stdout and "late for a rest" in result.stdout
+    assert "You are on the beat" in result.stdout and "late for a rest on the beat" in result.stdout
     assert result.stdout.count("  harmolab ") == 2
     assert opened == [out.as_uri()]
     page = out.read_text()

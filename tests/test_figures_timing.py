@@ -21,7 +21,7 @@ from harmolab.lab.figures.timing import (
     signed_offsets,
     timing_figure,
 )
-from harmolab.params import HarmonyParams
+from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.types import BeatTrack
 from tests.builders import track, waving
 
@@ -72,10 +72,11 @@ def test_picture_names_its_events_and_calls_nobody_early(ax: Axes, detector: str
     assert ax.get_ylabel() == f"{event} before  |  after (ms)"
 
 
-def test_events_of_a_dancer_who_hits_the_beats_are_hits():
+def test_events_of_a_dancer_who_hits_the_beats_are_hits_where_that_was_told():
     beats = track(np.arange(1, 60) * 0.5, duration=30.0)
     motion = waving(np.arange(900) / 15 + 0.5)  # fastest every half second
-    assert event_name(score_motion(beats, motion)) == "hit"
+    assert event_name(score_motion(beats, motion, params=HarmonyParams.recommended(HOW_PATTERNS["hit"]))) == "hit"
+    assert event_name(score_motion(beats, motion)) == "rest"
 
 
 def test_picture_without_visual_beats_shows_the_band_alone(ax: Axes):

@@ -11,7 +11,7 @@ import pytest
 from harmolab.corpora.synthetic import synthetic_motion
 from harmolab.harmony import score_motion
 from harmolab.lab.timing.findings import Explanation, explain
-from harmolab.params import HarmonyParams
+from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.types import BeatTrack, Clip
 from harmolab.verdict.score import HarmonyScore
 from tests.builders import planted_dance, still
@@ -34,7 +34,7 @@ def music(clip: Clip) -> BeatTrack:
 def score_of(music: BeatTrack, ends: np.ndarray) -> HarmonyScore:
     """The score of a dancer whose movements end at these times."""
     motion = synthetic_motion(np.sort(ends), seconds=SECONDS, fps=60, seed=5, dance="cha-cha")
-    return score_motion(music, motion)
+    return score_motion(music, motion, params=HarmonyParams.recommended(HOW_PATTERNS["rest"]))
 
 
 def value_of(words: Explanation, kind: str) -> float:
@@ -67,7 +67,6 @@ def test_steady_dancer_is_seldom_told_a_change_that_is_not_there(music: BeatTrac
 
 
 def test_a_dancer_a_quarter_beat_late_is_not_said_to_have_jumped(music: BeatTrack):
-    # Lags without a dance are known within a quarter of a beat: the two edges are one place.
     rng = np.random.default_rng(0)
     words = explain(score_of(music, music.times + 15 / music.tempo + rng.normal(0, 0.005, len(music))))
     assert "change" not in [finding.kind for finding in words.findings]
@@ -117,7 +116,7 @@ def test_rate_and_number_are_those_of_the_judgement(music: BeatTrack):
 
 def test_an_expected_lag_is_no_lateness(music: BeatTrack, clip: Clip):
     late = synthetic_motion(music.times + 0.08, seconds=SECONDS, fps=60, seed=5, dance="cha-cha")
-    score = score_motion(music, late, params=replace(HarmonyParams.recommended(), lag=0.08))
+    score = score_motion(music, late, params=replace(HarmonyParams.recommended(HOW_PATTERNS["rest"]), lag=0.08))
     assert value_of(explain(score), "lag") == pytest.approx(0.0, abs=0.02)
 
 

@@ -18,8 +18,8 @@ from harmolab.lab.timing.harmonise import _Body, _Splines, harmonise
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, HarmonyParams
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, Motion, Skeleton
-from harmolab.verdict.judge import FEWEST_BEATS
 from harmolab.verdict.place_test import place_test
+from harmolab.verdict.time_test import FEWEST_BEATS
 from tests.builders import bone_lengths
 
 VALLEYS, RECOMMENDED = HarmonyParams.valleys(), HarmonyParams.recommended()

@@ -26,9 +26,8 @@ from harmolab.harmony import (
     score_motion,
 )
 from harmolab.metrics.beats import kinematic_params, other_scores
-from harmolab.params import HarmonyParams
+from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from harmolab.verdict.place_test import REST
 from tests.builders import BODY, track
 
 ALL_BEATS = replace(HarmonyParams.paper(), audio_threshold=0.0, visual_threshold=None)
@@ -225,7 +224,9 @@ def test_the_interval_counts_beats_by_their_strength():
     assert score.interval[0] == pytest.approx(above_chance(17 / (17 + 3 * 50), score.chance))
 
 
-@pytest.mark.parametrize("params", [HarmonyParams.room_speed(), replace(HarmonyParams.recommended(), pattern=REST)])
+@pytest.mark.parametrize(
+    "params", [HarmonyParams.room_speed(), replace(HarmonyParams.recommended(), pattern=HOW_PATTERNS["rest"])]
+)
 def test_a_beat_is_hit_where_it_fits_better_than_the_median_moment(params: HarmonyParams, rng: np.random.Generator):
     wandering = BODY + 0.1 * gaussian_filter1d(rng.normal(size=(900, *BODY.shape)), 3, axis=0)
     beats = track(0.3 + 0.5 * np.arange(58), duration=30.0)

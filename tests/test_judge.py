@@ -14,7 +14,8 @@ from harmolab.harmony import score_motion
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_speed
 from harmolab.types import BeatTrack, Motion, Skeleton
-from harmolab.verdict.judge import Judgement, floor, judge, level_of
+from harmolab.verdict.evidence import floor
+from harmolab.verdict.judge import Judgement, judge, level_of
 from harmolab.verdict.place_test import PlaceTest
 from harmolab.verdict.score import HarmonyScore
 from harmolab.verdict.time_test import TimeTest

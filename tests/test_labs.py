@@ -87,7 +87,7 @@ def test_recommended_mode_says_the_verdict_and_its_numbers(judged: Stage):
     numbers = numbers_of(judged, mode="recommended")
     judgement = score_motion(judged.music, judged.motion).judgement
     assert numbers["sentence"] == judgement.verdict
-    assert numbers["sentence"].startswith("You are on the beat: you rest on it")
+    assert numbers["sentence"].startswith("You are on the beat: slow on it")
     assert (numbers["level"], numbers["above"]) == (4, judgement.harmony_above_chance)
     assert (numbers["p_time"], numbers["p_place"]) == (judgement.p_time, judgement.p_place)
 

@@ -76,7 +76,7 @@ def test_recommended_mode_scores_every_clip_as_score_motion():
         stage = Stage.of(clip)
         score = score_motion(stage.music, stage.motion)
         late = score.judgement.place.curve[12]  # the quarter of a beat is 12 of 48 moments
-        assert true == pytest.approx(score.harmony_above_chance)
+        assert true == pytest.approx(score.place_harmony)
         assert wrong == pytest.approx((late - score.chance) / (1 - score.chance))
 
 

@@ -80,7 +80,7 @@ def test_standing_still_after_the_last_beat_changes_nothing():
         )
         assert [one.level for one in still] == [plain.level] * 2
         # The end of the motion itself shows in its last tenths of a second, the length of the stillness not at all.
-        for name in ("p_time", "harmony_above_chance"):
+        for name in ("p_time", "place_harmony"):
             short, long = (getattr(one, name) for one in still)
             assert short == pytest.approx(long, abs=1e-9)
             assert short == pytest.approx(getattr(plain, name), abs=0.06)

@@ -24,10 +24,12 @@ from harmolab.lab.timing.performance import (
     load_performance,
     place_performance,
 )
+from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.types import Audio, Clip, Motion
 from tests.builders import planted_dance, write_song
 
 SECONDS, START = 20.0, 0.4
+RESTING = HarmonyParams.recommended(HOW_PATTERNS["rest"])
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +61,9 @@ def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def told_of(folder: Path, name: str | Path, **more: Any) -> OwnDance:
-    """The dance beside its song, whose beats are annotated, so that planted times are exact."""
-    return explain_performance(folder / "song.wav", load_performance(folder / name), beats=folder / "s.beats", **more)
+    """The dance beside its song, whose beats are annotated, so that planted times are exact; rests were told."""
+    settings = {"beats": folder / "s.beats", "params": RESTING} | more
+    return explain_performance(folder / "song.wav", load_performance(folder / name), **settings)
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +105,7 @@ def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folde
 
 @pytest.mark.parametrize(
     ("shift", "words"),
-    [(0.1, "ms late for a rest or a hit"), (-0.1, "ms early for a rest or a hit"), (0.0, "You are on the beat")],
+    [(0.1, "ms late for a rest on the beat"), (-0.1, "ms early for a rest on the beat"), (0.0, "You are on the beat")],
 )
 def test_constant_shift_is_told_only_where_the_offset_is_known(
     folder: Path, clip: Clip, tmp_path: Path, shift: float, words: str
@@ -155,7 +158,7 @@ def test_video_with_another_song_is_placed_by_its_movement(folder: Path, clip: C
 
 
 def test_video_can_be_its_own_song(folder: Path):
-    told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"))
+    told = explain_performance(folder / "film.mp4", load_performance(folder / "film.mp4"), params=RESTING)
     assert told.placement == Placement(0.0, "same")
     first, second = (part.mean for part in told.words.halves)
     assert second - first == pytest.approx(0.08, abs=0.03)

@@ -429,12 +429,14 @@ def test_page_of_a_part_has_the_number_of_that_part(long_files: Path, tmp_path: 
 def test_a_second_dance_has_a_song_time_of_its_own(
     long_files: Path, tmp_path: Path, options: tuple[object, ...]
 ) -> None:
-    page = played(long_files, tmp_path / "x.html", "--other", long_files / "late.npz", *options)
+    rest = ("--how", "rest")
+    page = played(long_files, tmp_path / "x.html", "--other", long_files / "late.npz", *options, *rest)
     one, other = data_of(page)["dancers"]
     assert data_of(page)["duration"] == pytest.approx(18.0)
     np.testing.assert_allclose(positions_of(one)[:500, :, 1], positions_of(other)[:500, :, 1], atol=2e-3)
     assert number_of(one) == pytest.approx(number_of(other), abs=1e-9)
-    away = data_of(played(long_files, tmp_path / "x.html", "--other", long_files / "late.npz", "--other-offset", 2.12))
+    later = ("--other", long_files / "late.npz", "--other-offset", 2.12, *rest)
+    away = data_of(played(long_files, tmp_path / "x.html", *later))
     assert number_of(away["dancers"][1]) < number_of(other) - 0.2
 
 

@@ -188,7 +188,7 @@ def test_a_mended_dance_is_said_to_be_on_the_beat(dances: list[tuple[Motion, Bea
     retimed = [retime(*dance) for dance in dances]
     assert [one.before.judgement.level for one in retimed] == [1] * len(dances)
     assert [one.after.judgement.level for one in retimed] == [4] * len(dances)
-    assert np.mean([one.after.harmony_above_chance - one.before.harmony_above_chance for one in retimed]) > 0.3
+    assert np.mean([one.after.place_harmony - one.before.place_harmony for one in retimed]) > 0.3
 
 
 def test_the_number_is_that_of_the_function_given():

@@ -570,7 +570,7 @@ def test_the_toys_run_is_danced_with_only_when_it_is_named(run: Path, corpus: Pa
     refused = command("dance", song, "--weights", run, "--out", tmp_path / "dance.npz", code=2)
     assert f"If you trust it, name it: --system {TOY}" in refused.stderr and not (tmp_path / "dance.npz").exists()
     danced = ("dance", song, "--weights", run, "--system", TOY, "--out", tmp_path / "dance.npz")
-    assert "harmony above chance" in command(*danced, "--seconds", 3).output
+    assert "harmony above chance" in command(*danced, "--seconds", 3, "--verbose").output
     assert load_motion(tmp_path / "dance.npz").duration == pytest.approx(3.0, abs=0.1)
 
 

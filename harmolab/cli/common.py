@@ -118,7 +118,7 @@ Smpl = Annotated[
 
 
 class How(StrEnum):
-    """What a dancer does on the beat; names of `harmolab.params.HOW_PATTERNS`."""
+    """Movements on the beat, by their names in `harmolab.params.HOW_PATTERNS`."""
 
     rest = "rest"
     hit = "hit"

@@ -22,7 +22,8 @@ from harmolab.harmony import EDGE
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
-from harmolab.verdict.judge import cycles_of, floor, own_reading
+from harmolab.verdict.evidence import floor
+from harmolab.verdict.judge import cycles_of, own_reading
 from harmolab.verdict.place_test import MOMENTS, place_test
 from harmolab.verdict.time_test import time_test
 

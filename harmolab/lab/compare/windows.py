@@ -25,7 +25,7 @@ from harmolab.metrics.beats import kinematic_params
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.shape_speed import RATE, SMOOTHING, shape_signal, shape_speed
 from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion
-from harmolab.verdict.judge import floor
+from harmolab.verdict.evidence import floor
 
 CLIP_SECONDS = 6.0
 # Scores with a pattern to learn: the movement signal of each.

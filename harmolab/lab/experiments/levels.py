@@ -92,7 +92,7 @@ def level_table(
 
 def level_settings(recordings: Sequence[Recording], *, seed: int = 0) -> pd.DataFrame:
     """`level_table` with tracked and with annotated beats, with nothing told and with the dance told."""
-    tables = [level_table(recordings, beats=beats, is_told=told, seed=seed) for beats, told in SETTINGS]
+    tables = [level_table(recordings, beats=beats, is_told=is_told, seed=seed) for beats, is_told in SETTINGS]
     return pd.concat(tables, ignore_index=True)
 
 

@@ -23,8 +23,9 @@ from harmolab.lab.profile import RunProfile
 from harmolab.params import HarmonyParams
 from harmolab.shape_speed import ShapeSignal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
-from harmolab.verdict.judge import LEAST_SHARE, Judgement, judge
-from harmolab.verdict.sentences import FEW_JOINTS, seen
+from harmolab.verdict.evidence import LEAST_SHARE
+from harmolab.verdict.judge import Judgement, judge
+from harmolab.verdict.sentences import FEW_JOINTS, moments_after_beat
 
 Course = Callable[[FloatArray], FloatArray]  # number of the beat -> number of poses gone through
 Body = Callable[[FloatArray, np.random.Generator], FloatArray]  # number of the beat -> positions (T, J, 3)
@@ -168,7 +169,7 @@ def running(beats: FloatArray, rng: np.random.Generator, *, rate: float, late: f
 
 
 def trembling_point(beats: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """One point, nobody's, that trembles by a nanometre on the beats."""
+    """A single point that trembles by a nanometre on the beats."""
     return 1e-9 * np.cos(np.pi * beats)[:, None, None] * rng.normal(size=(1, 1, 3))
 
 
@@ -293,6 +294,6 @@ def _place(judgement: Judgement) -> str:
     """The lag after what was told, or when the body is fastest."""
     if judgement.pattern is not None:
         return f"{judgement.reading}: lag {1000 * judgement.lag_s:+.0f} ms"
-    seconds = seen(judgement)
+    seconds = moments_after_beat(judgement)
     fastest, stillest = (1000 * seconds[name] for name in ("fastest_after_beat_s", "stillest_after_beat_s"))
     return f"fastest {fastest:.0f}, stillest {stillest:.0f} ms after the beat"

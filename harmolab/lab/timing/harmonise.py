@@ -21,7 +21,8 @@ from harmolab.skeletons import ancestors
 from harmolab.systems.common.soft_harmony import anneal, soft_harmony
 from harmolab.systems.harmogan.natural_terms import foot_loss, jerk_loss
 from harmolab.types import BeatTrack, Motion
-from harmolab.verdict.judge import LEAST_PULSE, Judgement
+from harmolab.verdict.evidence import LEAST_PULSE
+from harmolab.verdict.judge import Judgement
 from harmolab.verdict.place_test import PlaceTest, place_test
 
 KNOT = 0.15  # seconds between the knots of the splines that offsets follow: little above 3 Hz is added

@@ -8,6 +8,7 @@ from harmolab.corpora.synthetic.beats import ClipSettings
 from harmolab.corpora.synthetic.music import planted_music
 from harmolab.harmony import score_motion
 from harmolab.lab.widgets.player import Dancer, Player
+from harmolab.params import HOW_PATTERNS, HarmonyParams
 from harmolab.systems.choreographer.banks import shipped_bank
 from harmolab.verdict.score import HarmonyScore
 
@@ -62,7 +63,9 @@ def demo() -> Demo:
     length = motion.duration - late
     beats = music.beats.span(late, length)
     motions = {"in time": motion.span(late, length), "late": motion.span(0.0, length)}
-    dancers = [Dancer(name, each, score_motion(beats, each)) for name, each in motions.items()]
+    # Laid with its rests on the beats, so a rest is what is asked for.
+    params = HarmonyParams.recommended(HOW_PATTERNS["rest"])
+    dancers = [Dancer(name, each, score_motion(beats, each, params=params)) for name, each in motions.items()]
     player = Player(
         music.audio.span(late, length), dancers, music=beats, title="harmolab demo: the same dance, in time and late",
         facts=FACTS, notice=NOTICE.format(late=late),

@@ -20,7 +20,7 @@ from harmolab.params import BarPattern
 from harmolab.shape_speed import DRIFT, FEWEST, RIDGE
 from harmolab.systems.common.soft_beats import frames_before_end
 from harmolab.types import FloatArray
-from harmolab.verdict.judge import LEAST_PULSE
+from harmolab.verdict.evidence import LEAST_PULSE
 
 RATE = 30.0  # hertz, at least: the rate of the shape speed; between its samples it is a straight line
 MOMENTS = 24  # a beat
