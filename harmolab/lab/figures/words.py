@@ -15,6 +15,7 @@ Record = Mapping[str, Any]
 CORPUS_WORDS = MappingProxyType(
     {
         "beatlocked": "recordings on the beat",
+        "aist": "street dance, clicks for songs",
         "synthetic": "synthetic dancers",
         "realdance/dance": "choreographed dances",
         "realdance/replays": "players of a rhythm game",

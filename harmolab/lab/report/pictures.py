@@ -21,7 +21,10 @@ from harmolab.lab.figures.style import MANIFEST
 FULL = "full"  # folder of the committed figures, inside the report's folder of figures
 SAVED = "harmolab_saved"  # key of a cell's metadata: the figures and tables it wrote
 PIXELS_PER_INCH = 100  # at which a figure is shown where there is room
-CORPORA = {"beatlocked": "recordings on the beat", "tang2018": "recordings of Tang et al.", "realdance": "recordings"}
+CORPORA = {
+    "beatlocked": "recordings on the beat", "tang2018": "recordings of Tang et al.", "realdance": "recordings",
+    "aist": "street dance",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
