@@ -212,7 +212,7 @@ def test_scores_of_a_planted_dance() -> None:
     assert next(iter(scores)) == "harmony above chance"
     assert scores["harmony above chance"] > 0.5
     assert scores["level, 0 to 4"] == 4
-    assert scores["p value"] < 0.05
+    assert scores["p in time"] <= 0.05
     assert scores["pulse, 1/s"] > 0.03
     assert scores["music beats N"] == len(clip.beats)
     assert 0 < scores["paper: chance"] <= 1

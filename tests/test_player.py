@@ -416,7 +416,7 @@ def test_page_says_level_and_verdict_beside_the_number(long_files: Path, tmp_pat
         name: score[name] for name in ("harmony_above_chance", "level", "verdict")
     }
     assert f"<td>4 of 4: {score['verdict']}" in page
-    assert f"<td>{score['harmony_above_chance']:.3f} (p = {score['p_value']:.3f})</td>" in page
+    assert f"<td>{score['harmony_above_chance']:.3f} (p = {score['p_time']:.3f})</td>" in page
 
 
 def test_page_of_a_part_has_the_number_of_that_part(long_files: Path, tmp_path: Path) -> None:

@@ -107,9 +107,9 @@ def _print(rows: list[dict[str, Any]], title: str) -> None:
 
     from harmolab.verdict.judge import LEVELS
 
-    table = Table("recording", "dance", "harmony above chance", "p", "level", title=escape(printable(title)))
+    table = Table("recording", "dance", "harmony above chance", "p in time", "level", title=escape(printable(title)))
     for row in rows:
-        numbers = (row.get(name) for name in ("harmony_above_chance", "p_value"))
+        numbers = (row.get(name) for name in ("harmony_above_chance", "p_time"))
         level = f"{row['level']} {LEVELS[row['level']]}" if "level" in row else ""
         table.add_row(escape(printable(row["name"])), row["dance"], *map(show, numbers), escape(row["error"] or level))
     Console().print(table)

@@ -87,8 +87,7 @@ def _print(retimed: Retimed) -> None:
     common.print_verdict(after.judgement, "after")
     common.print_music(before.music)
     table = Table("", "before", "after", title="the motion and its music")
-    for name, key in (("harmony above chance", "above_chance"), ("p value", "p_value")):
-        table.add_row(name, show(getattr(before, key)), show(getattr(after, key)))
+    table.add_row("harmony above chance", show(before.above_chance), show(after.above_chance))
     targets = (retimed.target_before, retimed.target_after)
     table.add_row("beats with a rest near", *(show(target.hit_rate) for target in targets))
     table.add_row("time bent, mean, ms", "0", f"{1000 * warp.bent:.0f}")

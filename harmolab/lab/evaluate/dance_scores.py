@@ -14,7 +14,7 @@ from harmolab.verdict.score import HarmonyScore
 Entry = float | int | str | None
 ABOVE_CHANCE = "harmony above chance"
 # What speaks of harmony: of a dance that fails by likeness none is told.
-OF_HARMONY = (ABOVE_CHANCE, "level, 0 to 4", "p value", "paper: harmony", "paper: hit rate", "paper: chance")
+OF_HARMONY = (ABOVE_CHANCE, "level, 0 to 4", "p in time", "paper: harmony", "paper: hit rate", "paper: chance")
 MEANINGLESS = "not meaningful"
 
 
@@ -69,7 +69,7 @@ def _judged(score: HarmonyScore) -> dict[str, Entry]:
     return {
         ABOVE_CHANCE: score.above_chance,
         "level, 0 to 4": verdict.get("level"),
-        "p value": score.p_value,
+        "p in time": verdict.get("p_time"),
         "pulse, 1/s": verdict.get("pulse"),
         "share inside the body": verdict.get("share"),
         "music beats N": score.n_audio,

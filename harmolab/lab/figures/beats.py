@@ -337,7 +337,9 @@ def headline(score: HarmonyScore) -> str:
         number = number.removesuffix("-") + f"{score.above_chance:+.2f}"
         if np.isfinite(score.p_value):
             low, high = score.interval
-            number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, p = {score.p_value:.3f})"
+            # Of a verdict the p that decides: whether it is in time.
+            p = score.p_value if score.judgement is None else score.judgement.p_time
+            number += f" ({low:+.2f} to {high:+.2f} from {unit} to {unit}, p = {p:.3f})"
     if score.judgement is not None:
         return number
     return f"{number};  h = {score.harmony:.2f}"

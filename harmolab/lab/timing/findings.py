@@ -122,7 +122,7 @@ def _score(judgement: Judgement) -> list[Finding]:
     spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} from bar to bar"
     sentence = (
         f"Harmony above chance is {value:.2f} (0 is a random phase, 1 the best moment of the take on every beat"
-        f"{spread}; p = {judgement.p_value:.3f})."
+        f"{spread})."
     )
     return [Finding("score", value, sentence, judgement.interval)]
 

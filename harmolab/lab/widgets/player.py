@@ -202,7 +202,8 @@ def _alike(clip: Clip, other: Clip) -> Clip:
 def _facts(dancer: Dancer) -> dict[str, str]:
     """Name and text of the verdict on a dancer, its remarks, and its number."""
     score = dancer.number or dancer.score
-    number = "-" if np.isnan(score.above_chance) else f"{score.above_chance:.3f} (p = {score.p_value:.3f})"
+    p = score.p_value if score.judgement is None else score.judgement.p_time
+    number = "-" if np.isnan(score.above_chance) else f"{score.above_chance:.3f} (p = {p:.3f})"
     facts = {f"{dancer.name}: harmony above chance": number}
     if score.judgement is None:
         return facts

@@ -78,7 +78,7 @@ def percent(share: float) -> str:
 PLAIN_FACTS: Mapping[str, str] = MappingProxyType(
     {
         "harmony above chance": "harmony above chance (0: as by luck, 1: all)",
-        "p value": "how often luck alone does as well (p)",
+        "p in time": "share of other tempi that fit as well (p)",
         "level, 0 to 4": "level of the verdict, 0 to 4",
         "pulse, 1/s": "pulse of the movement, 1/s",
         "share inside the body": "share of the movement inside the body",
