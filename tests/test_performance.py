@@ -16,6 +16,7 @@ from harmolab.io.motion import save_motion
 from harmolab.io.video import write_video
 from harmolab.io.video_sound import load_sound
 from harmolab.lab.render.stick import render_skeleton
+from harmolab.lab.timing.film_readings import ABSENT, BODY, FLOW, film_readings
 from harmolab.lab.timing.page import dance_page, dance_player, save_page
 from harmolab.lab.timing.performance import (
     OwnDance,
@@ -139,6 +140,16 @@ def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
     first, second = (part.mean for part in filmed.words.halves)
     assert first == pytest.approx(0.0, abs=0.03)
     assert second == pytest.approx(0.08, abs=0.03)
+
+
+def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
+    rows = film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats")
+    assert list(rows.index) == [BODY, FLOW]
+    assert rows.loc[BODY].tolist() == [ABSENT, "", ""]
+    assert rows.loc[FLOW, "verdict"] == told_of(folder, "film.mp4", params=None).verdict
+    assert rows.loc[FLOW, "how sure"].startswith("How sure: ")
+    unread = film_readings(folder / "song.wav", folder / "film.mp4", beats=folder / "s.beats", offset=900.0)
+    assert "does not overlap" in unread.loc[FLOW, "verdict"]
 
 
 def test_silent_video_is_placed_by_its_movement(folder: Path):
