@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,13 @@ from typer.testing import CliRunner, Result
 
 import harmolab
 from harmolab.cli import app
+from harmolab.cli.dance_report import DanceReport
+from harmolab.harmony import score_motion
 from harmolab.io.audio import load_audio
 from harmolab.io.motion import load_motion, load_offset
 from harmolab.kinematics import resample_motion
 from harmolab.lab.evaluate.dance_scores import dance_scores
+from harmolab.metrics.likeness import Likeness
 from harmolab.systems.common.dancing import synthesize_dance
 from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.common.motion_code import bone_lengths, encode_motion
@@ -258,3 +262,16 @@ def test_mp4_plays_with_its_sound(dance: Callable[..., Result], tmp_path: Path, 
         "v => [v.videoWidth, v.videoHeight, v.webkitVideoDecodedByteCount > 0, v.webkitAudioDecodedByteCount > 0]",
     )
     assert found == [640, 480, True, True]
+
+
+def test_a_dance_on_beats_that_are_unsure_gets_no_verdict_from_them() -> None:
+    clip = planted_dance(seconds=20.0, fps=30.0)
+    assert clip.motion is not None and clip.beats is not None
+    for fit, words in (
+        (1.0, "You are on the beat"),
+        (0.3, "Laid on beats that a program found, which are unsure here."),
+    ):
+        music = replace(clip.beats, quality=fit, fit=fit)
+        score = score_motion(music, clip.motion)
+        report = DanceReport(0, clip.motion, 0.0, music, score, Likeness())
+        assert report.verdict[1].startswith(words)
