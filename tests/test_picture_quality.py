@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harmolab.io.layouts import MEDIAPIPE_33
 from harmolab.io.video import write_video
-from harmolab.lab.timing.filmed import check_sign, filmed_motion
+from harmolab.lab.timing.filmed import check_sign, filmed_motion, limb_spread
 from harmolab.lab.timing.movement import PICTURE
 from harmolab.lab.timing.picture_quality import PictureWatch
+from harmolab.skeletons import joint_indices, skeleton_part
 from harmolab.types import Motion
 from tests.builders import planted_dance, waving
 from tests.phone_videos import Phone, agreement, film, filmed_part
@@ -74,3 +76,19 @@ def test_no_sign_in_the_flow_is_no_verdict_and_in_a_body_it_is_one():
         check_sign("take.mp4", flow, 1)
     for motion, level in ((body, 1), (flow, 0), (flow, 2), (flow, 4)):
         check_sign("take.mp4", motion, level)
+
+
+@pytest.mark.parametrize(("loose", "is_refused"), [(0.1, False), (0.2, True)])
+def test_a_body_whose_limbs_change_their_length_is_not_told_that_it_shows_no_sign(loose: float, is_refused: bool):
+    skeleton = skeleton_part(MEDIAPIPE_33, joint_indices(MEDIAPIPE_33, ("left_shoulder", "left_elbow", "left_wrist")))
+    lengths = 1 + loose * np.where(np.arange(60) % 2, 1.0, -1.0)  # SD over mean is `loose`
+    arm = np.array([[0.0, 1.4, 0.0], [0.0, 1.1, 0.0], [0.0, 0.8, 0.0]])
+    motion = Motion(lengths[:, None, None] * arm, 30.0, skeleton)
+    assert limb_spread(motion) == pytest.approx(loose)
+    check_sign("take.npz", motion, 1)
+    check_sign("take.mp4", motion, 2)
+    if is_refused:
+        with pytest.raises(ValueError, match="limbs of the body that was found change their length by 20%"):
+            check_sign("take.mp4", motion, 1)
+    else:
+        check_sign("take.mp4", motion, 1)
