@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,10 +13,12 @@ import numpy as np
 import pytest
 
 from harmolab.cli import app
-from harmolab.corpora.synthetic import write_corpus
+from harmolab.corpora.synthetic import synthetic_motion, write_corpus
 from harmolab.io.gif import write_gif
 from harmolab.io.motion import save_motion
 from harmolab.io.video import write_video
+from harmolab.lab.timing.filmed import FilmedMotion
+from harmolab.lab.timing.performance import Performance
 from harmolab.types import Motion
 from tests.builders import called, planted_dance, write_dance, write_song
 
@@ -206,3 +209,21 @@ def test_a_folder_keeps_its_beats_file(tmp_path: Path) -> None:
     write_dance(tmp_path / "dance.npz", clip)
     (tmp_path / "song.beats").write_text("".join(f"{time:.4f}\n" for time in clip.beats.times))
     assert json.loads(run("score", tmp_path, "--json").stdout)["clip"]["beats"].endswith("song.beats")
+
+
+def test_a_body_that_was_followed_poorly_is_told_no_sign_by_no_command(
+    video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends = np.sort(np.random.default_rng(3).uniform(0, 12, 24))
+    lost = synthetic_motion(ends, seconds=12.0, fps=30.0, seed=1)
+    growing = 1 + 0.2 * np.where(np.arange(lost.n_frames) // 30 % 2, 1.0, -1.0)[:, None, None]
+    loose = replace(lost, positions=growing * lost.positions)
+    monkeypatch.setattr("harmolab.cli.playing.is_body_found", lambda path: True)
+    monkeypatch.setattr("harmolab.cli.sources.video_performance", lambda path: Performance(path, loose, True))
+    monkeypatch.setattr("harmolab.lab.render.video.filmed_motion", lambda path, **_: FilmedMotion(loose))
+    outs = {"score": (), "play": ("--out", tmp_path / "x.html"), "retime": ("--out", tmp_path / "x.mp4")}
+    for command, out in outs.items():
+        said = run(command, video, *out).output
+        assert "limbs of the body that was found change their length by 20%" in said.replace("\n", " "), command
+        assert "No sign that you follow" not in said.partition("after: ")[0], command
+    assert not (tmp_path / "x.html").exists()

@@ -28,7 +28,7 @@ from harmolab.cli.common import (
 from harmolab.cli.naming import dance_title, video_command
 from harmolab.cli.posing import is_body_found
 from harmolab.cli.screen import plain_errors, wrote
-from harmolab.cli.sources import clip_of, note_lengths, sources
+from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
 
 VIDEO = (
     "{video}: is a video, of which no body is known to play; `harmolab pose --install` fetches what finds it. Without, "
@@ -70,6 +70,7 @@ def play(
     Example: `harmolab play recordings/DANCE_W_3 --out dance.html`
     """
     from harmolab.corpora.folders import load_any_motion, recorded_offset
+    from harmolab.harmony import score_clip
     from harmolab.lab.widgets.player import player_of
 
     with plain_errors():
@@ -81,6 +82,10 @@ def play(
         reading = common.reading(fps, scale, smpl, up)
         clip = clip_of(files, offset=offset, seconds=None, one=one, sample_rate=None, **reading)
         note_lengths(clip, files.song)
+        if files.is_video:
+            begin = clip.offset if start is None else start
+            part = clip.span(begin, clip.audio.duration - begin if seconds is None else seconds)
+            check_signs(files, part, [score_clip(part, params)])
         clips = [clip]
         if other is not None:
             begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)

@@ -10,11 +10,13 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import Beats, Dance, DanceName, Fps, HowDanced, Offset, One, PatternFile, Scale, Song, show
-from harmolab.cli.screen import note, plain_errors, progress, wrote
+from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
 from harmolab.cli.sources import sources
 
 if TYPE_CHECKING:
     from harmolab.retime.retime import Retimed
+    from harmolab.types import Motion
+    from harmolab.verdict.score import HarmonyScore
 
 MEANINGS = (
     "The warp brings moments of rest (in a video: of all that moves) to within 0.1 s of the beats, and knows nothing "
@@ -72,19 +74,31 @@ def retime(
             fastest=fastest, dance=files.dance, beats=files.beats, one=one, method=method.value, fps=fps, scale=scale,
             progress=progress, params=common.recommended(pattern, files.dance, how),
         )  # fmt: skip
-    _print(retimed)
+    _print(retimed, files.motion)
     wrote(out)
 
 
-def _print(retimed: Retimed) -> None:
-    """A table of scores before and after, and of the bending between."""
+def _print_verdict(score: HarmonyScore, name: str, source: Path, motion: Motion) -> None:
+    """The verdict after a name; of a video that was read too poorly for one, the reason."""
+    from harmolab.lab.timing.filmed import check_sign
+
+    try:
+        check_sign(source, motion, score.judgement.level if score.judgement else 0)
+    except ValueError as error:
+        typer.echo(printable(f"{name}: {error}"))
+    else:
+        common.print_verdict(score.judgement, name)
+
+
+def _print(retimed: Retimed, source: Path) -> None:
+    """A table of scores before and after, and of the bending between; `source` is the file of the motion."""
     import numpy as np
     from rich.console import Console
     from rich.table import Table
 
     before, after, warp = retimed.before, retimed.after, retimed.warp
-    common.print_verdict(before.judgement, "before")
-    common.print_verdict(after.judgement, "after")
+    for name, score in (("before", before), ("after", after)):
+        _print_verdict(score, name, source, retimed.motion)
     common.print_music(before.music)
     table = Table("", "before", "after", title="the motion and its music")
     table.add_row("harmony above chance", show(before.above_chance), show(after.above_chance))

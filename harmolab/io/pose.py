@@ -25,7 +25,7 @@ from scipy.ndimage import median_filter
 from harmolab.io.files import PathLike, Progress, cache_folder, cached_arrays, keep_arrays, silent
 from harmolab.io.keypoints import filled_points
 from harmolab.io.layouts import MEDIAPIPE_33
-from harmolab.io.pose_child import LANDMARKS
+from harmolab.io.pose_child import LANDMARKS, MARGIN, painted_over
 from harmolab.io.pose_environment import MEDIAPIPE, pose_environment
 from harmolab.io.pose_process import VALUES, Landmarks, Picture, child_command, found_people
 from harmolab.io.video import VideoFrames, opened_container, video_frames
@@ -48,7 +48,6 @@ SHOWN = 0.3  # share of the pictures in which a joint is seen, below which it is
 FEWEST_JOINTS = 6
 MOST_JOINTS_HIDDEN = 0.4  # share of the joints of a picture that may be hidden
 FEWEST_FOUND = 0.5  # share of the pictures in which a body is found
-MARGIN = 0.15  # of a person's height, around her, that is painted over
 KEPT_BYTES = 200 * 2**20  # of readings in the cache
 MEDIAN = 3  # pictures
 VERSION = 1  # of what is kept
@@ -133,21 +132,8 @@ def _pictures(video: VideoFrames, stride: int, people: Sequence[NDArray[np.float
     for index, pixels in enumerate(itertools.islice(video, 0, None, stride)):
         for person in people:
             if index < len(person):
-                pixels = _painted_over(pixels, person[index])
+                pixels = painted_over(pixels, person[index])
         yield Picture(pixels, index % every == every // 2)
-
-
-def _painted_over(pixels: NDArray[np.uint8], person: Landmarks) -> NDArray[np.uint8]:
-    """The picture (H, W, 3) with its mean colour over the person's box; as it is where she is not found."""
-    if np.isnan(person).any():
-        return pixels
-    low, high = person[:, :2].min(axis=0), person[:, :2].max(axis=0)
-    margin = MARGIN * (high[1] - low[1])
-    corners = np.clip([low - margin, high + margin], 0, 1) * pixels.shape[1::-1]
-    (left, top), (right, bottom) = corners.astype(int)
-    painted = pixels.copy()
-    painted[top:bottom, left:right] = pixels[::8, ::8].mean(axis=(0, 1)).astype(np.uint8)
-    return painted
 
 
 def _is_somebody(person: Landmarks) -> bool:

@@ -37,7 +37,7 @@ def main() -> None:
         person = _landmarks(follow, pixels)
         answers.write(person.tobytes())
         if is_looked_at:
-            answers.write(_landmarks(look, _painted_over(pixels, person)).tobytes())
+            answers.write(_landmarks(look, painted_over(pixels, person)).tobytes())
         answers.flush()
 
 
@@ -81,8 +81,8 @@ def _landmarks(body: Any, pixels: Any) -> Any:
     return np.array(rows, np.float32)
 
 
-def _painted_over(pixels: Any, person: Any) -> Any:
-    """The picture with the mean colour over the person's box."""
+def painted_over(pixels: Any, person: Any) -> Any:
+    """The picture (H, W, 3) with its mean colour over the person's box; as it is where she is not found."""
     import numpy as np
 
     if np.isnan(person).any():

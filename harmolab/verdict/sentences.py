@@ -1,6 +1,6 @@
 """The words for people: the verdict in one line, three lines below it, and all else for those who ask.
 
-Sentences are made from the fields of a `Evidence`. Late and early are said only against what was told: without a dance
+Sentences are made from the fields of an `Evidence`. Late and early are said only against what was told: without a dance
 an arrival, a hit and a rest are places of their own, and what is said is when the body is fastest and stillest.
 """
 
