@@ -16,17 +16,16 @@ import numpy as np
 import torch
 
 from benchmarks.timing import best_of
-from harmolab.corpora.instruments import Performance
-from harmolab.corpora.synthetic.players import planted_performance
-from harmolab.io.audio import load_audio, save_audio
-from harmolab.io.player_points import PLAYER_50
-from harmolab.systems.audio2body import Audio2Body
-from harmolab.systems.audio2body.avatar import avatar
-from harmolab.systems.audio2body.cleaning import cleaned
-from harmolab.systems.audio2body.params import Audio2BodyParams
-from harmolab.systems.audio2body.placing import placed, reference_configuration
-from harmolab.systems.audio2body.point_space import continued, steps_of
-from harmolab.systems.audio2body.sound_features import RATE, normalised_loudness, sound_features
+from harmolab.musician import Audio2Body
+from harmolab.musician.avatar import avatar
+from harmolab.musician.cleaning import cleaned, placed, reference_configuration
+from harmolab.musician.params import Audio2BodyParams
+from harmolab.musician.performances import Performance
+from harmolab.musician.sequences import continued, steps_of
+from harmolab.musician.sound_features import RATE, normalised_loudness, sound_features
+from harmolab.musician.synthetic import planted_performance
+from harmolab.readers.audio import load_audio, save_audio
+from harmolab.readers.player_points import PLAYER_50
 from harmolab.types import Motion
 
 SECONDS, FPS = 3600.0, 24.0

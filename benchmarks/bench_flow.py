@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.timing import best_of
-from harmolab.beats.flow import flow_beats
-from harmolab.beats.impacts import envelope_beats
-from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.beats.flow import envelope_beats, flow_beats
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.render.stick import render_skeleton
 
 Frame = NDArray[np.uint8]

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from benchmarks.timing import best_of
-from harmolab.corpora.tang2018 import TANG_23
-from harmolab.systems.common.pose_network import PoseNet
+from harmolab.data.recordings import TANG_23
 from harmolab.systems.harmogan.networks import CrossDomainDiscriminator, Generator, SpatialTemporalDiscriminator
 from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.training.pose_network import PoseNet
 
 N_AUDIO, FPS = 23, 15.0
 CLIPS, FRAMES = 64, 90

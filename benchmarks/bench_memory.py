@@ -7,7 +7,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from harmolab.corpora.synthetic import write_corpus
+from harmolab.data.synthetic import write_corpus
 
 SMALL, LARGE = 14, 112
 

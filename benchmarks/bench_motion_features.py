@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.timing import best_of
-from harmolab.metrics.geometric import geometric_features
-from harmolab.metrics.kinetic import kinetic_features
-from harmolab.types import Motion, Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.metrics.features import geometric_features, kinetic_features
+from harmolab.types import Motion
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from benchmarks.timing import best_of
-from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.systems.music2dance.codes import RotationCode
 from harmolab.systems.music2dance.networks import DanceNetwork, WaveNet
 from harmolab.systems.music2dance.params import Music2DanceParams

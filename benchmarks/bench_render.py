@@ -16,12 +16,12 @@ from pathlib import Path
 import cv2
 
 from harmolab.beats.audio import music_beats
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.harmony import score_motion
-from harmolab.io.video import write_video
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.render.scene import render_dance
 from harmolab.params import HarmonyParams
+from harmolab.readers.video import write_video
 from harmolab.types import Clip
+from harmolab.verdict.judge import score_motion
 
 FPS, SECONDS = 30.0, 20.0
 

@@ -22,20 +22,18 @@ from typing import Any
 
 import numpy as np
 
-from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.harmony import score_motion
-from harmolab.io.files import PathLike
-from harmolab.lab.evaluate.body_rests import later
-from harmolab.lab.evaluate.collecting import collect
-from harmolab.lab.evaluate.engine import run_rows
+from harmolab.data.synthetic import synthetic_motion
+from harmolab.files import PathLike
+from harmolab.lab.evaluate.engine import read_rows, run_rows
+from harmolab.lab.evaluate.measured import later
 from harmolab.lab.evaluate.pairing import RECORDED
-from harmolab.lab.evaluate.parts import read_rows
-from harmolab.lab.evaluate.sets import set_numbers
+from harmolab.lab.evaluate.sets import collect, set_numbers
 from harmolab.lab.evaluate.summary import system_means
-from harmolab.metrics.kinetic import kinetic_features
+from harmolab.metrics.features import kinetic_features
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, FloatArray
+from harmolab.verdict.judge import score_motion
 from tests.tiny_run import Tasks
 
 N_CLIPS, N_SONGS, SECONDS, WARM = 2000, 100, 12.0, 1000  # the recommended score asks for 16 beats

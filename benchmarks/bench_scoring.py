@@ -12,16 +12,17 @@ import numpy as np
 import soundfile
 
 from benchmarks.timing import best_of
-from harmolab.corpora.folders import Recording
-from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
-from harmolab.harmony import score_harmony, score_motion
-from harmolab.io.motion import save_motion
+from harmolab.data.recordings import Recording
+from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.lab.compare.batch import BeatBatch, PlaceBatch, rescore, rescore_places
 from harmolab.lab.compare.rows import RecordingOptions, recording_scores
 from harmolab.lab.compare.scores import hit_scores, score_table, shifted_music
-from harmolab.lab.compare.windows import FITTED, learn_patterns, usable_clips
+from harmolab.lab.compare.windows import learn_patterns, usable_clips
 from harmolab.params import HarmonyParams
+from harmolab.readers.motion import save_motion
+from harmolab.score import score_harmony
 from harmolab.types import BeatTrack
+from harmolab.verdict.judge import score_motion
 
 N_CLIPS = 200
 N_DANCES = 20  # dancers among them: the rest are the same again
@@ -73,8 +74,7 @@ def measure_band() -> dict[str, float]:
     """One null corpus of `compare`: patterns and lags learnt anew, every score of 175 clips."""
     options = RecordingOptions("annotated", 6.0, (), other_music=True, judged=False)
     clips = [clip for number in range(N_SEQUENCES) for clip in recording_scores(sequence(number), options).clips]
-    patterns = {name: learn_patterns(clips, score=name) for name in FITTED}
-    table = score_table(clips, patterns, usable_clips(clips), None, None)
+    table = score_table(clips, learn_patterns(clips), usable_clips(clips), None, None)
     rng = np.random.default_rng(0)
     draw = best_of(lambda: table.at(rng.integers(0, 20, len(clips))), 20)
     hits = best_of(lambda: [hit_scores(clip, shifted_music(clip)) for clip in clips[:10]], 2) * len(clips) / 10

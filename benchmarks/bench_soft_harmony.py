@@ -13,14 +13,13 @@ import torch
 from torch import Tensor
 
 from benchmarks.timing import best_of
+from harmolab.body.skeletons import Skeleton
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.soft_harmony import soft_harmony
-from harmolab.systems.harmogan.natural_terms import path_loss, spread_loss
+from harmolab.soft_score import soft_harmony
+from harmolab.systems.harmogan.losses import charbonnier_mse, path_loss, spread_loss
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.systems.harmogan.terms import charbonnier_mse
-from harmolab.types import Skeleton
+from harmolab.systems.training.features import FeatureParams
 
 N_CLIPS, N_FRAMES, N_JOINTS, N_BEATS, FPS = 10, 60, 23, 10, 15.0
 MODES = {

@@ -13,30 +13,36 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from harmolab.bar_pattern import load_pattern, save_patterns
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
-from harmolab.corpora.check import check
-from harmolab.corpora.folders import load_recording
-from harmolab.corpora.performances import load_performance
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.video import video_frames, write_video
-from harmolab.io.video_sound import load_sound
+from harmolab.cli.data_check import check
+from harmolab.data.recordings import load_recording
+from harmolab.data.synthetic import write_corpus
 from harmolab.lab.compare.windows import dance_patterns
-from harmolab.lab.evaluate.engine import run_rows
+from harmolab.lab.evaluate.engine import read_rows, run_rows
 from harmolab.lab.evaluate.pairing import listed_pairs
-from harmolab.lab.evaluate.parts import read_rows
-from harmolab.lab.listening.answers import merge
-from harmolab.lab.listening.folders import answer_files, answer_log, read_key, read_page, read_scores, read_trials
-from harmolab.lab.listening.raters import SimulatedRater
-from harmolab.systems.choreographer.store import Kept, load_takes, save_takes
-from harmolab.systems.choreographer.takes import take_of
-from harmolab.systems.common.checkpoints import load_state, save_state
-from harmolab.systems.common.layers import Statistics
-from harmolab.systems.common.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.systems.common.weights import save_weights
+from harmolab.lab.listening.answers import (
+    SimulatedRater,
+    answer_files,
+    answer_log,
+    merge,
+    read_key,
+    read_page,
+    read_scores,
+    read_trials,
+)
+from harmolab.musician.performances import load_performance
+from harmolab.readers.audio import load_sound
+from harmolab.readers.video import video_frames, write_video
+from harmolab.systems.choreographer.takes import Kept, load_takes, save_takes, take_of
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.types import Audio, Skeleton
+from harmolab.systems.training.checkpoints import load_state, save_state
+from harmolab.systems.training.layers import Statistics
+from harmolab.systems.training.runs import PoseBank, load_poses, save_poses
+from harmolab.systems.training.weights import save_weights
+from harmolab.types import Audio
+from harmolab.verdict.bar_pattern import load_pattern, save_patterns
 from tests.builders import called
 from tests.test_hostile import arrays_of, arrays_of_performance, valid_files
 from tests.tiny_run import Numbers, square

@@ -30,13 +30,19 @@ import numpy as np
 import torch
 
 from harmolab.cli import app
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.lab.evaluate import parts
-from harmolab.lab.listening.answers import merge
-from harmolab.lab.listening.folders import TRIALS_FILE, answer_files, answer_log, read_key, read_trials
-from harmolab.lab.listening.raters import SimulatedRater
-from harmolab.systems.common.phases import make_fabric
+from harmolab.data.synthetic import write_corpus
+from harmolab.lab.evaluate import engine
+from harmolab.lab.listening.answers import (
+    TRIALS_FILE,
+    SimulatedRater,
+    answer_files,
+    answer_log,
+    merge,
+    read_key,
+    read_trials,
+)
 from harmolab.systems.harmogan.train import train_harmogan
+from harmolab.systems.training.checkpoints import TrainOptions
 from tests.tiny_training import LONGER, MODEL, tiny_split
 
 MOST_KILLS = 4  # of one run, before it is left to finish
@@ -83,20 +89,20 @@ def jobs(data: Path) -> list[Job]:
 
     def compare(folder: Path) -> None:
         os.environ["HARMOLAB_CACHE"] = str(folder / "cache")  # a kill may come while beats are kept
-        parts.FLUSH_SECONDS = 0.0  # every row counts, so that there is something to go on with
+        engine.FLUSH_SECONDS = 0.0  # every row counts, so that there is something to go on with
         rows = ("--out", folder / "rows", "--resume", "--jobs", 2)
         text = said("compare", corpus, "--beats", "tracked", "--rotations", 20, *rows, "--json")
         (folder / "compare.json").write_text(text)
 
     def evaluate(folder: Path) -> None:
-        parts.FLUSH_SECONDS = 0.0
+        engine.FLUSH_SECONDS = 0.0
         options = ("--resamples", 100, "--jobs", 2, "--resume", "--out", folder / "table")
         said("evaluate", corpus, "--music", corpus, "--reference", corpus, *options)
 
     def train(folder: Path) -> None:
         torch.set_num_threads(1)
-        fabric = make_fabric(accelerator="cpu")
-        train_harmogan(tiny_split(), folder / "run", model=MODEL, params=LONGER, resume=True, fabric=fabric)
+        options = TrainOptions(folder / "run", resume=True, accelerator="cpu")
+        train_harmogan(tiny_split(), options, model=MODEL, params=LONGER)
 
     def study(folder: Path) -> None:
         if not (folder / "study" / TRIALS_FILE).exists():

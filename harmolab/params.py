@@ -33,7 +33,7 @@ DANCES = MappingProxyType(
 
 @dataclass(frozen=True)
 class BarPattern:
-    """Usual course of shape speed (or joint speed) through a cycle of beats, as a short Fourier series.
+    """Usual course of shape speed through a cycle of beats, as a short Fourier series.
 
     The expected (normalised) speed at beat position x is ``sum_h cosines[h-1] cos(2 pi h x / beats) + sines[h-1]
     sin(2 pi h x / beats)``; x = 0 is the cycle's first beat. Plain tuples, so that patterns compare and print.
@@ -94,10 +94,9 @@ class HarmonyParams:
 
     Parameters
     ----------
-    measure : "shape", "hits" or "pattern"
+    measure : "shape" or "hits"
         "shape" judges the shape of the body: in time, and where in the beat (see `harmolab.verdict.judge`). "hits"
-        counts music beats with a visual beat close by (Eq. 14-21). "pattern" asks how well the joint speed in the room
-        around each music beat fits `pattern`, compared with all moments of the clip (see `harmolab.bar_pattern`).
+        counts music beats with a visual beat close by (Eq. 14-21).
     audio_threshold : float
         lambda_1 of Eq. 11, in standard deviations.
     visual_threshold : float or None
@@ -125,11 +124,11 @@ class HarmonyParams:
     speed, plateau, saliency, visual_saliency, first_beat, matching, normalisation
         Readings of unclear equations, see ``docs/readings.md``. Defaults are the paper mode's.
     pattern : BarPattern or None
-        Expected course of speed through a cycle of beats, for the measures "shape" and "pattern". None: "shape" takes
-        the waltz where the movement recurs every three beats and else asks for rests, "pattern" asks for rests.
+        Expected course of speed through a cycle of beats, for the measure "shape". None takes the waltz where the
+        movement recurs every three beats and else asks for rests.
     """
 
-    measure: Literal["shape", "hits", "pattern"] = "hits"
+    measure: Literal["shape", "hits"] = "hits"
     audio_threshold: float = 0.1
     visual_threshold: float | None = 1.0
     reaction_delay: float = 0.25
@@ -164,8 +163,8 @@ class HarmonyParams:
         if not abs(self.lag) <= MAX_LAG:
             raise ValueError(f"lag must lie within {MAX_LAG:g} s of the beat, got {self.lag:g}")
         for name, choices in CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ValueError(f"{name} must be one of {', '.join(choices)}; got {getattr(self, name)!r}")
+            if (value := getattr(self, name)) not in choices:
+                raise ValueError(f"{name} must be one of {', '.join(choices)}; got {value!r}{GONE.get(value, '')}")
 
     @classmethod
     def paper(cls) -> HarmonyParams:
@@ -179,25 +178,17 @@ class HarmonyParams:
         ``pattern`` is what is told: the dance's, of `DANCE_PATTERNS` or `harmolab learn`, or one of `HOW_PATTERNS`.
         """
         detector: Literal["peaks", "valleys"] = "peaks" if pattern == HOW_PATTERNS["hit"] else "valleys"
-        return replace(cls.room_speed(), measure="shape", detector=detector, pattern=pattern)
-
-    @classmethod
-    def room_speed(cls, pattern: BarPattern | None = None) -> HarmonyParams:
-        """Fit of the joint speed in the room to a bar pattern: what was advised before, kept for comparison.
-
-        A statue on a turntable pleases it, and a dancer who hits the beats does not.
-        """
         return cls(
-            measure="pattern",
+            measure="shape",
             audio_threshold=0.0,
             visual_threshold=None,
             reaction_delay=0.1,
             beta=1.0,
-            detector="valleys",
+            detector=detector,
             fps=None,
             position_smoothing=0.06,
             subframe=True,
-            pattern=pattern or BarPattern.stop_on_the_beat(),
+            pattern=pattern,
         )
 
     @classmethod
@@ -216,9 +207,11 @@ class HarmonyParams:
         return replace(cls.valleys(), audio_threshold=0.0, reaction_delay=0.05, beta=1.0)
 
 
+# Choices that were taken out: the error of one says what took its place.
+GONE = MappingProxyType({"pattern": "; the joint speed in the room gave way to that of the shape: measure 'shape'"})
 CHOICES = MappingProxyType(
     {
-        "measure": ("shape", "hits", "pattern"),
+        "measure": ("shape", "hits"),
         "detector": ("turns", "valleys", "peaks", "direction"),
         "speed": ("norm", "signed", "norm_of_sum"),
         "plateau": ("last", "middle", "literal"),

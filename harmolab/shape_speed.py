@@ -1,7 +1,9 @@
 """The movement signal of our score: the speed of the shape of the body, which nothing rigid can raise.
 
 A body that is carried, turned, tilted or bobbed as one piece keeps its shape, and its shape speed is 0. What is left is
-dance inside the body: limbs that swing, bends, twists. Score, loss, report and guard read this signal and no other.
+dance inside the body: limbs that swing, bends, twists. The verdict and its words, the learnt bar patterns and the
+choreographer read this signal; `harmonise` raises the score of its soft form. Others do not read it: hits, the paper's
+and those of HarmoGAN's loss, are of the joint speed, and the guard (`harmolab.metrics.likeness`) measures joints.
 
 ==================  ==================================================================================================
 positions           taken out of the movement
@@ -20,7 +22,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.kinematics import ROUNDING, smooth_positions, upsample_motion
+from harmolab.body.kinematics import ROUNDING, smooth_positions, upsample_motion
 from harmolab.types import BoolArray, FloatArray, Motion
 
 RATE = 100.0  # hertz: slower motion is interpolated first, so that its frame rate does not show

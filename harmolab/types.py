@@ -7,12 +7,14 @@ shapes agree, times are seconds. Arrays are stored as read-only copies. Records 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from importlib import import_module
+from reprlib import repr as clipped
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.skeletons import Skeleton as Skeleton
+from harmolab.body.skeletons import Skeleton
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -52,8 +54,16 @@ def _positive(value: float, name: str) -> float:
     return number
 
 
+class Display:
+    """A record that is one line as text, and a picture or a player in Jupyter, which the laboratory then makes."""
+
+    def _repr_html_(self) -> str:
+        # By name, when Jupyter asks: the core imports nothing of the laboratory, and outside Jupyter loads none of it.
+        return str(import_module("harmolab.lab.display").record_html(self))
+
+
 @dataclass(frozen=True, eq=False)
-class Audio:
+class Audio(Display):
     """Sound as one mono channel.
 
     Parameters
@@ -73,6 +83,9 @@ class Audio:
         object.__setattr__(self, "samples", samples)
         object.__setattr__(self, "sample_rate", _positive(self.sample_rate, "sample_rate"))
 
+    def __repr__(self) -> str:
+        return f"Audio({self.duration:.2f} s, {self.sample_rate:g} Hz)"
+
     @property
     def duration(self) -> float:
         """Length in seconds."""
@@ -88,7 +101,7 @@ class Audio:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Motion(Display):
     """Joint positions over time.
 
     Parameters
@@ -121,6 +134,11 @@ class Motion:
         object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "fps", _positive(self.fps, "fps"))
 
+    def __repr__(self) -> str:
+        size = "{} joints in {}D".format(*self.positions.shape[1:])
+        filler = f", {(~self.valid).sum()} frames of filler" if not self.valid.all() else ""
+        return f"Motion({self.duration:.2f} s, {self.n_frames} frames at {self.fps:g} fps, {size}{filler})"
+
     @property
     def n_frames(self) -> int:
         """Number of frames T."""
@@ -140,7 +158,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class BeatTrack:
+class BeatTrack(Display):
     """Beats on a time line.
 
     Parameters
@@ -183,6 +201,11 @@ class BeatTrack:
             if places.shape != times.shape:
                 raise ValueError(f"bar_places must have one entry per beat ({times.size}), got shape {places.shape}")
             object.__setattr__(self, "bar_places", places)
+
+    def __repr__(self) -> str:
+        tempo = f", {self.tempo:.1f} a minute" if len(self) > 1 else ""
+        bars = f", bars of {self.bar_places.max() + 1}" if self.bar_places is not None and len(self) else ""
+        return f"BeatTrack({len(self)} beats in {self.duration:.2f} s{tempo}{bars}{'' if self.is_sure else ', unsure'})"
 
     def __len__(self) -> int:
         return self.times.size
@@ -264,7 +287,7 @@ class Notes:
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
+class Clip(Display):
     """A piece of music, the motion danced to it, and where each starts.
 
     Parameters
@@ -292,6 +315,13 @@ class Clip:
         if self.motion is not None and not -self.motion.duration < self.offset < self.audio.duration:
             length = f"audio of {self.audio.duration:.2f} s"
             raise ValueError(f"{self.name}: motion starting at {self.offset:.2f} s does not overlap {length}")
+
+    def __repr__(self) -> str:
+        parts = [clipped(self.name), f"{self.audio.duration:.2f} s of music"]
+        if self.motion is not None:
+            parts.append(f"{self.motion.duration:.2f} s of motion at {self.motion.fps:g} fps from {self.offset:.2f} s")
+        parts += [f"{len(self.beats)} beats"] if self.beats is not None else []
+        return f"Clip({', '.join(parts + [clipped(self.dance)] * bool(self.dance))})"
 
     def span(self, start: float, seconds: float) -> Clip:
         """The clip from audio time `start` on, `seconds` long (shorter at the end of the music), on a new time line.

@@ -1,20 +1,23 @@
 """Small things that many tests build: beats, bodies, dances to planted music, a call of the command line."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 import soundfile
 from numpy.typing import ArrayLike
 from typer import Typer
 from typer.testing import CliRunner, Result
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.io.motion import save_motion
-from harmolab.types import BeatTrack, Clip, Motion, Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.readers.motion import save_motion
+from harmolab.types import BeatTrack, Clip, Motion
+
+ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 
 
 def track(
@@ -104,3 +107,14 @@ def bobbing(first_rest: float, *, size: float = 0.2, fps: float = 15.0, seconds:
 def called(app: Typer, *arguments: object) -> Result:
     """Exit code and output of a command with these arguments."""
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def refused(message: str, call: Callable[..., object], /, *arguments: Any, **options: Any) -> None:
+    """Passes where the call ends in a ValueError whose text has this pattern in it."""
+    with pytest.raises(ValueError, match=message):
+        call(*arguments, **options)
+
+
+def cases(names: str, *rows: object, **options: Any) -> pytest.MarkDecorator:
+    """A test that is run once a row, its arguments these names: `pytest.mark.parametrize` of a written-out table."""
+    return pytest.mark.parametrize(names, rows, **options)

@@ -1,7 +1,5 @@
 """Fixtures that several test files use: signals with planted answers, and the recordings if there are any."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil
@@ -15,7 +13,8 @@ import pytest
 from hypothesis import settings
 
 from harmolab.beats.audio import compile_tracker
-from harmolab.types import Audio, Clip, Motion, Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.types import Audio, Clip, Motion
 
 os.environ["MPLBACKEND"] = "Agg"
 # nbformat asks jsonschema, which would compile a grammar of addresses for three seconds that no notebook needs.
@@ -25,6 +24,9 @@ sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
 os.environ["OMP_NUM_THREADS"] = "1"
 
 ROOT = Path(__file__).resolve().parents[1]
+
+# Notebooks that tests write elsewhere import the study too.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT / "notebooks"), os.environ.get("PYTHONPATH")]))
 
 # The first call of librosa compiles for half a minute, which is no property of the code under test.
 settings.register_profile("harmolab", deadline=None)
@@ -104,7 +106,7 @@ def swinging_arm() -> Callable[..., Motion]:
 @pytest.fixture(scope="session")
 def planted_clip() -> Clip:
     """Six seconds of a synthetic cha-cha whose beats are known."""
-    from harmolab.corpora.synthetic import synthetic_clip
+    from harmolab.data.synthetic import synthetic_clip
 
     return synthetic_clip("cha-cha", seed=0)
 

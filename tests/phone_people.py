@@ -3,16 +3,14 @@
 Limbs are round and get thinner; each pixel has the depth and the normal of the nearest limb.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from harmolab.kinematics import resample_motion, upsample_motion
-from harmolab.lab.person.camera import Camera, stage_of
-from harmolab.skeletons import joint_part, joint_side
+from harmolab.body.kinematics import resample_motion, upsample_motion
+from harmolab.body.skeletons import joint_part, joint_side
+from harmolab.lab.person import Camera, stage_of
 from harmolab.types import Motion
 
 SKIN, HAIR, SHIRT, TROUSERS, SHOES = (205, 155, 125), (60, 42, 32), (176, 42, 48), (45, 55, 95), (235, 235, 230)

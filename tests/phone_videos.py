@@ -8,8 +8,6 @@ of `CASES`, and prints the levels of the verdict, also 120 ms late and with anot
 movement. Videos that are there are not filmed again; HARMOLAB_POSE=off reads them by flow.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,12 +20,12 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.harmony import score_motion
-from harmolab.io.video import AUDIO_RATE
-from harmolab.lab.timing.filmed import filmed_motion
+from harmolab.lab.explain.filmed import filmed_motion
 from harmolab.params import HarmonyParams
+from harmolab.readers.video import AUDIO_RATE
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.verdict.judge import score_motion
 from tests.builders import planted_dance, track
 from tests.phone_people import person_frames
 

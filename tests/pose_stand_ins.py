@@ -1,13 +1,11 @@
-"""A process that answers as `harmolab.io.pose_child` does, without MediaPipe, and a command that installs like pip."""
-
-from __future__ import annotations
+"""A process that answers as `harmolab.readers.pose_child`, without MediaPipe, and a command that installs like pip."""
 
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from harmolab.io.layouts import MEDIAPIPE_33
+from harmolab.readers.keypoints import MEDIAPIPE_33
 
 # The redness of a picture's left half is the height of her wrists: 0 low, 255 one metre higher. The right half: the
 # same of a second person, unless black. What goes wrong is told by "FAULT" in place of a picture's answer.

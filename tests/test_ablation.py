@@ -1,31 +1,23 @@
 """Tables of the ablation: hand-made numbers, and stub generators that dance on the beat or beside it."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from harmolab.lab.experiments import ablation, judging
-from harmolab.lab.experiments.ablation import (
-    PAPER_MEANS,
-    TARGETS,
-    forced_choice,
-    gains,
-    seed_means,
-    targets_met,
-)
-from harmolab.lab.experiments.generation import VARIANTS
-from harmolab.lab.experiments.judging import danced_unit
-from harmolab.lab.profile import RunProfile
+from harmolab.body.skeletons import Skeleton
 from harmolab.significance import mean_interval
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.motion_code import encode_motion
-from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.types import Motion, Skeleton
-from tests.builders import bobbing
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.motion_code import encode_motion
+from harmolab.systems.training.units import DanceUnit, UnitSet
+from harmolab.types import Motion
+from study.experiments import ablation, judging
+from study.experiments.ablation import PAPER_MEANS, TARGETS, forced_choice, gains, seed_means, targets_met
+from study.experiments.generation import VARIANTS
+from study.experiments.judging import danced_unit
+from study.profile import RunProfile
+from tests.builders import bobbing, refused
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 MEASURES = ("above_chance", "count_ratio", "jerk", "fid")
@@ -149,8 +141,7 @@ def test_each_corpus_is_judged_by_itself():
 
 @pytest.mark.parametrize(("value", "met"), [(0.7, True), (1.4, True), (0.69, False), (1.41, False)])
 def test_ends_of_the_range_of_beats_are_inside(value: float, met: bool):
-    table = seeds().assign(count_ratio=value)
-    reached = targets_met(table).set_index(["loss", "target"])
+    reached = targets_met(seeds().assign(count_ratio=value)).set_index(["loss", "target"])
     assert bool(reached.loc[("recommended", "M / N"), "met"]) is met
 
 
@@ -248,5 +239,4 @@ def test_danced_unit_holds_all_dancers_their_music_and_what_they_reached(stubs: 
 
 
 def test_unit_that_is_not_there_is_refused_with_those_that_are(stubs: UnitSet):
-    with pytest.raises(ValueError, match="place must be 0 to 1, the test units of made up, got 2"):
-        danced_unit(PROFILE, "made up", 2)
+    refused("place must be 0 to 1, the test units of made up, got 2", danced_unit, PROFILE, "made up", 2)

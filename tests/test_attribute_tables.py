@@ -1,7 +1,5 @@
 """Table 1 of Music2Dance from planted predictions, and its pictures: accuracies, pairs of songs, confusions, shapes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -12,51 +10,28 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from harmolab.lab.experiments import attribute_tables, attributes
-from harmolab.lab.experiments.attribute_tables import (
-    PAPER,
-    attribute_confusion,
-    attribute_differences,
-    attribute_outcomes,
-    attribute_table,
-    song_probabilities,
-)
-from harmolab.lab.experiments.attributes import (
-    CONVOLUTION,
-    FRAMES,
-    RHYTHM,
-    Fitted,
-    LabelledSongs,
-    bar_starts,
-    example_song,
-    recorded_songs,
-    trained_classifier,
-    training_remark,
-)
-from harmolab.lab.figures.attributes import (
+from harmolab.lab.figures.style import COLOURS
+from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams, Song, SongSplit, window_starts
+from harmolab.types import Audio, Clip
+from study.experiments import attributes
+from study.experiments.attributes import LabelledSongs, example_song, recorded_songs, trained_classifier
+from study.figures.attributes import (
     accuracy_figure,
     classifier_figure,
     draw_accuracies,
     draw_beat_channels,
-    draw_confusion,
     draw_differences,
-    draw_probabilities,
-    probabilities_figure,
     song_figure,
 )
-from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.profile import RunProfile
-from harmolab.systems.music2dance.anatomy import classifier_stages
-from harmolab.systems.music2dance.attributes import (
-    AttributeClassifier,
-    AttributeParams,
-    Song,
-    SongSplit,
-    window_starts,
-)
-from harmolab.types import Audio, Clip
+from study.profile import RunProfile
+from study.shapes import classifier_stages
+from tests.builders import cases
+from tests.notebook_cells import notebook_cells
 
-QUICK = RunProfile.quick()
+QUICK, NOTEBOOK = RunProfile.quick(), "15_music_and_attributes"
+CELLS = notebook_cells(NOTEBOOK)
+CONVOLUTION, FRAMES, RHYTHM = CELLS.CONVOLUTION, CELLS.FRAMES, CELLS.RHYTHM
+PAPER = "paper (other songs, two moods)"
 
 
 def outcome(model: str, song: str, label: str, predicted: str, *, seed: int = 1, **more: Any) -> dict[str, Any]:
@@ -78,7 +53,7 @@ def waltzes_and_tango(model: str, right: str) -> list[dict[str, Any]]:
 def test_accuracies_are_per_cent_of_windows_of_songs_and_of_classes():
     rows = waltzes_and_tango(CONVOLUTION, "yynn")
     rows[0] |= {"windows": 12, "right windows": 9}
-    (row,) = attribute_table(pd.DataFrame(rows)).to_dict("records")
+    (row,) = CELLS.accuracy_table(pd.DataFrame(rows)).to_dict("records")
     assert row["windows"] == pytest.approx(100 * 13 / 24)
     assert row["songs"] == pytest.approx(50.0)
     assert row["balanced"] == pytest.approx((200 / 3 + 0) / 2)
@@ -93,7 +68,7 @@ def test_seeds_of_one_song_count_as_one_song():
         for number in range(6)
         for seed in (1, 2)
     ]
-    (row,) = attribute_table(pd.DataFrame(rows)).to_dict("records")
+    (row,) = CELLS.accuracy_table(pd.DataFrame(rows)).to_dict("records")
     assert (row["n"], row["seeds"]) == (6, 2)
     # Each song is right in half of the trainings: there is nothing that another draw of songs could change.
     assert row["songs"] == row["songs low"] == row["songs high"] == 50.0
@@ -104,7 +79,7 @@ def test_seeds_of_one_song_count_as_one_song():
 def test_differences_are_taken_song_by_song_whatever_their_order():
     better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")[::-1]
     rhythm = waltzes_and_tango(RHYTHM, "yyyn")[::-1]
-    table = attribute_differences(pd.DataFrame([*better, *worse, *rhythm])).set_index(["against", "measure"])
+    table = CELLS.difference_table(pd.DataFrame([*better, *worse, *rhythm])).set_index(["against", "measure"])
     assert table.loc[(FRAMES, "songs"), "difference"] == pytest.approx(75.0)
     assert table.loc[(FRAMES, "balanced"), "difference"] == pytest.approx(50.0)
     # The same songs right and wrong: no draw of songs shows a difference. Unpaired, the interval would be wide.
@@ -116,7 +91,7 @@ def test_a_difference_is_clear_where_its_interval_leaves_out_zero():
     names = [f"s{number}" for number in range(12)]
     better = [outcome(CONVOLUTION, name, "waltz", "waltz") for name in names]
     worse = [outcome(FRAMES, name, "waltz", "tango" if number % 2 else "waltz") for number, name in enumerate(names)]
-    table = attribute_differences(pd.DataFrame([*better, *worse]), others=[FRAMES]).set_index("measure")
+    table = CELLS.difference_table(pd.DataFrame([*better, *worse]), others=[FRAMES]).set_index("measure")
     assert table.loc["songs", "difference"] == pytest.approx(50.0)
     assert table.loc["songs", "low"] > 0
     assert table["clear"].all()
@@ -129,14 +104,14 @@ def test_seeds_ahead_are_counted_one_by_one_and_a_tie_is_not_ahead():
         for seed, better, worse in ((1, True, False), (2, True, True), (3, False, True))
         for model, right in ((CONVOLUTION, better), (FRAMES, worse))
     ]
-    table = attribute_differences(pd.DataFrame(rows), others=[FRAMES])
+    table = CELLS.difference_table(pd.DataFrame(rows), others=[FRAMES])
     assert table[["difference", "seeds ahead", "seeds"]].to_numpy().tolist() == [[0.0, 1, 3]] * 3
 
 
 def test_confusions_are_means_over_seeds_with_every_class_in_both_directions():
     rows = [outcome("m", "t1", "tango", "waltz"), outcome("m", "t1", "tango", "tango", seed=2)]
     rows += [outcome("m", "w1", "waltz", "waltz", seed=seed) for seed in (1, 2)]
-    table = attribute_confusion(pd.DataFrame(rows), "planted", "m")
+    table = CELLS.confusion_table(pd.DataFrame(rows), ["m"]).set_index("label").drop(columns="model")
     assert [*table.index] == [*table.columns] == ["tango", "waltz"]
     np.testing.assert_array_equal(table.to_numpy(), [[0.5, 0.5], [0.0, 1.0]])
 
@@ -151,35 +126,32 @@ def rhythms() -> LabelledSongs:
     return LabelledSongs(tuple(songs), ("four", "five"))
 
 
-@pytest.fixture
-def planted(monkeypatch: pytest.MonkeyPatch) -> LabelledSongs:
-    """The twelve songs in place of the corpora."""
-    songs = rhythms()
-    monkeypatch.setattr(attribute_tables, "song_sets", lambda profile: {"planted": songs})
-    monkeypatch.setattr(attribute_tables, "FOLDS", {"planted": 3})
-    return songs
+def planted_cells(**names: Any) -> Any:
+    """The notebook's functions with the twelve songs in place of the corpora."""
+    sets = {"planted": rhythms()}
+    return notebook_cells(NOTEBOOK, song_sets=lambda profile: sets, PARTS={"planted": 3}, **names)
 
 
-def test_every_song_is_judged_once_a_seed_and_rhythm_tells_planted_rhythms(planted: LabelledSongs):
-    outcomes = attribute_outcomes(QUICK, ["majority", RHYTHM])
-    assert sorted(outcomes["song"]) == sorted(2 * [song.name for song in planted.songs])
-    table = attribute_table(outcomes).set_index("model")
+def test_every_song_is_judged_once_a_seed_and_rhythm_tells_planted_rhythms():
+    outcomes = planted_cells().all_outcomes(QUICK, ["majority", RHYTHM])
+    assert sorted(outcomes["song"]) == sorted(2 * [song.name for song in rhythms().songs])
+    table = CELLS.accuracy_table(outcomes).set_index("model")
     assert table.loc[RHYTHM, ["windows", "songs", "balanced", "training"]].tolist() == [100.0] * 4
     assert table.loc["majority", "balanced"] == pytest.approx(50.0)
     assert table.loc["majority", "chance"] == 50.0
 
 
-def test_a_song_of_the_set_is_shown_by_a_training_without_it(planted: LabelledSongs, monkeypatch: pytest.MonkeyPatch):
+def test_a_song_of_the_set_is_shown_by_a_training_without_it():
     splits: list[SongSplit] = []
 
-    def spy(songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int) -> Fitted:
+    def spy(model: str, songs: LabelledSongs, split: SongSplit, profile: RunProfile, seed: int) -> tuple[Any, int]:
         splits.append(split)
-        return Fitted(lambda song: np.tile([0.25, 0.75], (len(window_starts(len(song.music), AttributeParams())), 1)))
+        return lambda song: np.tile([0.25, 0.75], (len(window_starts(len(song.music), AttributeParams())), 1)), 0
 
-    monkeypatch.setattr(attribute_tables, "MODELS", {CONVOLUTION: spy, RHYTHM: spy})
+    cells = planted_cells(fitted=spy)
     sound = Audio(np.random.default_rng(0).normal(0, 0.1, 22050 * 41), 22050.0)
-    for song in planted.songs:
-        table = song_probabilities(QUICK, sound, song.name)
+    for song in rhythms().songs:
+        table = cells.song_probabilities(QUICK, sound, song.name)
         assert all(song.name not in split.train for split in splits)
         splits.clear()
     assert sorted(set(table["start"])) == [0.0, 5.0, 10.0, 11.0]
@@ -205,16 +177,10 @@ def test_a_folder_without_songs_of_a_dance_gives_no_set(tmp_path: Path, monkeypa
 def test_example_is_a_synthetic_song_with_its_bars_where_none_is_recorded(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delenv("HARMOLAB_DATA", raising=False)
     clip = example_song(RunProfile.full(), "waltz")
-    bars = bar_starts(clip)
     assert (clip.name, clip.dance) == ("waltz 1", "waltz")
-    assert bars is not None and clip.beats is not None
-    np.testing.assert_array_equal(bars, clip.beats.times[clip.beats.bar_places == 0])
+    assert clip.beats is not None and clip.beats.bar_places is not None
+    bars = clip.beats.times[clip.beats.bar_places == 0]
     assert np.diff(bars) == pytest.approx(3 * np.median(np.diff(clip.beats.times)), rel=0.05)
-
-
-def test_only_a_quick_profile_has_a_remark():
-    assert training_remark(RunProfile.full()) == ""
-    assert "hardly trained" in training_remark(QUICK)
 
 
 @pytest.mark.parametrize(("cells", "starts"), [(20, [0]), (40, [0]), (95, [0, 20, 40, 55]), (80, [0, 20, 40])])
@@ -264,10 +230,7 @@ def test_each_model_has_a_dot_on_its_interval_and_guessing_is_dotted(ax: Axes):
     assert [tuple(line.get_xdata()) for line in ax.lines if line.get_linestyle() == ":"] == [(25.0, 25.0)]
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "colour", "mark"),
-    [(1.0, 20.0, "hit", "o"), (-20.0, -1.0, "miss", "x"), (-5.0, 20.0, "chance", "s")],
-)
+@cases("low, high, colour, mark", (1.0, 20.0, "hit", "o"), (-20.0, -1.0, "miss", "x"), (-5.0, 20.0, "chance", "s"))
 def test_a_difference_is_coloured_only_where_its_interval_leaves_out_zero(
     ax: Axes, low: float, high: float, colour: str, mark: str
 ):
@@ -284,41 +247,51 @@ def test_table_has_a_row_of_panels_for_each_set_and_its_remark():
     assert figure.get_suptitle() == title
 
 
-def test_confusion_shows_its_numbers_and_how_many_songs_a_class_has(ax: Axes):
-    draw_confusion(ax, pd.DataFrame([[2.0, 1.0], [0.0, 4.5]], index=["tango", "waltz"], columns=["tango", "waltz"]))
+def test_confusion_shows_its_numbers_and_how_many_songs_a_class_has():
+    counts = pd.DataFrame({"model": ["m", "m"], "label": ["tango", "waltz"], "tango": [2.0, 0.0], "waltz": [1.0, 4.5]})
+    ax = CELLS.confusion_figure(counts).axes[0]
     assert [text.get_text() for text in ax.texts] == ["2", "1", "\N{MIDDLE DOT}", "4.5"]
     assert [text.get_text() for text in ax.get_yticklabels()] == ["tango (3)", "waltz (4)"]
 
 
-def test_likeliest_class_of_each_window_is_bold(ax: Axes):
+@cases("first, title, bold", (0.3, "2 of 3 windows taken for tango", "70"), (0.9, "3 of 3 windows taken", "90"))
+def test_title_of_a_model_counts_the_windows_of_its_class_which_are_bold(first: float, title: str, bold: str):
     rows = [
-        {"start": start, "end": start + 30.0, "label": label, "probability": p}
-        for start, first in ((0.0, 0.8), (5.0, 0.3))
-        for label, p in (("tango", first), ("waltz", 1 - first))
+        {
+            "song": "Tune",
+            "model": "m",
+            "start": 5.0 * window,
+            "end": 5.0 * window + 30.0,
+            "label": label,
+            "probability": p,
+        }
+        for window, share in enumerate((0.8, 0.6, first))
+        for label, p in (("waltz", 1 - share), ("tango", share))
     ]
-    draw_probabilities(ax, rows)
-    assert {text.get_text() for text in ax.texts if text.get_weight() == "bold"} == {"80", "70"}
-    assert [text.get_text() for text in ax.get_xticklabels()] == ["15", "20"]
+    ax = CELLS.probabilities_figure(pd.DataFrame(rows)).axes[0]
+    assert ax.get_title("left").startswith(f"m: {title}")
+    assert {text.get_text() for text in ax.texts if text.get_weight() == "bold"} == {"80", "60", bold}
+    assert [text.get_text() for text in ax.get_xticklabels()] == ["15", "20", "25"]
 
 
-@pytest.mark.parametrize(("first", "finding"), [(0.3, "2 of 3 windows taken for tango"), (0.9, "3 of 3 windows taken")])
-def test_title_of_a_model_counts_the_windows_of_its_class(first: float, finding: str):
-    rows = [
-        {"model": "m", "start": 5.0 * window, "end": 5.0 * window + 30.0, "label": label, "probability": p}
-        for window, share in enumerate((0.8, 0.7, first))
-        for label, p in (("tango", share), ("waltz", 1 - share))
-    ]
-    clip = Clip("Tune", Audio([0.0, 0.0], 2.0), source="synthetic")
-    figure = probabilities_figure(rows, clip=clip)
-    assert figure.axes[0].get_title("left").startswith(f"m: {finding}")
-    assert figure.get_suptitle() == "Tune, synthetic dancers"
+def test_its_words_name_the_numbers_of_the_tables():
+    better, worse = waltzes_and_tango(CONVOLUTION, "yyyn"), waltzes_and_tango(FRAMES, "nnnn")
+    others = waltzes_and_tango(RHYTHM, "yyyy") + waltzes_and_tango("majority", "yyyn")
+    outcomes = pd.DataFrame([*better, *worse, *others])
+    tables = {
+        "m2d_table01": CELLS.accuracy_table(outcomes),
+        "m2d_table01b_differences": CELLS.difference_table(outcomes),
+    }
+    assert "gives 50% of 4 songs (planted) their dance, its baseline 0%," in CELLS.finding(tables)
+    words = CELLS.reading(tables)
+    assert "the paper's network gives 75% their class, the baseline 0%, always the same class 75%." in words
+    assert f"- minus {RHYTHM}: -50 points" in words
 
 
 def test_song_is_drawn_on_one_time_axis_with_what_the_classifier_hears():
     music = np.zeros((250, 15), np.float32)
     music[40, 1:3], music[60, 1], music[40, 0] = 1.0, 0.5, 0.7
-    audio = Audio(np.sin(np.arange(25 * 8000) / 9.0), 8000.0)
-    clip = Clip("Tune", audio, source="beatlocked", dance="waltz")
+    clip = Clip("Tune", Audio(np.sin(np.arange(25 * 8000) / 9.0), 8000.0), source="beatlocked", dance="waltz")
     figure = song_figure(
         clip, music, np.zeros((1000, 80), np.float32), rates=(10.0, 40.0), bars=np.array([4.1, 9.0]), start=2.0
     )

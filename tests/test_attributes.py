@@ -1,15 +1,11 @@
 """Which dance a song calls for: folds by song, planted rhythms, a classifier that learns, saves and refuses leaks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from harmolab.lab.experiments.attributes import LabelledSongs, folds, onset_rhythm, two_classes
-from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.music2dance.attributes import (
     AttributeClassifier,
     AttributeParams,
@@ -18,6 +14,11 @@ from harmolab.systems.music2dance.attributes import (
     song_windows,
     train_attributes,
 )
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.weights import load_weights, save_weights
+from study.experiments.attributes import LabelledSongs, folds, two_classes
+from tests.builders import refused
+from tests.notebook_cells import notebook_cells
 
 DANCES = ("cha-cha", "rumba", "tango", "waltz")
 TINY = AttributeParams(
@@ -63,6 +64,7 @@ def test_two_classes_are_the_smooth_and_the_fast_dances():
 
 @pytest.mark.parametrize("period", [4, 5, 7])
 def test_rhythm_peaks_at_the_planted_period(period: int):
+    onset_rhythm = notebook_cells("15_music_and_attributes").onset_rhythm
     curve = onset_rhythm(rhythm(period))
     assert curve.shape == (39,)
     assert int(curve[: 2 * period - 2].argmax()) + 1 == period
@@ -89,7 +91,7 @@ def test_published_sizes(front: str):
 def test_it_learns_saves_and_says_the_same_again(tmp_path: Path):
     songs = labelled()
     (split, *_) = folds(songs, 3, seed=1)
-    classifier = train_attributes(songs.songs, DANCES, split, tmp_path / "run", TINY)
+    classifier = train_attributes(songs.songs, DANCES, split, TrainOptions(tmp_path / "run"), TINY)
     again = load_weights(tmp_path / "run", AttributeClassifier)
     song = songs.songs[0]
     np.testing.assert_array_equal(again.probabilities(song.music), classifier.probabilities(song.music))
@@ -102,15 +104,15 @@ def test_it_learns_saves_and_says_the_same_again(tmp_path: Path):
 def test_it_goes_on_where_it_was_stopped(tmp_path: Path):
     songs = labelled()
     (split, *_) = folds(songs, 3, seed=1)
-    train_attributes(songs.songs, DANCES, split, tmp_path / "whole", TINY)
+    train_attributes(songs.songs, DANCES, split, TrainOptions(tmp_path / "whole"), TINY)
 
     def stop(row: dict, end: int) -> None:
         if row["epoch"] == 5:
             raise InterruptedError
 
     with pytest.raises(InterruptedError):
-        train_attributes(songs.songs, DANCES, split, tmp_path / "run", TINY, report=stop)
-    train_attributes(songs.songs, DANCES, split, tmp_path / "run", TINY, resume=True)
+        train_attributes(songs.songs, DANCES, split, TrainOptions(tmp_path / "run", report=stop), TINY)
+    train_attributes(songs.songs, DANCES, split, TrainOptions(tmp_path / "run", resume=True), TINY)
     for name in ("history.csv", "model.safetensors"):
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
@@ -127,9 +129,10 @@ def test_a_song_on_both_sides_is_refused(tmp_path: Path):
     songs = labelled()
     name = songs.songs[0].name
     with pytest.raises(ValueError, match="'cha-cha 0' is on both sides"):
-        train_attributes(songs.songs, DANCES, SongSplit((name,), (name,)), tmp_path / "run", TINY)
+        train_attributes(songs.songs, DANCES, SongSplit((name,), (name,)), TrainOptions(tmp_path / "run"), TINY)
     with pytest.raises(ValueError, match="two songs have one name"):
-        train_attributes([*songs.songs, songs.songs[0]], DANCES, SongSplit((name,), ()), tmp_path / "run", TINY)
+        options = TrainOptions(tmp_path / "run")
+        train_attributes([*songs.songs, songs.songs[0]], DANCES, SongSplit((name,), ()), options, TINY)
 
 
 @pytest.mark.parametrize("change", [{"hidden": 10**9}, {"hidden": -1}, {"channels": [2.5]}, {"channels": [1] * 99}])
@@ -141,5 +144,4 @@ def test_hostile_sizes_are_refused_by_file(change: dict, tmp_path: Path):
     about = json.loads((tmp_path / "model.json").read_text())
     about["build"]["params"] |= change
     (tmp_path / "model.json").write_text(json.dumps(about))
-    with pytest.raises(ValueError, match=r"model\.safetensors"):
-        load_weights(tmp_path, AttributeClassifier)
+    refused(r"model\.safetensors", load_weights, tmp_path, AttributeClassifier)

@@ -1,7 +1,5 @@
 """Key points of musicians for Audio to Body Dynamics: bad frames, gaps, several detectors, camera shots, placing."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from collections.abc import Sequence
@@ -12,14 +10,23 @@ import numpy as np
 import pytest
 
 from benchmarks import bench_audio2body
-from harmolab.corpora.instruments import Performance
-from harmolab.corpora.synthetic.players import FAULTS, PlantedPerformance, planted_performance
-from harmolab.io.player_points import HANDS_12, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton
-from harmolab.kinematics import Similarity
-from harmolab.systems.audio2body.cleaning import RULES, CleaningRules, cleaned, rejected_examples
-from harmolab.systems.audio2body.gaps import training_frames, usable_steps
-from harmolab.systems.audio2body.placing import placed, reference_configuration, shot_similarities
+from harmolab.body.kinematics import Similarity
+from harmolab.musician.cleaning import (
+    RULES,
+    CleaningRules,
+    cleaned,
+    placed,
+    reference_configuration,
+    rejected_examples,
+    shot_similarities,
+    training_frames,
+    usable_steps,
+)
+from harmolab.musician.performances import Performance
+from harmolab.musician.synthetic import FAULTS, PlantedPerformance, planted_performance
+from harmolab.readers.player_points import HANDS_12, INSTRUMENTS, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.types import FloatArray, Motion
+from tests.builders import cases, refused
 
 FPS = 24.0
 # Left and right shoulder, elbow, wrist and hip; the box around the whole player is 300 wide, the shoulders 100.
@@ -78,10 +85,7 @@ def test_players_box_is_as_wide_as_said() -> None:
 
 
 # A recording that begins with a small jump has nothing yet to hold it against.
-@pytest.mark.parametrize(
-    ("fault", "first"),
-    [*itertools.product(("swapped", "missing", "centre"), (0, 40, 91)), ("jump", 40), ("jump", 91)],
-)
+@cases("fault, first", *itertools.product(("swapped", "missing", "centre"), (0, 40, 91)), ("jump", 40), ("jump", 91))
 def test_each_fault_is_rejected_by_its_rule_and_nothing_else_is(fault: str, first: int) -> None:
     result = cleaned(with_fault(fault, slice(first, first + 5)))
     expected = np.full(96, "", dtype="<U9")
@@ -102,8 +106,7 @@ def test_centre_may_move_by_its_share_where_the_jump_is_not_tested() -> None:
     points = np.repeat(pose()[None], 30, axis=0)
     points[10] += [0.0, 0.349 * WIDTH]
     points[20] += [0.0, 0.351 * WIDTH]
-    result = cleaned(performance(points), CleaningRules(jump=None))
-    assert list(np.flatnonzero(~result.accepted)) == [20]
+    assert list(np.flatnonzero(~cleaned(performance(points), CleaningRules(jump=None)).accepted)) == [20]
 
 
 def test_after_half_a_second_without_an_accepted_frame_the_next_is_accepted_anew() -> None:
@@ -121,8 +124,7 @@ def test_error_as_long_as_the_longest_run_does_not_lock_the_player_out() -> None
 
 
 def test_hands_that_stay_swapped_are_rejected_as_long_as_they_are() -> None:
-    result = cleaned(with_fault("swapped", slice(30, 90)))
-    assert result.report()["swapped"] == 60 / 96
+    assert cleaned(with_fault("swapped", slice(30, 90))).report()["swapped"] == 60 / 96
 
 
 def test_whole_arms_that_stay_swapped_show_by_their_forearms() -> None:
@@ -130,8 +132,7 @@ def test_whole_arms_that_stay_swapped_show_by_their_forearms() -> None:
     wrists = [PLAYER_50.joints.index(f"{side}_wrist") for side in SIDES]
     left, right = [wrists[0], *HANDS["left"]], [wrists[1], *HANDS["right"]]
     points[60:, left + right] = points[60:, right + left]
-    result = cleaned(performance(points))
-    assert list(np.flatnonzero(result.broken == "swapped")) == list(range(60, 96))
+    assert list(np.flatnonzero(cleaned(performance(points)).broken == "swapped")) == list(range(60, 96))
 
 
 def test_arms_that_cross_are_no_error() -> None:
@@ -147,8 +148,7 @@ def test_arms_that_cross_are_no_error() -> None:
 
 
 def test_recording_that_begins_with_another_person_begins_at_the_player() -> None:
-    result = cleaned(with_fault("centre", slice(0, 6)))
-    assert list(result.broken[:7]) == ["centre"] * 6 + [""]
+    assert list(cleaned(with_fault("centre", slice(0, 6))).broken[:7]) == ["centre"] * 6 + [""]
 
 
 def plain_walk(points: FloatArray) -> list[str]:
@@ -196,10 +196,7 @@ def test_frames_that_a_reader_marked_as_not_valid_count_as_missing() -> None:
 
 def test_performance_without_a_frame_that_can_be_used_is_refused_by_name() -> None:
     planted = with_fault("missing", slice(0, 96))
-    with pytest.raises(
-        ValueError, match=r"a player: no frame is left; missing rejects 100%.*right_hand is not detected"
-    ):
-        cleaned(planted)
+    refused(r"a player: no frame is left; missing rejects 100%.*right_hand is not detected", cleaned, planted)
     with pytest.raises(ValueError, match="a player: no frame is left; signature rejects 100%"):
         cleaned(performance(playing()), signature=lambda frame, box: False)
 
@@ -239,8 +236,7 @@ def test_example_of_a_rule_is_its_frame_of_most_movement() -> None:
     points[32] += [0.0, -20.0]
     detected = np.ones((96, 50), bool)
     detected[70:73, 9] = False
-    result = cleaned(replace(performance(points), detected=detected))
-    examples = rejected_examples(result)
+    examples = rejected_examples(cleaned(replace(performance(points), detected=detected)))
     assert set(examples) == {"jump", "missing"}
     assert examples["jump"] == 32
     assert examples["missing"] in (70, 71, 72)
@@ -248,8 +244,7 @@ def test_example_of_a_rule_is_its_frame_of_most_movement() -> None:
 
 @pytest.mark.parametrize("setting", [{"jump": 0.0}, {"centre": -1.0}, {"longest_run": np.inf}, {"cut": np.nan}])
 def test_limit_that_cannot_be_is_refused_by_name(setting: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match=f"{next(iter(setting))} must be positive"):
-        CleaningRules(**setting)
+    refused(f"{next(iter(setting))} must be positive", CleaningRules, **setting)
 
 
 # Gaps (reading 9).
@@ -276,8 +271,7 @@ def test_gaps_are_masked_counted_or_cut_out() -> None:
     assert list(masked.frames) == list(counted.frames) == list(range(96))
     assert list(spliced.frames) == [*range(40), *range(45, 96)]
     np.testing.assert_array_equal(spliced.positions, masked.positions[masked.usable])
-    with pytest.raises(ValueError, match="gaps must be mask, interpolate or splice, got 'zero'"):
-        training_frames(result.motion, "zero")
+    refused("gaps must be mask, interpolate or splice, got 'zero'", training_frames, result.motion, "zero")
 
 
 def test_step_is_usable_where_both_frames_around_it_are() -> None:
@@ -286,8 +280,7 @@ def test_step_is_usable_where_both_frames_around_it_are() -> None:
     # Frames are steps 0, 4, 8, 12, 16; frame 2 spoils all steps from 5 to 11.
     assert list(np.flatnonzero(~usable_steps(usable, 4))) == [5, 6, 7, 8, 9, 10, 11]
     assert list(usable_steps(np.array([True]), 4)) == [True]
-    with pytest.raises(ValueError, match="1 or more steps"):
-        usable_steps(usable, 0)
+    refused("1 or more steps", usable_steps, usable, 0)
 
 
 # Camera shots and placing (reading 10).
@@ -397,8 +390,7 @@ def test_recording_without_the_anchors_of_the_reference_is_refused_by_name() -> 
     whole, tips = cleaned(performance(playing())), cleaned(part(playing(), HANDS_12.joints))
     with pytest.raises(ValueError, match="a player: has nothing to be aligned by, the reference left_shoulder"):
         placed(tips, reference_configuration(whole))
-    with pytest.raises(ValueError, match="the reference nothing; take recordings with the same points"):
-        placed(whole, reference_configuration(tips))
+    refused("the reference nothing; take recordings with the same points", placed, whole, reference_configuration(tips))
     assert placed(tips, reference_configuration(whole), alignment="none") is tips.motion
     with pytest.raises(ValueError, match="alignment must be recording, frame or none, got 'video'"):
         placed(whole, reference_configuration(whole), alignment="video")
@@ -436,8 +428,7 @@ def test_planted_faults_are_rejected_and_few_good_frames_are(instrument: str) ->
     }
     for kind, by_rule in shares.items():
         print(instrument, f"{kind:14s}", " ".join(f"{rule} {share:.3f}" for rule, share in by_rule.items()))
-    good = sum(shares.pop("good").values())
-    assert good <= 0.08
+    assert sum(shares.pop("good").values()) <= 0.08
     assert {kind: sum(by_rule.values()) >= 0.95 for kind, by_rule in shares.items()} == dict.fromkeys(FAULTS, True)
     assert shares["swapped hands"]["swapped"] >= 0.95
     assert shares["missing hand"]["missing"] == 1

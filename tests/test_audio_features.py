@@ -1,7 +1,5 @@
 """What the generator hears: MFCC at given moments, onsets and beat position; the cache of the analysis."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,9 +8,8 @@ import numpy as np
 import pytest
 
 from harmolab.beats.audio import HOP
-from harmolab.systems.common import audio_features as heard
-from harmolab.systems.common.audio_features import audio_features, beat_phase, mfcc
-from harmolab.systems.common.feature_params import FeatureParams
+from harmolab.systems.training import features as heard
+from harmolab.systems.training.features import FeatureParams, audio_features, beat_phase, mfcc
 from harmolab.types import Audio, BeatTrack
 from tests.builders import track
 
@@ -94,8 +91,7 @@ def test_beat_channels_are_onset_strength_and_beat_position(song: Audio):
 def test_beat_position_is_linear_between_beats_and_goes_on_by_the_median_interval(moment: float, position: float):
     # Intervals 1, 2, 1: the median is 1.
     phase = beat_phase(track([1.0, 2.0, 4.0, 5.0]), np.array([moment]))
-    expected = [[np.sin(2 * np.pi * position), np.cos(2 * np.pi * position)]]
-    np.testing.assert_allclose(phase, expected, atol=1e-9)
+    np.testing.assert_allclose(phase, [[np.sin(2 * np.pi * position), np.cos(2 * np.pi * position)]], atol=1e-9)
 
 
 @pytest.mark.parametrize("track", [NO_BEATS, track([1.0])])

@@ -1,7 +1,5 @@
 """The avatar: each of its steps by hand or on a planted player whose place in space is known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,15 +7,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic.player_in_space import (
-    Camera,
-    PlayerInSpace,
-    elbow_angles,
-    player_in_space,
+from harmolab.body.kinematics import smooth
+from harmolab.body.rotations import two_bones
+from harmolab.musician.avatar import (
+    HIP_ABOVE_SEAT,
+    SHOULDERS,
+    SPINE,
+    UPPER_ARM,
+    AvatarParams,
+    aim,
+    arm_lengths,
+    avatar,
+    bow,
+    forward_offset,
+    hand_axes,
+    keyboard_depth,
+    palm_is_down,
+    placed_points,
+    spine,
 )
-from harmolab.io.bvh import load_bvh
-from harmolab.io.bvh_writer import WORLD, save_bvh
-from harmolab.io.player_points import (
+from harmolab.musician.synthetic.space import Camera, PlayerInSpace, elbow_angles, player_in_space
+from harmolab.readers.bvh import WORLD, load_bvh, save_bvh
+from harmolab.readers.player_points import (
     FINGERS,
     HANDS_12,
     INSTRUMENTS,
@@ -29,18 +40,9 @@ from harmolab.io.player_points import (
     hand_joints,
     player_skeleton,
 )
-from harmolab.kinematics import smooth
-from harmolab.lab.experiments.avatar_depth import elbow_error, wrist_depth_error
-from harmolab.rotations import two_bones
-from harmolab.systems.audio2body.avatar import AvatarParams, avatar
-from harmolab.systems.audio2body.avatar.arms import arm_lengths, forward_offset
-from harmolab.systems.audio2body.avatar.hands import hand_axes, palm_is_down
-from harmolab.systems.audio2body.avatar.params import HIP_ABOVE_SEAT, SHOULDERS, SPINE, UPPER_ARM
-from harmolab.systems.audio2body.avatar.piano import keyboard_depth
-from harmolab.systems.audio2body.avatar.place import placed_points
-from harmolab.systems.audio2body.avatar.spine import spine
-from harmolab.systems.audio2body.avatar.violin import aim, bow
 from harmolab.types import Motion
+from study.experiments.avatar_depth import elbow_error, wrist_depth_error
+from tests.builders import refused
 
 OURS = AvatarParams()
 SHOULDERS_ONLY = player_skeleton(["left_shoulder", "right_shoulder"])
@@ -105,10 +107,8 @@ def test_elbow_angle_of_a_right_angle_is_ninety_degrees() -> None:
 
 
 def test_planted_player_refuses_what_cannot_be() -> None:
-    with pytest.raises(ValueError, match="instrument must be piano or violin, got 'drum'"):
-        player_in_space("drum")
-    with pytest.raises(ValueError, match="noise of 0 or more"):
-        player_in_space("piano", noise=-1.0)
+    refused("instrument must be piano or violin, got 'drum'", player_in_space, "drum")
+    refused("noise of 0 or more", player_in_space, "piano", noise=-1.0)
 
 
 # Two bones
@@ -239,8 +239,7 @@ def test_forearm_that_never_lies_in_the_picture_has_a_least_length(pianist: Play
     names = PLAYER_50.joints
     for side in SIDES:
         points[:, names.index(f"{side}_elbow")] = points[:, names.index(f"{side}_wrist")] + 1.0
-    placed = placed_points(Motion(points, 24.0, PLAYER_50))
-    assert arm_lengths(placed, OURS)[1] == pytest.approx(0.6 * SHOULDERS)
+    assert arm_lengths(placed_points(Motion(points, 24.0, PLAYER_50)), OURS)[1] == pytest.approx(0.6 * SHOULDERS)
 
 
 # Step 4: hands and fingers
@@ -408,14 +407,10 @@ def test_points_that_lie_on_one_another_give_no_nan() -> None:
 
 def test_what_cannot_be_an_avatar_is_refused(pianist: PlayerInSpace) -> None:
     hands = Motion(np.random.default_rng(0).normal(0, 9, (4, 12, 2)), 20.0, HANDS_12)
-    with pytest.raises(ValueError, match="needs left_shoulder and right_shoulder"):
-        avatar(hands, "piano")
-    with pytest.raises(ValueError, match="both shoulders lie on one point"):
-        avatar(Motion(np.zeros((3, 2, 2)), 24.0, SHOULDERS_ONLY), "violin")
-    with pytest.raises(ValueError, match="these are in space"):
-        avatar(pianist.space, "piano")
-    with pytest.raises(ValueError, match="instrument must be piano or violin, got 'cello'"):
-        avatar(pianist.points, "cello")
+    refused("needs left_shoulder and right_shoulder", avatar, hands, "piano")
+    refused("both shoulders lie on one point", avatar, Motion(np.zeros((3, 2, 2)), 24.0, SHOULDERS_ONLY), "violin")
+    refused("these are in space", avatar, pianist.space, "piano")
+    refused("instrument must be piano or violin, got 'cello'", avatar, pianist.points, "cello")
 
 
 @pytest.mark.parametrize(
@@ -423,8 +418,7 @@ def test_what_cannot_be_an_avatar_is_refused(pianist: PlayerInSpace) -> None:
     [{"depth": "square"}, {"percentile": 101.0}, {"percentile": 0.0}, {"smoothing": -0.1}, {"piano_turn": 35.0}],
 )
 def test_settings_out_of_range_are_refused_by_name(wrong: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        AvatarParams(**wrong)
+    refused(next(iter(wrong)), AvatarParams, **wrong)
 
 
 @pytest.mark.parametrize("instrument", INSTRUMENTS)
@@ -439,5 +433,4 @@ def test_avatar_with_its_props_goes_through_a_bvh(instrument: str, tmp_path: Pat
 
 
 def test_arms_have_a_length_without_elbows(pianist: PlayerInSpace) -> None:
-    placed = placed_points(without(pianist.points, MISSING["elbows"]))
-    assert arm_lengths(placed, OURS)[0] == UPPER_ARM
+    assert arm_lengths(placed_points(without(pianist.points, MISSING["elbows"])), OURS)[0] == UPPER_ARM

@@ -1,7 +1,5 @@
 """Musicians as they are drawn: thin fingers, props without shadows, a camera by their box, two over each other."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any
@@ -10,10 +8,19 @@ import numpy as np
 import pytest
 
 from harmolab.beats.visual import visual_beats
-from harmolab.corpora.synthetic import DANCER, synthetic_clip
-from harmolab.corpora.synthetic.player_in_space import player_in_space
-from harmolab.harmony import score_harmony
-from harmolab.io.player_points import (
+from harmolab.body.skeletons import Skeleton, skull_and_limbs
+from harmolab.data.synthetic import DANCER, synthetic_clip
+from harmolab.lab.figures.style import COLOURS
+from harmolab.lab.person import LIFT, body_plan, shadow_outline, stage_of
+from harmolab.lab.player import Dancer, Player, movement_data
+from harmolab.lab.render.overlay import CORE, RIM, overlay_skeleton
+from harmolab.lab.render.scene import render_dance
+from harmolab.lab.render.stick import BACKGROUND, render_skeleton
+from harmolab.musician.avatar import avatar
+from harmolab.musician.synthetic.space import player_in_space
+from harmolab.musician.video import PREDICTION, TRUTH, render_points
+from harmolab.params import HarmonyParams
+from harmolab.readers.player_points import (
     INSTRUMENTS,
     PLAYER_50,
     SOUND_BOX,
@@ -25,21 +32,9 @@ from harmolab.io.player_points import (
     playing_box,
     prop_joints,
 )
-from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.person.camera import LIFT, stage_of
-from harmolab.lab.person.plan import body_plan
-from harmolab.lab.person.shapes import shadow_outline
-from harmolab.lab.render.overlay import CORE, RIM, overlay_skeleton
-from harmolab.lab.render.points import PREDICTION, TRUTH, render_points
-from harmolab.lab.render.scene import render_dance
-from harmolab.lab.render.stick import BACKGROUND, render_skeleton
-from harmolab.lab.widgets.movement import movement_data
-from harmolab.lab.widgets.player import Dancer, Player
-from harmolab.params import HarmonyParams
-from harmolab.skeletons import skull_and_limbs
-from harmolab.systems.audio2body.avatar import avatar
-from harmolab.types import Audio, Motion, Skeleton
-from tests.builders import track
+from harmolab.score import score_harmony
+from harmolab.types import Audio, Motion
+from tests.builders import refused, track
 from tests.test_player import data_of, positions_of
 
 
@@ -141,18 +136,15 @@ def test_prediction_is_green_over_a_red_truth() -> None:
     red, green = ((frame == colour).all(axis=2) for colour in (TRUTH, PREDICTION))
     assert red.sum() > 1.3 * green.sum() > 1000
     assert np.nonzero(green)[1].mean() > np.nonzero(red)[1].mean() + 20
-    same = next(render_points(truth, truth))
-    assert (same == PREDICTION).all(axis=2).sum() > 1000
+    assert (next(render_points(truth, truth)) == PREDICTION).all(axis=2).sum() > 1000
     for colour, name in ((TRUTH, "miss"), (PREDICTION, "hit")):
         assert "#{:02X}{:02X}{:02X}".format(*colour) == COLOURS[name].upper()
 
 
 def test_points_in_space_do_not_go_over_each_other() -> None:
     player = player_in_space("violin", seconds=2.0)
-    with pytest.raises(ValueError, match="one of these motions is in space"):
-        render_points(player.points, player.space)
-    with pytest.raises(ValueError, match="at least 64 x 64"):
-        render_points(player.points, player.points, height=20)
+    refused("one of these motions is in space", render_points, player.points, player.space)
+    refused("at least 64 x 64", render_points, player.points, player.points, height=20)
 
 
 def page_of(motions: list[Motion], **options: Any) -> Player:
@@ -174,15 +166,13 @@ def test_page_lays_two_motions_of_one_picture_over_each_other() -> None:
     assert page_of(list(two())).page.count('class="stage"') == 2
     with pytest.raises(ValueError, match="two motions in image coordinates"):
         page_of([player_in_space("violin", seconds=2.0).space] * 2, overlaid=True)
-    with pytest.raises(ValueError, match="two motions in image coordinates"):
-        page_of([two()[0]], overlaid=True)
+    refused("two motions in image coordinates", page_of, [two()[0]], overlaid=True)
 
 
 @pytest.mark.browser
 def test_pages_of_players_are_drawn_in_a_browser(chromium: Any, tmp_path: Path) -> None:
     motions = [avatar(player_in_space(instrument, seconds=2.0).points, instrument) for instrument in INSTRUMENTS]
-    pages = {"avatars": page_of(motions), "over": page_of(list(two()), overlaid=True)}
-    for name, player in pages.items():
+    for name, player in {"avatars": page_of(motions), "over": page_of(list(two()), overlaid=True)}.items():
         player.save(tmp_path / f"{name}.html")
         page, faults = chromium.new_page(viewport={"width": 1280, "height": 900}), []
         page.on("pageerror", lambda error, faults=faults: faults.append(str(error)))

@@ -1,7 +1,5 @@
 """The movement that comes with harmolab: what is in it, how a bank is made, what it says about where it comes from."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -12,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.corpora.folders import load_recording
-from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.lab.evaluate.body_rests import later, rests_on_beat
-from harmolab.lab.experiments import banks as measured
+from harmolab.body.skeletons import turned
+from harmolab.data.recordings import load_recording
+from harmolab.data.synthetic import synthetic_motion
+from harmolab.lab.evaluate.measured import later, rests_on_beat
 from harmolab.metrics.likeness import LikenessLimits, likeness
-from harmolab.skeletons import turned
 from harmolab.systems.choreographer.banks import (
     FOLDER,
     STYLES,
@@ -31,7 +28,8 @@ from harmolab.systems.choreographer.banks import (
 )
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.types import Audio, BeatTrack, Motion
-from tests.builders import metronome
+from study.experiments import banks as measured
+from tests.builders import metronome, refused
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -101,8 +99,7 @@ def test_shipped_recordings_are_small_and_have_limits(style: str, minutes: float
     assert sum(file.stat().st_size for file in (FOLDER / style).iterdir()) < 1024 * kilobytes
     assert bank.fps == 30.0
     assert bank.limits is not None
-    passes = [likeness(take.motion, limits=bank.limits).passed for take in bank.takes]
-    assert False not in passes
+    assert False not in [likeness(take.motion, limits=bank.limits).passed for take in bank.takes]
 
 
 def test_statue_fails_by_the_limits_of_the_salsa() -> None:
@@ -122,8 +119,7 @@ def test_no_recording_but_those_of_the_notice_is_shipped() -> None:
 
 
 def test_notice_says_what_cmu_asks_for_and_goes_with_the_package() -> None:
-    notice = (FOLDER / "NOTICE").read_text("utf-8")
-    words = " ".join(notice.split())
+    words = " ".join((FOLDER / "NOTICE").read_text("utf-8").split())
     assert "The data used in this project was obtained from mocap.cs.cmu.edu." in words
     assert "The database was created with funding from NSF EIA-0196217." in words
     for part in ("not be sold by itself", "Copyright (c) 2018 Yi_Zhou", "Not checked", "What was changed"):
@@ -138,14 +134,12 @@ def test_puppets_know_their_bars_and_dance_any_dance() -> None:
     clips = puppets("waltz", clips=2, seconds=6.0)
     assert [clip.dance for clip in clips] == ["waltz", "waltz"]
     assert set(clips[0].beats.bar_places) == {0, 1, 2}
-    bank = Choreographer.of(clips)
-    assert bank.takes[0].meter == 3
+    assert Choreographer.of(clips).takes[0].meter == 3
 
 
 def test_unknown_style_names_those_that_are_there() -> None:
     assert STYLES == ("salsa", "indian", "puppet")
-    with pytest.raises(ValueError, match="unknown style 'polka'; there are salsa, indian, puppet"):
-        shipped_bank("polka")
+    refused("unknown style 'polka'; there are salsa, indian, puppet", shipped_bank, "polka")
 
 
 def song(bpm: float, seconds: float) -> tuple[Audio, BeatTrack]:
@@ -193,8 +187,7 @@ def test_banks_are_loaded_without_torch() -> None:
 
 
 def test_table_of_a_bank_has_a_row_a_dance() -> None:
-    takes = {f"take_{seed}": dance(seed, seconds=20.0) for seed in (1, 2)}
-    bank = Choreographer.of(takes.values())
+    bank = Choreographer.of({f"take_{seed}": dance(seed, seconds=20.0) for seed in (1, 2)}.values())
     (clip,) = puppets("cha-cha", clips=1, seconds=13.0)
     table = measured.bank_table(bank, [clip], seeds=(0, 1), seconds=11.0)
     assert list(table["seed"]) == [0, 1]
@@ -222,8 +215,7 @@ def test_salsa_may_be_shown(data_root: Path) -> None:
 
 @pytest.mark.data
 def test_the_shipped_salsa_is_what_its_takes_give(data_root: Path, tmp_path: Path) -> None:
-    takes = shipped_takes(data_root / "free_dance", "salsa")
-    made = write_bank(takes, tmp_path, style="salsa")
+    made = write_bank(shipped_takes(data_root / "free_dance", "salsa"), tmp_path, style="salsa")
     assert (tmp_path / "model.npz").stat().st_size == (FOLDER / "salsa" / "model.npz").stat().st_size
     shipped = shipped_bank("salsa")
     for take, other in zip(made.takes, shipped.takes, strict=True):

@@ -1,15 +1,18 @@
 """Dances that need no training: recorded movement, and pieces of it laid on the beats of a song."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from harmolab.beats.visual import visual_beats
-from harmolab.harmony import score_motion
-from harmolab.lab.experiments.baselines import (
+from harmolab.params import HarmonyParams
+from harmolab.systems.training.features import FeatureParams, audio_features
+from harmolab.systems.training.motion_code import bone_lengths, encode_motion
+from harmolab.systems.training.units import DanceUnit, UnitSet
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.judge import score_motion
+from study.experiments.baselines import (
     BASELINES,
     DRAWN,
     Material,
@@ -23,14 +26,8 @@ from harmolab.lab.experiments.baselines import (
     resting_pieces,
     retimed_dance,
 )
-from harmolab.lab.experiments.songs import Excerpt
-from harmolab.params import HarmonyParams
-from harmolab.systems.common.audio_features import audio_features
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.motion_code import bone_lengths, encode_motion
-from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.types import BeatTrack, Motion
-from tests.builders import planted_dance
+from study.experiments.songs import Excerpt
+from tests.builders import planted_dance, refused
 
 FEATURES = FeatureParams.paper()
 VALLEYS = HarmonyParams.valleys()
@@ -89,8 +86,7 @@ def test_another_song_is_of_the_same_dance_and_never_the_song_itself(rng: np.ran
     np.testing.assert_array_equal(motion.positions, songs[1].dancer.positions)
     away = another_song(material(unit_of("rumba", 2), dancers=songs), songs[2], rng)
     assert any(np.array_equal(away.positions, song.dancer.positions) for song in songs[:2])
-    with pytest.raises(ValueError, match="there is no other song"):
-        another_song(material(unit_of("rumba", 2), dancers=songs[:1]), songs[0], rng)
+    refused("there is no other song", another_song, material(unit_of("rumba", 2), dancers=songs[:1]), songs[0], rng)
 
 
 def test_retiming_brings_another_songs_dancer_to_the_beats(rng: np.random.Generator):
@@ -120,7 +116,7 @@ def test_rests_are_counted_in_beats_and_of_two_close_ones_the_first_is_taken(mon
     period = unit.n_frames / unit.fps / 8
     rests = period * np.array([0.5, 1.4, 1.7, 3.5, 4.4])
     monkeypatch.setattr(
-        "harmolab.lab.experiments.baselines.visual_beats",
+        "study.experiments.baselines.visual_beats",
         lambda motion, params: BeatTrack(rests, np.ones(5), 15.0, 60.0),
     )
     anchors = rest_anchors(unit, material(unit).units)
@@ -165,7 +161,7 @@ def test_the_nearest_neighbour_of_a_units_own_music_is_that_unit(monkeypatch: py
         taken.append(unit.dance)
         return music_anchors(unit, units)
 
-    monkeypatch.setattr("harmolab.lab.experiments.baselines.music_anchors", anchors)
+    monkeypatch.setattr("study.experiments.baselines.music_anchors", anchors)
     nearest_neighbour(material(*units), excerpt("waltz", 1, start=3.0), np.random.default_rng(0))
     assert taken[0] == "waltz"  # the seconds that the unit was danced to; later ones are other music
 
@@ -174,6 +170,5 @@ def test_pieces_join_between_beats_and_rest_nowhere_else():
     song, unit = excerpt("rumba", 3), unit_of("rumba", 1)
     motion = resting_pieces(material(unit), song, np.random.default_rng(0))
     beats = song.beats.span(song.start, song.seconds).times
-    valleys = visual_beats(motion, params=VALLEYS).times
-    phases = (np.interp(valleys, beats, np.arange(beats.size)) + 0.5) % 1 - 0.5
+    phases = (np.interp(visual_beats(motion, params=VALLEYS).times, beats, np.arange(beats.size)) + 0.5) % 1 - 0.5
     assert np.median(np.abs(phases)) < 0.2

@@ -1,22 +1,12 @@
 """The bow of Audio to Body Dynamics: strokes by hand, and a network that keeps up-bow and down-bow apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic.players import PlantedPerformance, planted_performances
-from harmolab.io.player_points import HANDS_12, PLAYER_50
-from harmolab.lab.experiments.planted_truth import (
-    bow_errors,
-    component_correlations,
-    planted_points,
-    true_signs,
-)
-from harmolab.systems.audio2body.bow import (
+from harmolab.musician.bow import (
     AROUND,
     LATENESS,
     LEAK,
@@ -32,20 +22,18 @@ from harmolab.systems.audio2body.bow import (
     turn_signal,
     turns_of,
 )
-from harmolab.systems.audio2body.networks import SoundToPoints
-from harmolab.systems.audio2body.params import Audio2BodyParams
-from harmolab.systems.audio2body.perform import (
-    PerformanceStream,
-    predicted_points,
-    predicted_strokes,
-    synthesize_performance,
-)
-from harmolab.systems.audio2body.placing import Reference
-from harmolab.systems.audio2body.point_space import PointSpace
-from harmolab.systems.audio2body.reading import played_set
-from harmolab.systems.audio2body.sequences import PlayedSet, PlayedSplit
-from harmolab.systems.audio2body.train import errors, errors_between, mean_pose_errors, prepared, train_audio2body
-from harmolab.systems.common.weights import load_weights, save_weights
+from harmolab.musician.cleaning import Reference
+from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.params import Audio2BodyParams
+from harmolab.musician.perform import PerformanceStream, predicted_points, predicted_strokes, synthesize_performance
+from harmolab.musician.sequences import PlayedSet, PlayedSplit, PointSpace, played_set
+from harmolab.musician.synthetic import PlantedPerformance, planted_performances
+from harmolab.musician.train import errors, errors_between, mean_pose_errors, prepared, train_audio2body
+from harmolab.readers.player_points import HANDS_12, PLAYER_50
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.weights import load_weights, save_weights
+from study.experiments.planted_truth import bow_errors, component_correlations, planted_points, true_signs
+from tests.builders import refused
 
 FPS = 24.0
 PARAMS = replace(
@@ -77,7 +65,7 @@ def bow(played: PlayedSet) -> Bowing:
 
 @pytest.fixture(scope="module")
 def network(played: PlayedSet, split: PlayedSplit, tmp_path_factory: pytest.TempPathFactory) -> SoundToPoints:
-    return train_audio2body(played, split, tmp_path_factory.mktemp("runs") / "bow")
+    return train_audio2body(played, split, TrainOptions(tmp_path_factory.mktemp("runs") / "bow"))
 
 
 # By hand
@@ -105,8 +93,7 @@ def test_a_bow_stays_within_its_ends_and_is_drawn_to_its_mean() -> None:
 
 def test_places_are_straight_lines_between_turns() -> None:
     bow = replace(Bowing.empty(1), levels=np.array([0.0, 0.5, 0.5]))
-    strokes = Strokes(np.array([1.0, 2.0, 3.0]), np.array([1, -1]), np.array([0.25, 0.5]))
-    places = bow.places(strokes, 5, 1.0)
+    places = bow.places(Strokes(np.array([1.0, 2.0, 3.0]), np.array([1, -1]), np.array([0.25, 0.5])), 5, 1.0)
     down = 0.5 + 0.25
     up = down + LEAK * (0.5 - down) - 0.5
     np.testing.assert_allclose(places, [0.5, 0.5, down, up, up])
@@ -130,8 +117,7 @@ def test_strokes_have_their_mean_loudness_and_duration() -> None:
 
 
 def test_contrasts_are_differences_to_the_neighbours() -> None:
-    sounds = np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 4.0]])
-    contrasts = stroke_contrasts(sounds)
+    contrasts = stroke_contrasts(np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 4.0]]))
     assert contrasts.shape == (3, 4 * AROUND + 1)
     # Two before, one before, one after, two after; beyond the ends the last one stands for all.
     np.testing.assert_allclose(contrasts[:, 1::2], [[0, 0, -1, -3], [1, 1, -2, -2], [3, 2, 0, 0]])
@@ -153,8 +139,7 @@ def test_a_bow_that_hears_nothing_stays_at_its_start() -> None:
     strokes = bow.strokes(np.zeros(0), silence, FPS)
     assert (strokes.turns.size, strokes.signs.size) == (1, 0)
     np.testing.assert_allclose(bow.places(strokes, 48, FPS), 0.3)
-    late = bow.strokes(np.array([1.5]), silence, FPS)
-    assert late.turns[1] == pytest.approx(1.5 + 1 / FPS)
+    assert bow.strokes(np.array([1.5]), silence, FPS).turns[1] == pytest.approx(1.5 + 1 / FPS)
 
 
 # On the planted violinist
@@ -258,21 +243,15 @@ def test_correlations_of_components() -> None:
 def test_bow_phase_is_refused_where_there_is_no_bow(
     planted: list[PlantedPerformance], played: PlayedSet, split: PlayedSplit, network: SoundToPoints
 ) -> None:
-    with pytest.raises(ValueError, match="bow_phase is of violinists"):
-        SoundToPoints(PARAMS, PLAYER_50, "piano", 3, NOWHERE)
-    with pytest.raises(ValueError, match="bow_phase is of violinists"):
-        prepared(replace(played, instrument="piano"), split)
-    with pytest.raises(ValueError, match="left_shoulder"):
-        prepared(replace(played, skeleton=HANDS_12), split)
-    with pytest.raises(ValueError, match="whole recording"):
-        PerformanceStream(network)
+    refused("bow_phase is of violinists", SoundToPoints, PARAMS, PLAYER_50, "piano", 3, NOWHERE)
+    refused("bow_phase is of violinists", prepared, replace(played, instrument="piano"), split)
+    refused("left_shoulder", prepared, replace(played, skeleton=HANDS_12), split)
+    refused("whole recording", PerformanceStream, network)
     plain = SoundToPoints(replace(PARAMS, bow_phase=False), PLAYER_50, "violin", 3, NOWHERE)
     for call in (predicted_strokes, bow_errors):
         with pytest.raises(ValueError, match="without bow_phase"):
             call(plain, played.sequences[0].sound if call is predicted_strokes else played.sequences)
     still = replace(played.sequences[0], points=np.zeros_like(played.sequences[0].points))
-    with pytest.raises(ValueError, match="10 strokes or more; these recordings have 0"):
-        Bowing.fit([still], PLAYER_50, PARAMS)
+    refused("10 strokes or more; these recordings have 0", Bowing.fit, [still], PLAYER_50, PARAMS)
     pianist = next(planted_performances("piano", 1, seconds=3.0))
-    with pytest.raises(ValueError, match="has no bow"):
-        planted_points(pianist, NOWHERE, "direction_blind")
+    refused("has no bow", planted_points, pianist, NOWHERE, "direction_blind")

@@ -1,7 +1,5 @@
 """Labs in a real JupyterLab, notebook 04 first: run all, move sliders by keyboard, see the picture change."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -19,6 +17,8 @@ from typing import Any
 import nbformat
 import numpy as np
 import pytest
+
+from tests.builders import cases
 
 ROOT = Path(__file__).resolve().parents[1]
 TOKEN = "a-token-for-this-test"
@@ -104,8 +104,8 @@ def notebook_run(address: str, chromium: Any) -> Iterator[Any]:
     tab.get_by_role("menuitem", name="Run", exact=True).click()
     tab.locator('[data-command="runmenu:run-all"]').click()
     tab.wait_for_selector(".harmolab-lab canvas", timeout=180_000)
-    # The last cell's figure: everything has been run, and the kernel has nothing else to do.
-    tab.locator(".jp-CodeCell").last.locator("img").wait_for(timeout=180_000)
+    # The figure or the words of the last cell: everything has been run, and the kernel has nothing else to do.
+    tab.locator(".jp-CodeCell").last.locator("img, .jp-RenderedMarkdown").first.wait_for(timeout=180_000)
     yield tab
     tab.close()
 
@@ -199,8 +199,7 @@ def test_fast_key_presses_end_at_the_last_value(page: Any) -> None:
 
 
 def test_settings_of_the_page_reach_python(page: Any) -> None:
-    lab = live_lab(page, "The scoring lab")
-    lab.get_by_role("button", name="50 ms").click()
+    live_lab(page, "The scoring lab").get_by_role("button", name="50 ms").click()
     page.wait_for_timeout(1000)
     page.locator(".jp-CodeCell").last.click()
     page.keyboard.press("Escape")
@@ -215,7 +214,7 @@ def test_settings_of_the_page_reach_python(page: Any) -> None:
 
 CELLS = (
     """from dataclasses import replace
-from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
+from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.lab import corpus_lab, detector_lab, meter_lab, saliency_lab
 planted = planted_clip(ClipSettings("cha-cha", seconds=8.0, jitter=0.03, seed=1))
 song = synthetic_clip("rumba", seconds=18.0, seed=2)
@@ -247,18 +246,16 @@ def labs(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Iterator[An
         yield tab
 
 
-@pytest.mark.parametrize(
-    ("title", "name"),
-    [
-        ("The detector lab", "smoothing"),
-        ("The meter lab", "error"),
-        ("The saliency lab", "lambda1"),
-        ("The saliency lab", "lambda2"),
-        ("The corpus lab", "delay"),
-        ("The corpus lab", "lag"),
-        ("The corpus lab", "late"),
-        ("The corpus lab", "clip"),
-    ],
+@cases(
+    "title, name",
+    ("The detector lab", "smoothing"),
+    ("The meter lab", "error"),
+    ("The saliency lab", "lambda1"),
+    ("The saliency lab", "lambda2"),
+    ("The corpus lab", "delay"),
+    ("The corpus lab", "lag"),
+    ("The corpus lab", "late"),
+    ("The corpus lab", "clip"),
 )
 def test_arrow_keys_on_a_slider_of_a_live_lab_change_its_picture(labs: Any, title: str, name: str) -> None:
     lab = live_lab(labs, title)

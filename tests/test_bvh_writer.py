@@ -1,7 +1,5 @@
 """Motion to BVH: what our reader gives back, and what other programs need."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.io.bvh import load_bvh
-from harmolab.io.bvh_writer import save_bvh
-from harmolab.io.motion import load_motion, save_motion
-from harmolab.types import Motion, Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.readers.bvh import load_bvh, save_bvh
+from harmolab.readers.motion import load_motion, save_motion
+from harmolab.types import Motion
+from tests.builders import ARM, cases, refused
 
-ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 # A root with three children that keep together, an arm on one of them; listed out of order, child before parent.
 BODY = Skeleton(("hand L", "hip L", "torso", "hip R", "neck", "elbow L"), (5, 2, -1, 2, 2, 4))
 REST = np.array([[0.6, 0.9, 0.1], [0.1, -0.1, 0.0], [0, 0, 0], [-0.1, -0.1, 0.0], [0.0, 0.5, 0.05], [0.3, 0.6, 0.0]])
@@ -178,24 +176,19 @@ def test_names_that_bvh_cannot_hold_are_changed_and_stay_apart(tmp_path: Path):
     assert load_bvh(tmp_path / "names.bvh").skeleton.joints == ("Motion_", "a b", "a b_2")
 
 
-@pytest.mark.parametrize(
-    ("skeleton", "fault"),
-    [
-        (Skeleton.unnamed(3), "has 3 joints and 3 roots; save it as .npz"),
-        (Skeleton(("a", "b", "c"), (-1, 2, 1)), "form a ring"),
-        (Skeleton(("a", "b", "c"), (1, 2, 0)), "0 roots"),
-    ],
+@cases(
+    "skeleton, fault",
+    (Skeleton.unnamed(3), "has 3 joints and 3 roots; save it as .npz"),
+    (Skeleton(("a", "b", "c"), (-1, 2, 1)), "form a ring"),
+    (Skeleton(("a", "b", "c"), (1, 2, 0)), "0 roots"),
 )
 def test_skeleton_that_is_no_tree_is_refused_by_file(tmp_path: Path, skeleton: Skeleton, fault: str):
-    motion = Motion(np.zeros((4, 3, 3)), 15, skeleton)
-    with pytest.raises(ValueError, match=rf"dance\.bvh: .*{fault}"):
-        save_bvh(tmp_path / "dance.bvh", motion)
+    refused(rf"dance\.bvh: .*{fault}", save_bvh, tmp_path / "dance.bvh", Motion(np.zeros((4, 3, 3)), 15, skeleton))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_image_coordinates_are_refused(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"flat\.bvh: .*image coordinates"):
-        save_bvh(tmp_path / "flat.bvh", Motion(np.zeros((4, 3, 2)), 15, ARM))
+    refused(r"flat\.bvh: .*image coordinates", save_bvh, tmp_path / "flat.bvh", Motion(np.zeros((4, 3, 2)), 15, ARM))
 
 
 def test_failed_save_leaves_the_old_file_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -1,7 +1,5 @@
 """Runs that stop and go on, folders that hold something else: the same end, or one clear line and nothing touched."""
 
-from __future__ import annotations
-
 import ast
 import json
 import pickle
@@ -15,19 +13,26 @@ from typing import Any
 import pytest
 import torch
 from filelock import FileLock
-from lightning_fabric import Fabric
 from safetensors.torch import save_file
 from tensorboardX.proto.event_pb2 import Event
 
-from harmolab.systems.common import phases as loop
-from harmolab.systems.common.checkpoints import STATE, check_folder, load_state, restore, save_state
-from harmolab.systems.common.history import EventLog, history_text
-from harmolab.systems.common.phases import make_fabric
-from harmolab.systems.common.splits import Split
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.systems.harmogan.train import train_harmogan
+from harmolab.systems.training import loop
+from harmolab.systems.training.checkpoints import (
+    STATE,
+    EventLog,
+    TrainOptions,
+    check_folder,
+    history_text,
+    load_state,
+    restore,
+    save_state,
+)
+from harmolab.systems.training.splits import Split
 from tests import tiny_training as tiny
+from tests.builders import cases
 
 PACKAGE = Path(__file__).resolve().parents[1] / "harmolab"
 # Few and large batches: here it matters what is on disk, not what is learnt.
@@ -44,16 +49,11 @@ def split() -> Split:
     return tiny.tiny_split()
 
 
-@pytest.fixture(scope="module")
-def fabric() -> Fabric:
-    return make_fabric(accelerator="cpu")
-
-
 Train = Callable[..., Generator]
 
 
 @pytest.fixture(scope="module")
-def train(split: Split, fabric: Fabric) -> Train:
+def train(split: Split) -> Train:
     """`train(folder, stop_after=None, params=PAPER, ...)`; a run that stops raises Stopped."""
 
     def run(folder: Path, *, stop_after: int | None = None, params: TrainParams = PAPER, **more: Any) -> Generator:
@@ -61,8 +61,8 @@ def train(split: Split, fabric: Fabric) -> Train:
             if row["phase"] != "pose network" and row["epoch"] == stop_after:
                 raise Stopped
 
-        given = {"model": tiny.MODEL, "fabric": fabric, "split": split, "report": report} | more
-        return train_harmogan(folder=folder, params=params, **given)
+        options = TrainOptions(folder, resume=more.pop("resume", False), accelerator="cpu", report=report)
+        return train_harmogan(options=options, params=params, **{"model": tiny.MODEL, "split": split} | more)
 
     return run
 
@@ -246,8 +246,7 @@ def test_a_run_whose_last_state_is_old_ends_the_same(
 
 
 def test_a_stop_between_state_and_history_does_no_harm(half: Path, undisturbed: Path, train: Train):
-    rows = (half / "history.csv").read_text().splitlines(keepends=True)
-    (half / "history.csv").write_text("".join(rows[:-1]))
+    (half / "history.csv").write_text("".join((half / "history.csv").read_text().splitlines(keepends=True)[:-1]))
     train(half, resume=True)
     assert_same_run(half, undisturbed)
 
@@ -371,13 +370,11 @@ def test_a_file_is_no_folder(tmp_path: Path):
         check_folder(tmp_path / "run", resume=True)
 
 
-@pytest.mark.parametrize(
-    ("changes", "told"),
-    [
-        ({"harmony_weight": 0.5}, "train.harmony_weight is 1.0, but 0.5 is asked for"),
-        ({"seed": 3}, "train.seed is 1, but 3 is asked for"),
-        ({"pretrain_epochs": 9}, "train.pretrain_epochs is 2, but 9 is asked for"),
-    ],
+@cases(
+    "changes, told",
+    ({"harmony_weight": 0.5}, "train.harmony_weight is 1.0, but 0.5 is asked for"),
+    ({"seed": 3}, "train.seed is 1, but 3 is asked for"),
+    ({"pretrain_epochs": 9}, "train.pretrain_epochs is 2, but 9 is asked for"),
 )
 def test_a_run_with_other_settings_is_not_resumed(changes: dict[str, Any], told: str, half: Path, train: Train):
     message = refused(half, lambda: train(half, params=replace(PAPER, **changes), resume=True))
@@ -500,7 +497,7 @@ def test_the_search_for_pickles_finds(line: str):
 
 
 # The reader of AIST++ lets only opcodes through that build plain values, and calls none of the functions named.
-CHECKED_READER = {"io/aist.py"}
+CHECKED_READER = {"readers/aist.py"}
 
 
 def test_no_pickle_is_loaded_anywhere():

@@ -1,7 +1,5 @@
 """The command line: JSON of the promised form, clear errors, files that appear whole."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,13 +12,14 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
-from harmolab.corpora.folders import load_recording
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.harmony import score_clip
+from harmolab.data.recordings import load_recording
+from harmolab.data.synthetic import write_corpus
 from harmolab.params import HarmonyParams
-from harmolab.types import Motion, Skeleton
-from tests.builders import called
+from harmolab.types import Motion
+from harmolab.verdict.judge import score_clip
+from tests.builders import called, cases
 
 MODE_KEYS = {
     "harmony", "harmony_above_chance", "hit_rate", "chance", "hitting_score", "n_audio", "n_visual", "p_value",
@@ -44,8 +43,7 @@ run = partial(called, app)
 
 
 def test_score_json_is_the_dictionary_of_score_clip(clip_folder: Path) -> None:
-    result = run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json")
-    printed = json.loads(result.stdout)
+    printed = json.loads(run("score", clip_folder / "audio.wav", clip_folder / "motion.npz", "--json").stdout)
     clip = load_recording(clip_folder).clip
     for mode, params in (("paper", HarmonyParams.paper()), ("recommended", HarmonyParams.recommended())):
         expected = score_clip(replace(clip, beats=None, dance=""), params).to_dict()
@@ -87,8 +85,7 @@ def test_a_folder_alone_is_scored_with_its_song_its_dance_and_its_beats(recordin
     printed = json.loads(run("score", recording, "--json").stdout)
     assert printed["clip"]["beats"] == str(recording / "beats.json")
     assert printed["clip"]["dance"] == "rumba"
-    expected = score_clip(load_recording(recording).clip).to_dict()
-    assert printed["recommended"] == json.loads(json.dumps(expected))
+    assert printed["recommended"] == json.loads(json.dumps(score_clip(load_recording(recording).clip).to_dict()))
     assert set(JUDGEMENT_KEYS) <= set(printed["recommended"])
 
 
@@ -115,10 +112,15 @@ def test_fewer_than_sixteen_beats_have_no_number_above_chance(clip_folder: Path)
     assert cells(result, "harmony above chance") == ["-", "-"]
 
 
-def test_the_earlier_score_is_kept_for_comparison(recording: Path) -> None:
-    printed = json.loads(run("score", recording, "--mode", "room", "--json").stdout)
-    expected = score_clip(load_recording(recording).clip, HarmonyParams.room_speed())
-    assert printed["room"]["harmony_above_chance"] == expected.harmony_above_chance
+@pytest.mark.parametrize(
+    ("mode", "fault"),
+    [("room", "--mode room is gone"), ("mine", "--mode must be one of paper, recommended, both; got 'mine'")],
+)
+def test_mode_that_is_gone_or_unknown_is_refused_in_a_line(recording: Path, mode: str, fault: str) -> None:
+    result = run("score", recording, "--mode", mode)
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1 and fault in result.stderr
+    assert "recommended" in result.stderr
 
 
 def test_joints_can_be_chosen_to_score(recording: Path) -> None:
@@ -159,18 +161,16 @@ def test_motion_after_the_end_of_the_music_is_refused(clip_folder: Path) -> None
     assert "does not overlap" in result.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "hint"),
-    [
-        (("score", "song.wav", "dance.npz", "--start", "1"), "--start is called --offset now"),
-        (("score", "song.wav", "dance.npz", "--duration", "1"), "--duration is called --seconds now"),
-        (("retime", "dance.npz", "song.wav", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
-        (("retime", "film.mp4", "song.wav", "--out", "x.mp4"), "song.wav: the order is SONG DANCE"),
-        (("explain", "dance.npz", "song.wav"), "dance.npz: the order is SONG DANCE"),
-        (("play", "dance.npz", "song.wav", "--out", "x.html"), "dance.npz: the order is SONG DANCE"),
-        (("dance", "dance.npz", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
-        (("render", "dance.bvh", "film.mp4", "--out", "x.mp4"), "dance.bvh: the order is SONG DANCE"),
-    ],
+@cases(
+    "arguments, hint",
+    (("score", "song.wav", "dance.npz", "--start", "1"), "--start is called --offset now"),
+    (("score", "song.wav", "dance.npz", "--duration", "1"), "--duration is called --seconds now"),
+    (("retime", "dance.npz", "song.wav", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
+    (("retime", "film.mp4", "song.wav", "--out", "x.mp4"), "song.wav: the order is SONG DANCE"),
+    (("explain", "dance.npz", "song.wav"), "dance.npz: the order is SONG DANCE"),
+    (("play", "dance.npz", "song.wav", "--out", "x.html"), "dance.npz: the order is SONG DANCE"),
+    (("dance", "dance.npz", "--out", "x.npz"), "dance.npz: the order is SONG DANCE"),
+    (("render", "dance.bvh", "film.mp4", "--out", "x.mp4"), "dance.bvh: the order is SONG DANCE"),
 )
 def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str, ...], hint: str) -> None:
     result = run(*arguments)
@@ -183,7 +183,7 @@ def test_an_old_spelling_is_one_line_that_says_the_new_one(arguments: tuple[str,
 def test_commands_that_write_sound_decode_the_song_once(
     clip_folder: Path, tmp_path: Path, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calls = counted(monkeypatch, "harmolab.corpora.files", "load_sound", "music_beats")
+    calls = counted(monkeypatch, "harmolab.clips", "load_sound", "music_beats")
     out = tmp_path / ("x.html" if command == "play" else "x.mp4")
     result = run(command, clip_folder / "audio.wav", clip_folder / "motion.npz", "--out", out)
     assert result.exit_code == 0, result.output
@@ -207,8 +207,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: str, *names: str) -> dict[s
 
 
 def test_compare_json_has_every_promised_score(corpus: Path) -> None:
-    result = run("compare", corpus, "--rotations", 40, "--json", "--jobs", 0)
-    summary = json.loads(result.stdout)
+    summary = json.loads(run("compare", corpus, "--rotations", 40, "--json", "--jobs", 0).stdout)
     assert {"corpus", "window", "null", "beats", "n", "scores"} <= set(summary)
     assert (summary["window"], summary["null"], summary["beats"], summary["n"]) == (6.0, "lagged", "annotated", 21)
     wanted = {"paper", "recommended", "hit_rate", "beat_align_motion", "beat_align_music", "mir_eval_f"}
@@ -305,8 +304,7 @@ def test_data_synth_writes_a_corpus_and_refuses_a_foreign_folder(tmp_path: Path)
     assert len(list((tmp_path / "new").glob("clip_*"))) == 2
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("precious")
-    result = run("data", "synth", tmp_path / "mine", "--clips", 2)
-    assert result.exit_code == 2
+    assert run("data", "synth", tmp_path / "mine", "--clips", 2).exit_code == 2
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "precious"
 
 

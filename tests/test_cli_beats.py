@@ -1,7 +1,5 @@
 """`harmolab beats` and `harmolab tap`: what they print and write, and what they refuse to write over."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading
@@ -15,9 +13,9 @@ import soundfile
 from typer.testing import Result
 
 from harmolab.cli import app
-from harmolab.io.beats import load_annotation
+from harmolab.readers.beats import load_annotation
 from harmolab.types import Audio
-from tests.builders import called
+from tests.builders import called, cases
 from tests.test_listening_presenting import ask
 
 
@@ -64,19 +62,17 @@ def test_written_beats_are_read_again_and_clicks_lie_on_them(song: Path):
     assert np.abs(samples[: round(1.249 * rate)]).max() < 0.51
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        (("--out", "song.wav"), "is an input here"),
-        (("--out", "diary.beats"), "is there already, and not of harmolab"),
-        (("--clicks", "song.wav"), "is an input here"),
-        (("--beats", "b.beats", "--out", "b.beats"), "is an input here"),
-        (("--one", 3.0), "say how long the bars are with --dance"),
-        (("--one", 300.0, "--dance", "waltz"), "no beat is near"),
-        (("--dance", "polka"), "unknown dance 'polka'"),
-        (("--tracker", "beat_this", "--one", 3.0), "finds the beats and the bars itself"),
-        (("--beats", "hello.txt"), "hello.txt: holds no beats"),
-    ],
+@cases(
+    "options, fault",
+    (("--out", "song.wav"), "is an input here"),
+    (("--out", "diary.beats"), "is there already, and not of harmolab"),
+    (("--clicks", "song.wav"), "is an input here"),
+    (("--beats", "b.beats", "--out", "b.beats"), "is an input here"),
+    (("--one", 3.0), "say how long the bars are with --dance"),
+    (("--one", 300.0, "--dance", "waltz"), "no beat is near"),
+    (("--dance", "polka"), "unknown dance 'polka'"),
+    (("--tracker", "beat_this", "--one", 3.0), "finds the beats and the bars itself"),
+    (("--beats", "hello.txt"), "hello.txt: holds no beats"),
 )
 def test_what_cannot_be_done_is_one_line_and_writes_nothing(
     song: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[object, ...], fault: str
@@ -136,9 +132,7 @@ def test_taps_are_saved_as_beats_of_the_whole_song(song: Path, monkeypatch: pyte
     assert annotation.bar_places()[np.abs(annotation.times - taps[1]).argmin()] == 0
 
 
-@pytest.mark.parametrize(
-    ("name", "fault"), [("x.txt", "a file of beats is written as .beats"), ("no/x.beats", "no such folder")]
-)
+@cases("name, fault", ("x.txt", "a file of beats is written as .beats"), ("no/x.beats", "no such folder"))
 def test_a_place_that_cannot_be_written_is_refused_before_anyone_taps(
     song: Path, monkeypatch: pytest.MonkeyPatch, name: str, fault: str
 ):

@@ -1,7 +1,5 @@
 """`harmolab dance`: files that play, the scores of what was made, one line for what cannot be done."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -18,23 +16,23 @@ import torch
 from typer.testing import CliRunner, Result
 
 import harmolab
+from harmolab.body.kinematics import resample_motion
 from harmolab.cli import app
-from harmolab.cli.dance_report import DanceReport
-from harmolab.harmony import score_motion
-from harmolab.io.audio import load_audio
-from harmolab.io.motion import load_motion, load_offset
-from harmolab.kinematics import resample_motion
-from harmolab.lab.evaluate.dance_scores import dance_scores
+from harmolab.cli.dancing import DanceReport
+from harmolab.lab.evaluate.measured import dance_scores
 from harmolab.metrics.likeness import Likeness
-from harmolab.systems.common.dancing import synthesize_dance
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.motion_code import bone_lengths, encode_motion
-from harmolab.systems.common.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.systems.common.weights import save_weights
+from harmolab.readers.audio import load_audio
+from harmolab.readers.motion import load_motion, load_offset
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.training.dancing import synthesize_dance
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.motion_code import bone_lengths, encode_motion
+from harmolab.systems.training.runs import PoseBank, load_poses, save_poses
+from harmolab.systems.training.weights import save_weights
 from harmolab.types import BeatTrack, Clip, Motion
-from tests.builders import planted_dance, write_song
+from harmolab.verdict.judge import score_motion
+from tests.builders import cases, planted_dance, write_song
 
 FPS = 15.0
 
@@ -151,16 +149,14 @@ def test_several_samples_are_numbered_by_their_seeds(dance: Callable[..., Result
     assert (one != other).any()
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "fault"),
-    [
-        ("dance.avi", (), "dance.avi: a dance is written as .mp4, .webm, .html, .bvh, .npz"),
-        ("none/dance.mp4", (), "none: no such folder"),
-        ("dance.mp4", ("--start", 60), "start must lie within the music (0 to 6.00 s), got 60 s"),
-        ("dance.mp4", ("--dance", "polka"), "unknown dance 'polka'"),
-        ("dance.mp4", ("--seconds", -1), "seconds must be positive, got -1"),
-        ("dance.mp4", ("--weights", "nowhere"), "nowhere.json: no such file"),
-    ],
+@cases(
+    "name, options, fault",
+    ("dance.avi", (), "dance.avi: a dance is written as .mp4, .webm, .html, .bvh, .npz"),
+    ("none/dance.mp4", (), "none: no such folder"),
+    ("dance.mp4", ("--start", 60), "start must lie within the music (0 to 6.00 s), got 60 s"),
+    ("dance.mp4", ("--dance", "polka"), "unknown dance 'polka'"),
+    ("dance.mp4", ("--seconds", -1), "seconds must be positive, got -1"),
+    ("dance.mp4", ("--weights", "nowhere"), "nowhere.json: no such file"),
 )
 def test_what_cannot_be_done_is_one_line_and_no_file(
     dance: Callable[..., Result], tmp_path: Path, name: str, options: tuple[object, ...], fault: str
@@ -272,6 +268,5 @@ def test_a_dance_on_beats_that_are_unsure_gets_no_verdict_from_them() -> None:
         (0.3, "Laid on beats that a program found, which are unsure here."),
     ):
         music = replace(clip.beats, quality=fit, fit=fit)
-        score = score_motion(music, clip.motion)
-        report = DanceReport(0, clip.motion, 0.0, music, score, Likeness())
+        report = DanceReport(0, clip.motion, 0.0, music, score_motion(music, clip.motion), Likeness())
         assert report.verdict[1].startswith(words)

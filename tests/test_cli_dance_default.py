@@ -1,7 +1,5 @@
 """`harmolab dance` with the choreographer: no option at all, one's own recordings, what is printed, what is refused."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess
@@ -14,15 +12,15 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
+from harmolab.body.skeletons import Skeleton, standing_height
 from harmolab.cli import app
 from harmolab.cli.dancing import MOST_SEEDS
-from harmolab.corpora.synthetic import DANCER, synthetic_motion, write_corpus
-from harmolab.io.motion import load_motion, save_motion
-from harmolab.lab.evaluate.dance_scores import OF_HARMONY
+from harmolab.data.synthetic import DANCER, synthetic_motion, write_corpus
+from harmolab.lab.evaluate.measured import OF_HARMONY
 from harmolab.metrics.likeness import Likeness
-from harmolab.skeletons import Skeleton, standing_height
+from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import Clip, Motion
-from tests.builders import called, planted_dance, write_song
+from tests.builders import called, cases, planted_dance, write_song
 
 SALSA = "Salsa steps on the beat, practised without the partner."
 
@@ -80,8 +78,7 @@ def test_no_option_at_all_writes_a_page_a_video_and_a_bvh(song: Path) -> None:
     motion = load_motion("my song_dance.bvh")
     assert motion.duration == pytest.approx(12.0, abs=0.1)
     assert "left_eye" in motion.skeleton.joints
-    page = Path("my song_dance.html").read_text("utf-8")
-    assert '<th scope="row">looks like dancing</th>' in page
+    assert '<th scope="row">looks like dancing</th>' in Path("my song_dance.html").read_text("utf-8")
     with av.open("my song_dance.mp4") as container:
         assert container.streams.video
         assert container.streams.audio
@@ -177,8 +174,7 @@ def test_nothing_that_is_written_tells_the_harmony_of_a_dance_that_fails(
     song: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     judged_as(monkeypatch, SPUN)
-    result = called(app, "dance", song, "--seed", 0, "--json", "--out", "dance.html")
-    (told,) = json.loads(result.stdout)
+    (told,) = json.loads(called(app, "dance", song, "--seed", 0, "--json", "--out", "dance.html").stdout)
     assert told["harmony"] is None
     page = Path("dance.html").read_text("utf-8")
     (data,) = re.findall(r"^const data = (.*);$", page, flags=re.MULTILINE)
@@ -288,8 +284,7 @@ def test_a_dance_that_it_cannot_is_said_and_not_judged_by(song: Path) -> None:
 def test_other_styles_say_what_they_are(song: Path, style: str) -> None:
     result = called(app, "dance", song, "--style", style, "--out", "dance.npz")
     assert result.exit_code == 0, result.output
-    words = {"indian": "limits from six short takes", "puppet": "no person was recorded"}
-    assert words[style] in result.stdout
+    assert {"indian": "limits from six short takes", "puppet": "no person was recorded"}[style] in result.stdout
 
 
 def test_harmonised_by_a_centimetre_no_joint_moves_further(song: Path) -> None:
@@ -312,24 +307,22 @@ def test_a_saved_choreographer_names_itself(song: Path, corpus: Path, tmp_path: 
         assert re.search(r"seams, cm\W+\d", result.stdout)
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        (("--style", "polka"), "unknown style 'polka'; there are salsa, indian, puppet"),
-        (("--dance", "polka"), "unknown dance 'polka'; known: cha-cha, jive"),
-        (("--from", "nowhere"), "nowhere: no such f"),
-        (("--from", ".", "--style", "salsa"), "--from and --style exclude each other"),
-        (("--from", ".", "--weights", "run"), "leave out --weights"),
-        (("--style", "salsa", "--system", "harmogan"), "leave out --system harmogan"),
-        (("--system", "nothing"), "no weights are shipped for 'nothing': pass --weights RUN, or one of choreographer"),
-        (("--scale", "0.01"), "--scale is for the files of --from"),
-        (("--harmonise", "0"), "--harmonise is a number of centimetres up to 30, got 0"),
-        (("--harmonise", "nan"), "--harmonise must be a finite number"),
-        (("--pattern", "patterns.json"), "this movement knows no bar"),
-        (("--one", "3"), "say how long the bars are with --dance"),
-        (("--start", "60"), "start must lie within the music (0 to 12.00 s), got 60 s"),
-        (("--seconds", "0"), "seconds must be positive, got 0"),
-    ],
+@cases(
+    "options, fault",
+    (("--style", "polka"), "unknown style 'polka'; there are salsa, indian, puppet"),
+    (("--dance", "polka"), "unknown dance 'polka'; known: cha-cha, jive"),
+    (("--from", "nowhere"), "nowhere: no such f"),
+    (("--from", ".", "--style", "salsa"), "--from and --style exclude each other"),
+    (("--from", ".", "--weights", "run"), "leave out --weights"),
+    (("--style", "salsa", "--system", "harmogan"), "leave out --system harmogan"),
+    (("--system", "nothing"), "no weights are shipped for 'nothing': pass --weights RUN, or one of choreographer"),
+    (("--scale", "0.01"), "--scale is for the files of --from"),
+    (("--harmonise", "0"), "--harmonise is a number of centimetres up to 30, got 0"),
+    (("--harmonise", "nan"), "--harmonise must be a finite number"),
+    (("--pattern", "patterns.json"), "this movement knows no bar"),
+    (("--one", "3"), "say how long the bars are with --dance"),
+    (("--start", "60"), "start must lie within the music (0 to 12.00 s), got 60 s"),
+    (("--seconds", "0"), "seconds must be positive, got 0"),
 )
 def test_what_cannot_be_done_is_one_line_and_no_file(song: Path, options: tuple[str, ...], fault: str) -> None:
     assert fault in one_line(called(app, "dance", song, *options))

@@ -1,7 +1,5 @@
 """`harmolab explain`: the words, the numbers, the page, and one line where it cannot be done."""
 
-from __future__ import annotations
-
 import html
 import json
 import re
@@ -12,7 +10,7 @@ from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
 from harmolab.types import Clip
-from tests.builders import planted_dance, write_dance, write_song
+from tests.builders import cases, planted_dance, write_dance, write_song
 
 
 @pytest.fixture
@@ -90,16 +88,14 @@ def test_joints_can_be_chosen(files: tuple[Path, Path], planted_clip: Clip):
     assert "no joints named ['tail']" in result.stderr
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (("--out", "page.pdf"), "the page is written as .html, .htm"),
-        (("--out", "/nowhere/page.html"), "/nowhere: no such folder"),
-        (("--search", "-1"), "dance.npz: search must lie between 0 and 600 s"),
-        (("--offset", "1000"), "does not overlap"),
-        (("--offset", "nan"), "--offset must be a finite number"),
-        (("--beats", "none.beats"), "none.beats: no such file"),
-    ],
+@cases(
+    "options, told",
+    (("--out", "page.pdf"), "the page is written as .html, .htm"),
+    (("--out", "/nowhere/page.html"), "/nowhere: no such folder"),
+    (("--search", "-1"), "dance.npz: search must lie between 0 and 600 s"),
+    (("--offset", "1000"), "does not overlap"),
+    (("--offset", "nan"), "--offset must be a finite number"),
+    (("--beats", "none.beats"), "none.beats: no such file"),
 )
 def test_what_cannot_be_done_is_one_line(files: tuple[Path, Path], options: tuple[str, str], told: str):
     result = explain(*files, *options)

@@ -1,7 +1,5 @@
 """`harmolab render`: the right frames and the right sound, and one line where it cannot be done."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +9,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
-from harmolab.corpora.files import load_clip
-from harmolab.harmony import score_clip
-from harmolab.io.video import write_video
+from harmolab.clips import load_clip
+from harmolab.readers.video import write_video
 from harmolab.types import Clip
-from tests.builders import planted_dance, write_dance, write_song
+from harmolab.verdict.judge import score_clip
+from tests.builders import cases, planted_dance, write_dance, write_song
 
 
 @pytest.fixture
@@ -141,15 +139,13 @@ def test_marks_may_be_left_out(files: tuple[Path, Path], tmp_path: Path):
     assert blue["--marks"] > 80 > 20 > blue["--no-marks"]
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (("--out", "x.avi"), "a video is written as .mp4, .webm, .gif"),
-        (("--out", "x.mp4", "--over", "none.mp4"), "is movement in space; over a video go points of its pictures"),
-        (("--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
-        (("--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
-        (("--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
-    ],
+@cases(
+    "options, told",
+    (("--out", "x.avi"), "a video is written as .mp4, .webm, .gif"),
+    (("--out", "x.mp4", "--over", "none.mp4"), "is movement in space; over a video go points of its pictures"),
+    (("--out", "/nowhere/x.mp4"), "/nowhere: no such folder"),
+    (("--out", "x.mp4", "--seconds", "-1"), "seconds must be positive and finite, got -1"),
+    (("--out", "x.mp4", "--offset", "99"), "motion starting at 99.00 s does not overlap audio"),
 )
 def test_what_cannot_be_done_is_one_line(
     options: tuple[str, ...], told: str, files: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

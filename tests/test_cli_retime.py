@@ -1,7 +1,5 @@
 """`harmolab retime`: files that are in time, a small table, one line for what cannot be done."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -14,15 +12,15 @@ from typer.testing import CliRunner, Result
 
 from harmolab.beats.visual import visual_beats
 from harmolab.cli.retiming import retime
-from harmolab.corpora.synthetic import ClipSettings, planted_clip
-from harmolab.harmony import score_harmony
-from harmolab.io.motion import load_motion
-from harmolab.io.video import video_frames, write_video
+from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.lab.explain.offset import picture_motion
 from harmolab.lab.render.stick import render_skeleton
-from harmolab.lab.timing.movement import picture_motion
 from harmolab.params import HarmonyParams
+from harmolab.readers.motion import load_motion
+from harmolab.readers.video import video_frames, write_video
+from harmolab.score import score_harmony
 from harmolab.types import Clip
-from tests.builders import write_dance, write_song
+from tests.builders import cases, write_dance, write_song
 
 app = typer.Typer()
 app.command()(retime)
@@ -73,8 +71,7 @@ def test_a_jittered_dance_is_mended_and_the_table_says_how(tmp_path: Path):
 
 
 def test_no_strength_writes_the_same_motion(dance: Path, song: Path, tmp_path: Path):
-    result = call(song, dance, "--out", tmp_path / "x.npz", "--strength", 0)
-    assert "Nothing was worth bending." in result.output
+    assert "Nothing was worth bending." in call(song, dance, "--out", tmp_path / "x.npz", "--strength", 0).output
     np.testing.assert_array_equal(load_motion(tmp_path / "x.npz").positions, load_motion(dance).positions)
 
 
@@ -127,16 +124,14 @@ def test_a_video_is_retimed_with_its_song(song: Path, tmp_path: Path):
         assert len(container.streams.audio) == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--out", "x.wav"], "written as .npz, .bvh, .mp4"),
-        (["--out", "nowhere/x.npz"], "no such folder"),
-        (["--out", "x.npz", "--strength", "2"], "strength must lie between 0 and 1"),
-        (["--out", "x.npz", "--slowest", "0"], "slowest must lie above 0"),
-        (["--out", "x.npz", "--offset", "99"], "does not overlap audio"),
-        (["--out", "x.npz", "--offset", "nan"], "offset must be finite"),
-    ],
+@cases(
+    "arguments, message",
+    (["--out", "x.wav"], "written as .npz, .bvh, .mp4"),
+    (["--out", "nowhere/x.npz"], "no such folder"),
+    (["--out", "x.npz", "--strength", "2"], "strength must lie between 0 and 1"),
+    (["--out", "x.npz", "--slowest", "0"], "slowest must lie above 0"),
+    (["--out", "x.npz", "--offset", "99"], "does not overlap audio"),
+    (["--out", "x.npz", "--offset", "nan"], "offset must be finite"),
 )
 def test_what_cannot_be_done_is_one_line(
     dance: Path, song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
@@ -156,3 +151,9 @@ def test_files_that_are_no_motion_or_no_video_are_named(song: Path, tmp_path: Pa
         assert result.exit_code == 2
         assert name in result.output
         assert not (tmp_path / "out.mp4").exists()
+
+
+def test_only_the_joints_that_are_named_are_retimed(song: Path, dance: Path, tmp_path: Path):
+    result = call(song, dance, "--joints", "hand L,finger R,torso,toe L,toe R", "--out", tmp_path / "x.npz")
+    assert result.exit_code == 0, result.output
+    assert load_motion(tmp_path / "x.npz").skeleton.joints == ("hand L", "finger R", "torso", "toe L", "toe R")

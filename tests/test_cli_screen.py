@@ -1,7 +1,5 @@
 """What commands say beside their results: less with --quiet, more with --verbose, lines without a terminal."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time
@@ -12,7 +10,7 @@ import pytest
 from typer.main import get_command
 
 from harmolab.cli import PANELS, app, screen
-from tests.builders import called, planted_dance, write_dance, write_song
+from tests.builders import called, cases, planted_dance, write_dance, write_song
 
 run = partial(called, app)
 
@@ -107,26 +105,22 @@ def test_the_demo_is_the_first_command() -> None:
 
 
 def test_every_command_has_an_example() -> None:
-    group = get_command(app)
-    for name, command in group.commands.items():  # type: ignore[attr-defined]
+    for name, command in get_command(app).commands.items():  # type: ignore[attr-defined]
         for each in getattr(command, "commands", {name: command}).values():
             assert "`harmolab " in (each.help or "") or "    harmolab " in (each.help or ""), each.name
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        ("harmolab sc", {"score"}),
-        ("harmolab score --dance c", {"cha-cha"}),
-        ("harmolab retime --method l", {"lee2019"}),
-        ("harmolab dance --style p", {"puppet"}),
-        ("harmolab train --system mus", {"music2dance"}),
-    ],
+@cases(
+    "words, expected",
+    ("harmolab sc", {"score"}),
+    ("harmolab score --dance c", {"cha-cha"}),
+    ("harmolab retime --method l", {"lee2019"}),
+    ("harmolab dance --style p", {"puppet"}),
+    ("harmolab train --system mus", {"music2dance"}),
 )
 def test_the_shell_completes_commands_and_choices(words: str, expected: set[str]) -> None:
     environment = {"_HARMOLAB_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    result = run_with(environment)
-    assert set(result.split()) == expected
+    assert set(run_with(environment).split()) == expected
 
 
 def run_with(environment: dict[str, str]) -> str:

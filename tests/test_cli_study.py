@@ -1,7 +1,5 @@
 """`harmolab study`: trials from a corpus, asked without it, analysed; the key stays out of what is served."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal
@@ -16,12 +14,19 @@ import pandas as pd
 import pytest
 
 from harmolab.cli import app
-from harmolab.corpora.folders import load_recording
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.motion import save_motion
-from harmolab.lab.listening.folders import answer_log, read_key, read_page, read_scores, read_trials, write_scores
-from harmolab.lab.listening.raters import SimulatedRater
-from tests.builders import called
+from harmolab.data.recordings import load_recording
+from harmolab.data.synthetic import write_corpus
+from harmolab.lab.listening.answers import (
+    SimulatedRater,
+    answer_log,
+    read_key,
+    read_page,
+    read_scores,
+    read_trials,
+    write_scores,
+)
+from harmolab.readers.motion import save_motion
+from tests.builders import called, cases
 
 N = 8
 
@@ -73,8 +78,7 @@ def test_study_is_whole_balanced_and_blind(study: Path):
     assert all(set(values) == sources for values in scores.values())
     for trial in trials.trials:
         page, asked = read_page(study, trial.id), key.trials[trial.id]
-        told = (asked.item, *asked.sources, "harmonious", "lagged")
-        assert [text for text in told if text in page] == []
+        assert [text for text in (asked.item, *asked.sources, "harmonious", "lagged") if text in page] == []
         assert len(page) < 400_000
 
 
@@ -137,16 +141,14 @@ def test_marks_without_a_second_system_are_refused(corpus: Path, tmp_path: Path)
     assert not (tmp_path / "marks").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        (("--n", 7), "n must be a multiple of 2"),
-        (("--n", 100), "only 14 clips"),
-        (("--seconds", 100), "seconds must be between 2 and 60"),
-        (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
-        (("--against", "x"), "--against compares two dances"),
-        (("--kind", "choice", "--against", "nowhere"), "nowhere: no such folder"),
-    ],
+@cases(
+    "options, fault",
+    (("--n", 7), "n must be a multiple of 2"),
+    (("--n", 100), "only 14 clips"),
+    (("--seconds", 100), "seconds must be between 2 and 60"),
+    (("--seconds", 6.99), "no sequence gives a trial of 6.99 s"),
+    (("--against", "x"), "--against compares two dances"),
+    (("--kind", "choice", "--against", "nowhere"), "nowhere: no such folder"),
 )
 def test_study_that_cannot_be_made_is_said_and_writes_nothing(
     corpus: Path, tmp_path: Path, options: tuple[object, ...], fault: str
@@ -218,9 +220,7 @@ def test_rater_is_asked_without_corpus_or_key_killed_interrupted_and_goes_on_to_
     assert f"{N} of {N} trials answered" in run("study", "ask", alone, "--rater", "Ada").output
 
 
-@pytest.mark.parametrize(
-    ("rater", "fault"), [("simulated-1", "are for raters that are no people"), ("a\nb", "a rater needs a name")]
-)
+@cases("rater, fault", ("simulated-1", "are for raters that are no people"), ("a\nb", "a rater needs a name"))
 def test_rater_without_a_proper_name_is_refused(study: Path, rater: str, fault: str):
     result = run("study", "ask", study, "--rater", rater)
     assert result.exit_code == 2
@@ -253,8 +253,7 @@ def test_tables_hold_what_was_planted_and_say_that_raters_were_simulated(asked_s
     }  # fmt: skip
     assert {row["version"] for row in summary["versions"]} == {"true", "lagged"}
     assert summary["agreement"][0]["measure"] == "Krippendorff's alpha"
-    scores = {row["score"]: row["rank"] for row in summary["scores"]}
-    assert scores["valleys_above_chance"] > 0.7
+    assert {row["score"]: row["rank"] for row in summary["scores"]}["valleys_above_chance"] > 0.7
     for name in ("raters", "versions", "agreement", "scores"):
         table = pd.read_csv(tmp_path / "results" / f"{name}.csv")
         assert len(table) == len(summary[name])

@@ -1,7 +1,5 @@
 """`harmolab train`: help that teaches, a run from folders to weights, one line for a refusal, a bar to watch."""
 
-from __future__ import annotations
-
 import json
 import os
 import pty
@@ -18,10 +16,11 @@ from typer.testing import CliRunner, Result
 
 from harmolab.cli import app as harmolab
 from harmolab.cli.training import epoch_bar, train
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.systems.common import checkpoints
+from harmolab.data.synthetic import write_corpus
 from harmolab.systems.harmogan.networks import load_generator
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.training import checkpoints
+from tests.builders import cases
 
 Run = Callable[..., Result]
 
@@ -107,13 +106,11 @@ def told(result: Result) -> str:
     return lines[0]
 
 
-@pytest.mark.parametrize(
-    ("option", "value", "line"),
-    [
-        ("--preset", "large", "preset must be small or paper, got 'large'"),
-        ("--harmony-weight", "-1", "harmony_weight must be zero or more, got -1.0"),
-        ("--harmony-weight", "nan", "harmony_weight must be zero or more, got nan"),
-    ],
+@cases(
+    "option, value, line",
+    ("--preset", "large", "preset must be small or paper, got 'large'"),
+    ("--harmony-weight", "-1", "harmony_weight must be zero or more, got -1.0"),
+    ("--harmony-weight", "nan", "harmony_weight must be zero or more, got nan"),
 )
 def test_an_unknown_choice_is_named(option: str, value: str, line: str, run: Run, tmp_path: Path):
     result = run(tmp_path / "nowhere", "--out", tmp_path / "run", option, value)
@@ -145,8 +142,7 @@ def test_recordings_too_short_for_a_unit_are_told(run: Run, tmp_path: Path):
 
 def test_recordings_too_few_to_split_are_told(run: Run, tmp_path: Path):
     few = write_corpus(tmp_path / "few", clips=1, seconds=10.0, fps=30.0, seed=2)
-    line = told(run(few, "--out", tmp_path / "run"))
-    assert "more recordings" in line and not (tmp_path / "run").exists()
+    assert "more recordings" in told(run(few, "--out", tmp_path / "run")) and not (tmp_path / "run").exists()
 
 
 def test_a_folder_in_use_is_refused_before_any_recording_is_read(trained: tuple[Path, Result], run: Run):
@@ -165,8 +161,7 @@ def test_resuming_with_other_settings_names_the_setting(trained: tuple[Path, Res
 
 def test_resuming_with_another_split_names_the_file(trained: tuple[Path, Result], run: Run, corpus: Path):
     out, before = trained[0], files(trained[0])
-    line = told(run(corpus, "--out", out, "--resume", "--split-seed", 1))
-    assert f"{out / 'split.json'}: " in line
+    assert f"{out / 'split.json'}: " in told(run(corpus, "--out", out, "--resume", "--split-seed", 1))
     assert files(out) == before
 
 
@@ -272,8 +267,7 @@ def test_the_last_validation_stays_in_sight(monkeypatch: pytest.MonkeyPatch):
             report(epoch("pretrain", 4, {"mse": 250.0} | SCORES), 225)
             report(epoch("pretrain", 5, {"mse": 249.0}), 225)
 
-    last = on_terminal(draw, monkeypatch).split("mse 249")[1]
-    assert "harmony 0.375" in last
+    assert "harmony 0.375" in on_terminal(draw, monkeypatch).split("mse 249")[1]
 
 
 def test_the_bar_leaves_the_terminal_usable_after_a_fault(monkeypatch: pytest.MonkeyPatch):

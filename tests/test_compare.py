@@ -4,8 +4,6 @@ The music has a beat every half second, four in a bar. A dancer's speed goes thr
 `peak` beats after the first of them; figures differ in what they do besides.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,17 +12,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.bar_pattern import fit_pattern
-from harmolab.corpora.folders import Recording, recording_beats
-from harmolab.harmony import score_clip
-from harmolab.io.beats import BeatAnnotation, Unit
-from harmolab.io.files import plain
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import Recording, recording_beats
+from harmolab.files import plain
 from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.compare.scores import LAGS, hit_scores, shifted_music
 from harmolab.lab.compare.windows import cut_clips, dance_patterns, learn_patterns
 from harmolab.metrics.beats import beat_align
 from harmolab.params import BarPattern
-from harmolab.types import Audio, Clip, Motion, Skeleton
+from harmolab.readers.beats import BeatAnnotation, Unit
+from harmolab.types import Audio, Clip, Motion
+from harmolab.verdict.bar_pattern import fit_pattern
+from harmolab.verdict.judge import score_clip
+from tests.builders import cases, refused
 
 PERIOD = 0.5
 START = 1.0  # audio time of motion frame 0
@@ -130,8 +130,7 @@ def test_beats_of_silent_music_all_have_strength_one():
 def test_the_grid_of_scores_moves_the_music_by_tenths_of_a_beat():
     # Stops 0.3 beat after every music beat: music that is late by 0.3 beat meets them.
     x = np.arange(180) / FPS / PERIOD
-    stopping = travel(x + np.sin(2 * np.pi * (x - 0.3 - 0.5)) / (2 * np.pi))
-    part = part_of(danced("S", stopping, "A"))
+    part = part_of(danced("S", travel(x + np.sin(2 * np.pi * (x - 0.3 - 0.5)) / (2 * np.pi)), "A"))
     grid = hit_scores(part, shifted_music(part))
     assert all(values.shape == (20,) for values in grid.values())
     for name in ("valleys", "mir_eval_f", "beat_align_music"):
@@ -139,16 +138,14 @@ def test_the_grid_of_scores_moves_the_music_by_tenths_of_a_beat():
     assert grid["mir_eval_f"][[0, 6, 10, 16]].max() < 0.2
     moves = part.visual["kinematic"].times
     for step in range(20):
-        expected = beat_align(part.music(step * 0.05).times, moves)
-        assert grid["beat_align_music"][step] == pytest.approx(expected)
+        assert grid["beat_align_music"][step] == pytest.approx(beat_align(part.music(step * 0.05).times, moves))
 
 
 # What is fitted, and on what
 
 
 def test_true_music_ranks_above_lagged_music_for_the_recommended_score():
-    result = compared(corpus())
-    row = result.summary["scores"]["recommended"]
+    row = compared(corpus()).summary["scores"]["recommended"]
     assert row["auc"] > 0.95
     assert row["auc"] > row["chance_band"][1]
     assert row["mean_true"] > 0.5 > 0.0 > row["mean_wrong"]
@@ -160,7 +157,7 @@ def test_patterns_are_learnt_on_other_sequences_and_other_figures():
     c, d = danced("C", dancer(3), "Y"), danced("D", dancer(4), "Z")
     parts = [part_of(sequence) for sequence in (a, b, c, d)]
     learnt = learn_patterns(parts)
-    others = fit_pattern([parts[2].sums["recommended"], parts[3].sums["recommended"]])
+    others = fit_pattern([parts[2].sums, parts[3].sums])
     assert (learnt[0].cosines, learnt[0].sines) == (others.cosines, others.sines)
     assert learnt[0].cosines[0] > 0.5
     result = compared([a, b, c, d])
@@ -173,12 +170,11 @@ def test_a_figure_that_recurs_beside_another_is_not_fitted_on():
     mixed = danced("B", dancer(2, peak=1.0), "Y", "X")
     other = danced("C", dancer(3), "Z")
     parts = [part_of(sequence) for sequence in (judged, mixed, other)]
-    assert learn_patterns(parts)[0].cosines == fit_pattern([parts[2].sums["recommended"]]).cosines
+    assert learn_patterns(parts)[0].cosines == fit_pattern([parts[2].sums]).cosines
 
 
 def test_another_window_of_the_same_sequence_is_not_fitted_on():
-    twice = danced("A", dancer(1, seconds=12.0), "X", "Y")
-    parts = cut_clips(twice, "annotated", 6.0)
+    parts = cut_clips(danced("A", dancer(1, seconds=12.0), "X", "Y"), "annotated", 6.0)
     assert learn_patterns(parts) == [BarPattern.stop_on_the_beat()] * 2
 
 
@@ -210,17 +206,16 @@ def test_fitting_on_another_corpus_leaves_out_shared_figures():
     judged = [danced("A", dancer(1, peak=1.0), "X")]
     shared, other = danced("B", dancer(2, peak=1.0), "X"), danced("C", dancer(3), "Y")
     both = compared(judged, fit_on=[shared, other])
-    assert both.patterns["cha-cha"][0].cosines == fit_pattern([part_of(other).sums["recommended"]]).cosines
+    assert both.patterns["cha-cha"][0].cosines == fit_pattern([part_of(other).sums]).cosines
     assert both.true["recommended"][0] < -0.5
-    nothing = compared(judged, fit_on=[shared])
-    assert nothing.patterns["cha-cha"] == [BarPattern.stop_on_the_beat()]
+    assert compared(judged, fit_on=[shared]).patterns["cha-cha"] == [BarPattern.stop_on_the_beat()]
 
 
 def test_fitting_on_another_corpus_takes_nothing_from_the_judged_one():
     judged = corpus(4, peak=1.0)
     teachers = [danced(f"T{i}", dancer(10 + i), f"other {i}") for i in range(4)]
     result = compared(judged, fit_on=teachers)
-    expected = fit_pattern([part_of(teacher).sums["recommended"] for teacher in teachers])
+    expected = fit_pattern([part_of(teacher).sums for teacher in teachers])
     assert {pattern.cosines for pattern in result.patterns["cha-cha"]} == {expected.cosines}
     assert "4 sequences of another corpus" in result.summary["fitted_on"]
 
@@ -364,8 +359,7 @@ def test_the_summary_has_the_form_that_is_documented_and_json_takes_it():
 
 
 def test_without_rotations_there_is_no_band():
-    row = compared(corpus(2), n_rotations=0).summary["scores"]["paper"]
-    assert row["chance_band"] == [None, None]
+    assert compared(corpus(2), n_rotations=0).summary["scores"]["paper"]["chance_band"] == [None, None]
 
 
 def test_one_sequence_has_no_interval():
@@ -452,7 +446,7 @@ def test_tracked_beats_are_counted_through_a_recording_and_teachers_keep_their_b
     for part, other in zip(parts, placed, strict=True):
         assert part.cycle == 2
         np.testing.assert_array_equal(part.track.bar_places, np.arange(len(part.track)) % 2)
-        np.testing.assert_array_equal(part.sums["recommended"].sums, other.sums["recommended"].sums)
+        np.testing.assert_array_equal(part.sums.sums, other.sums.sums)
 
 
 def test_true_music_ranks_above_lagged_music_where_one_is_not_known(click_track):
@@ -471,31 +465,26 @@ def nothing() -> Iterator[Recording]:
     yield from ()
 
 
-@pytest.mark.parametrize(
-    ("change", "options", "message"),
-    [
-        ({"annotation": None}, {}, "no beats.json; use tracked beats"),
-        ({"annotation": BeatAnnotation([])}, {}, "beats.json holds no beats; use tracked beats"),
-        ({}, {"window": 0.0}, "window must be a positive number of seconds, or None for whole sequences; got 0.0"),
-        ({}, {"window": -6.0}, "window must be a positive number of seconds"),
-        ({}, {"fit_on": []}, "no sequence to fit on"),
-        ({}, {"null": "other"}, "other music needs at least two sequences"),
-    ],
+@cases(
+    "change, options, message",
+    ({"annotation": None}, {}, "no beats.json; use tracked beats"),
+    ({"annotation": BeatAnnotation([])}, {}, "beats.json holds no beats; use tracked beats"),
+    ({}, {"window": 0.0}, "window must be a positive number of seconds, or None for whole sequences; got 0.0"),
+    ({}, {"window": -6.0}, "window must be a positive number of seconds"),
+    ({}, {"fit_on": []}, "no sequence to fit on"),
+    ({}, {"null": "other"}, "other music needs at least two sequences"),
 )
 def test_what_cannot_be_compared_is_refused(change: dict, options: dict, message: str):
-    with pytest.raises(ValueError, match=message):
-        compared([replace(danced("S", dancer(1), "X"), **change)], **options)
+    refused(message, compared, [replace(danced("S", dancer(1), "X"), **change)], **options)
 
 
 def test_a_sequence_without_motion_is_refused():
     sequence = danced("S", dancer(1), "X")
-    with pytest.raises(ValueError, match=r"corpus.S: no motion"):
-        compared([replace(sequence, clip=replace(sequence.clip, motion=None))])
+    refused(r"corpus.S: no motion", compared, [replace(sequence, clip=replace(sequence.clip, motion=None))])
 
 
 def test_no_sequences_are_refused():
-    with pytest.raises(ValueError, match="no sequence to compare"):
-        compare(nothing())
+    refused("no sequence to compare", compare, nothing())
 
 
 def test_music_without_a_beat_in_the_part_scores_zero():

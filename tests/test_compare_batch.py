@@ -1,17 +1,18 @@
 """The batch scorer gives the same numbers as scoring clip by clip."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.harmony import score_harmony, score_motion
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.compare.batch import BatchScores, BeatBatch, PlaceBatch, rescore, rescore_places
 from harmolab.params import HOW_PATTERNS, BarPattern, HarmonyParams
-from harmolab.types import BeatTrack, Clip, Motion, Skeleton
+from harmolab.score import score_harmony
+from harmolab.types import BeatTrack, Clip, Motion
+from harmolab.verdict.judge import score_motion
+from tests.builders import refused
 
 SETTINGS = {
     "paper": HarmonyParams.paper(),
@@ -48,13 +49,11 @@ def test_beats_of_one_clip_never_hit_those_of_the_next() -> None:
 
 def test_other_readings_are_refused_by_name() -> None:
     batch = BeatBatch.of([(BeatTrack([1.0], [1.0], 15.0, 6.0),) * 2])
-    with pytest.raises(ValueError, match="use score_harmony"):
-        rescore(batch, replace(HarmonyParams.paper(), matching="nearest"))
+    refused("use score_harmony", rescore, batch, replace(HarmonyParams.paper(), matching="nearest"))
 
 
 def test_an_empty_batch_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least one clip"):
-        BeatBatch.of([])
+    refused("at least one clip", BeatBatch.of, [])
 
 
 # The recommended mode
@@ -124,10 +123,8 @@ def test_music_half_a_beat_late_scores_about_as_beats_that_were_moved(dances: li
 
 
 def test_music_that_comes_home_scores_as_before(dances: list[tuple[BeatTrack, Motion]]) -> None:
-    params = HarmonyParams.recommended()
-    batch = PlaceBatch.of(dances, params)
-    home = batch.moved(batch.curves.shape[1] / 48 * batch.periods)
-    np.testing.assert_array_equal(home.curves, batch.curves)
+    batch = PlaceBatch.of(dances, HarmonyParams.recommended())
+    np.testing.assert_array_equal(batch.moved(batch.curves.shape[1] / 48 * batch.periods).curves, batch.curves)
 
 
 def test_short_clips_are_ranked_and_those_that_cannot_be_have_nothing_above_chance() -> None:
@@ -144,5 +141,4 @@ def test_short_clips_are_ranked_and_those_that_cannot_be_have_nothing_above_chan
 
 
 def test_an_empty_place_batch_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least one clip"):
-        PlaceBatch.of([], HarmonyParams.recommended())
+    refused("at least one clip", PlaceBatch.of, [], HarmonyParams.recommended())

@@ -4,8 +4,6 @@ The bodies here change their shape at random, which no music knows of, and are c
 upwards `peak` beats after every beat. The music has a beat every half second, two in a cycle.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,14 +11,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.corpora.folders import Recording
-from harmolab.io.beats import BeatAnnotation, Unit
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import Recording
 from harmolab.lab.compare.auc import CorpusResult, compare
-from harmolab.lab.compare.discriminant import DiscriminantLessons, beat_features, recording_lags, signal_batch
-from harmolab.lab.compare.fits import MOMENTS, FitBatch, turned_signals
-from harmolab.lab.compare.scores import FittedScore, PatternScores
-from harmolab.lab.compare.windows import bounce, cut_clips
-from harmolab.types import Audio, Clip, FloatArray, Motion, Skeleton
+from harmolab.lab.compare.scores import DiscriminantLessons, FittedScore, PatternScores, beat_features, recording_lags
+from harmolab.lab.compare.windows import MOMENTS, SIGNALS, FitBatch, bounce, cut_clips, signal_batch, turned_signals
+from harmolab.readers.beats import BeatAnnotation, Unit
+from harmolab.types import Audio, Clip, FloatArray, Motion
 
 FPS = 30.0
 PERIOD = 0.5
@@ -89,11 +86,11 @@ def noise(rng: np.random.Generator) -> FitBatch:
     """Five clips of noise of 8, 12, 8, 0 and 10 beats in cycles of two."""
     sizes = (8, 12, 8, 0, 10)
     names = ("recommended", "bounce")
-    return signal_batch([{name: rng.normal(size=size * MOMENTS) for name in names} for size in sizes], 2)
+    return signal_batch([{name: rng.normal(size=size * MOMENTS) for name in names} for size in sizes], 2, SIGNALS)
 
 
 def test_features_of_a_beat_are_turned_to_where_a_cycle_begins(rng: np.random.Generator):
-    batch = signal_batch([{name: rng.normal(size=9 * MOMENTS) for name in ("recommended", "bounce")}], 3)
+    batch = signal_batch([{name: rng.normal(size=9 * MOMENTS) for name in SIGNALS}], 3, SIGNALS)
     fits, weights = batch.fits[0], rng.normal(size=12)
     features = beat_features(fits, 3)
     assert features.shape == (30, 9, 12)
@@ -105,7 +102,7 @@ def test_features_of_a_beat_are_turned_to_where_a_cycle_begins(rng: np.random.Ge
 
 def test_clip_that_stays_level_is_read_by_its_shape_alone(rng: np.random.Generator):
     shape = rng.normal(size=4 * MOMENTS)
-    batch = signal_batch([{"recommended": shape, "bounce": np.zeros(0)}], 2)
+    batch = signal_batch([{"recommended": shape, "bounce": np.zeros(0)}], 2, SIGNALS)
     assert batch.sizes.tolist() == [shape.size]
     np.testing.assert_array_equal(batch.fits[:, :4], FitBatch.of([shape], 2).fits)
     assert not batch.fits[:, 4:].any()
@@ -223,7 +220,7 @@ def test_other_music_is_judged_by_what_lagged_music_taught():
 def test_lag_of_a_recording_is_where_its_clips_score_highest_together():
     # Cosines over a cycle of two beats, highest .3 beat late and .2 early; the third recording has no movement.
     shape = [np.cos(np.pi * (np.arange(8 * MOMENTS) / MOMENTS - peak)) for peak in (0.2, 0.4, 1.8)]
-    batch = signal_batch([{"recommended": one, "bounce": 0 * one} for one in (*shape, np.zeros(0))], 2)
+    batch = signal_batch([{"recommended": one, "bounce": 0 * one} for one in (*shape, np.zeros(0))], 2, SIGNALS)
     weights = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (4, 1))
     part = PatternScores(np.arange(4), batch, None, weights, None)
     score = FittedScore((part,), np.array([0, 0, 1, 2]), np.ones(4, bool))

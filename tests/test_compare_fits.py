@@ -1,20 +1,18 @@
 """Fits of many clips at once: as the place test, wherever the music begins, and with patterns learnt anew."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.bar_pattern import beat_positions, evaluate_pattern, fit_pattern, pattern_sums
-from harmolab.lab.compare.fits import MOMENTS, FitBatch, Lessons, coefficients, cycle_curve
 from harmolab.lab.compare.scores import PeakLags, with_one_place
+from harmolab.lab.compare.windows import MOMENTS, FitBatch, Lessons, coefficients, cycle_curve
 from harmolab.params import BarPattern
 from harmolab.shape_speed import ShapeSignal
 from harmolab.types import BeatTrack
-from harmolab.verdict.place_test import place_test
+from harmolab.verdict.bar_pattern import beat_positions, evaluate_pattern, fit_pattern, pattern_sums
+from harmolab.verdict.evidence import place_test
 from tests.builders import metronome
 
 RATE = 100.0
@@ -86,8 +84,7 @@ def test_patterns_are_learnt_on_the_others(rng: np.random.Generator):
     clips = [smooth_noise(rng, 6.0) for _ in range(3)]
     track = bars(12, 2)
     weights = lessons_of(clips, track, 2).weights()
-    sums = [pattern_sums(beat_positions(times, track), values, 2) for times, values in clips[1:]]
-    pattern = fit_pattern(sums)
+    pattern = fit_pattern([pattern_sums(beat_positions(times, track), values, 2) for times, values in clips[1:]])
     expected = coefficients(pattern, 2)
     np.testing.assert_allclose(weights[0] / np.linalg.norm(weights[0]), expected / np.linalg.norm(expected))
 

@@ -1,7 +1,5 @@
 """Corpora without any effect lie inside the chance band of `compare`; recordings of dancers in time do not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from harmolab.corpora.folders import Recording
-from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.io.beats import BeatAnnotation, Unit
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import Recording
+from harmolab.data.synthetic import synthetic_motion
 from harmolab.lab.compare.auc import compare
-from harmolab.types import Audio, Clip, Motion, Skeleton
+from harmolab.readers.beats import BeatAnnotation, Unit
+from harmolab.types import Audio, Clip, Motion
+from tests.builders import cases
 
 FPS = 30.0
 SECONDS = 24.0
@@ -56,7 +56,7 @@ def test_corpora_without_effect_lie_inside_the_band(
     move: Callable[[np.random.Generator, float], Motion], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("HARMOLAB_CACHE", "off")
-    outside = {"recommended": 0, "discriminant": 0, "room_speed": 0, "peaks_lagged": 0}
+    outside = {"recommended": 0, "discriminant": 0, "peaks_lagged": 0}
     for seed in range(N_CORPORA):
         scores = compare(null_corpus(move, seed), n_rotations=N_DRAWS, seed=seed).summary["scores"]
         for name in outside:
@@ -68,10 +68,7 @@ def test_corpora_without_effect_lie_inside_the_band(
 
 @pytest.mark.data
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("corpus", "window", "least"),
-    [("beatlocked", 6.0, 0.77), ("beatlocked", None, 0.90), ("realdance/replays", 6.0, 0.90)],
-)
+@cases("corpus, window, least", ("beatlocked", 6.0, 0.77), ("beatlocked", None, 0.90), ("realdance/replays", 6.0, 0.90))
 def test_recorded_movement_in_time_is_told_from_lagged_music(
     data_root: Path, corpus: str, window: float | None, least: float
 ):

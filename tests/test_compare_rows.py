@@ -1,7 +1,5 @@
 """A corpus compared by one process or several, in memory or by rows on disk, cut off or not: one result."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -13,14 +11,13 @@ import numpy as np
 import pytest
 
 from harmolab.cli import app
-from harmolab.corpora.files import corpus_recordings
-from harmolab.corpora.folders import Problem, find_recordings
-from harmolab.corpora.synthetic import write_corpus
+from harmolab.clips import corpus_recordings
+from harmolab.data.recordings import Problem, find_recordings
+from harmolab.data.synthetic import write_corpus
 from harmolab.lab.compare import rows
 from harmolab.lab.compare.auc import CorpusResult, compare
-from harmolab.lab.compare.packing import packed, unpacked
-from harmolab.lab.compare.rows import Processes
-from harmolab.lab.evaluate.parts import part_path, read_rows
+from harmolab.lab.compare.rows import Processes, packed, unpacked
+from harmolab.lab.evaluate.engine import part_path, read_rows
 from harmolab.types import BeatTrack
 from tests.builders import called, track
 
@@ -54,8 +51,7 @@ def expected(corpus: Path) -> CorpusResult:
 @pytest.mark.parametrize("jobs", [2, *(pytest.param(jobs, marks=pytest.mark.slow) for jobs in (1, 4))])
 def test_any_number_of_processes_gives_the_same_result(jobs: int, corpus: Path, expected: CorpusResult):
     problems: list[Problem] = []
-    result = compared(corpus, processes=Processes(jobs), report=problems.append)
-    assert numbers(result) == numbers(expected)
+    assert numbers(compared(corpus, processes=Processes(jobs), report=problems.append)) == numbers(expected)
     assert [problem.folder for problem in problems] == [find_recordings(corpus).folders[3]]
 
 

@@ -1,7 +1,5 @@
 """Systems compared: songs, contests, what is measured and kept, entry tests, and the layout for any data."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -12,29 +10,20 @@ import pandas as pd
 import pytest
 import soundfile
 
-from harmolab.corpora.folders import load_recording
-from harmolab.corpora.synthetic import synthetic_motion, write_corpus
-from harmolab.lab.experiments import comparison as compared
-from harmolab.lab.experiments import contestants, contests, generation, measuring, songs, standings
-from harmolab.lab.experiments.comparison import comparison, long_table, side_by_side
-from harmolab.lab.experiments.contestants import (
-    BANK,
-    CHOREOGRAPHER,
-    RIGHT_SONG,
-    ROWS,
-    Contestant,
-    Row,
-    of_system,
-    own_tempo,
-)
-from harmolab.lab.experiments.contests import Contest, training_spans
-from harmolab.lab.experiments.generation import SYNTHETIC, training_split
-from harmolab.lab.experiments.measuring import MEASURES, clip_measures
-from harmolab.lab.experiments.songs import BALLROOM, Excerpt, ballroom_files, recorded_songs, seven_dances, windows
-from harmolab.lab.experiments.standings import difference_table, system_table, table_by_dance
-from harmolab.lab.profile import RunProfile
+from harmolab.data.recordings import load_recording
+from harmolab.data.synthetic import synthetic_motion, write_corpus
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Motion
+from study.experiments import comparison as compared
+from study.experiments import contestants, contests, generation, measuring, songs, standings
+from study.experiments.comparison import comparison, long_table, side_by_side
+from study.experiments.contestants import BANK, CHOREOGRAPHER, RIGHT_SONG, ROWS, Contestant, Row, of_system, own_tempo
+from study.experiments.contests import Contest, training_spans
+from study.experiments.generation import SYNTHETIC, training_split
+from study.experiments.measuring import MEASURES, clip_measures
+from study.experiments.songs import BALLROOM, Excerpt, ballroom_files, recorded_songs, seven_dances, windows
+from study.experiments.standings import difference_table, system_table, table_by_dance
+from study.profile import RunProfile
 from tests.builders import planted_dance
 
 PROFILE = RunProfile(
@@ -218,8 +207,7 @@ def test_right_song_beats_another_song_and_pieces_are_in_time(tables: tuple[pd.D
     assert above[RIGHT_SONG] > 0.8
     assert above["recorded, another song"] < 0.4
     assert above["random pieces, rests on beats"] > 0.5
-    late = tables[1].set_index("system")["half a beat late"]
-    assert late["random pieces, rests on beats"] < 0.1
+    assert tables[1].set_index("system")["half a beat late"]["random pieces, rests on beats"] < 0.1
 
 
 def test_chance_in_paper_mode_is_nearly_the_score(tables: tuple[pd.DataFrame, pd.DataFrame]):
@@ -321,8 +309,7 @@ def test_lee_without_warper_is_told_its_own_tempo():
 
 
 def test_dances_side_by_side_are_of_the_same_seconds(tables: tuple[pd.DataFrame, pd.DataFrame]):
-    entries = comparison(PROFILE, [RIGHT_SONG, CHOREOGRAPHER], trainings=0)
-    ((song, motions),) = side_by_side(entries).items()
+    ((song, motions),) = side_by_side(comparison(PROFILE, [RIGHT_SONG, CHOREOGRAPHER], trainings=0)).items()
     assert song == "cha-cha 1 (cha-cha)"
     assert list(motions) == [RIGHT_SONG, CHOREOGRAPHER]
     assert [motion.duration for motion in motions.values()] == pytest.approx([10.0, 10.0])
@@ -356,8 +343,7 @@ def test_without_recordings_there_are_no_recorded_songs():
 
 @pytest.mark.slow
 def test_every_row_of_the_quick_profile_is_made_and_its_rivals_are_not_trained_well_enough():
-    entries = comparison(replace(PROFILE, draws=1))
-    table = system_table(entries).set_index("system")
+    table = system_table(comparison(replace(PROFILE, draws=1))).set_index("system")
     assert list(table.index) == list(ROWS)
     weak = table["remark"].str.startswith("not trained well enough")
     assert set(table.index[weak]) == {contestants.LEE, contestants.LEE_UNWARPED, contestants.REN}

@@ -1,7 +1,5 @@
 """The word that librosa's tracker is being compiled: once on a machine, when it is."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -9,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.beats import audio, compiling
+from harmolab.beats import audio
+from harmolab.beats import audio as compiling
 from harmolab.cli import app
-from tests.builders import called, planted_dance, write_song
+from tests.builders import called, cases, planted_dance, write_song
 
 VERSION = f"py{sys.version_info.major}{sys.version_info.minor}"
 
@@ -24,14 +23,12 @@ def song(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return write_song(tmp_path / "song.wav", planted_dance())
 
 
-@pytest.mark.parametrize(
-    ("name", "is_compiled"),
-    [
-        (f"librosa_e756/guf-beat.__beat_track_dp-558.{VERSION}.nbi", True),
-        ("librosa_e756/guf-beat.__beat_track_dp-558.py20.nbi", False),  # of another Python
-        (f"util_29fc/utils._localmax-1035.{VERSION}.nbi", False),  # of another part of librosa
-        (f"librosa_e756/beat.__beat_track_dp-558.{VERSION}.1.nbc", False),  # without its index
-    ],
+@cases(
+    "name, is_compiled",
+    (f"librosa_e756/guf-beat.__beat_track_dp-558.{VERSION}.nbi", True),
+    ("librosa_e756/guf-beat.__beat_track_dp-558.py20.nbi", False),  # of another Python
+    (f"util_29fc/utils._localmax-1035.{VERSION}.nbi", False),  # of another part of librosa
+    (f"librosa_e756/beat.__beat_track_dp-558.{VERSION}.1.nbc", False),  # without its index
 )
 def test_tracker_is_compiled_where_numba_keeps_its_index(
     name: str, is_compiled: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

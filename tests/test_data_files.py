@@ -1,7 +1,5 @@
 """From files to clips: beats are the same at every rate of the sound, and a folder is read like its recordings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,14 +7,15 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.bar_pattern import load_pattern, save_patterns
-from harmolab.corpora.files import corpus_recordings, load_clip
-from harmolab.corpora.folders import find_recordings
-from harmolab.corpora.synthetic import synthetic_clip, write_corpus
-from harmolab.io.video import write_video
+from harmolab.clips import corpus_recordings, load_clip
+from harmolab.data.recordings import find_recordings
+from harmolab.data.synthetic import synthetic_clip, write_corpus
 from harmolab.lab.compare.auc import compare
 from harmolab.params import BarPattern
+from harmolab.readers.video import write_video
 from harmolab.types import Audio, Clip
+from harmolab.verdict.bar_pattern import load_pattern, save_patterns
+from tests.builders import cases, refused
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +50,7 @@ def test_a_clip_is_not_tracked_where_that_is_not_asked_for(song: Path, clip: Cli
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_length_that_is_none_is_refused(song: Path, clip: Clip, seconds: float) -> None:
-    with pytest.raises(ValueError, match="seconds must be positive and finite"):
-        load_clip(song, clip.motion, seconds=seconds)
+    refused("seconds must be positive and finite", load_clip, song, clip.motion, seconds=seconds)
 
 
 @pytest.fixture(scope="module")
@@ -109,9 +107,6 @@ def test_one_is_counted_on_annotated_beats_too(song: Path, clip: Clip, tmp_path:
     assert told.bar_places.tolist() == [2, 0, 1, 2]
 
 
-@pytest.mark.parametrize(
-    ("dance", "one", "fault"), [("", 1.0, "with --dance: cha-cha"), ("waltz", 99.0, "no beat is near")]
-)
+@cases("dance, one, fault", ("", 1.0, "with --dance: cha-cha"), ("waltz", 99.0, "no beat is near"))
 def test_a_one_without_a_dance_or_a_beat_is_refused(song: Path, clip: Clip, dance: str, one: float, fault: str) -> None:
-    with pytest.raises(ValueError, match=fault):
-        load_clip(song, clip.motion, dance=dance, one=one)
+    refused(fault, load_clip, song, clip.motion, dance=dance, one=one)

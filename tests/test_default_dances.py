@@ -1,10 +1,9 @@
 """What the shipped bank makes of a song when nothing else is asked of it."""
 
-from __future__ import annotations
-
 import pytest
 
-from harmolab.lab import default_dances
+from study import default_dances
+from tests.builders import refused
 
 
 def test_a_waltz_is_danced_by_a_person_who_passes_the_guard():
@@ -16,5 +15,4 @@ def test_a_waltz_is_danced_by_a_person_who_passes_the_guard():
 
 
 def test_a_dance_that_does_not_exist_has_no_song():
-    with pytest.raises(ValueError, match="polka"):
-        default_dances(["polka"])
+    refused("polka", default_dances, ["polka"])

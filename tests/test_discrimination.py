@@ -1,7 +1,5 @@
 """The tables of notebook 05, and the pictures drawn from them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from harmolab.lab.compare.auc import CorpusResult
-from harmolab.lab.experiments.discrimination import (
+from harmolab.lab.figures.style import COLOURS
+from harmolab.params import BarPattern
+from study.experiments.discrimination import (
     auc_table,
     compare_corpora,
     dance_patterns_of,
@@ -18,7 +18,7 @@ from harmolab.lab.experiments.discrimination import (
     disturbance_table,
     pick_table,
 )
-from harmolab.lab.figures.results import (
+from study.figures.results import (
     SCORE_LABELS,
     auc_figure,
     disturbances_figure,
@@ -28,9 +28,8 @@ from harmolab.lab.figures.results import (
     patterns_figure,
     picks_figure,
 )
-from harmolab.lab.figures.style import COLOURS, smallest_text
-from harmolab.lab.profile import RunProfile
-from harmolab.params import BarPattern
+from study.profile import RunProfile
+from study.saving import smallest_text
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +70,7 @@ def test_recommended_tells_and_paper_does_not_on_planted_beats(results: dict[str
     table = auc_table(results).set_index("score")
     assert table.loc["recommended", "tells"] == "yes"
     assert table.loc["paper", "AUC"] < 0.65
-    by_dance = dance_table(results)
-    assert by_dance["windows"].sum() == 14
+    assert dance_table(results)["windows"].sum() == 14
     assert set(dance_patterns_of(results, "synthetic")) == {
         "cha-cha", "jive", "quickstep", "rumba", "samba", "tango", "waltz",
     }  # fmt: skip

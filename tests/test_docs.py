@@ -1,7 +1,5 @@
 """What the documents say exists."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib
@@ -30,13 +28,14 @@ def dotted_names(path: Path) -> list[str]:
 
 
 def resolve(name: str) -> object:
-    """What a dotted name below harmolab means; AttributeError when nothing."""
+    """What a dotted name below harmolab, or of the notebooks' study, means; AttributeError when nothing."""
     words = name.split(".")
+    top = [] if words[0] == "study" else ["harmolab"]
     for cut in range(len(words), 0, -1):
         try:
-            found: object = importlib.import_module(".".join(["harmolab", *words[:cut]]))
+            found: object = importlib.import_module(".".join([*top, *words[:cut]]))
         except ModuleNotFoundError as error:
-            if not str(error.name).startswith("harmolab"):
+            if not str(error.name).startswith(("harmolab", "study")):
                 raise
             continue
         for word in words[cut:]:
@@ -97,8 +96,8 @@ def test_every_name_in_the_conventions_exists():
 
 
 def test_a_name_that_does_not_exist_is_noticed():
-    wrong = ["kinematics.joint_sped", "types.Motion.position", "nothing.at_all"]
-    assert [name for name in [*wrong, "kinematics.joint_speed"] if not exists(name)] == wrong
+    wrong = ["body.kinematics.joint_sped", "types.Motion.position", "nothing.at_all"]
+    assert [name for name in [*wrong, "body.kinematics.joint_speed"] if not exists(name)] == wrong
 
 
 def test_settings_of_paper_mode_are_as_the_conventions_say():
@@ -111,8 +110,8 @@ def test_settings_of_paper_mode_are_as_the_conventions_say():
 
 def test_every_module_of_the_numeric_core_is_in_the_conventions():
     named = {name.rpartition(".")[0] for name in dotted_names(CONVENTIONS)}
-    modules = {"kinematics", "harmony", "bar_pattern", "significance"}
-    for folder in ("beats", "metrics"):
+    modules = {"score", "shape_speed", "significance"}
+    for folder in ("beats", "body", "metrics", "verdict"):
         modules |= {f"{folder}.{path.stem}" for path in (ROOT / "harmolab" / folder).glob("[a-z]*.py")}
     assert modules <= named
 

@@ -1,13 +1,11 @@
 """Measures of a long dance: a pose that glides is still, a dancer is not, and limits are those of the recorded."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.lab.experiments.endurance import LIMITS, endurance, limits_of, passed
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.types import Motion
+from study.experiments.endurance import LIMITS, endurance, limits_of, passed
 
 
 @pytest.fixture(scope="module")

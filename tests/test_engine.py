@@ -1,7 +1,5 @@
 """One table from one process or several, killed or not: every row once, the same to the last bit."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os
@@ -19,10 +17,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harmolab.io.files import read_json, write_json
-from harmolab.lab.evaluate import engine, parts
-from harmolab.lab.evaluate.engine import run_rows
-from harmolab.lab.evaluate.parts import MANIFEST, part_path, read_rows
+from harmolab.files import read_json, write_json
+from harmolab.lab.evaluate import engine
+from harmolab.lab.evaluate import engine as parts
+from harmolab.lab.evaluate.engine import MANIFEST, part_path, read_rows, run_rows
+from tests.builders import cases, refused
 from tests.tiny_run import Number, Numbers, square
 
 pytest.importorskip("distributed")
@@ -114,8 +113,7 @@ def test_a_stopped_run_measures_what_is_missing_and_nothing_else(undisturbed: Pa
 
     with pytest.raises(Stopped):
         run_rows(Numbers(COUNT), noted, tmp_path / "out", jobs=0, progress=stopping)
-    with pytest.raises(ValueError, match=r"holds 100 of 300 rows; go on with --resume"):
-        read_rows(tmp_path / "out")
+    refused(r"holds 100 of 300 rows; go on with --resume", read_rows, tmp_path / "out")
     run_rows(Numbers(COUNT), noted, tmp_path / "out", jobs=0, resume=True)
     assert measured == list(range(COUNT))
     assert contents(tmp_path / "out") == contents(undisturbed)
@@ -209,14 +207,11 @@ def test_a_damaged_part_is_an_error_that_names_the_file(tmp_path: Path):
 
 def test_a_foreign_folder_is_refused_and_by_force_keeps_its_files(tmp_path: Path):
     (tmp_path / "diary.txt").write_text("mine")
-    with pytest.raises(ValueError, match=r"holds diary\.txt and no run"):
-        run_rows(Numbers(3), square, tmp_path, jobs=0)
-    with pytest.raises(ValueError, match=r"holds diary\.txt and no run"):
-        run_rows(Numbers(3), square, tmp_path, jobs=0, resume=True)
+    refused(r"holds diary\.txt and no run", run_rows, Numbers(3), square, tmp_path, jobs=0)
+    refused(r"holds diary\.txt and no run", run_rows, Numbers(3), square, tmp_path, jobs=0, resume=True)
     run_rows(Numbers(3), square, tmp_path, jobs=0, force=True)
     assert (tmp_path / "diary.txt").read_text() == "mine"
-    with pytest.raises(ValueError, match="is a file; a run needs a folder"):
-        run_rows(Numbers(3), square, tmp_path / "diary.txt", jobs=0, force=True)
+    refused("is a file; a run needs a folder", run_rows, Numbers(3), square, tmp_path / "diary.txt", jobs=0, force=True)
 
 
 def test_a_run_is_neither_written_over_nor_mixed_with_another(tmp_path: Path):
@@ -239,30 +234,25 @@ def test_a_run_of_another_version_is_not_resumed(tmp_path: Path):
     run_rows(Numbers(3), square, tmp_path, jobs=0)
     manifest = read_json(tmp_path / "run.json")
     write_json(tmp_path / "run.json", manifest | {"versions": manifest["versions"] | {"numpy": "1.0"}})
-    with pytest.raises(ValueError, match=r"versions\.numpy was '1\.0' and is"):
-        run_rows(Numbers(3), square, tmp_path, jobs=0, resume=True)
+    refused(r"versions\.numpy was '1\.0' and is", run_rows, Numbers(3), square, tmp_path, jobs=0, resume=True)
 
 
 def test_two_processes_do_not_write_into_one_run(tmp_path: Path):
     def second(items: Iterable[Any], label: str) -> Iterable[Any]:
-        with pytest.raises(ValueError, match="another process is at this run"):
-            run_rows(Numbers(3), square, tmp_path, jobs=0, resume=True)
+        refused("another process is at this run", run_rows, Numbers(3), square, tmp_path, jobs=0, resume=True)
         return items
 
     run_rows(Numbers(3), square, tmp_path, jobs=0, progress=second)
 
 
-@pytest.mark.parametrize(
-    ("tasks", "fault"),
-    [
-        ([Number(2), Number(1)], "in the order of their keys, each once; '00001' follows '00002'"),
-        ([Number(1), Number(1)], "'00001' follows '00001'"),
-        ([], "there is nothing to measure"),
-    ],
+@cases(
+    "tasks, fault",
+    ([Number(2), Number(1)], "in the order of their keys, each once; '00001' follows '00002'"),
+    ([Number(1), Number(1)], "'00001' follows '00001'"),
+    ([], "there is nothing to measure"),
 )
 def test_tasks_out_of_order_are_refused(tasks: list[Number], fault: str, tmp_path: Path):
-    with pytest.raises(ValueError, match=fault):
-        run_rows(tasks, square, tmp_path / "out", jobs=0)
+    refused(fault, run_rows, tasks, square, tmp_path / "out", jobs=0)
     assert not (tmp_path / "out").exists()
 
 
@@ -402,5 +392,4 @@ def test_a_manifest_of_too_many_rows_is_an_error_at_once(tmp_path: Path) -> None
     run_rows(Numbers(5), square, tmp_path / "rows", jobs=0)
     manifest = tmp_path / "rows" / MANIFEST
     manifest.write_text(manifest.read_text().replace('"rows": 5', f'"rows": {10**15}'))
-    with pytest.raises(ValueError, match=f"rows: holds 5 of {10**15} rows"):
-        read_rows(tmp_path / "rows")
+    refused(f"rows: holds 5 of {10**15} rows", read_rows, tmp_path / "rows")

@@ -1,7 +1,5 @@
 """pyproject.toml, environment.yml, constraints.txt and the Makefile agree with each other."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -64,8 +62,7 @@ def conda_packages() -> dict[str, SpecifierSet]:
 def test_conda_environment_names_the_same_packages_with_the_same_bounds():
     expected = {}
     for requirement in requirements("lab", "train", "cluster", "docs", "dev"):
-        name = canonicalize_name(requirement.name)
-        expected[CONDA_NAMES.get(name, requirement.name)] = requirement.specifier
+        expected[CONDA_NAMES.get(canonicalize_name(requirement.name), requirement.name)] = requirement.specifier
     assert conda_packages() == expected
 
 

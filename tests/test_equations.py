@@ -3,8 +3,6 @@
 Where the formula leaves room, the reading of the paper mode is tested; docs/readings.md lists the others.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,11 +13,13 @@ import pytest
 import torch
 
 from harmolab.beats.audio import audio_beats, onset_envelope
-from harmolab.beats.impacts import impact_envelope, local_peaks
+from harmolab.beats.flow import impact_envelope, local_peaks
 from harmolab.beats.meter import strong_beats
-from harmolab.beats.saliency import audio_mask, strength_steps, visual_mask
 from harmolab.beats.visual import visual_beats
-from harmolab.harmony import (
+from harmolab.body.kinematics import direction_spread, joint_speed, step_signs, turning_points
+from harmolab.params import HarmonyParams
+from harmolab.score import (
+    audio_mask,
     f_score,
     harmony_from_hits,
     hit_mask,
@@ -27,16 +27,12 @@ from harmolab.harmony import (
     interval_matrix,
     nearest_intervals,
     position_matrix,
-    score_clip,
     score_harmony,
+    strength_steps,
+    visual_mask,
 )
-from harmolab.kinematics import direction_spread, joint_speed, step_signs, turning_points
-from harmolab.params import HarmonyParams
-from harmolab.systems.common.priors import initial_poses, temporal_index
-from harmolab.systems.common.shards import total_loss
-from harmolab.systems.common.soft_harmony import SoftHarmony
-from harmolab.systems.harmogan.params import TrainParams
-from harmolab.systems.harmogan.terms import (
+from harmolab.soft_score import SoftHarmony
+from harmolab.systems.harmogan.losses import (
     adversarial_value,
     charbonnier_mse,
     discriminator_loss,
@@ -46,7 +42,11 @@ from harmolab.systems.harmogan.terms import (
     kl_loss,
     literal_harmony_loss,
 )
+from harmolab.systems.harmogan.params import TrainParams
+from harmolab.systems.training.loop import total_loss
+from harmolab.systems.training.units import initial_poses, temporal_index
 from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.verdict.judge import score_clip
 from tests.builders import along_x, track
 
 EQUATIONS: dict[int, Callable[..., object]] = {
@@ -124,8 +124,7 @@ def test_equation_03_music_beats_are_peaks_of_the_amplitude(click_track: Callabl
     # A beat lies 1.3 samples of the envelope before the peak that it is heard by.
     frames = np.round(beats.times * rate + 1.3).astype(int)[:, None]
     np.testing.assert_allclose(beats.strengths, envelope[frames + np.array([-1, 0, 1])].max(axis=1))
-    around = np.clip(frames + np.array([-4, 4]), 0, envelope.size - 1)
-    assert (beats.strengths[:, None] > envelope[around]).all()
+    assert (beats.strengths[:, None] > envelope[np.clip(frames + np.array([-4, 4]), 0, envelope.size - 1)]).all()
 
 
 def test_equation_04_motion_trend_compares_the_picture_with_the_one_before():
@@ -262,8 +261,7 @@ def test_equation_25_prior_frames_count_half_in_the_charbonnier_loss():
     # Both frames are (3, 4) away; the first is of the last meter: W = 1/2 and 1. sqrt(12.5 + 1) + sqrt(25 + 1).
     target = torch.zeros(1, 3, 2)
     motion, index, mask = target + torch.tensor([3.0, 4.0]), torch.tensor([[1.0, 0, 0]]), torch.tensor([[1.0, 1, 0]])
-    loss = charbonnier_mse(motion, target, index, mask, epsilon=1.0)
-    assert loss.item() == pytest.approx(13.5**0.5 + 26**0.5)
+    assert charbonnier_mse(motion, target, index, mask, epsilon=1.0).item() == pytest.approx(13.5**0.5 + 26**0.5)
 
 
 def test_equation_26_distance_of_features_added_up_over_time():

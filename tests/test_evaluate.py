@@ -1,7 +1,5 @@
 """`harmolab evaluate`: planted dancers land where they must, and what is luck is not called a difference."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -17,36 +15,37 @@ import pandas as pd
 import pytest
 import soundfile
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app, evaluating
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.motion import load_motion, save_motion
-from harmolab.lab.evaluate import collecting, parts, rows
+from harmolab.data.synthetic import write_corpus
+from harmolab.lab.evaluate import engine
 from harmolab.lab.evaluate import evaluation as evaluation_module
-from harmolab.lab.evaluate.collecting import collect, written_parts
-from harmolab.lab.evaluate.controls import control_pairs
-from harmolab.lab.evaluate.engine import run_rows
-from harmolab.lab.evaluate.evaluation import Evaluation, check_table_folder, evaluate_dances
-from harmolab.lab.evaluate.methods import methods_paragraph, table_notes
-from harmolab.lab.evaluate.pairing import RECORDED, Pair, Song, folder_pairs, listed_pairs, song_of, songs_in
-from harmolab.lab.evaluate.parts import part_rows, write_part
-from harmolab.lab.evaluate.rows import (
+from harmolab.lab.evaluate import page as evaluation_page
+from harmolab.lab.evaluate import published as protocols
+from harmolab.lab.evaluate import sets as collecting
+from harmolab.lab.evaluate.engine import part_rows, run_rows, write_part
+from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings, check_table_folder, evaluate_dances
+from harmolab.lab.evaluate.measured import MEASURES, beat_numbers
+from harmolab.lab.evaluate.page import findings, write_evaluation
+from harmolab.lab.evaluate.pairing import (
     FROZEN,
-    MEASURES,
     OTHER_SONG,
-    RowOptions,
-    clip_row,
-    pair_clip,
-    protocol_numbers,
+    RECORDED,
+    Pair,
+    Song,
+    folder_pairs,
+    listed_pairs,
+    song_of,
+    songs_in,
 )
-from harmolab.lab.evaluate.sets import SetNumber, set_numbers
-from harmolab.lab.evaluate.settings import EvaluationSettings
+from harmolab.lab.evaluate.rows import RowOptions, clip_row, control_pairs, pair_clip, protocol_numbers
+from harmolab.lab.evaluate.sets import SetNumber, collect, set_numbers, written_parts
 from harmolab.lab.evaluate.summary import Mean, ranks, song_interval, system_differences, system_means
-from harmolab.lab.evaluate.table_files import number_text, table_tex
-from harmolab.lab.widgets import evaluation_page
-from harmolab.lab.widgets.evaluation_page import findings, write_evaluation
-from harmolab.metrics.frechet import frechet_distance
-from harmolab.types import BeatTrack, Motion, Skeleton
-from tests.builders import called
+from harmolab.lab.evaluate.tables import methods_paragraph, number_text, table_notes, table_tex
+from harmolab.metrics.features import frechet_distance
+from harmolab.readers.motion import load_motion, save_motion
+from harmolab.types import BeatTrack, Motion
+from tests.builders import called, cases, refused
 
 run = partial(called, app)
 CLIPS, SECONDS = 7, 12.0
@@ -95,7 +94,7 @@ def table(planted: Path) -> Evaluation:
 
 
 def test_a_missing_package_is_named_before_any_work(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "find_spec", lambda name: None)
+    monkeypatch.setattr(engine, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"this needs pyarrow; .*run: pip install '\.\[cluster\]'"):
         evaluate_dances(settings(planted), planted / "nothing")
     assert not (planted / "nothing").exists()
@@ -119,8 +118,7 @@ def test_another_song_is_at_chance_and_the_own_one_is_not(table: Evaluation) -> 
     other, own = table.means[OTHER_SONG, "harmony"], table.means[RECORDED, "harmony"]
     assert other.low < 0.05 and other.high < 0.2
     assert own.low > 0.5
-    difference = next(one for one in table.differences if {one.a, one.b} == {RECORDED, OTHER_SONG})
-    assert difference.songs == CLIPS
+    assert next(one for one in table.differences if {one.a, one.b} == {RECORDED, OTHER_SONG}).songs == CLIPS
 
 
 def test_the_python_of_the_tutorial_runs_as_it_stands(planted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,29 +186,25 @@ def songs(*names: str) -> list[Song]:
     return [Song(Path(name).stem, Path(name)) for name in names]
 
 
-@pytest.mark.parametrize(
-    ("motion", "music", "match"),
-    [
-        ("tune.npz", ("tune.wav", "tune_2.wav"), "tune.wav"),
-        ("Tune.npz", ("tune.wav",), "tune.wav"),
-        ("run3_tune_take1.npz", ("tune.wav", "run.wav"), "tune.wav"),
-        ("my tune 2-a.bvh", ("tune 2.wav", "tune.wav"), "tune 2.wav"),
-        ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
-        ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("gLO_sBM_cAll_d13_mBR0_ch02.wav", "x_mLO1_y.wav"), "gLO_sBM"),
-    ],
+@cases(
+    "motion, music, match",
+    ("tune.npz", ("tune.wav", "tune_2.wav"), "tune.wav"),
+    ("Tune.npz", ("tune.wav",), "tune.wav"),
+    ("run3_tune_take1.npz", ("tune.wav", "run.wav"), "tune.wav"),
+    ("my tune 2-a.bvh", ("tune 2.wav", "tune.wav"), "tune 2.wav"),
+    ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("mBR0.wav", "mBR1.wav"), "mBR0.wav"),
+    ("gBR_sBM_cAll_d04_mBR0_ch01.pkl", ("gLO_sBM_cAll_d13_mBR0_ch02.wav", "x_mLO1_y.wav"), "gLO_sBM"),
 )
 def test_a_dance_goes_with_the_song_that_its_name_asks_for(motion: str, music: tuple[str, ...], match: str) -> None:
     song = song_of(Path(motion), songs(*music))
     assert isinstance(song, Song) and song.path.name.startswith(match)
 
 
-@pytest.mark.parametrize(
-    ("motion", "music", "reason"),
-    [
-        ("fortune.npz", ("tune.wav",), "no song has its name"),
-        ("tune.npz", ("tune.wav", "tune.mp3"), "2 songs: tune.mp3, tune.wav"),
-        ("a_b.npz", ("a.wav", "b.wav"), "2 songs"),
-    ],
+@cases(
+    "motion, music, reason",
+    ("fortune.npz", ("tune.wav",), "no song has its name"),
+    ("tune.npz", ("tune.wav", "tune.mp3"), "2 songs: tune.mp3, tune.wav"),
+    ("a_b.npz", ("a.wav", "b.wav"), "2 songs"),
 )
 def test_a_dance_without_a_song_has_the_reason(motion: str, music: tuple[str, ...], reason: str) -> None:
     answer = song_of(Path(motion), songs(*music))
@@ -259,24 +253,20 @@ def test_a_list_pairs_what_names_do_not(tmp_path: Path, planted: Path) -> None:
 def test_a_list_may_have_quotation_marks_and_leave_the_system_out(tmp_path: Path, planted: Path) -> None:
     song, dance = "clip_0002_jive/audio.wav", planted / "off" / "clip_0001_cha-cha.npz"
     lines = f'"{dance}", "{song}","one, two",3', f"{dance},{song},,3"
-    systems = [pair.system for pair in listed(tmp_path, planted, *lines).pairs]
-    assert systems == ["one, two", "generated"]
+    assert [pair.system for pair in listed(tmp_path, planted, *lines).pairs] == ["one, two", "generated"]
 
 
-@pytest.mark.parametrize(
-    ("header", "lines", "fault"),
-    [
-        ("motion,song", ["a,b"], "no column music"),
-        ("motion,music", [f"{'a' * 140_000},b"], "no row of a table"),
-        ("motion,music", ["nowhere.npz,nowhere.wav"], "names no pair that is there"),
-        ("motion,music,system", ["clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x"] * 2, "twice"),
-    ],
+@cases(
+    "header, lines, fault",
+    ("motion,song", ["a,b"], "no column music"),
+    ("motion,music", [f"{'a' * 140_000},b"], "no row of a table"),
+    ("motion,music", ["nowhere.npz,nowhere.wav"], "names no pair that is there"),
+    ("motion,music,system", ["clip_0001_cha-cha.npz,clip_0002_jive/audio.wav,x"] * 2, "twice"),
 )
 def test_a_list_that_is_wrong_is_an_error(
     tmp_path: Path, planted: Path, header: str, lines: list[str], fault: str
 ) -> None:
-    with pytest.raises(ValueError, match=f"pairs.csv.*{fault}"):
-        listed(tmp_path, planted, *lines, header=header)
+    refused(f"pairs.csv.*{fault}", listed, tmp_path, planted, *lines, header=header)
 
 
 # Statistics
@@ -351,7 +341,9 @@ def test_more_songs_than_are_kept_become_groups(monkeypatch: pytest.MonkeyPatch,
 def ranks_of(first: np.ndarray, second: np.ndarray, *, better: int = 1) -> dict[str, int]:
     values = {("x", f"{song}", ""): value for song, value in enumerate(first)}
     values |= {("y", f"{song}", ""): value for song, value in enumerate(second)}
-    differences = system_differences(collect([rows_of(values)]).song_means, ["x", "y"], count=500)
+    differences = system_differences(
+        collect([rows_of(values)]).song_means, ["x", "y"], interval=partial(song_interval, count=500)
+    )
     return ranks(differences, ["x", "y"], "harmony", better=better)
 
 
@@ -376,7 +368,8 @@ def test_a_third_system_that_is_like_both_has_no_rank() -> None:
     values = {("x", f"{song}", ""): 1.0 + 0.01 * song for song in range(6)}
     values |= {("y", f"{song}", ""): 0.01 * song for song in range(6)}
     values |= {("z", f"{song}", ""): 0.5 + (-1) ** song for song in range(6)}
-    differences = system_differences(collect([rows_of(values)]).song_means, ["x", "y", "z"], count=500)
+    interval = partial(song_interval, count=500)
+    differences = system_differences(collect([rows_of(values)]).song_means, ["x", "y", "z"], interval=interval)
     assert ranks(differences, ["x", "y", "z"], "harmony", better=1) == {"x": 1, "y": 2}
 
 
@@ -474,7 +467,7 @@ def test_no_beat_measure_changes_with_the_frame_rate() -> None:
             turns = np.arange(20 * fps + 1) / fps - beats[0]
             way = turns - np.sin(2 * np.pi * turns) / 2 / np.pi
             motion = Motion(way[:, None, None] * np.array([1.0, 0.0, 0.0]), fps, Skeleton.unnamed(1))
-            scores.append(rows.beat_numbers(BeatTrack(beats, np.ones(20), 100.0, 20.0), motion))
+            scores.append(beat_numbers(BeatTrack(beats, np.ones(20), 100.0, 20.0), motion))
         numbers.append(pd.DataFrame(scores).mean())
     pd.testing.assert_series_equal(numbers[0], numbers[1], atol=0.01)
     pd.testing.assert_series_equal(numbers[0], numbers[2], atol=0.01)
@@ -615,8 +608,7 @@ def test_the_page_fits_its_window_and_asks_for_nothing(
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("request", lambda request: faults.append(request.url) if request.url.startswith("http") else None)
     page.goto((planted / "table" / "index.html").as_uri())
-    player = page.frames[1]
-    player.wait_for_function("window.harmolabPlayer", timeout=20_000)
+    page.frames[1].wait_for_function("window.harmolabPlayer", timeout=20_000)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.evaluate("[...document.images].every(one => one.naturalWidth > 0)")
     assert faults == []
@@ -631,8 +623,7 @@ def test_a_fault_while_writing_leaves_the_table_as_it_was(
         raise ValueError("planted")
 
     monkeypatch.setattr(evaluation_page, "table_tex", broken)
-    with pytest.raises(ValueError, match="planted"):
-        write_evaluation(planted / "table", table)
+    refused("planted", write_evaluation, planted / "table", table)
     assert {path: path.read_bytes() for path in (planted / "table").rglob("*.*") if path.is_file()} == files
 
 
@@ -694,8 +685,7 @@ def test_measured_rows_of_a_run_that_was_cut_off_are_not_thrown_away(planted: Pa
     part = out / "rows" / "part-0000000.parquet"
     write_part(part, part_rows(part)[:5])
     before = part.read_bytes()
-    with pytest.raises(ValueError, match=r"holds 5 of 28 rows; go on with --resume"):
-        evaluate_dances(some, out)
+    refused(r"holds 5 of 28 rows; go on with --resume", evaluate_dances, some, out)
     assert part.read_bytes() == before
     evaluate_dances(some, out, resume=True)
     assert (out / "clips.csv").read_bytes() == whole
@@ -755,20 +745,16 @@ def test_a_protocol_without_numbers_is_a_remark(planted: Path, tmp_path: Path) -
 
 
 def test_a_table_is_not_written_over_what_it_is_made_from(planted: Path, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="is an input"):
-        evaluate_dances(settings(planted), planted / "recorded")
-    with pytest.raises(ValueError, match="lies in a folder of dances"):
-        evaluate_dances(settings(planted), planted / "on" / "table")
+    refused("is an input", evaluate_dances, settings(planted), planted / "recorded")
+    refused("lies in a folder of dances", evaluate_dances, settings(planted), planted / "on" / "table")
     (tmp_path / "thesis.tex").write_text("mine")
-    with pytest.raises(ValueError, match=r"no table of harmolab; .*--force"):
-        evaluate_dances(settings(planted), tmp_path)
+    refused(r"no table of harmolab; .*--force", evaluate_dances, settings(planted), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
     check_table_folder(tmp_path, settings(planted), force=True)
 
 
 def test_a_system_must_not_be_called_like_a_control(planted: Path) -> None:
-    with pytest.raises(ValueError, match="'recorded' is the name of a row"):
-        settings(planted, systems={"recorded": planted / "on"})
+    refused("'recorded' is the name of a row", settings, planted, systems={"recorded": planted / "on"})
 
 
 def rateless(planted: Path, folder: Path) -> Path:
@@ -810,9 +796,8 @@ class Fake:
 
 
 def test_a_protocol_adds_its_numbers(planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ValueError, match="no protocol is called 'fake'"):
-        settings(planted, protocol="fake")
-    monkeypatch.setattr(rows, "PROTOCOLS", {"fake": Fake()})
+    refused("no protocol is called 'fake'", settings, planted, protocol="fake")
+    monkeypatch.setattr(protocols, "PROTOCOLS", {"fake": Fake()})
     some = settings(planted, protocol="fake", systems={"off": planted / "off"})
     evaluation = evaluate_dances(some, tmp_path / "table")
     beats = pd.read_csv(tmp_path / "table" / "clips.csv").query("system == 'off'")
@@ -840,16 +825,14 @@ def test_the_command_writes_the_table_and_says_where(planted: Path, tmp_path: Pa
     assert again.exit_code == 0, "its own table may be written anew"
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        (("--system", "ours"), "write it as NAME=FOLDER"),
-        (("--system", "ours={planted}/on", "--system", "ours={planted}/off"), "there is a system 'ours' already"),
-        ((), "there is nothing to evaluate"),
-        (("--system", "ours={planted}/nowhere"), "nowhere: no such folder"),
-        (("--system", "ours={planted}/on", "--fps", "nan"), "--fps must be a finite number"),
-        (("--system", "ours={planted}/on", "--protocol", "nobody"), "no protocol is called 'nobody'"),
-    ],
+@cases(
+    "options, fault",
+    (("--system", "ours"), "write it as NAME=FOLDER"),
+    (("--system", "ours={planted}/on", "--system", "ours={planted}/off"), "there is a system 'ours' already"),
+    ((), "there is nothing to evaluate"),
+    (("--system", "ours={planted}/nowhere"), "nowhere: no such folder"),
+    (("--system", "ours={planted}/on", "--fps", "nan"), "--fps must be a finite number"),
+    (("--system", "ours={planted}/on", "--protocol", "nobody"), "no protocol is called 'nobody'"),
 )
 def test_what_cannot_be_is_one_line(planted: Path, tmp_path: Path, options: tuple[str, ...], fault: str) -> None:
     inputs = ("--music", planted / "recorded", "--reference", planted / "recorded", "--out", tmp_path / "table")

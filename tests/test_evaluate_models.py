@@ -1,7 +1,5 @@
 """`harmolab evaluate` on what the field's models write: a folder like AIST++, and what is said about its reading."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from functools import partial
@@ -12,12 +10,12 @@ import pandas as pd
 import pytest
 
 from harmolab.cli import app
-from harmolab.io.motion import load_motion, save_motion
+from harmolab.lab.evaluate.evaluation import EvaluationSettings
 from harmolab.lab.evaluate.pairing import Pair
 from harmolab.lab.evaluate.rows import RowOptions, clip_row
-from harmolab.lab.evaluate.settings import EvaluationSettings
+from harmolab.readers.motion import load_motion, save_motion
 from harmolab.types import BeatTrack
-from tests.builders import called, planted_dance, write_song
+from tests.builders import called, cases, planted_dance, write_song
 
 run = partial(called, app)
 SONGS = {"mBR0": "cha-cha", "mHO1": "rumba", "mWA5": "jive"}
@@ -106,13 +104,11 @@ def test_rate_axis_and_body_of_the_options_are_for_files_that_leave_them_open(ai
     assert rows[".npy"]["foot_skating"] == pytest.approx(plain["foot_skating"], rel=0.2)
 
 
-@pytest.mark.parametrize(
-    ("option", "value", "fault"),
-    [
-        ("--smpl", "none.npz", "none.npz: no such file"),
-        ("--smpl", "songs/mBR0.wav", "mBR0.wav: is no .npz"),
-        ("--up", "x", "'x' is not one of 'y', 'z'"),
-    ],
+@cases(
+    "option, value, fault",
+    ("--smpl", "none.npz", "none.npz: no such file"),
+    ("--smpl", "songs/mBR0.wav", "mBR0.wav: is no .npz"),
+    ("--up", "x", "'x' is not one of 'y', 'z'"),
 )
 def test_a_body_and_an_axis_that_cannot_be_end_the_command(
     aist: Path, tmp_path: Path, option: str, value: str, fault: str

@@ -14,10 +14,16 @@ import pytest
 import torch
 from filelock import FileLock
 
-from harmolab.kinematics import resample_motion
-from harmolab.lab.experiments import generation
-from harmolab.lab.experiments.ablation import ablation
-from harmolab.lab.experiments.generation import (
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import Skeleton
+from harmolab.systems.harmogan.networks import generate_units
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.motion_code import turned
+from harmolab.systems.training.pose_network import embed_meters
+from harmolab.types import Motion
+from study.experiments import generation
+from study.experiments.ablation import ablation
+from study.experiments.generation import (
     SWEEP,
     SYNTHETIC,
     VARIANTS,
@@ -27,15 +33,11 @@ from harmolab.lab.experiments.generation import (
     training_split,
     weight_sweep,
 )
-from harmolab.lab.experiments.judging import RECORDED, judge, recorded_motions
-from harmolab.lab.experiments.long_dances import dance_limits, danced_song, long_dances
-from harmolab.lab.experiments.own_songs import own_songs, song_means
-from harmolab.lab.profile import RunProfile
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.motion_code import turned
-from harmolab.systems.common.pose_network import embed_meters
-from harmolab.systems.harmogan.generate import generate_units
-from harmolab.types import Motion, Skeleton
+from study.experiments.judging import RECORDED, judge, recorded_motions
+from study.experiments.long_dances import dance_limits, danced_song, long_dances
+from study.experiments.own_songs import own_songs, song_means
+from study.profile import RunProfile
+from tests.builders import refused
 
 PROFILE = RunProfile(
     "quick", n_clips=20, n_sequences=1, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16
@@ -178,8 +180,7 @@ def test_a_generator_is_judged_on_its_test_units(paper: generation.Trained):
 
 def test_recorded_motion_is_as_far_from_itself_as_nothing(paper: generation.Trained):
     units = paper.split.test
-    measures = judge(recorded_motions(units), units, paper.pose_net)
-    assert measures["fid_raw"] == pytest.approx(0, abs=1e-3)
+    assert judge(recorded_motions(units), units, paper.pose_net)["fid_raw"] == pytest.approx(0, abs=1e-3)
 
 
 def test_a_system_that_only_makes_motions_is_judged_by_the_same_function(paper: generation.Trained):
@@ -254,5 +255,4 @@ def test_a_danced_song_begins_with_its_music_and_its_recorded_dancer(paper: gene
     assert song.recorded.duration == pytest.approx(duration, abs=1 / song.generated.fps)
     assert song.audio.duration == pytest.approx(duration, abs=0.05)
     assert len(song.beats) > 0 and song.beats.times[-1] <= duration
-    with pytest.raises(ValueError, match="place must be 0 to"):
-        danced_song(PROFILE, "synthetic", "paper", 99)
+    refused("place must be 0 to", danced_song, PROFILE, "synthetic", "paper", 99)

@@ -1,7 +1,5 @@
 """The foot model and its trials: planted slides are measured, one draw serves all, dances are corrected or planted."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +11,29 @@ import pandas as pd
 import pytest
 import torch
 
-from harmolab.corpora.synthetic import synthetic_clip, write_corpus
-from harmolab.lab.experiments import danced_feet
-from harmolab.lab.experiments.contests import Contest
-from harmolab.lab.experiments.danced_feet import foot_speeds, toe_heights
-from harmolab.lab.experiments.feet import (
+from harmolab.data.synthetic import synthetic_clip, write_corpus
+from harmolab.systems.music2dance.codes import POINTS, PositionCode, RotationCode
+from harmolab.systems.music2dance.feet import (
+    FootModel,
+    FootParams,
+    simulated_sliding,
+    smoothed,
+    standing_speed,
+    train_feet,
+)
+from harmolab.systems.music2dance.generate import Danced
+from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
+from harmolab.systems.music2dance.sequences import SequenceSet, Windows, load_sequences
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.motion_code import encode_motion
+from harmolab.systems.training.splits import Split, split_units
+from harmolab.systems.training.weights import load_weights
+from harmolab.types import Clip, FloatArray, Motion
+from study.experiments import danced_feet
+from study.experiments.contests import Contest
+from study.experiments.danced_feet import foot_speeds, toe_heights
+from study.experiments.feet import (
     BOTH,
     CONVOLUTION,
     ERROR,
@@ -33,29 +49,8 @@ from harmolab.lab.experiments.feet import (
     measured_planted,
     standing_slide,
 )
-from harmolab.lab.profile import RunProfile
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.motion_code import encode_motion
-from harmolab.systems.common.splits import Split, split_units
-from harmolab.systems.common.unit_corpus import load_units
-from harmolab.systems.common.weights import load_weights
-from harmolab.systems.music2dance.codes import PositionCode, RotationCode
-from harmolab.systems.music2dance.feet import (
-    FootModel,
-    FootParams,
-    simulated_sliding,
-    smoothed,
-    standing_speed,
-    train_feet,
-)
-from harmolab.systems.music2dance.generate import Danced
-from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
-from harmolab.systems.music2dance.points import POINTS
-from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences
-from harmolab.systems.music2dance.sliding import SlidWindows, slid_windows
-from harmolab.systems.music2dance.windows import Windows
-from harmolab.types import Clip, FloatArray, Motion
+from study.experiments.sliding import SlidWindows, slid_windows
+from study.profile import RunProfile
 from tests.test_music2dance_dancing import foot_model, sound, system
 
 FPS = 25.0
@@ -78,8 +73,8 @@ def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def split(corpus: Path) -> Split:
-    return split_units(load_units([corpus], FeatureParams.paper(), step=2))
+def split(sequences: SequenceSet) -> Split:
+    return split_units(sequences.units)
 
 
 @pytest.fixture(scope="module", params=["positions", "rotations"])
@@ -242,7 +237,7 @@ def test_a_foot_that_rolls_over_its_toe_costs_nothing_and_one_that_slides_its_sp
 
 
 def test_it_learns_what_slides(split: Split, sequences: SequenceSet, tmp_path: Path):
-    train_feet(split, sequences, tmp_path / "run", QUICK)
+    train_feet(split, sequences, TrainOptions(tmp_path / "run"), QUICK)
     model = load_weights(tmp_path / "run", FootModel)
     learnt = slid_windows(split, sequences, side="train", most=16)
     assert learnt.squared_error(learnt.corrected(model)) < 0.97 * learnt.squared_error(learnt.slid)

@@ -1,7 +1,5 @@
 """What is on the axes: lines, marks, labels, limits. Answers are planted; pixels are not looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
@@ -16,7 +14,8 @@ from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
 
 from harmolab import HarmonyParams, score_clip, synthetic_clip
 from harmolab.beats.meter import MeterUnit
-from harmolab.corpora.tang2018 import TANG_23
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import TANG_23
 from harmolab.lab.figures.beats import (
     draw_curve,
     draw_hits,
@@ -30,10 +29,12 @@ from harmolab.lab.figures.beats import (
     score_figure,
 )
 from harmolab.lab.figures.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
-from harmolab.lab.figures.motion import draw_frames, draw_poses
-from harmolab.lab.figures.style import COLOURS, MARKERS, smallest_text
-from harmolab.lab.person.camera import ANGLE
-from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.lab.figures.people import draw_frames, draw_poses
+from harmolab.lab.figures.style import COLOURS, MARKERS
+from harmolab.lab.person import ANGLE
+from harmolab.types import BeatTrack, Motion
+from study.saving import smallest_text
+from tests.builders import refused
 from tests.test_person import standing
 
 MUSIC = BeatTrack([0.5, 1.0, 1.5], [4.0, 1.0, 2.0], fps=100.0, duration=2.0)
@@ -326,8 +327,7 @@ def test_turning_the_camera_to_the_side_hides_movement_to_the_side(ax: Axes):
 
 
 def test_skeleton_without_bones_is_drawn_as_dots(ax: Axes):
-    motion = moving_arm()
-    draw_poses(ax, Motion(motion.positions, 10.0, Skeleton.unnamed(3)), [1.0], 0.5, trail=())
+    draw_poses(ax, Motion(moving_arm().positions, 10.0, Skeleton.unnamed(3)), [1.0], 0.5, trail=())
     (person,) = people_of(boxes(ax, "pose")[0])
     dots = [path.vertices for path in person.get_paths()]
     assert len(dots) == 3
@@ -335,8 +335,7 @@ def test_skeleton_without_bones_is_drawn_as_dots(ax: Axes):
 
 
 def test_colour_of_a_figure_is_that_of_its_trunk_and_the_sides_keep_theirs(ax: Axes):
-    body = standing(TANG_23)
-    draw_poses(ax, Motion(body, 30.0, TANG_23), [0.0], 0.5, trail=(), colour=COLOURS["hit"])
+    draw_poses(ax, Motion(standing(TANG_23), 30.0, TANG_23), [0.0], 0.5, trail=(), colour=COLOURS["hit"])
     (person,) = people_of(boxes(ax, "pose")[0])
     colours = [to_hex(colour).upper() for colour in person.get_facecolors()]
     assert colours.count(COLOURS["hit"]) == 3  # trunk, neck, head
@@ -344,8 +343,7 @@ def test_colour_of_a_figure_is_that_of_its_trunk_and_the_sides_keep_theirs(ax: A
 
 
 def test_times_beyond_the_motion_show_its_first_or_last_pose(ax: Axes, swinging_arm: Callable[..., Motion]):
-    motion = swinging_arm(1.0, 25.0, seconds=2.0)
-    draw_poses(ax, motion, [-1.0, 99.0], 0.0, trail=())
+    draw_poses(ax, swinging_arm(1.0, 25.0, seconds=2.0), [-1.0, 99.0], 0.0, trail=())
     assert len(boxes(ax, "pose")) == 2
 
 
@@ -362,5 +360,4 @@ def test_frames_stand_at_their_times_and_keep_their_pixels(ax: Axes, shape: tupl
 
 
 def test_number_of_frames_must_be_the_number_of_times(ax: Axes):
-    with pytest.raises(ValueError, match="zip"):
-        draw_frames(ax, [np.zeros((24, 32), np.uint8)], [0.5, 1.5])
+    refused("zip", draw_frames, ax, [np.zeros((24, 32), np.uint8)], [0.5, 1.5])

@@ -1,7 +1,5 @@
 """Figures of the ablation: what stands where on the axes, and that titles follow the numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,10 +9,12 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from harmolab.lab.figures.ablation import APART, ablation_figure, draw_measure, draw_trade_off, trade_off_figure
-from harmolab.lab.figures.results import draw_choices, forced_choice_figure
-from harmolab.lab.figures.style import COLOURS, smallest_text
-from harmolab.lab.figures.variants import LOOKS
+from harmolab.lab.figures.style import COLOURS
+from study.figures.ablation import APART, ablation_figure, draw_measure, draw_trade_off, trade_off_figure
+from study.figures.results import draw_choices, forced_choice_figure
+from study.figures.variants import LOOKS
+from study.saving import smallest_text
+from tests.builders import cases
 
 NAN = float("nan")
 
@@ -85,8 +85,7 @@ def test_interval_is_drawn_only_where_there_is_one(ax: Axes):
 def test_arrows_lead_from_without_to_with(ax: Axes):
     draw_measure(ax, of_all("fid", [10.0, 40.0, 12.0, 30.0, NAN]), measure="fid")
     arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None) is not None]
-    ends = [(text.xyann[0], text.xy[0]) for text in arrows]
-    assert ends == [(10.0, 40.0), (12.0, 30.0)]
+    assert [(text.xyann[0], text.xy[0]) for text in arrows] == [(10.0, 40.0), (12.0, 30.0)]
 
 
 def test_value_below_zero_is_within_the_axes(ax: Axes):
@@ -103,18 +102,16 @@ def both_measures(corpus: str = "made up") -> list[dict[str, object]]:
     return [row for measure, values in means.items() for row in of_all(measure, values, corpus)]
 
 
-@pytest.mark.parametrize(
-    ("paper", "ours", "finding"),
-    [
-        (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", 3.0, 1.0), "only our harmony term raises it"),
-        (
-            gain("paper", "fid", -3.0, 1.0),
-            gain("recommended", "fid", 1.0, 2.0),
-            "only the paper's harmony term lowers it",
-        ),
-        (gain("paper", "fid", 3.0, 1.0), gain("recommended", "fid", 3.0, 1.0), "both harmony terms raise it"),
-        (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", -1.0, 2.0), "neither clearly changes it"),
-    ],
+@cases(
+    "paper, ours, finding",
+    (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", 3.0, 1.0), "only our harmony term raises it"),
+    (
+        gain("paper", "fid", -3.0, 1.0),
+        gain("recommended", "fid", 1.0, 2.0),
+        "only the paper's harmony term lowers it",
+    ),
+    (gain("paper", "fid", 3.0, 1.0), gain("recommended", "fid", 3.0, 1.0), "both harmony terms raise it"),
+    (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", -1.0, 2.0), "neither clearly changes it"),
 )
 def test_title_says_whose_change_is_larger_than_its_interval(paper, ours, finding: str):
     others = [gain(loss, "above_chance", 0.0, 1.0) for loss in ("paper", "recommended")]
@@ -142,8 +139,7 @@ def test_trade_off_has_a_mark_a_variant_with_both_intervals_and_small_ones_for_o
     rows = both_measures()
     rows = [row for row in rows if (row["variant"], row["measure"]) != ("paper", "fid")]
     rows.append(record("paper", "fid", 8.0, -2.0, 18.0))
-    sweep = [{"harmony_weight": 0.1, "above_chance": 0.6, "fid": 6.5}]
-    draw_trade_off(ax, rows, sweep, measure="fid")
+    draw_trade_off(ax, rows, [{"harmony_weight": 0.1, "above_chance": 0.6, "fid": 6.5}], measure="fid")
     assert {(9.0, 0.1), (8.0, 0.2), (7.0, 0.3), (6.0, 0.9)} < set(marks(ax))
     (interval,) = [line for line in ax.lines if line.get_gid() == "interval"]
     assert list(interval.get_xdata()) == [0.0, 18.0]  # a distance does not go below 0
@@ -183,8 +179,7 @@ def test_band_of_the_coin_narrows_with_the_root_of_the_number_of_units(ax: Axes)
 
 
 def test_votes_say_in_the_picture_that_nobody_was_asked():
-    votes = [vote("above chance", 0.2), vote("paper's harmony", 0.9)]
-    figure = forced_choice_figure({"made up": votes})
+    figure = forced_choice_figure({"made up": [vote("above chance", 0.2), vote("paper's harmony", 0.9)]})
     ours, papers = (LOOKS[name].label for name in ("recommended", "paper"))
     assert figure.axes[0].get_title(loc="left") == (
         "Made up, 25 units, no people asked:\n"

@@ -1,7 +1,5 @@
 """The picture of a comparison: a bar a system, chance, the paper's value, and no bar without a number."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -9,8 +7,8 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.lab.figures.comparison import COMPARED, THIN, WIDE, comparison_figure, draw_compared
-from harmolab.lab.figures.style import smallest_text
+from study.figures.comparison import COMPARED, THIN, WIDE, comparison_figure, draw_compared
+from study.saving import smallest_text
 
 
 def row(system: str, kind: str, h: float, **more: Any) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """A dance frame by frame: poses at even intervals, bars at the music's beats, and which of them were met."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -14,12 +12,13 @@ from matplotlib.offsetbox import AnnotationBbox
 
 from harmolab import synthetic_clip
 from harmolab.beats.visual import visual_beats
-from harmolab.harmony import music_and_motion, score_harmony, score_motion
-from harmolab.lab.figures.dance import dance_figure, draw_sheet, draw_speed, sheet_times
 from harmolab.lab.figures.style import COLOURS
 from harmolab.params import HarmonyParams
+from harmolab.score import HarmonyScore, score_harmony
 from harmolab.types import BeatTrack, Motion
-from harmolab.verdict.score import HarmonyScore
+from harmolab.verdict.judge import music_and_motion, score_motion
+from study.figures.dance import dance_figure, draw_sheet, draw_speed, sheet_times
+from tests.builders import refused
 
 VALLEYS = HarmonyParams.valleys()
 # The arm swings once a second and rests at 0.25, 0.75, 1.25 ... s.
@@ -54,8 +53,7 @@ def test_four_frames_at_15_a_second_are_the_papers_interval(arm: Motion):
 
 
 def test_an_interval_of_no_frames_is_refused(arm: Motion):
-    with pytest.raises(ValueError, match="every must be one frame or more, got 0"):
-        sheet_times(arm, every=0)
+    refused("every must be one frame or more, got 0", sheet_times, arm, every=0)
 
 
 def test_sheet_has_a_pose_at_every_interval_and_a_bar_at_every_beat(ax: Axes, arm: Motion):
@@ -88,8 +86,7 @@ def test_marks_of_visual_beats_lie_on_the_curve_of_the_speed(ax: Axes, arm: Moti
 
 
 def test_dancers_are_shown_on_one_time_line_and_one_scale_of_speed(arm: Motion, swinging_arm: Callable[..., Motion]):
-    fast = swinging_arm(2.0, 15.0, seconds=2.0)
-    motions = {"slow": arm, "fast": fast}
+    motions = {"slow": arm, "fast": swinging_arm(2.0, 15.0, seconds=2.0)}
     scores = {name: from_start(motion, 0.6) for name, motion in motions.items()}
     figure = dance_figure(motions, BEATS, scores, start=0.6, titles={"fast": "twice as fast"})
     sheets, speeds = figure.axes[::2], figure.axes[1::2]
@@ -102,14 +99,12 @@ def test_dancers_are_shown_on_one_time_line_and_one_scale_of_speed(arm: Motion, 
 
 def test_what_was_given_is_shaded_up_to_the_start(arm: Motion):
     figure = dance_figure({"arm": arm}, BEATS, {"arm": from_start(arm, 0.6)}, start=0.6)
-    ends = [ax.patches[-1].get_bbox().x1 for ax in figure.axes]
-    assert ends == [pytest.approx(0.6)] * 2
+    assert [ax.patches[-1].get_bbox().x1 for ax in figure.axes] == [pytest.approx(0.6)] * 2
 
 
 def test_a_dancer_who_is_late_by_the_expected_lag_is_drawn_with_the_hits_of_the_score(ax: Axes):
     clip = synthetic_clip("waltz", seconds=12.0, seed=1)
-    late = replace(clip, offset=clip.offset + 0.3, motion=clip.motion.span(0.0, 8.0))
-    music, motion = music_and_motion(late)
+    music, motion = music_and_motion(replace(clip, offset=clip.offset + 0.3, motion=clip.motion.span(0.0, 8.0)))
     score = score_motion(music, motion, params=replace(VALLEYS, lag=0.3), n_rotations=0)
     assert score.hits.sum() >= 0.8 * score.n_audio
     draw_speed(ax, motion, score)

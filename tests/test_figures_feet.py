@@ -1,17 +1,16 @@
 """Figures of feet: marks at their means, heights in centimetres, grey where a foot stands; quick ones say so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from harmolab.lab.experiments.danced_feet import FootCurves
-from harmolab.lab.figures.feet import MEASURES, draw_ways, foot_model_figure, toes_figure, ways_figure
-from harmolab.lab.figures.style import save_figure
-from harmolab.lab.profile import RunProfile
+from study.experiments.danced_feet import FootCurves
+from study.figures.feet import MEASURES, draw_ways, foot_model_figure, toes_figure, ways_figure
+from study.profile import RunProfile
+from study.saving import save_figure
+from tests.builders import cases
 
 NAN = float("nan")
 
@@ -87,13 +86,11 @@ def test_grey_lies_where_a_foot_is_said_to_stand():
     assert foot_model_figure(curves, 0 * stands, fps=25.0).get_suptitle() == "No foot is predicted to stand"
 
 
-@pytest.mark.parametrize(
-    ("profile", "trained", "words"),
-    [
-        (RunProfile.quick(), True, ["synthetic data; quick profile, not trained"]),
-        (RunProfile.quick(), False, ["synthetic data"]),
-        (RunProfile.full(), True, ["synthetic data"]),
-    ],
+@cases(
+    "profile, trained, words",
+    (RunProfile.quick(), True, ["synthetic data; quick profile, not trained"]),
+    (RunProfile.quick(), False, ["synthetic data"]),
+    (RunProfile.full(), True, ["synthetic data"]),
 )
 def test_a_quick_picture_of_trained_networks_says_so(
     profile: RunProfile, trained: bool, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -1,7 +1,5 @@
 """Figures of notebooks 07 and 08: what is on the axes. Answers are planted; pixels are not looked at."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,13 +13,16 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.offsetbox import AnnotationBbox
 
-from harmolab.lab.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
-from harmolab.lab.figures.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times
-from harmolab.lab.figures.style import COLOURS, smallest_text
-from harmolab.lab.figures.training import TERMS, draw_term, draw_validated, losses_figure, validation_figure
-from harmolab.lab.figures.variants import LOOKS
+from harmolab.body.skeletons import Skeleton
+from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.harmogan.params import TrainParams
-from harmolab.types import Motion, Skeleton
+from harmolab.types import Motion
+from study.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
+from study.figures.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times
+from study.figures.training import TERMS, draw_term, draw_validated, losses_figure, validation_figure
+from study.figures.variants import LOOKS
+from study.saving import smallest_text
+from tests.builders import cases, refused
 
 
 @pytest.fixture
@@ -114,9 +115,7 @@ def test_box_is_as_high_as_its_lines_need(ax: Axes):
     ]
 
 
-@pytest.mark.parametrize(
-    ("count", "text"), [(0, "0"), (999, "999"), (1000, "1.0 k"), (99_960, "100 k"), (7.25e6, "7.2 M")]
-)
+@cases("count, text", (0, "0"), (999, "999"), (1000, "1.0 k"), (99_960, "100 k"), (7.25e6, "7.2 M"))
 def test_counts_are_short(count: int, text: str):
     assert count_text(count) == text
 
@@ -258,8 +257,7 @@ def test_interval_that_goes_below_the_axis_ends_in_an_arrow_at_its_left_end(ax: 
 
 
 def test_trainings_are_dots(ax: Axes):
-    row = {**distance("paper", 20.0), "seed 1": 15.0, "seed 2": 25.0}
-    draw_distances(ax, [row], measure="fid")
+    draw_distances(ax, [{**distance("paper", 20.0), "seed 1": 15.0, "seed 2": 25.0}], measure="fid")
     (dots,) = [line for line in ax.lines if line.get_gid() == "seed"]
     assert list(dots.get_xdata()) == [15.0, 25.0]
 
@@ -288,8 +286,7 @@ def test_shots_are_as_far_apart_as_they_can_be_at_equal_steps():
 
 @pytest.mark.parametrize("shots", [0, 32])
 def test_more_shots_than_frames_are_refused(shots: int):
-    with pytest.raises(ValueError, match=r"shots must be from 1 to the number of frames \(31\), got"):
-        shot_times(standing(31), shots)
+    refused(r"shots must be from 1 to the number of frames \(31\), got", shot_times, standing(31), shots)
 
 
 def figures_at(ax: Axes) -> list[float]:

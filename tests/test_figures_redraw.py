@@ -1,7 +1,5 @@
 """Figures that are drawn again from the tables beside them."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -14,10 +12,12 @@ from matplotlib.image import imread
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 
-from harmolab.lab.experiments.half_minutes import MARKS
-from harmolab.lab.figures.redraw import WEIGHTS, figures_of_tables, redraw
-from harmolab.lab.figures.style import MANIFEST, PAGE_WIDTH, save_figure, smallest_text, styled_axes
-from harmolab.lab.profile import RunProfile
+from harmolab.lab.figures.style import styled_axes
+from harmolab.lab.report.pages import MANIFEST
+from study.experiments.half_minutes import MARKS
+from study.figures.redraw import WEIGHTS, figures_of_tables, redraw
+from study.profile import RunProfile
+from study.saving import PAGE_WIDTH, save_figure, smallest_text
 
 SHIPPED = Path(__file__).parents[1] / "figures"
 
@@ -70,8 +70,7 @@ def test_legend_at_the_edge_stays_above_the_mark_for_synthetic_data(tmp_path: Pa
         ax.set_axis_off()
         figure.legend(handles=[Patch(color="#0000FF", label=40 * "i")], loc="outside lower right")
     about = {"notebook": "00_start_here", "source": "synthetic", "profile": RunProfile.quick()}
-    pixels = imread(save_figure(figure, "legend", **about).path)
-    red, _, blue = np.moveaxis(pixels[..., :3], -1, 0)
+    red, _, blue = np.moveaxis(imread(save_figure(figure, "legend", **about).path)[..., :3], -1, 0)
     of_legend, of_mark = (np.flatnonzero(mask.any(axis=1)) for mask in (blue - red > 0.8, red - blue > 0.3))
     assert of_legend.size and of_mark.size and of_legend.max() < of_mark.min()
 

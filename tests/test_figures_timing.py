@@ -1,7 +1,5 @@
 """Distances from the beats along time: offsets, their marks, and the lags of the halves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -11,18 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from harmolab.harmony import score_harmony, score_motion
-from harmolab.lab.figures.style import COLOURS, smallest_text
-from harmolab.lab.figures.timing import (
-    draw_means,
-    draw_timing,
-    event_name,
-    offset_figure,
-    signed_offsets,
-    timing_figure,
-)
+from harmolab.lab.figures.beats import draw_means, draw_timing, event_name, offset_figure, signed_offsets, timing_figure
+from harmolab.lab.figures.style import COLOURS
 from harmolab.params import HOW_PATTERNS, HarmonyParams
+from harmolab.score import score_harmony
 from harmolab.types import BeatTrack
+from harmolab.verdict.judge import score_motion
+from study.saving import smallest_text
 from tests.builders import track, waving
 
 MUSIC = BeatTrack([1.0, 2.0, 3.0], [1.0, 1.0, 1.0], fps=100.0, duration=4.0)

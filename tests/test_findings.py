@@ -1,20 +1,18 @@
 """Findings in words: each sentence against what was planted, and silence where there is nothing to say."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.harmony import score_motion
-from harmolab.lab.timing.findings import Explanation, explain
+from harmolab.data.synthetic import synthetic_motion
+from harmolab.lab.explain.performance import Explanation, explain
 from harmolab.params import HOW_PATTERNS, HarmonyParams
+from harmolab.score import HarmonyScore
 from harmolab.types import BeatTrack, Clip
-from harmolab.verdict.score import HarmonyScore
-from tests.builders import planted_dance, still
+from harmolab.verdict.judge import score_motion
+from tests.builders import planted_dance, refused, still
 
 SECONDS = 24.0
 TIMING = re.compile(r"\b(ms|early|late|later|earlier)\b")
@@ -128,5 +126,4 @@ def test_findings_of_an_unplaced_dance_leave_its_place_out(music: BeatTrack):
 
 def test_a_score_without_a_judgement_is_refused(music: BeatTrack, clip: Clip):
     score = score_motion(music, clip.motion, params=HarmonyParams.valleys())
-    with pytest.raises(ValueError, match="words need a score of measure 'shape', got 'hits'"):
-        explain(score)
+    refused("words need a score of measure 'shape', got 'hits'", explain, score)

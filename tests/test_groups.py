@@ -1,7 +1,5 @@
 """Motion groups: figures where they were named, near-duplicate motion between splices where not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.corpora.folders import Recording, load_recording
-from harmolab.io.beats import BeatAnnotation, Unit
-from harmolab.systems.common.groups import NEAR, Segment, group_outlines, motion_groups, outline
-from harmolab.types import Audio, Clip, Motion, Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import Recording, load_recording
+from harmolab.readers.beats import BeatAnnotation, Unit
+from harmolab.systems.training.groups import NEAR, Segment, group_outlines, motion_groups, outline
+from harmolab.types import Audio, Clip, Motion
 
 FPS = 25.0
 BODY = Skeleton(("torso", "hip L", "hip R", "hand"), (-1, 0, 0, 0))
@@ -59,8 +58,7 @@ def test_annotated_figures_are_the_groups():
 
 
 def test_a_unit_without_figure_goes_by_its_name():
-    sequence = named(spliced(movement("once", 4.0)), Unit("walk", 0.0, 4.0, 3))
-    assert motion_groups([sequence])[0][0].group == "walk"
+    assert motion_groups([named(spliced(movement("once", 4.0)), Unit("walk", 0.0, 4.0, 3))])[0][0].group == "walk"
 
 
 def test_annotated_units_are_stretched_to_the_motion_and_each_to_the_next():
@@ -83,8 +81,7 @@ def test_an_unspliced_motion_is_one_group():
 
 def test_the_same_movement_is_one_group_within_and_across_sequences():
     first = spliced(movement("once"), movement("twice"), movement("once"), movement("back"))
-    second = spliced(movement("twice"), movement("back"), name="b")
-    assert letters(motion_groups([first, second])) == "abac bc"
+    assert letters(motion_groups([first, spliced(movement("twice"), movement("back"), name="b")])) == "abac bc"
 
 
 @pytest.mark.parametrize("seconds", [1.6, 3.0])
@@ -132,14 +129,12 @@ def test_a_copy_of_an_annotated_figure_takes_its_group():
 
 def test_annotated_figures_are_never_merged():
     told = [named(spliced(movement("once"), name=name), Unit("u", 0.0, 2.0, 4, name)) for name in "ab"]
-    groups = motion_groups([*told, spliced(movement("once"), name="c")])
-    assert [one[0].group for one in groups] == ["a", "b", "a"]
+    assert [one[0].group for one in motion_groups([*told, spliced(movement("once"), name="c")])] == ["a", "b", "a"]
 
 
 def test_a_dance_without_name_has_groups_all_the_same():
     sequence = spliced(movement("once"))
-    unknown = replace(sequence, clip=replace(sequence.clip, dance=""))
-    assert motion_groups([unknown])[0][0].group == "movement 1"
+    assert motion_groups([replace(sequence, clip=replace(sequence.clip, dance=""))])[0][0].group == "movement 1"
 
 
 def test_bodies_that_differ_cannot_be_compared(swinging_arm: Callable[..., Motion]):

@@ -1,17 +1,15 @@
 """models.anatomy: sizes and shapes are measured by running a network; the generator is wired as the paper says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
 from torch import Tensor, nn
 
-from harmolab.systems.common.units import Batch
-from harmolab.systems.harmogan.anatomy import Part, anatomy, layers_of, parts_of
+from harmolab.body.skeletons import Skeleton
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.types import Skeleton
+from harmolab.systems.training.units import Batch
+from study.shapes import Part, anatomy, layers_of, parts_of
 
 TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))  # C = 3 * 3 + 3 = 12
@@ -109,8 +107,7 @@ def test_skip_connections_make_heads_as_wide_as_encoder_pose_features_and_decode
 
 
 def test_no_parameter_of_a_network_is_left_out(parts: list[Part]):
-    counted = sum(part.parameters for part in parts if part.network == "generator")
-    assert counted == generator().parameter_count()
+    assert sum(part.parameters for part in parts if part.network == "generator") == generator().parameter_count()
 
 
 def test_discriminators_are_measured_and_segments_counted(parts: list[Part]):

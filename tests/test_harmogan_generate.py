@@ -1,7 +1,5 @@
 """Dances of any length: on the music's beats, without a jump, each meter from the end of the last."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -11,19 +9,19 @@ from torch import Tensor
 
 import harmolab
 import harmolab.systems
-from harmolab.kinematics import resample_motion
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import Skeleton
 from harmolab.metrics.quality import foot_skating
-from harmolab.systems.common.borders import FADE, continued
-from harmolab.systems.common.dancing import synthesize_dance
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.grid import filled_beats, meter_frames
-from harmolab.systems.common.grounding import on_floor, planted_feet
-from harmolab.systems.common.motion_code import bone_lengths, encode_motion
-from harmolab.systems.common.poses_bank import PoseBank
 from harmolab.systems.harmogan.networks import Generator, GeneratorOutput
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from tests.builders import planted_dance
+from harmolab.systems.training.dancing import synthesize_dance
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.feet import on_floor, planted_feet
+from harmolab.systems.training.motion_code import FADE, bone_lengths, continued, encode_motion
+from harmolab.systems.training.runs import PoseBank
+from harmolab.systems.training.units import filled_beats, meter_frames
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import cases, planted_dance, refused
 
 FPS = 15.0
 FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
@@ -207,8 +205,7 @@ def test_dance_starts_from_a_movement_of_the_dance_that_is_named():
 def test_music_without_beats_is_danced_to_as_well(times: list[float]):
     track = BeatTrack(times, np.ones(len(times)), 100.0, 8.0)
     generator = Planted(stepping)
-    motion = synthesize_dance(generator, noise(8.0), beats=track, poses=AT_REST)
-    assert motion.n_frames == 120
+    assert synthesize_dance(generator, noise(8.0), beats=track, poses=AT_REST).n_frames == 120
     assert 3 <= len(generator.given) <= 6  # meters of four to six half seconds
 
 
@@ -244,32 +241,27 @@ def test_generator_is_left_in_the_mode_it_was_in(untrained: Generator, clip: Cli
     untrained.eval()
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        ({"start": 40.0}, r"start must lie within the music \(0 to 30.00 s\), got 40 s"),
-        ({"start": -1.0}, "start must lie within the music"),
-        ({"start": float("nan")}, "start must lie within the music"),
-        ({"seconds": 0.0}, "seconds must be positive, got 0"),
-        ({"seconds": float("nan")}, "seconds must be positive"),
-        ({"start": 29.99}, "less than two frames"),
-        ({"dance": "polka"}, "unknown dance 'polka'; known: cha-cha, jive"),
-        (
-            {"poses": PoseBank(np.zeros((1, 3, 7)), ("",))},
-            r"poses must be motion codes \(K, T0, 15\), got shape \(1, 3, 7\)",
-        ),
-    ],
+@cases(
+    "options, fault",
+    ({"start": 40.0}, r"start must lie within the music \(0 to 30.00 s\), got 40 s"),
+    ({"start": -1.0}, "start must lie within the music"),
+    ({"start": float("nan")}, "start must lie within the music"),
+    ({"seconds": 0.0}, "seconds must be positive, got 0"),
+    ({"seconds": float("nan")}, "seconds must be positive"),
+    ({"start": 29.99}, "less than two frames"),
+    ({"dance": "polka"}, "unknown dance 'polka'; known: cha-cha, jive"),
+    (
+        {"poses": PoseBank(np.zeros((1, 3, 7)), ("",))},
+        r"poses must be motion codes \(K, T0, 15\), got shape \(1, 3, 7\)",
+    ),
 )
 def test_what_cannot_be_danced_is_refused_by_name(options: dict[str, object], fault: str):
-    with pytest.raises(ValueError, match=fault):
-        synthesize_dance(Planted(nodding), noise(), **({"beats": beat_track(), "poses": AT_REST} | options))
+    refused(fault, synthesize_dance, Planted(nodding), noise(), **{"beats": beat_track(), "poses": AT_REST} | options)
 
 
 def test_generator_that_does_not_know_its_features_is_refused():
-    lengths = torch.tensor(np.linalg.norm(REST - REST[0], axis=1))
-    generator = Generator(TINY, 5, SKELETON, lengths, fps=FPS)
-    with pytest.raises(ValueError, match="does not say which audio features it hears"):
-        synthesize_dance(generator, noise(), beats=beat_track())
+    generator = Generator(TINY, 5, SKELETON, torch.tensor(np.linalg.norm(REST - REST[0], axis=1)), fps=FPS)
+    refused("does not say which audio features it hears", synthesize_dance, generator, noise(), beats=beat_track())
 
 
 def test_the_door_of_systems_offers_it_by_name():
@@ -316,10 +308,8 @@ def test_accents_decide_where_meters_begin():
 
 def test_piece_goes_on_in_place_and_velocity_and_keeps_its_own_course_later():
     past = np.linspace(0, 1, 11)[:, None]  # 0.1 a frame
-    new = np.full((60, 1), 5.0)
-    joined = continued(past, new, 60.0)
-    whole = np.concatenate([past, joined])
-    assert np.abs(np.diff(whole, axis=0)).max() < 0.5
+    joined = continued(past, np.full((60, 1), 5.0), 60.0)
+    assert np.abs(np.diff(np.concatenate([past, joined]), axis=0)).max() < 0.5
     first, second = joined[0, 0] - past[-1, 0], past[-1, 0] - past[-2, 0]
     assert first == pytest.approx(second, abs=0.13)
     assert joined[-1, 0] == pytest.approx(5.0, abs=0.01)

@@ -1,16 +1,11 @@
 """models.harmogan: what the generator gives, what it may know, and what the discriminators look at."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
 
-from harmolab.corpora.tang2018 import TANG_23
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.layers import Statistics
-from harmolab.systems.common.motion_code import bone_lengths, encode_motion
-from harmolab.systems.common.torch_code import local_joints
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import TANG_23
 from harmolab.systems.harmogan.networks import (
     CrossDomainDiscriminator,
     Generator,
@@ -20,7 +15,10 @@ from harmolab.systems.harmogan.networks import (
     segments,
 )
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.types import Skeleton
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.layers import Statistics, local_joints
+from harmolab.systems.training.motion_code import bone_lengths, encode_motion
+from tests.builders import cases, refused
 
 TINY = ModelParams(hidden=16, layers=1, pose_features=8, discriminator=4)
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
@@ -42,13 +40,10 @@ def noise(*shape: int) -> torch.Tensor:
     return torch.randn(*shape)
 
 
-@pytest.mark.parametrize(
-    ("params", "least", "most"), [(ModelParams.paper(), 7e6, 9e6), (ModelParams.small(), 0.8e6, 1.2e6)]
-)
+@cases("params, least, most", (ModelParams.paper(), 7e6, 9e6), (ModelParams.small(), 0.8e6, 1.2e6))
 @pytest.mark.parametrize("n_audio", [20, 23])
 def test_presets_have_as_many_parameters_as_they_say(params: ModelParams, least: float, most: float, n_audio: int):
-    generator = Generator(params, n_audio, TANG_23, torch.ones(23), fps=15.0)
-    assert least <= generator.parameter_count() <= most
+    assert least <= Generator(params, n_audio, TANG_23, torch.ones(23), fps=15.0).parameter_count() <= most
 
 
 def test_parameters_are_counted():
@@ -69,8 +64,7 @@ def test_an_untrained_generator_returns_nearly_the_initial_poses(rng: np.random.
 
 
 def test_generated_bones_have_the_reference_lengths():
-    made = arm_generator()(noise(2, 20, 4), noise(2, 20, 12))
-    joints = local_joints(made.motion)
+    joints = local_joints(arm_generator()(noise(2, 20, 4), noise(2, 20, 12)).motion)
     lengths = (joints[..., 1:, :] - joints[..., :-1, :]).norm(dim=-1)
     torch.testing.assert_close(lengths, LENGTHS[1:].expand(2, 20, 2), atol=1e-5, rtol=0)
 
@@ -156,17 +150,15 @@ def test_generator_computes_in_double_precision_too():
     assert made.motion.dtype == torch.float64
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"bone_lengths": torch.ones(2)}, "bone_lengths must be 3 lengths in metres"),
-        ({"bone_lengths": torch.tensor([0.0, -1.0, 1.0])}, "bone_lengths must be 3 lengths in metres"),
-        ({"bone_lengths": torch.tensor([0.0, float("nan"), 1.0])}, "bone_lengths must be 3 lengths in metres"),
-        ({"fps": 0.0}, "n_audio and fps must be positive, got 4 and 0.0"),
-        ({"n_audio": 0}, "n_audio and fps must be positive, got 0 and 15.0"),
-        ({"features": FeatureParams(n_mfcc=5)}, "features must have 4 audio channels at 15.0 Hz"),
-        ({"skeleton": Skeleton(("a", "b", "c"), (1, 0, -1))}, "parents must form a tree"),
-    ],
+@cases(
+    "changes, message",
+    ({"bone_lengths": torch.ones(2)}, "bone_lengths must be 3 lengths in metres"),
+    ({"bone_lengths": torch.tensor([0.0, -1.0, 1.0])}, "bone_lengths must be 3 lengths in metres"),
+    ({"bone_lengths": torch.tensor([0.0, float("nan"), 1.0])}, "bone_lengths must be 3 lengths in metres"),
+    ({"fps": 0.0}, "n_audio and fps must be positive, got 4 and 0.0"),
+    ({"n_audio": 0}, "n_audio and fps must be positive, got 0 and 15.0"),
+    ({"features": FeatureParams(n_mfcc=5)}, "features must have 4 audio channels at 15.0 Hz"),
+    ({"skeleton": Skeleton(("a", "b", "c"), (1, 0, -1))}, "parents must form a tree"),
 )
 def test_what_does_not_fit_a_generator_is_refused(changes: dict[str, object], message: str):
     given = {"params": TINY, "n_audio": 4, "skeleton": ARM, "bone_lengths": LENGTHS, "fps": 15.0} | changes
@@ -192,17 +184,14 @@ def test_normalising_takes_mean_and_deviation_off():
     torch.testing.assert_close(scale(torch.tensor([[5.0, 5.001]])), torch.tensor([[2.0, 1.0]]), atol=1e-3, rtol=0)
 
 
-@pytest.mark.parametrize(
-    ("mean", "std", "message"),
-    [
-        ([0.0], [1.0, 1.0], r"mean must have shape \(2,\), got \(1,\)"),
-        ([0.0, 0.0], [1.0, float("nan")], "standard deviation must be finite"),
-        ([0.0, 0.0], [1.0, -1.0], "standard deviation must be zero or more, got -1.0"),
-    ],
+@cases(
+    "mean, std, message",
+    ([0.0], [1.0, 1.0], r"mean must have shape \(2,\), got \(1,\)"),
+    ([0.0, 0.0], [1.0, float("nan")], "standard deviation must be finite"),
+    ([0.0, 0.0], [1.0, -1.0], "standard deviation must be zero or more, got -1.0"),
 )
 def test_statistics_that_cannot_be_are_refused(mean: list[float], std: list[float], message: str):
-    with pytest.raises(ValueError, match=message):
-        Normaliser(2).set(torch.tensor(mean), torch.tensor(std))
+    refused(message, Normaliser(2).set, torch.tensor(mean), torch.tensor(std))
 
 
 def test_segments_are_even_and_hold_real_frames_only():
@@ -256,8 +245,7 @@ def test_cross_domain_discriminator_hears_when_music_and_motion_are_out_of_step(
     beat, mask = torch.zeros(1, 40, 1), torch.ones(1, 40)
     beat[:, ::8] = 5.0
     together = cross(beat.expand(-1, -1, 4), beat.expand(-1, -1, 12), mask)
-    apart = cross(beat.expand(-1, -1, 4).roll(4, dims=1), beat.expand(-1, -1, 12), mask)
-    assert (together - apart).abs() > 1e-3
+    assert (together - cross(beat.expand(-1, -1, 4).roll(4, dims=1), beat.expand(-1, -1, 12), mask)).abs() > 1e-3
 
 
 def test_spatial_temporal_discriminator_sees_the_order_of_segments():

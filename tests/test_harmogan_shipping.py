@@ -1,7 +1,5 @@
 """Weights that are given away: small, complete, and without recorded movement."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -11,18 +9,19 @@ import pytest
 import torch
 
 from harmolab import synthetic_clip
-from harmolab.kinematics import resample_motion
-from harmolab.lab.experiments.locked import statue_on_turntable
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.motion_code import bone_lengths, encode_motion
-from harmolab.systems.common.pose_network import PoseNet, load_pose_net
-from harmolab.systems.common.poses_bank import PoseBank, load_poses, save_poses
-from harmolab.systems.common.weights import save_weights
+from harmolab.body.kinematics import resample_motion
 from harmolab.systems.harmogan.networks import Generator, load_generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.systems.harmogan.shipping import best_run, ship, standing
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.motion_code import bone_lengths, encode_motion
+from harmolab.systems.training.pose_network import PoseNet, load_pose_net
+from harmolab.systems.training.runs import PoseBank, load_poses, save_poses
+from harmolab.systems.training.weights import save_weights
 from harmolab.types import Motion
+from study.experiments.locked import statue_on_turntable
+from tools.ship import best_run, standing
+from tools.ship import ship_harmogan as ship
 
 FPS, FRAMES = 15.0, 25
 FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
@@ -57,8 +56,7 @@ def shipped(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_shipped_weights_load_and_say_where_they_come_from(shipped: Path, run: Path):
-    generator = load_generator(shipped)
-    assert generator.features == FEATURES
+    assert load_generator(shipped).features == FEATURES
     assert read_about(shipped / "model")["meta"] == {"note": "kept"}
     assert load_pose_net(shipped / "pose_net").fps == FPS
     size = sum(file.stat().st_size for file in shipped.iterdir())
@@ -69,8 +67,7 @@ def test_no_recorded_movement_is_shipped(shipped: Path, run: Path):
     recorded, given = load_poses(run / "model"), load_poses(shipped / "model")
     assert set(given.dances) == {"rumba", "waltz"}
     assert given.poses.shape == (2, FRAMES, recorded.poses.shape[2])
-    apart = np.abs(given.poses[:, None] - recorded.poses[None]).max(axis=(2, 3))
-    assert apart.min() > 0.01
+    assert np.abs(given.poses[:, None] - recorded.poses[None]).max(axis=(2, 3)).min() > 0.01
 
 
 def test_shipping_twice_gives_the_same_files(shipped: Path, run: Path, tmp_path: Path):

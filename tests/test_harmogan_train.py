@@ -1,7 +1,5 @@
 """What training teaches, batch by batch and epoch by epoch: rates, order, terms, weights, losses that fall."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,28 +11,29 @@ import pytest
 import torch
 from lightning_fabric import Fabric
 
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.phases import fit, make_fabric
-from harmolab.systems.common.pose_network import PoseNet, load_pose_net
-from harmolab.systems.common.shards import Batching, Tensors, epoch_order, total_loss
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.torch_code import local_joints
 from harmolab.systems.harmogan import train as harmogan
-from harmolab.systems.harmogan.networks import GeneratorOutput, load_generator
-from harmolab.systems.harmogan.params import ModelParams, TrainParams
-from harmolab.systems.harmogan.steps import (
+from harmolab.systems.harmogan.losses import (
     Danced,
     Networks,
     body_joints,
     danced,
+    discriminator_loss,
     discriminator_terms,
     generator_terms,
     meter_span,
     pose_terms,
 )
-from harmolab.systems.harmogan.terms import discriminator_loss
+from harmolab.systems.harmogan.networks import GeneratorOutput, load_generator
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.train import _networks, adversarial_rate, phases, pretrain_rate, train_harmogan, validate
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.layers import local_joints
+from harmolab.systems.training.loop import Batching, Tensors, epoch_order, fit, make_fabric, total_loss
+from harmolab.systems.training.pose_network import PoseNet, load_pose_net
+from harmolab.systems.training.splits import Split
 from tests import tiny_training as tiny
+from tests.builders import cases, refused
 
 PAPER: TrainParams = tiny.PAPER
 RECOMMENDED: TrainParams = tiny.RECOMMENDED
@@ -131,8 +130,7 @@ def test_patience_shorter_than_the_way_to_the_first_validation_waits_for_it(
     hasty = replace(PAPER, pretrain_epochs=9, adversarial_epochs=0, patience=1)
     rows = run(fabric, networks, split, hasty, tmp_path)
     assert len(rows) > harmogan.VALIDATE_EVERY and "val_mse" in rows[harmogan.VALIDATE_EVERY - 1]
-    stored = load_generator(tmp_path / "pretrained")
-    assert torch.equal(weights(stored), weights(networks.generator))
+    assert torch.equal(weights(load_generator(tmp_path / "pretrained")), weights(networks.generator))
 
 
 def test_without_patience_every_epoch_is_run_and_the_last_one_stays(
@@ -143,8 +141,7 @@ def test_without_patience_every_epoch_is_run_and_the_last_one_stays(
     monkeypatch.setattr(harmogan, "VALIDATE_EVERY", 1)
     before = weights(networks.generator)
     stubborn = replace(PAPER, pretrain_epochs=3, adversarial_epochs=0, patience=None)
-    rows = run(make_fabric(accelerator="cpu"), networks, split, stubborn, tmp_path)
-    assert len(rows) == 3
+    assert len(run(make_fabric(accelerator="cpu"), networks, split, stubborn, tmp_path)) == 3
     stored = load_generator(tmp_path / "pretrained")
     assert torch.equal(weights(stored), weights(networks.generator))
     assert not torch.equal(weights(stored), before)
@@ -170,8 +167,7 @@ def test_a_batch_is_as_long_as_its_longest_unit(split: Split):
 
 
 def test_the_span_of_a_unit_is_its_meter(split: Split):
-    units = split.train.units[:4]
-    expected = [[unit.n_prior / 15, unit.n_frames / 15] for unit in units]
+    expected = [[unit.n_prior / 15, unit.n_frames / 15] for unit in split.train.units[:4]]
     torch.testing.assert_close(meter_span(Tensors.of(split.train).take(torch.arange(4)), 15.0), torch.tensor(expected))
 
 
@@ -196,8 +192,7 @@ def test_the_ablation_has_no_harmony_term_and_ours_has_five_more(networks: Netwo
 def test_a_skeleton_without_named_feet_has_no_foot_term(networks: Networks, batch: Tensors):
     skeleton = networks.generator.skeleton
     networks.generator.skeleton = replace(skeleton, joints=tuple(f"joint{joint}" for joint in range(5)))
-    made = danced(networks.generator, batch)
-    assert "foot" not in generator_terms(networks, made, batch, RECOMMENDED, 0.5)
+    assert "foot" not in generator_terms(networks, danced(networks.generator, batch), batch, RECOMMENDED, 0.5)
 
 
 def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks, batch: Tensors, split: Split):
@@ -213,19 +208,16 @@ def test_half_of_what_needs_no_answer_may_come_from_going_on(networks: Networks,
 
 
 def test_a_dance_grows_batch_by_batch_also_into_a_smaller_one(networks: Networks, batch: Tensors, split: Split):
-    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
-    first = danced(networks.generator, batch, others)
+    first = danced(networks.generator, batch, Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0])))
     small, few = (Tensors.of(split.train).take(torch.tensor(numbers)) for numbers in ([0, 1], [2, 3]))
-    second = danced(networks.generator, small, few, first)
-    later, _ = second.later
+    later, _ = danced(networks.generator, small, few, first).later
     expected = few.continued_from(first.later[1][:2], first.later[0].mask[:2])
     torch.testing.assert_close(later.initial, expected.initial)
     assert not later.initial.requires_grad
 
 
 def test_the_discriminator_of_movement_sees_what_goes_on(networks: Networks, batch: Tensors, split: Split):
-    others = Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0]))
-    both = danced(networks.generator, batch, others)
+    both = danced(networks.generator, batch, Tensors.of(split.train).take(torch.tensor([1, 2, 3, 0])))
     alone, seen = (discriminator_terms(networks, made, batch, PAPER) for made in (Danced(both.own), both))
     later, after = both.later
     judge = networks.spatial_temporal
@@ -248,8 +240,7 @@ def test_going_on_begins_with_the_last_frames_and_then_their_mean():
     index = torch.tensor([[1.0] * 3 + [0.0] * 5])
     none = torch.zeros(1, 8, 1)
     units = Tensors(none, none, none, index, torch.ones(1, 8), torch.zeros(1, 1), torch.zeros(1, 1), torch.zeros(1, 1))
-    initial = units.continued_from(motion, mask).initial[0, :, 0]
-    assert initial.tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
+    assert units.continued_from(motion, mask).initial[0, :, 0].tolist() == [7.0, 8.0, 9.0] + [8.0] * 5
 
 
 @pytest.mark.parametrize("params", [PAPER, RECOMMENDED], ids=["paper", "recommended"])
@@ -324,8 +315,7 @@ def test_total_is_the_terms_by_the_weights_of_section_5_2(
     pretrain, row = rows
     assert pretrain["total"] == pytest.approx(0.1 * pretrain["kl"] + pretrain["mse"], rel=1e-5)
     lambdas = {"kl": 1e-4, "mse": 1e-3, "feature": 1e-3, "harmony": 1.0, "gan": 1e-3}
-    expected = sum(weight * row[name] for name, weight in lambdas.items())
-    assert row["total"] == pytest.approx(expected, rel=1e-5)
+    assert row["total"] == pytest.approx(sum(weight * row[name] for name, weight in lambdas.items()), rel=1e-5)
 
 
 # Learning
@@ -343,8 +333,7 @@ def test_two_steps_change_generator_and_both_discriminators(
     before = {name: weights(part) for name, part in networks.modules().items()}
     run(fabric, networks, split, replace(PAPER, pretrain_epochs=0, adversarial_epochs=1, batch_size=7), tmp_path)
     for name, part in networks.modules().items():
-        changed = (weights(part) != before[name]).float().mean()
-        assert changed > 0.95, name
+        assert (weights(part) != before[name]).float().mean() > 0.95, name
 
 
 def test_shards_of_a_batch_teach_what_the_batch_teaches(trained: Callable[..., torch.Tensor]):
@@ -384,16 +373,13 @@ def test_one_batch_can_be_learnt_by_heart(split: Split, networks: Networks, batc
     assert losses[-1] < 0.1 * losses[0]
 
 
-@pytest.mark.parametrize(
-    "params", [pytest.param(PAPER, marks=pytest.mark.slow), RECOMMENDED], ids=["paper", "recommended"]
-)
+@cases("params", pytest.param(PAPER, marks=pytest.mark.slow), RECOMMENDED, ids=["paper", "recommended"])
 def test_the_harmony_loss_falls_when_it_is_followed(params: TrainParams, networks: Networks, batch: Tensors):
     alone = replace(params, **dict.fromkeys(OTHERS, 0.0))
     optimiser = torch.optim.Adam(networks.generator.parameters(), lr=3e-3)
     losses = []
     for _ in range(40):
-        made = danced(networks.generator, batch)
-        loss = generator_terms(networks, made, batch, alone, 0.3)["harmony"]
+        loss = generator_terms(networks, danced(networks.generator, batch), batch, alone, 0.3)["harmony"]
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -439,13 +425,10 @@ def test_validation_goes_on_in_training_mode(split: Split, networks: Networks):
 
 
 @pytest.fixture(scope="module")
-def finished(
-    split: Split, fabric: Fabric, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, list[dict[str, Any]]]:
+def finished(split: Split, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
     folder, rows = tmp_path_factory.mktemp("runs") / "deep" / "run", []
-    train_harmogan(
-        split, folder, model=MODEL, params=RECOMMENDED, fabric=fabric, report=lambda row, end: rows.append(row)
-    )
+    options = TrainOptions(folder, accelerator="cpu", report=lambda row, end: rows.append(row))
+    train_harmogan(split, options, model=MODEL, params=RECOMMENDED)
     return folder, rows
 
 
@@ -485,8 +468,7 @@ def test_tau_falls_geometrically_over_the_adversarial_epochs(finished: tuple[Pat
 
 
 def test_every_epoch_is_reported_the_pose_network_first(finished: tuple[Path, list[Any]]):
-    phases = [row["phase"] for row in finished[1]]
-    assert phases == ["pose network"] + 3 * ["pretrain"] + 3 * ["adversarial"]
+    assert [row["phase"] for row in finished[1]] == ["pose network"] + 3 * ["pretrain"] + 3 * ["adversarial"]
 
 
 def test_the_trained_generator_can_be_loaded(finished: tuple[Path, list[Any]], split: Split):
@@ -499,12 +481,13 @@ def test_the_trained_generator_can_be_loaded(finished: tuple[Path, list[Any]], s
 
 
 @pytest.fixture
-def trained(split: Split, fabric: Fabric, tmp_path: Path) -> Callable[..., torch.Tensor]:
+def trained(split: Split, tmp_path: Path) -> Callable[..., torch.Tensor]:
     """`trained(name, **settings)`: weights after a run of two epochs."""
 
     def train(name: str, **changes: Any) -> torch.Tensor:
         params = replace(PAPER, **{"pretrain_epochs": 1, "adversarial_epochs": 1, "batch_size": 13, **changes})
-        return weights(train_harmogan(split, tmp_path / name, model=MODEL, params=params, fabric=fabric))
+        options = TrainOptions(tmp_path / name, accelerator="cpu")
+        return weights(train_harmogan(split, options, model=MODEL, params=params))
 
     return train
 
@@ -520,15 +503,14 @@ def test_the_seed_alone_decides_about_chance(trained: Callable[..., torch.Tensor
 
 
 def test_pretraining_taken_over_gives_the_same_as_pretraining_at_once(
-    split: Split, fabric: Fabric, tmp_path: Path, trained: Callable[..., torch.Tensor]
+    split: Split, tmp_path: Path, trained: Callable[..., torch.Tensor]
 ):
     # The order of the units follows the epoch's number within a run, so only a run without more pretraining can agree.
     only = replace(PAPER, pretrain_epochs=2, adversarial_epochs=0)
-    at_once = train_harmogan(split, tmp_path / "only", model=MODEL, params=only, fabric=fabric)
+    at_once = train_harmogan(split, TrainOptions(tmp_path / "only", accelerator="cpu"), model=MODEL, params=only)
     over = replace(PAPER, adversarial_epochs=0)
-    taken = train_harmogan(
-        split, str(tmp_path / "over"), model=MODEL, params=over, pretrained=str(tmp_path / "only"), fabric=fabric
-    )
+    options = TrainOptions(str(tmp_path / "over"), accelerator="cpu")
+    taken = train_harmogan(split, options, model=MODEL, params=over, pretrained=str(tmp_path / "only"))
     assert torch.equal(weights(taken), weights(at_once))
     nets = [load_pose_net(tmp_path / name / "pose_net") for name in ("only", "over")]
     assert torch.equal(weights(nets[0]), weights(nets[1]))
@@ -537,5 +519,4 @@ def test_pretraining_taken_over_gives_the_same_as_pretraining_at_once(
 def test_a_machine_without_gpu_says_so():
     if torch.cuda.is_available():
         pytest.skip("this machine has a GPU")
-    with pytest.raises(ValueError, match="accelerator cuda: this machine has no GPU that torch can use"):
-        make_fabric(accelerator="cuda")
+    refused("accelerator cuda: this machine has no GPU that torch can use", make_fabric, accelerator="cuda")

@@ -1,15 +1,13 @@
 """Beat annotations: text files, beats.json, and beats that are no seconds."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harmolab.io.beats import BeatAnnotation, Unit, load_annotation, load_beats, save_beats
-from tests.builders import track
+from harmolab.readers.beats import BeatAnnotation, Unit, load_annotation, load_beats, save_beats
+from tests.builders import cases, refused, track
 
 WALTZ = {
     "beats_s": [0.5, 1.0, 1.5, 2.0],
@@ -53,9 +51,7 @@ def test_duration_that_is_given_is_the_length_of_the_track(tmp_path: Path):
     assert load_beats(write(tmp_path, "song.txt", "0.5\n1.0\n"), duration=30.0).duration == 30.0
 
 
-@pytest.mark.parametrize(
-    "text", ["time,strength\n0.5,2\n1.0,0\n", "0.5;2\n1.0;0\n", "0.5\t2\n1.0\t0\n", "0.5, 2\r\n1.0, 0"]
-)
+@cases("text", "time,strength\n0.5,2\n1.0,0\n", "0.5;2\n1.0;0\n", "0.5\t2\n1.0\t0\n", "0.5, 2\r\n1.0, 0")
 def test_second_column_of_a_table_is_the_strength(tmp_path: Path, text: str):
     track = load_beats(write(tmp_path, "song.csv", text))
     np.testing.assert_array_equal(track.times, [0.5, 1.0])
@@ -78,58 +74,52 @@ def test_json_with_beats_alone_is_enough(tmp_path: Path):
 @pytest.mark.parametrize("times", [[12, 24, 37, 50], [500, 1000, 1500, 2000], [12.5, 25.0, 37.5, 50.0, 62.5]])
 def test_beats_in_frames_or_milliseconds_are_refused(tmp_path: Path, times: list[float]):
     path = write(tmp_path, "song.txt", "\n".join(map(str, times)))
-    with pytest.raises(ValueError, match=r"song\.txt: beat times lie .* apart; were these frames or milliseconds"):
-        load_beats(path)
+    refused(r"song\.txt: beat times lie .* apart; were these frames or milliseconds", load_beats, path)
 
 
 def test_beats_behind_the_end_of_the_recording_are_refused(tmp_path: Path):
     path = write(tmp_path, "song.txt", "0.5\n1.5\n3.0\n")
-    with pytest.raises(ValueError, match=r"song\.txt: beat times reach 3 in a clip of 2 s; were these frames"):
-        load_beats(path, duration=2.0)
+    refused(r"song\.txt: beat times reach 3 in a clip of 2 s; were these frames", load_beats, path, duration=2.0)
 
 
 def test_slow_music_in_whole_seconds_is_no_frames(tmp_path: Path):
     assert len(load_beats(write(tmp_path, "song.txt", "1\n2\n3\n4\n5\n"))) == 5
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "fault"),
-    [
-        ("song.beats", "", "the file is empty"),
-        ("song.beats", "0.5 1\n0.4 2\n", r"increase strictly, but 0\.4 follows 0\.5"),
-        ("song.beats", "0.5 1\n0.5 2\n", "drop doubles"),
-        ("song.beats", "-0.5 1\n0.5 2\n", r"start at -0\.5 s"),
-        ("song.beats", "0.5 1\n1.0 nan\n", "line 2: 'nan' is not a number"),
-        ("song.beats", "0.5 1\n1.0 x\n", "line 2: 'x' is not a number"),
-        ("song.beats", "0.5 1\n1.0\n", "line 2 has 1 columns, the first has 2"),
-        ("song.beats", "0.5 1.5\n1.0 2\n", "place in its bar"),
-        ("song.beats", "time place\n1.0 2\n", "line 1: 'time' is not a number"),
-        ("song.csv", "0.5,1,7\n", "has 3 columns"),
-        ("song.csv", "0.5,-1\n", "strengths must not be negative"),
-        ("song.csv", "# nothing\n", "holds no beats; a line for each"),
-        ("song.doc", "0.5\n", r"no beat annotation that is known; \.beats"),
-        ("beats.json", "{", "cannot be read as a beat annotation"),
-        ("beats.json", "[1, 2]", "has no 'beats_s'"),
-        ("beats.json", {"beats_s": [[1, 2]]}, r"shape \(any\), got \(1, 2\)"),
-        ("beats.json", {"beats_s": [1, None]}, "NaN or infinity"),
-        ("beats.json", {"beats_s": [1, {}]}, "must be numbers"),
-        ("beats.json", WALTZ | {"meter": "three"}, "'meter' must be a number"),
-        ("beats.json", WALTZ | {"bpm": -3}, "bpm must be positive"),
-        ("beats.json", WALTZ | {"units": [{"name": "W-1"}]}, "'start_s' must be a number"),
-        ("beats.json", WALTZ | {"units": [WALTZ["units"][0] | {"end_s": 0.5}]}, "must end after it starts"),
-    ],
+@cases(
+    "name, content, fault",
+    ("song.beats", "", "the file is empty"),
+    ("song.beats", "0.5 1\n0.4 2\n", r"increase strictly, but 0\.4 follows 0\.5"),
+    ("song.beats", "0.5 1\n0.5 2\n", "drop doubles"),
+    ("song.beats", "-0.5 1\n0.5 2\n", r"start at -0\.5 s"),
+    ("song.beats", "0.5 1\n1.0 nan\n", "line 2: 'nan' is not a number"),
+    ("song.beats", "0.5 1\n1.0 x\n", "line 2: 'x' is not a number"),
+    ("song.beats", "0.5 1\n1.0\n", "line 2 has 1 columns, the first has 2"),
+    ("song.beats", "0.5 1.5\n1.0 2\n", "place in its bar"),
+    ("song.beats", "time place\n1.0 2\n", "line 1: 'time' is not a number"),
+    ("song.csv", "0.5,1,7\n", "has 3 columns"),
+    ("song.csv", "0.5,-1\n", "strengths must not be negative"),
+    ("song.csv", "# nothing\n", "holds no beats; a line for each"),
+    ("song.doc", "0.5\n", r"no beat annotation that is known; \.beats"),
+    ("beats.json", "{", "cannot be read as a beat annotation"),
+    ("beats.json", "[1, 2]", "has no 'beats_s'"),
+    ("beats.json", {"beats_s": [[1, 2]]}, r"shape \(any\), got \(1, 2\)"),
+    ("beats.json", {"beats_s": [1, None]}, "NaN or infinity"),
+    ("beats.json", {"beats_s": [1, {}]}, "must be numbers"),
+    ("beats.json", WALTZ | {"meter": "three"}, "'meter' must be a number"),
+    ("beats.json", WALTZ | {"bpm": -3}, "bpm must be positive"),
+    ("beats.json", WALTZ | {"units": [{"name": "W-1"}]}, "'start_s' must be a number"),
+    ("beats.json", WALTZ | {"units": [WALTZ["units"][0] | {"end_s": 0.5}]}, "must end after it starts"),
 )
 def test_damaged_annotation_is_refused_with_its_fault(tmp_path: Path, name: str, content: object, fault: str):
-    with pytest.raises(ValueError, match=rf"{name}: .*{fault}"):
-        load_beats(write(tmp_path, name, content))
+    refused(rf"{name}: .*{fault}", load_beats, write(tmp_path, name, content))
 
 
 @pytest.mark.parametrize("name", ["song.txt", "song.csv", "song.beats"])
 @pytest.mark.parametrize("text", ["# silence\n", "\n\n", "hello\n"])
 def test_text_without_a_beat_is_no_annotation(tmp_path: Path, name: str, text: str):
     fault = "line 1: 'hello' is not a number" if (name, text) == ("song.beats", "hello\n") else "holds no beats"
-    with pytest.raises(ValueError, match=rf"{name}: {fault}"):
-        load_beats(write(tmp_path, name, text), duration=5.0)
+    refused(rf"{name}: {fault}", load_beats, write(tmp_path, name, text), duration=5.0)
 
 
 def test_beats_that_were_written_are_read_again(tmp_path: Path):
@@ -143,20 +133,17 @@ def test_beats_that_were_written_are_read_again(tmp_path: Path):
 
 
 def test_beats_are_written_under_a_name_that_says_so(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"song\.wav: beats are written as \.beats"):
-        save_beats(tmp_path / "song.wav", track([0.5, 1.0]))
+    refused(r"song\.wav: beats are written as \.beats", save_beats, tmp_path / "song.wav", track([0.5, 1.0]))
 
 
 @pytest.mark.parametrize("beats", [[], None])
 def test_an_annotation_must_hold_beats(tmp_path: Path, beats: list[float] | None):
     path = write(tmp_path, "beats.json", json.dumps({"beats_s": beats, "dance": "waltz"}))
-    with pytest.raises(ValueError, match=r"beats\.json: holds no beats: 'beats_s' is empty"):
-        load_annotation(path)
+    refused(r"beats\.json: holds no beats: 'beats_s' is empty", load_annotation, path)
 
 
 def test_no_beats_are_no_file(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"song.beats: there are no beats to write"):
-        save_beats(tmp_path / "song.beats", track([]))
+    refused(r"song.beats: there are no beats to write", save_beats, tmp_path / "song.beats", track([]))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,7 +1,5 @@
 """Five levels in words: what each dancer is told, and what nobody may be told."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -9,16 +7,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.harmony import score_motion
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_motion
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
+from harmolab.score import HarmonyScore
 from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_speed
-from harmolab.types import BeatTrack, Motion, Skeleton
-from harmolab.verdict.evidence import floor
-from harmolab.verdict.judge import Judgement, judge, level_of
-from harmolab.verdict.place_test import PlaceTest
-from harmolab.verdict.score import HarmonyScore
-from harmolab.verdict.time_test import TimeTest
+from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.evidence import PlaceTest, TimeTest, floor
+from harmolab.verdict.judge import Judgement, judge, level_of, score_motion
+from tests.builders import cases
 
 SECONDS, PERIOD = 24.0, 0.5
 BEATS = BeatTrack(PERIOD * np.arange(1, 47), np.ones(46), 100.0, SECONDS)
@@ -120,10 +117,7 @@ def test_another_tempo_is_level_one_and_is_told(tempo: float, told: str) -> None
     assert own and float(own[1]) == pytest.approx(float(told), abs=0.3)
 
 
-@pytest.mark.parametrize(
-    ("rate", "words"),
-    [(2.0, "twice a beat (double time"), (4 / 3, "4 times in 3 beats"), (1.5, "3 times in 2 beats")],
-)
+@cases("rate, words", (2.0, "twice a beat (double time"), (4 / 3, "4 times in 3 beats"), (1.5, "3 times in 2 beats"))
 @pytest.mark.parametrize("phase", [0.0, 0.3, 0.6, 0.9])
 def test_who_moves_at_another_rate_is_told_so_and_never_on_the_beat(rate: float, words: str, phase: float) -> None:
     times = np.arange(round(SECONDS * 60)) / 60
@@ -181,8 +175,7 @@ def test_fifteen_beats_are_too_few() -> None:
 def test_a_wandering_dancer_keeps_the_tempo_but_no_place() -> None:
     wander = np.array([0.0, 0.8])[np.arange(30) // 8 % 2]  # beats, for a dancer who rests on every second one
     wandering = synthetic_motion(PERIOD * (2 * np.arange(30) + wander), seconds=SECONDS, fps=30.0, seed=4)
-    bars = replace(BEATS, bar_places=np.arange(1, 47) % 2)
-    judgement = judged(wandering, bars, BarPattern(2, (-1.0,), (0.0,)))
+    judgement = judged(wandering, replace(BEATS, bar_places=np.arange(1, 47) % 2), BarPattern(2, (-1.0,), (0.0,)))
     assert judgement.level == 2
     assert judgement.verdict == "You keep its tempo, but no steady place in the beat."
 
@@ -202,8 +195,7 @@ def test_no_level_below_three_says_late_early_or_milliseconds() -> None:
 
 
 def test_what_would_show_more_is_said() -> None:
-    unplaced = judged(dancer(0.3), pattern=DANCE_PATTERNS["waltz"])
-    assert any("--one" in remark for remark in unplaced.remarks)
+    assert any("--one" in remark for remark in judged(dancer(0.3), pattern=DANCE_PATTERNS["waltz"]).remarks)
     assert any("--dance" in remark for remark in judged(dancer(0.25)).remarks)
 
 
@@ -301,17 +293,15 @@ class HandMade(PlaceTest):
         return self.given
 
 
-@pytest.mark.parametrize(
-    ("inside", "outside", "level"),
-    [
-        ({"p": 0.05}, {"p": 0.0501}, 1),
-        ({"wander": 0.5}, {"wander": 0.501}, 2),
-        ({"lag": 0.125}, {"lag": 0.13}, 3),
-        ({"lag": -0.125}, {"lag": -0.13}, 3),
-        ({"lowest": 0.001}, {"lowest": 0.0}, 3),
-        ({"beside": 11}, {"beside": 12}, 3),
-        ({"power": 0.0101}, {"power": 0.0099}, 3),
-    ],
+@cases(
+    "inside, outside, level",
+    ({"p": 0.05}, {"p": 0.0501}, 1),
+    ({"wander": 0.5}, {"wander": 0.501}, 2),
+    ({"lag": 0.125}, {"lag": 0.13}, 3),
+    ({"lag": -0.125}, {"lag": -0.13}, 3),
+    ({"lowest": 0.001}, {"lowest": 0.0}, 3),
+    ({"beside": 11}, {"beside": 12}, 3),
+    ({"power": 0.0101}, {"power": 0.0099}, 3),
 )
 def test_each_threshold_parts_level_four_from_a_lower_one(
     inside: dict[str, float], outside: dict[str, float], level: int

@@ -1,14 +1,12 @@
 """Kernels on joint positions: speed, turning points, resampling."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harmolab.kinematics import (
+from harmolab.body.kinematics import (
     Similarity,
     direction_spread,
     fit_similarity,
@@ -26,26 +24,19 @@ from harmolab.kinematics import (
     upsample_positions,
     valley_frames,
 )
-from harmolab.types import Motion, Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.types import Motion
+from tests.builders import along_x, cases, refused
 
 # One joint goes 3 to the right and 4 up (5 in all), another 2 forward; then only the first moves, 1 back.
 STEPS = np.array([[[0, 0, 0], [0, 0, 0]], [[3, 4, 0], [0, 0, 2]], [[2, 4, 0], [0, 0, 2]]], dtype=float)
 
 
-def line(values: list[float], fps: float = 1.0) -> Motion:
-    """One joint on a straight line."""
-    positions = np.zeros((len(values), 1, 3))
-    positions[:, 0, 0] = values
-    return Motion(positions, fps, Skeleton.unnamed(1))
-
-
-@pytest.mark.parametrize(
-    ("reading", "expected"),
-    [
-        ("norm", [7, 7, 1]),  # 5 + 2
-        ("signed", [9, 9, -1]),  # 3 + 4 + 2
-        ("norm_of_sum", [np.sqrt(29), np.sqrt(29), 1]),  # of (3, 4, 2)
-    ],
+@cases(
+    "reading, expected",
+    ("norm", [7, 7, 1]),  # 5 + 2
+    ("signed", [9, 9, -1]),  # 3 + 4 + 2
+    ("norm_of_sum", [np.sqrt(29), np.sqrt(29), 1]),  # of (3, 4, 2)
 )
 def test_joint_speed_sums_over_joints_and_repeats_its_first_value(reading, expected):
     np.testing.assert_allclose(joint_speed(STEPS, reading=reading), expected)
@@ -60,8 +51,7 @@ def test_joint_speed_takes_pictures_coordinates_too():
 
 
 def test_joint_speed_of_an_unknown_reading_is_refused():
-    with pytest.raises(ValueError, match="reading must be norm, signed or norm_of_sum, got 'l1'"):
-        joint_speed(STEPS, reading="l1")
+    refused("reading must be norm, signed or norm_of_sum, got 'l1'", joint_speed, STEPS, reading="l1")
 
 
 def test_a_joint_that_turns_back_while_another_goes_on_spreads_the_directions():
@@ -108,8 +98,7 @@ def test_smoothing_positions_makes_no_stop_at_the_ends():
 
 
 def test_smoothing_positions_keeps_a_resting_joint_exactly_at_rest():
-    resting = np.full((30, 2, 3), 0.1)
-    assert np.ptp(smooth_positions(resting, 0.1, 25.0), axis=0).max() == 0
+    assert np.ptp(smooth_positions(np.full((30, 2, 3), 0.1), 0.1, 25.0), axis=0).max() == 0
 
 
 def test_smoothing_positions_by_nothing_changes_nothing():
@@ -177,39 +166,38 @@ def test_a_flat_extremum_stays_on_its_sample():
 
 def test_resampling_puts_new_frames_on_the_straight_line_between_old_ones():
     np.testing.assert_allclose(
-        resample_motion(line([0, 2, 0], fps=2.0), 4.0).positions[:, 0, 0], [0, 1, 2, 1, 0], atol=1e-12
+        resample_motion(along_x([0, 2, 0], fps=2.0), 4.0).positions[:, 0, 0], [0, 1, 2, 1, 0], atol=1e-12
     )
 
 
 def test_resampling_from_25_to_15_keeps_the_length_within_a_frame():
-    assert resample_motion(line(list(range(150)), fps=25.0), 15.0).n_frames == 90
+    assert resample_motion(along_x(range(150), fps=25.0), 15.0).n_frames == 90
 
 
 def test_resampling_to_the_same_rate_changes_nothing():
-    motion = line([0, 1, 2])
+    motion = along_x([0, 1, 2], fps=1.0)
     assert resample_motion(motion, 1.0) is motion
 
 
 def test_a_new_frame_is_valid_where_both_frames_around_it_are():
-    motion = replace(line([0, 1, 2, 3]), valid=[True, True, False, True])
+    motion = replace(along_x([0, 1, 2, 3], fps=1.0), valid=[True, True, False, True])
     np.testing.assert_array_equal(resample_motion(motion, 2.0).valid, [True, True, False, False, False, False, False])
 
 
 def test_resampling_below_two_frames_is_refused():
-    with pytest.raises(ValueError, match=r"a motion of 0.080 s has no two frames at 15 fps"):
-        resample_motion(line([0, 1], fps=25.0), 15.0)
+    refused(r"a motion of 0.080 s has no two frames at 15 fps", resample_motion, along_x([0, 1], fps=25.0), 15.0)
 
 
 def test_upsampling_follows_a_cubic_exactly():
     times = np.arange(8.0)
-    fine = upsample_motion(line((times**3 - 4 * times**2).tolist(), fps=1.0), 4.0)
+    fine = upsample_motion(along_x(times**3 - 4 * times**2, fps=1.0), 4.0)
     expected = np.arange(29) / 4
     np.testing.assert_allclose(fine.positions[:, 0, 0], expected**3 - 4 * expected**2, atol=1e-9)
     assert fine.fps == 4.0
 
 
 def test_upsampling_leaves_fast_motion_alone():
-    motion = line([0, 1, 2], fps=60.0)
+    motion = along_x([0, 1, 2], fps=60.0)
     assert upsample_motion(motion, 60.0) is motion
 
 
@@ -222,13 +210,13 @@ def test_upsampling_keeps_a_resting_joint_at_rest():
 
 @pytest.mark.parametrize("frames", [2, 3])
 def test_upsampling_takes_very_short_motion(frames):
-    fine = upsample_motion(line(list(range(frames)), fps=1.0), 2.0)
+    fine = upsample_motion(along_x(range(frames), fps=1.0), 2.0)
     np.testing.assert_allclose(fine.positions[:, 0, 0], np.arange(2 * frames - 1) / 2)
 
 
 def test_upsampling_loses_far_less_of_a_swing_than_straight_lines_do():
     def swing(fps: float) -> Motion:
-        return line(np.sin(2 * np.pi * 1.5 * np.arange(round(4 * fps)) / fps).tolist(), fps)
+        return along_x(np.sin(2 * np.pi * 1.5 * np.arange(round(4 * fps)) / fps), fps=fps)
 
     truth = swing(120.0).positions[60:400]
     cubic = upsample_motion(swing(15.0), 120.0).positions[60:400]
@@ -288,25 +276,21 @@ def test_many_similarities_are_fitted_at_once(rng: np.random.Generator):
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
-@pytest.mark.parametrize(
-    ("points", "target", "weights", "fault"),
-    [
-        (SQUARE, np.ones((4, 2)), None, "the target lie in one place"),
-        (np.full((4, 2), 7.3), SQUARE, None, "the points lie in one place"),
-        (SQUARE[:1], SQUARE[:1], None, "the points lie in one place"),
-        (SQUARE, SQUARE, np.array([0, 0, 1, 0]), "the points lie in one place"),
-        (SQUARE * [1, np.nan], SQUARE, None, "hold NaN or infinity"),
-        (SQUARE, SQUARE[:3], None, r"got \(4, 2\) and \(3, 2\)"),
-        (SQUARE, SQUARE, np.array([1, 1, -1, 1]), "none negative"),
-        (SQUARE, SQUARE * [-1, 1], None, "are the points mirrored"),
-    ],
+@cases(
+    "points, target, weights, fault",
+    (SQUARE, np.ones((4, 2)), None, "the target lie in one place"),
+    (np.full((4, 2), 7.3), SQUARE, None, "the points lie in one place"),
+    (SQUARE[:1], SQUARE[:1], None, "the points lie in one place"),
+    (SQUARE, SQUARE, np.array([0, 0, 1, 0]), "the points lie in one place"),
+    (SQUARE * [1, np.nan], SQUARE, None, "hold NaN or infinity"),
+    (SQUARE, SQUARE[:3], None, r"got \(4, 2\) and \(3, 2\)"),
+    (SQUARE, SQUARE, np.array([1, 1, -1, 1]), "none negative"),
+    (SQUARE, SQUARE * [-1, 1], None, "are the points mirrored"),
 )
 def test_what_no_similarity_can_be_fitted_to_is_refused(points, target, weights, fault):
-    with pytest.raises(ValueError, match=fault):
-        fit_similarity(points, target, weights)
+    refused(fault, fit_similarity, points, target, weights)
 
 
 @pytest.mark.parametrize("values", [(0.0, 0.0, np.zeros(2)), (1.0, np.nan, np.zeros(2)), (1.0, 0.0, np.zeros(3))])
 def test_similarity_that_cannot_be_is_refused(values):
-    with pytest.raises(ValueError, match="similarity"):
-        Similarity(*values)
+    refused("similarity", Similarity, *values)

@@ -1,7 +1,5 @@
 """The live labs in Python: controls, settings to copy, numbers that are those of the score, and the page."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,21 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.harmony import score_clip, score_motion
-from harmolab.lab.widgets.labs import front_end
-from harmolab.lab.widgets.labs.corpus import corpus_lab
-from harmolab.lab.widgets.labs.detector import detector_lab
-from harmolab.lab.widgets.labs.live import LiveLab
-from harmolab.lab.widgets.labs.meter import meter_lab
-from harmolab.lab.widgets.labs.saliency import saliency_content, saliency_lab, saliency_numbers
-from harmolab.lab.widgets.labs.scoring import N_ROTATIONS, lab_params, lags, scoring_content, scoring_lab
-from harmolab.lab.widgets.labs.scoring import scoring_numbers as numbers_of
-from harmolab.lab.widgets.labs.stage import Stage
-from harmolab.lab.widgets.words import percent
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.lab.labs import live
+from harmolab.lab.labs.corpus import corpus_lab
+from harmolab.lab.labs.detector import detector_lab
+from harmolab.lab.labs.live import LiveLab, Stage, lab_params
+from harmolab.lab.labs.meter import meter_lab
+from harmolab.lab.labs.saliency import saliency_lab, saliency_numbers
+from harmolab.lab.labs.scoring import N_ROTATIONS, lags, scoring_content, scoring_lab
+from harmolab.lab.labs.scoring import scoring_numbers as numbers_of
+from harmolab.lab.player import percent
 from harmolab.params import HarmonyParams
 from harmolab.types import BeatTrack, Clip, Motion
-from tests.builders import along_x, planted_dance
+from harmolab.verdict.judge import score_clip, score_motion
+from tests.builders import along_x, cases, planted_dance, refused
 
 
 @pytest.fixture
@@ -59,15 +56,13 @@ LABS = {**MAKERS, "detector": detector_lab, "meter": meter_lab}
 
 
 def test_one_to_one_matching_leaves_a_music_beat_without_the_visual_beat_it_shared():
-    music = BeatTrack([1.0, 1.3, 3.0], [1.0, 1.0, 1.0], fps=43.0, duration=6.0)
-    stage = Stage(music, shared_turn())
+    stage = Stage(BeatTrack([1.0, 1.3, 3.0], [1.0, 1.0, 1.0], fps=43.0, duration=6.0), shared_turn())
     many, nearest = (numbers_of(stage, mode="valleys", delay=0.2, matching=how) for how in ("many", "nearest"))
     assert (many["hits"], nearest["hits"]) == (2, 1)
 
 
 def test_a_beat_dragged_away_from_its_movement_is_missed():
-    music = BeatTrack([1.1, 3.0], [1.0, 1.0], fps=43.0, duration=6.0)
-    stage = Stage(music, shared_turn())
+    stage = Stage(BeatTrack([1.1, 3.0], [1.0, 1.0], fps=43.0, duration=6.0), shared_turn())
     assert numbers_of(stage, mode="valleys")["hits"] == 1
     assert numbers_of(stage, mode="valleys", moves={"music": {"0": 1.4}})["hits"] == 0
     assert numbers_of(stage, mode="valleys", moves={"dance": {"0": 2.95}})["pairs"].tolist() == [-1, 0]
@@ -134,8 +129,6 @@ def test_saliency_lab_keeps_what_was_counted_by_hand(planted_clip: Clip):
     assert saliency_numbers(stage, dance, lambda1=0.1, lambda2=0.0)["dance"] == 6
     # SD(s_a) is .3466 of the largest; the formula as printed keeps what exceeds it, whatever λ1: .5, 1 and .75.
     assert saliency_numbers(stage, dance, lambda1=0.1, lambda2=1.0, saliency="literal")["music"] == 3
-    evidence = saliency_content(stage, dance).to_browser()["evidence"]
-    assert evidence["music"]["max"]["spread"] == pytest.approx(0.3466, abs=0.0001)
 
 
 def test_higher_thresholds_keep_fewer_beats(planted_clip: Clip):
@@ -188,19 +181,16 @@ def test_settings_of_a_browser_arrive_as_python_has_them(planted_clip: Clip):
 
 
 @pytest.mark.parametrize("name", MAKERS)
-@pytest.mark.parametrize(
-    ("values", "fault"),
-    [
-        ({"tolerance": 0.1}, "no control tolerance; there are "),
-        ({"lambda1": -1.0}, "lambda1 must lie between 0 and 15, got -1.0"),
-        ({"lambda2": "two"}, "lambda2 must lie between 0 and 6, got 'two'"),
-    ],
+@cases(
+    "values, fault",
+    ({"tolerance": 0.1}, "no control tolerance; there are "),
+    ({"lambda1": -1.0}, "lambda1 must lie between 0 and 15, got -1.0"),
+    ({"lambda2": "two"}, "lambda2 must lie between 0 and 6, got 'two'"),
 )
 def test_control_or_value_that_does_not_exist_is_refused_by_name(
     planted_clip: Clip, name: str, values: dict[str, Any], fault: str
 ):
-    with pytest.raises(ValueError, match=fault):
-        MAKERS[name](planted_clip, **values)
+    refused(fault, MAKERS[name], planted_clip, **values)
 
 
 def test_unknown_mode_is_refused_by_name(planted_clip: Clip):
@@ -210,8 +200,7 @@ def test_unknown_mode_is_refused_by_name(planted_clip: Clip):
 
 def test_clip_without_motion_is_refused(planted_clip: Clip):
     for maker in (*MAKERS.values(), detector_lab):
-        with pytest.raises(ValueError, match="no motion"):
-            maker(Clip("song", planted_clip.audio))
+        refused("no motion", maker, Clip("song", planted_clip.audio))
 
 
 def test_controls_stand_for_params_and_a_lambda2_of_zero_keeps_every_visual_beat():
@@ -258,14 +247,12 @@ def test_a_notebook_gets_the_page_and_the_sentence_beside_the_live_widget(plante
     assert data["text/html"].startswith(f'<iframe title="{lab.content.title}" srcdoc="')
 
 
-@pytest.mark.parametrize(
-    ("kind", "metadata", "server", "is_live"),
-    [
-        ("execute_request", {}, "", False),  # nbconvert and other programs
-        ("execute_request", {"cellId": "a1", "deletedCells": []}, "", True),  # JupyterLab
-        ("execute_request", {}, "voila/0.5.13", True),
-        ("comm_msg", {}, "", True),  # a widget's page asks for it
-    ],
+@cases(
+    "kind, metadata, server, is_live",
+    ("execute_request", {}, "", False),  # nbconvert and other programs
+    ("execute_request", {"cellId": "a1", "deletedCells": []}, "", True),  # JupyterLab
+    ("execute_request", {}, "voila/0.5.13", True),
+    ("comm_msg", {}, "", True),  # a widget's page asks for it
 )
 def test_the_widget_is_left_out_where_no_page_can_show_it(
     kind: str,
@@ -277,7 +264,7 @@ def test_the_widget_is_left_out_where_no_page_can_show_it(
 ):
     request = {"header": {"msg_type": kind}, "metadata": metadata}
     shell = SimpleNamespace(kernel=SimpleNamespace(get_parent=lambda: request))
-    monkeypatch.setattr(front_end, "get_ipython", lambda: shell)
+    monkeypatch.setattr(live, "get_ipython", lambda: shell)
     monkeypatch.setenv("SERVER_SOFTWARE", server)
     data, _ = LABS["saliency"](planted_clip)._repr_mimebundle_()
     assert ("application/vnd.jupyter.widget-view+json" in data) == is_live

@@ -1,17 +1,15 @@
 """The detector lab and the meter lab say what is true: planted beats, beats counted by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import ClipSettings, PlantedClip, planted_clip, synthetic_clip
-from harmolab.lab.widgets.labs.detector import detector_lab
-from harmolab.lab.widgets.labs.meter import Song, meter_lab, meter_numbers
+from harmolab.data.synthetic import ClipSettings, PlantedClip, planted_clip, synthetic_clip
+from harmolab.lab.labs.detector import detector_lab
+from harmolab.lab.labs.meter import Song, meter_lab, meter_numbers
 from harmolab.types import BeatTrack, Clip, Motion
-from tests.builders import along_x
+from tests.builders import along_x, cases, refused
 
 FINE = {"detector": "valleys", "fps": None, "smoothing": 0.05, "subframe": True}
 
@@ -94,14 +92,12 @@ def test_plateau_moves_the_beats_of_a_dancer_who_keeps_the_speed(human_clip: Cli
     assert lab.numbers["times"].mean() < before.mean()
 
 
-@pytest.mark.parametrize(
-    ("values", "line"),
-    [
-        ({"smoothing": 0.05}, "HarmonyParams(smoothing=0.05)"),
-        ({"fps": None}, "HarmonyParams(fps=None)"),
-        ({"fps": 30}, "HarmonyParams(fps=30.0)"),  # a browser writes 30.0 as 30
-        ({"subframe": True, "position_smoothing": 0.1}, "HarmonyParams(position_smoothing=0.1, subframe=True)"),
-    ],
+@cases(
+    "values, line",
+    ({"smoothing": 0.05}, "HarmonyParams(smoothing=0.05)"),
+    ({"fps": None}, "HarmonyParams(fps=None)"),
+    ({"fps": 30}, "HarmonyParams(fps=30.0)"),  # a browser writes 30.0 as 30
+    ({"subframe": True, "position_smoothing": 0.1}, "HarmonyParams(position_smoothing=0.1, subframe=True)"),
 )
 def test_line_of_the_detector_lab_follows_its_controls(planted_clip: Clip, values: dict[str, object], line: str):
     lab = detector_lab(planted_clip)
@@ -110,8 +106,7 @@ def test_line_of_the_detector_lab_follows_its_controls(planted_clip: Clip, value
 
 
 def test_a_rate_that_is_not_offered_is_refused(planted_clip: Clip):
-    with pytest.raises(ValueError, match=r"fps must be one of None, 60\.0, 30\.0, .*; got 29\.97"):
-        detector_lab(planted_clip, fps=29.97)
+    refused(r"fps must be one of None, 60\.0, 30\.0, .*; got 29\.97", detector_lab, planted_clip, fps=29.97)
 
 
 # The meter lab
@@ -125,8 +120,7 @@ def test_alternating_strengths_are_grouped_by_two_and_two():
 
 
 def test_every_second_beat_of_an_alternation_has_no_accent():
-    song = Song({"of the clip": metronome(10, [1, 2] * 5)})
-    numbers = meter_numbers(song, every=2.0, lambda1=0.0)
+    numbers = meter_numbers(Song({"of the clip": metronome(10, [1, 2] * 5)}), every=2.0, lambda1=0.0)
     assert (numbers["beats"], numbers["strong"], len(numbers["units"])) == (5, 0, 0)
 
 
@@ -147,8 +141,7 @@ def test_downbeats_are_counted_only_where_somebody_annotated_them(planted_clip: 
 
 
 def test_weak_beats_below_the_threshold_are_not_compared():
-    track = metronome(12, [1.0, 0.2, 2.0] * 4)
-    assert meter_numbers(Song({"of the clip": track}), lambda1=1.0)["beats"] == 8
+    assert meter_numbers(Song({"of the clip": metronome(12, [1.0, 0.2, 2.0] * 4)}), lambda1=1.0)["beats"] == 8
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """The corpus lab: scores of many clips in each mode, music that was moved, and the player of the chosen clip."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from html import unescape
 from typing import Any
@@ -10,13 +8,14 @@ import numpy as np
 import pytest
 
 from harmolab.beats.visual import visual_beats
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.harmony import score_harmony, score_motion
-from harmolab.lab.compare.batch import BeatBatch
-from harmolab.lab.widgets.labs.corpus import Corpus, corpus_lab, corpus_numbers, corpus_scores
-from harmolab.lab.widgets.labs.stage import Stage
+from harmolab.data.synthetic import synthetic_clip
+from harmolab.lab.labs.corpus import Corpus, corpus_lab, corpus_numbers, corpus_scores
+from harmolab.lab.labs.live import Stage
 from harmolab.params import HarmonyParams
+from harmolab.score import score_harmony
 from harmolab.types import BeatTrack, Clip
+from harmolab.verdict.judge import score_motion
+from tests.builders import refused
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +31,8 @@ def metronome(count: int) -> BeatTrack:
 
 def exact_corpus() -> Corpus:
     """Three dancers with a visual beat on every music beat."""
-    pairs = [(metronome(count), metronome(count)) for count in (12, 16, 20)]
-    return Corpus(("a", "b", "c"), {"paper": BeatBatch.of(pairs), "valleys": BeatBatch.of(pairs)}, np.full(3, 0.5))
+    tracks = tuple(metronome(count) for count in (12, 16, 20))
+    return Corpus(("a", "b", "c"), tracks, {"paper": tracks, "valleys": tracks})
 
 
 def exact_numbers(**values: Any) -> tuple[float, int, int, float]:
@@ -65,7 +64,7 @@ def test_moved_music_scores_as_score_harmony_says():
     params = replace(HarmonyParams.valleys(), audio_threshold=0.0)
     flat = replace(stage.music, times=moved, strengths=np.ones(moved.size))
     by_hand = score_harmony(flat, visual_beats(stage.motion, params=params), params=params, n_rotations=0)
-    assert corpus_scores(corpus, "valleys", params, 0.4).hit_rate[0] == pytest.approx(by_hand.hit_rate)
+    assert corpus_scores(corpus, "valleys", params, "hit_rate", 0.4)[0] == pytest.approx(by_hand.hit_rate)
 
 
 def test_recommended_mode_scores_every_clip_as_score_motion():
@@ -90,8 +89,7 @@ def test_mode_sets_the_sliders_and_the_chosen_clip_stays():
 def test_corpus_without_a_mode_has_no_button_for_it():
     lab = corpus_lab(exact_corpus())
     assert "recommended" not in [preset.label for preset in lab.content.presets]
-    with pytest.raises(ValueError, match="mode must be one of paper, valleys"):
-        lab.set(mode="recommended")
+    refused("mode must be one of paper, valleys", lab.set, mode="recommended")
 
 
 def test_the_button_opens_the_chosen_clip_and_no_slider_does(clips: list[Clip]):
@@ -128,15 +126,13 @@ def test_clip_that_cannot_be_played_says_why_under_the_picture(clips: list[Clip]
 
 
 def test_corpus_whose_parts_do_not_fit_is_refused():
-    pairs = [(metronome(12), metronome(12))]
-    with pytest.raises(ValueError, match="as many clips as names and periods; got paper with 1, 2 clips"):
-        Corpus(("a", "b"), {"paper": BeatBatch.of(pairs)}, np.array([0.5]))
-    with pytest.raises(ValueError, match="a batch for some of paper, recommended, valleys"):
-        Corpus(("a",), {"literal": BeatBatch.of(pairs)}, np.array([0.5]))
-    with pytest.raises(ValueError, match="the recommended mode cannot score a BeatBatch"):
-        Corpus(("a",), {"recommended": BeatBatch.of(pairs)}, np.array([0.5]))
+    track = metronome(12)
+    with pytest.raises(ValueError, match="as many names, tracks and places as clips; got 1, 2 in the modes paper"):
+        Corpus(("a", "b"), (track, track), {"paper": (track,)})
+    refused(r"at least one clip and one mode, .* in the modes none", Corpus, ("a",), (track,), {})
+    for mode in ("literal", "recommended"):
+        refused(f"no mode {mode} counts hits", Corpus, ("a",), (track,), {mode: (track,)})
 
 
 def test_empty_corpus_is_refused():
-    with pytest.raises(ValueError, match="at least one clip"):
-        corpus_lab([])
+    refused("at least one clip", corpus_lab, [])

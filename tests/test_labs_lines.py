@@ -1,7 +1,5 @@
 """Settings of the labs as Python text, which makes them again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harmolab.lab.widgets.labs.lab import params_line
+from harmolab.lab.labs.live import params_line
 from harmolab.params import CHOICES, BarPattern, HarmonyParams
 
 PRESETS = (HarmonyParams.paper(), HarmonyParams.recommended(), HarmonyParams.valleys())

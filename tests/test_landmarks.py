@@ -1,7 +1,5 @@
 """MediaPipe landmarks: values by hand, gaps, and files that are none."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -9,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.io.keypoints import keypoints_motion, load_keypoints
-from harmolab.io.layouts import MEDIAPIPE_33
+from harmolab.readers.keypoints import MEDIAPIPE_33, keypoints_motion, load_keypoints
+from tests.builders import cases, refused
 
 
 def frame(x: float, visibility: float = 0.9) -> list[dict[str, float]]:
@@ -59,8 +57,7 @@ def test_joints_can_be_chosen_by_name(tmp_path: Path):
     motion = load_keypoints(path, fps=25, joints=("left_hip", "left_knee"))
     assert motion.skeleton.joints == ("left_hip", "left_knee")
     assert motion.skeleton.bones == ((0, 1),)
-    with pytest.raises(ValueError, match=r"no joints named \['tail'\]"):
-        load_keypoints(path, fps=25, joints=("tail",))
+    refused(r"no joints named \['tail'\]", load_keypoints, path, fps=25, joints=("tail",))
 
 
 def test_array_with_and_without_visibility_is_read(tmp_path: Path):
@@ -74,46 +71,37 @@ def test_array_with_and_without_visibility_is_read(tmp_path: Path):
     assert keypoints_motion(values[:2, :, :3], 25).valid.all()
 
 
-@pytest.mark.parametrize(
-    ("content", "fault"),
-    [
-        ([], "holds a list of 0, which is neither MediaPipe landmarks"),
-        ({"frames": 3}, "holds an object with 'frames', which is neither MediaPipe landmarks"),
-        ("text", "holds 'text', which is neither MediaPipe landmarks"),
-        ({"frames": [frame(0.1)], "world": "yes"}, "world must be true or false, got 'yes'"),
-        ([frame(0.1)[:32]], "frame 0 is no list of 33 landmarks"),
-        ([frame(0.1), 7], "frame 1 is no list of 33 landmarks"),
-        ([[{"x": 1, "y": 2}] * 33], "frame 0 has a landmark without z"),
-        ([[{"x": "far", "y": 2, "z": 3}] * 33], "frame 0 must be numbers"),
-        ([[{"x": float("nan"), "y": 2, "z": 3}] * 33], "NaN or infinity in frame 0"),
-        ([None, None], "nobody is seen in any of its 2 frames"),
-        ([frame(0.1)], "at least two frames"),
-    ],
+@cases(
+    "content, fault",
+    ([], "holds a list of 0, which is neither MediaPipe landmarks"),
+    ({"frames": 3}, "holds an object with 'frames', which is neither MediaPipe landmarks"),
+    ("text", "holds 'text', which is neither MediaPipe landmarks"),
+    ({"frames": [frame(0.1)], "world": "yes"}, "world must be true or false, got 'yes'"),
+    ([frame(0.1)[:32]], "frame 0 is no list of 33 landmarks"),
+    ([frame(0.1), 7], "frame 1 is no list of 33 landmarks"),
+    ([[{"x": 1, "y": 2}] * 33], "frame 0 has a landmark without z"),
+    ([[{"x": "far", "y": 2, "z": 3}] * 33], "frame 0 must be numbers"),
+    ([[{"x": float("nan"), "y": 2, "z": 3}] * 33], "NaN or infinity in frame 0"),
+    ([None, None], "nobody is seen in any of its 2 frames"),
+    ([frame(0.1)], "at least two frames"),
 )
 def test_damaged_landmarks_are_refused_by_name(tmp_path: Path, content: Any, fault: str):
-    path = saved(tmp_path, content)
-    with pytest.raises(ValueError, match=rf"dance\.json: .*{fault}"):
-        load_keypoints(path, fps=25)
+    refused(rf"dance\.json: .*{fault}", load_keypoints, saved(tmp_path, content), fps=25)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2", '{"fps": 30}'])
 def test_files_that_are_no_json_of_landmarks_are_refused(tmp_path: Path, text: str):
     path = tmp_path / "dance.json"
     path.write_text(text)
-    with pytest.raises(ValueError, match=r"dance\.json: "):
-        load_keypoints(path, fps=25)
+    refused(r"dance\.json: ", load_keypoints, path, fps=25)
 
 
 def test_rate_aspect_shape_and_suffix_are_checked(tmp_path: Path):
     path = saved(tmp_path, [frame(0.2), frame(0.4)])
-    with pytest.raises(ValueError, match="holds key points but no frame rate; pass fps"):
-        load_keypoints(path)
-    with pytest.raises(ValueError, match="aspect is width over height"):
-        load_keypoints(path, fps=25, aspect=0.0)
-    with pytest.raises(ValueError, match=r"has shape \(2, 33, 5\)"):
-        keypoints_motion(np.zeros((2, 33, 5)), 25)
+    refused("holds key points but no frame rate; pass fps", load_keypoints, path)
+    refused("aspect is width over height", load_keypoints, path, fps=25, aspect=0.0)
+    refused(r"has shape \(2, 33, 5\)", keypoints_motion, np.zeros((2, 33, 5)), 25)
     (tmp_path / "dance.csv").write_text("x,y")
-    with pytest.raises(ValueError, match=r"dance\.csv: cannot be read as key points"):
-        load_keypoints(tmp_path / "dance.csv", fps=25)
+    refused(r"dance\.csv: cannot be read as key points", load_keypoints, tmp_path / "dance.csv", fps=25)
     with pytest.raises(FileNotFoundError, match="no such file"):
         load_keypoints(tmp_path / "none.json", fps=25)

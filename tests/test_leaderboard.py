@@ -1,7 +1,5 @@
 """The leaderboard: its rows follow from their evidence, and its page from its rows."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -15,7 +13,8 @@ import pytest
 
 from benchmarks.leaderboard import __main__ as leaderboard
 from benchmarks.leaderboard.page import SCORES, page
-from harmolab.corpora.synthetic import write_corpus
+from harmolab.data.synthetic import write_corpus
+from tests.builders import cases, refused
 
 FOLDERS = sorted(path.parent for path in leaderboard.ROWS.glob("*/row.json"))
 LARGEST = 100_000  # bytes of a file of evidence
@@ -90,29 +89,24 @@ def test_means_are_over_songs_and_a_rank_needs_a_difference_beyond_luck():
 
 def test_a_number_that_does_not_follow_is_noticed(row: Path):
     edit(row / "row.json", lambda content: content["measured"]["numbers"]["paper"].update(auc=0.5))
-    with pytest.raises(ValueError, match=r"row\.json: its numbers do not follow from evidence\.csv"):
-        leaderboard.load_row(row)
+    refused(r"row\.json: its numbers do not follow from evidence\.csv", leaderboard.load_row, row)
 
 
 def test_changed_evidence_is_noticed(row: Path):
     table = pd.read_csv(row / "evidence.csv")
     table.loc[0, "recommended true"] = -1.0
     table.to_csv(row / "evidence.csv", index=False)
-    with pytest.raises(ValueError, match="do not follow"):
-        leaderboard.load_row(row)
+    refused("do not follow", leaderboard.load_row, row)
 
 
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        (lambda content: content["about"].pop("licence"), '"about" lacks licence'),
-        (lambda content: content.pop("measured"), "nothing measured yet"),
-    ],
+@cases(
+    "change, fault",
+    (lambda content: content["about"].pop("licence"), '"about" lacks licence'),
+    (lambda content: content.pop("measured"), "nothing measured yet"),
 )
 def test_a_row_that_lacks_something_says_what(row: Path, change: Callable[[dict], object], fault: str):
     edit(row / "row.json", change)
-    with pytest.raises(ValueError, match=fault):
-        leaderboard.load_row(row)
+    refused(fault, leaderboard.load_row, row)
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
@@ -170,8 +164,7 @@ def test_a_row_of_an_evaluation_has_its_numbers_and_none_of_its_paths(table: Pat
 def test_an_evaluation_with_dances_that_failed_is_no_row(table: Path):
     path = table / "clips.csv"
     path.write_text(path.read_text().replace("\n,ours", "\nbroken file,ours"))
-    with pytest.raises(ValueError, match="1 dances could not be measured"):
-        leaderboard.write_evaluate_row("NAME", table)
+    refused("1 dances could not be measured", leaderboard.write_evaluate_row, "NAME", table)
 
 
 @pytest.mark.slow

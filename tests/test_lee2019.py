@@ -1,7 +1,5 @@
 """Lee et al. 2019: pieces and the warp back, networks, loss terms, training, dancing; every reading of it, once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,51 +12,61 @@ from lightning_fabric import Fabric
 from torch import Tensor
 from typer.testing import CliRunner
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.lab.experiments import entry_tests_lee
-from harmolab.lab.experiments.entry_tests_lee import entry_lee2019
-from harmolab.systems.common import phases as training_loop
-from harmolab.systems.common.dancing import DanceInput
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.grid import MeterFrames
-from harmolab.systems.common.layers import parameter_count
-from harmolab.systems.common.motion_code import decode_motion
-from harmolab.systems.common.phases import make_fabric
-from harmolab.systems.common.shards import Shard, step
-from harmolab.systems.common.unit_corpus import load_units
-from harmolab.systems.common.units import DanceUnit
-from harmolab.systems.common.weights import load_weights
-from harmolab.systems.lee2019 import generate
-from harmolab.systems.lee2019.generate import beats_from, composed_units, danced_units, moving_sequence
-from harmolab.systems.lee2019.networks import DancingToMusic
-from harmolab.systems.lee2019.params import LeeParams
-from harmolab.systems.lee2019.parts import (
+from harmolab.data.synthetic import write_corpus
+from harmolab.systems.lee2019 import networks
+from harmolab.systems.lee2019.networks import (
     Code,
     Critic,
     DanceCoder,
     DanceDecoder,
+    DancingToMusic,
     MovementCoder,
     MusicStyle,
     PoseCoder,
     StyleCoder,
     UnitDecoder,
+    beats_from,
+    bent,
+    canonical,
+    composed_units,
+    danced_units,
+    laid_on_beats,
+    line,
+    moving_sequence,
+    piece_set,
+    rest_times,
+    unit_pieces,
 )
-from harmolab.systems.lee2019.pieces import bent, canonical, laid_on_beats, line, piece_set, rest_times, unit_pieces
-from harmolab.systems.lee2019.terms import (
+from harmolab.systems.lee2019.params import LeeParams
+from harmolab.systems.lee2019.train import (
     Pieces,
     coded_units,
     composed,
     composition_terms,
     divergence,
+    initial_network,
+    phases,
     piece_tensors,
     ramp,
     shifted,
+    split_pieces,
+    train_lee2019,
     unit_terms,
 )
-from harmolab.systems.lee2019.train import initial_network, phases, split_pieces, train_lee2019
-from harmolab.types import Skeleton
-from tests.builders import bobbing
+from harmolab.systems.training import loop as training_loop
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.dancing import DanceInput
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.layers import parameter_count
+from harmolab.systems.training.loop import Shard, step
+from harmolab.systems.training.motion_code import decode_motion
+from harmolab.systems.training.units import DanceUnit, MeterFrames, load_units
+from harmolab.systems.training.weights import load_weights
+from study.experiments import entry_tests_lee
+from study.experiments.entry_tests_lee import entry_lee2019
+from tests.builders import bobbing, cases, refused
 from tests.tiny_training import DANCER, FPS, tiny_split
 
 PARAMS = LeeParams(
@@ -88,19 +96,17 @@ def pieces(network: DancingToMusic) -> Pieces:
 # Sizes
 
 
-@pytest.mark.parametrize(
-    ("part", "millions"),
-    [
-        (lambda params: PoseCoder(params, 28), 0.015),
-        (lambda params: MovementCoder(params, 28), 8.58),
-        (lambda params: UnitDecoder(params, 28), 6.34),
-        (DanceCoder, 7.35),
-        (DanceDecoder, 7.35),
-        (lambda params: MusicStyle(params, 28, 3), 0.006),
-        (StyleCoder, 0.15),
-        (lambda params: Critic(params, 3 * 2 * 512, 28), 3.82),
-        (lambda params: Critic(params, 2 * 512, 28), 1.72),
-    ],
+@cases(
+    "part, millions",
+    (lambda params: PoseCoder(params, 28), 0.015),
+    (lambda params: MovementCoder(params, 28), 8.58),
+    (lambda params: UnitDecoder(params, 28), 6.34),
+    (DanceCoder, 7.35),
+    (DanceDecoder, 7.35),
+    (lambda params: MusicStyle(params, 28, 3), 0.006),
+    (StyleCoder, 0.15),
+    (lambda params: Critic(params, 3 * 2 * 512, 28), 3.82),
+    (lambda params: Critic(params, 2 * 512, 28), 1.72),
     ids=["pose", "movement", "unit", "dance", "dances", "music", "style", "units' critic", "dances' critic"],
 )
 def test_each_part_has_the_released_number_of_parameters(part: Callable[[LeeParams], Any], millions: float):
@@ -142,8 +148,7 @@ def test_numbers_are_in_standard_deviations_of_the_shifted_training_pieces(netwo
 
 @pytest.mark.parametrize("change", [{"clip": 0.0}, {"beats": "offbeat"}, {"critic_layers": ()}, {"still": -1.0}])
 def test_settings_out_of_range_are_refused_by_name(change: dict[str, Any]):
-    with pytest.raises(ValueError, match=next(iter(change))):
-        replace(PARAMS, **change)
+    refused(next(iter(change)), replace, PARAMS, **change)
 
 
 # Pieces
@@ -186,8 +191,7 @@ def test_before_its_first_frame_a_unit_goes_on_backwards_at_its_speed():
 
 
 def test_a_unit_of_too_few_beats_is_named():
-    with pytest.raises(ValueError, match="unit0: 3 pieces need 12 beats, this unit has 8"):
-        piece_set(SPLIT.train, beats="music", sequence=3)
+    refused("unit0: 3 pieces need 12 beats, this unit has 8", piece_set, SPLIT.train, beats="music", sequence=3)
 
 
 def test_a_rest_within_a_quarter_of_a_period_is_the_beat_else_the_music_is():
@@ -377,16 +381,14 @@ def stepped(network: DancingToMusic, number: int, pieces: Pieces) -> dict[str, T
     return {name: value.detach().clone() for name, value in network.named_parameters()}
 
 
-@pytest.mark.parametrize(
-    ("number", "taught"),
-    [
-        (0, {"music"}),
-        (1, {"poses", "movements", "unit_decoder"}),
-        (
-            2,
-            {"unit_critic", "dance_critic", "dance_coder", "dance_decoder", "style_coder", "regressor", "unit_decoder"},
-        ),
-    ],
+@cases(
+    "number, taught",
+    (0, {"music"}),
+    (1, {"poses", "movements", "unit_decoder"}),
+    (
+        2,
+        {"unit_critic", "dance_critic", "dance_coder", "dance_decoder", "style_coder", "regressor", "unit_decoder"},
+    ),
     ids=["style", "units", "composition"],
 )
 def test_a_phase_changes_its_own_parts_and_no_frozen_ones(
@@ -436,7 +438,7 @@ def test_one_batch_is_learnt_by_heart(pieces: Pieces):
 
 
 def trained(folder: Path, **options: Any) -> DancingToMusic:
-    return train_lee2019(SPLIT, folder, params=PARAMS, fabric=make_fabric(accelerator="cpu"), **options)
+    return train_lee2019(SPLIT, TrainOptions(folder, accelerator="cpu", **options), PARAMS)
 
 
 @pytest.fixture(scope="module")
@@ -477,7 +479,7 @@ def test_a_run_goes_on_bit_for_bit_where_it_was_stopped(
 
 def test_coders_are_frozen_while_composing(tmp_path: Path, run: Path):
     short = replace(PARAMS, composition_epochs=0)
-    before = train_lee2019(SPLIT, tmp_path / "run", params=short, fabric=make_fabric(accelerator="cpu")).state_dict()
+    before = train_lee2019(SPLIT, TrainOptions(tmp_path / "run", accelerator="cpu"), short).state_dict()
     after = load_weights(run, DancingToMusic).state_dict()
     frozen = [name for name in before if name.startswith(("poses.", "movements.", "music."))]
     assert len(frozen) > 20 and all(torch.equal(before[name], after[name]) for name in frozen)
@@ -519,7 +521,7 @@ def test_units_share_noise_by_threes_and_go_on_from_the_last_pose(
         starts.append(last)
         return moving_sequence(network, style, last, generator)
 
-    monkeypatch.setattr(generate, "moving_sequence", drawn)
+    monkeypatch.setattr(networks, "moving_sequence", drawn)
     dance = composed_units(network, dance_input(network), 7, 1)
     assert dance.sequences == len(starts) == 3 and dance.code.shape == (7 * 32, N_MOTION)
     first = torch.from_numpy(SPLIT.train.units[0].motion[11:12])
@@ -560,8 +562,7 @@ def test_the_root_of_a_dance_stays_at_the_origin(network: DancingToMusic):
 def test_a_description_of_giants_is_refused(network: DancingToMusic):
     about = network.description()
     about["params"]["hidden"] = 10**9
-    with pytest.raises(ValueError, match="describes hidden = 1000000000"):
-        DancingToMusic.built(about, network.state_dict())
+    refused("describes hidden = 1000000000", DancingToMusic.built, about, network.state_dict())
 
 
 @pytest.mark.parametrize("option", ["--params", "--harmony-weight", "--pretrain-epochs"])

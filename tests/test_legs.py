@@ -1,15 +1,14 @@
 """A foot put elsewhere: the knee follows, no bone changes; feet that carry are held back by the legs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
+from harmolab.body.skeletons import Skeleton, foot_joints
 from harmolab.metrics.quality import foot_skating
-from harmolab.skeletons import foot_joints
-from harmolab.systems.common.grounding import Leg, find_leg, moved_feet, planted_feet
-from harmolab.systems.common.motion_code import bone_lengths
-from harmolab.types import Motion, Skeleton
+from harmolab.systems.training.feet import Leg, find_leg, moved_feet, planted_feet
+from harmolab.systems.training.motion_code import bone_lengths
+from harmolab.types import Motion
+from tests.builders import cases
 
 FPS = 15.0
 WALKER = Skeleton(
@@ -30,14 +29,12 @@ def test_legs_are_found_by_the_names_of_feet():
     assert [find_leg(WALKER, foot) for foot in foot_joints(WALKER)] == [LEFT, RIGHT]
 
 
-@pytest.mark.parametrize(
-    ("joints", "parents"),
-    [
-        (("hip", "toe L"), (-1, 0)),  # no knee
-        (("hip", "knee L", "toe L"), (-1, -1, 1)),  # no hip above the knee
-        (("hip", "knee L", "heel L", "toe L"), (-1, 0, 1, 1)),  # which one is the ankle?
-        (("hip", "knee L", "ankle L", "tail"), (-1, 0, 1, 1)),  # the knee carries something else
-    ],
+@cases(
+    "joints, parents",
+    (("hip", "toe L"), (-1, 0)),  # no knee
+    (("hip", "knee L", "toe L"), (-1, -1, 1)),  # no hip above the knee
+    (("hip", "knee L", "heel L", "toe L"), (-1, 0, 1, 1)),  # which one is the ankle?
+    (("hip", "knee L", "ankle L", "tail"), (-1, 0, 1, 1)),  # the knee carries something else
 )
 def test_what_is_no_leg_of_two_bones_is_none(joints: tuple[str, ...], parents: tuple[int, ...]):
     skeleton = Skeleton(joints, parents)
@@ -72,8 +69,7 @@ def test_a_foot_goes_no_further_than_the_leg_reaches():
 def test_a_straight_leg_bends_forwards():
     positions = standing(1)
     positions[:, 3, 2] = 0.0
-    moved = moved_feet(positions, [LEFT], np.array([[[0.0, 0.1, 0.0]]]))
-    assert moved[0, 3, 2] > 0.1
+    assert moved_feet(positions, [LEFT], np.array([[[0.0, 0.1, 0.0]]]))[0, 3, 2] > 0.1
 
 
 def test_no_shift_changes_nothing():
@@ -90,8 +86,7 @@ def test_legs_hold_sliding_feet_back_while_the_body_dances_on():
     planted = planted_feet(swaying(), FPS, WALKER)
     before, after = (foot_skating(Motion(each, FPS, WALKER)) for each in (swaying(), planted))
     assert after < 0.25 * before
-    steps = [np.diff(each[20:70, :2], axis=0) for each in (planted, swaying())]
-    np.testing.assert_allclose(*steps, atol=1e-3)
+    np.testing.assert_allclose(*[np.diff(each[20:70, :2], axis=0) for each in (planted, swaying())], atol=1e-3)
     np.testing.assert_allclose(bone_lengths(planted, WALKER), bone_lengths(swaying(), WALKER), atol=1e-9)
 
 
@@ -100,5 +95,4 @@ def test_a_foot_in_the_air_goes_its_own_way():
     lift = np.sin(2 * np.pi * np.arange(90) / 30).clip(min=0)
     kicking[:, [4, 5]] += 0.3 * lift[:, None, None] * np.array([0, 1.0, 1.0])
     kicking = moved_feet(standing(), [LEFT], (kicking[:, 4] - standing()[:, 4])[:, None])
-    planted = planted_feet(kicking, FPS, WALKER)
-    np.testing.assert_allclose(planted, kicking, atol=0.03)
+    np.testing.assert_allclose(planted_feet(kicking, FPS, WALKER), kicking, atol=0.03)

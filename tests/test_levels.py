@@ -1,14 +1,12 @@
 """Levels of recordings to their own music, to the same music moved, and to another dance's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from harmolab.lab.experiments.levels import (
+from study.experiments.levels import (
     HALF,
     OTHER,
     OWN,
@@ -19,8 +17,8 @@ from harmolab.lab.experiments.levels import (
     level_settings,
     level_table,
 )
-from harmolab.lab.figures.verdicts import levels_figure
-from harmolab.lab.profile import RunProfile
+from study.figures.verdicts import levels_figure
+from study.profile import RunProfile
 
 
 @pytest.fixture(scope="module")
@@ -40,15 +38,13 @@ def test_planted_dancers_are_on_the_beat_of_their_own_music_only(table: pd.DataF
 
 
 def test_four_settings_are_counted_by_level(table: pd.DataFrame):
-    rows = table.assign(told=table["told"].where(table["music"] != OWN, other=True))
-    counts = level_counts(rows)
+    counts = level_counts(table.assign(told=table["told"].where(table["music"] != OWN, other=True)))
     assert counts.loc[("annotated", True), OWN] == "0 0 0 0 6"
 
 
 @pytest.mark.slow
 def test_settings_are_tracked_and_annotated_told_and_not():
-    recordings = level_recordings(RunProfile.quick())["synthetic"][:2]
-    rows = level_settings(recordings)
+    rows = level_settings(level_recordings(RunProfile.quick())["synthetic"][:2])
     assert rows.groupby(["beats", "told"]).ngroups == 4
     assert set(rows["music"]) == {OWN, QUARTER, HALF, SAME}
 

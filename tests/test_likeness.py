@@ -1,7 +1,5 @@
 """Likeness: each measure by hand, who passes the guard and who does not, and what it says."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,17 +10,16 @@ import numpy as np
 import pytest
 
 from harmolab import LikenessLimits, likeness, synthetic_motion
-from harmolab.corpora.folders import Recording, iter_recordings
-from harmolab.lab import DOCTORED, contact_sheet, guard_table
-from harmolab.lab.evaluate.dance_scores import OF_HARMONY, dance_scores
-from harmolab.lab.figures.sheets import CELL
-from harmolab.lab.person.plan import PAINTS
-from harmolab.metrics.body_measures import MEASURES, body_measures
-from harmolab.metrics.likeness import AMOUNTS, LOWER, MARGIN, UPPER, motion_windows
+from harmolab.body.skeletons import Skeleton, turned
+from harmolab.data.recordings import Recording, iter_recordings
+from harmolab.lab.evaluate.measured import OF_HARMONY, dance_scores
+from harmolab.lab.person import PAINTS
+from harmolab.metrics.likeness import AMOUNTS, LOWER, MARGIN, MEASURES, UPPER, body_measures, motion_windows
 from harmolab.metrics.quality import foot_skating, jerk
-from harmolab.skeletons import turned
-from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
-from tests.builders import still
+from harmolab.types import BeatTrack, FloatArray, Motion
+from study import DOCTORED, contact_sheet, guard_table
+from study.figures.sheets import CELL
+from tests.builders import cases, refused, still
 
 FPS = 15.0
 PLACES = {
@@ -63,15 +60,13 @@ def moved(joint: str, axis: int, course: FloatArray) -> FloatArray:
 
 
 def test_a_joint_that_is_now_here_now_there_is_spread_by_half_the_way() -> None:
-    course = np.where(np.arange(TIMES.size) % 2, 0.11, -0.11)
-    values = measured(moved("left_hand", 1, course))
+    values = measured(moved("left_hand", 1, np.where(np.arange(TIMES.size) % 2, 0.11, -0.11)))
     assert values["spread"] == pytest.approx(11.0 / COUNT)
     assert values["poorest"] == pytest.approx(11.0 / COUNT, rel=0.01)
 
 
 def test_the_poorest_five_seconds_are_those_at_rest() -> None:
-    course = np.where(np.abs(TIMES - 10) < 2.6, 0.0, np.sin(5 * TIMES))
-    values = measured(moved("left_hand", 1, course))
+    values = measured(moved("left_hand", 1, np.where(np.abs(TIMES - 10) < 2.6, 0.0, np.sin(5 * TIMES))))
     assert values["poorest"] == pytest.approx(0.0, abs=1e-9)
     assert values["spread"] > 1
 
@@ -122,8 +117,7 @@ def test_turns_there_and_back_are_none() -> None:
 
 def test_ankles_are_crossed_where_the_left_one_is_right_of_the_right_one_whatever_the_heading() -> None:
     crossed = TIMES < 5
-    positions = turned(moved("left_ankle", 0, np.where(crossed, -0.3, 0.0)), 2.0)
-    values = measured(positions)
+    values = measured(turned(moved("left_ankle", 0, np.where(crossed, -0.3, 0.0)), 2.0))
     assert values["crossed"] == pytest.approx(0.25)
     assert values["ankles"] == pytest.approx(0.2)
     assert values["stride"] == pytest.approx(0.2)
@@ -144,8 +138,7 @@ def test_jerk_and_skating_are_those_of_the_motion_itself() -> None:
 
 
 def test_filler_counts_nowhere() -> None:
-    course = np.where(TIMES < 4, 50.0, 0.0)
-    values = measured(moved("left_hand", 1, course), valid=TIMES >= 4)
+    values = measured(moved("left_hand", 1, np.where(TIMES < 4, 50.0, 0.0)), valid=TIMES >= 4)
     for name in ("spread", "poorest", "hands", "inside", "nearest", "jerk"):
         assert values[name] == pytest.approx(0.0, abs=1e-6), name
 
@@ -203,29 +196,23 @@ def test_limits_survive_json() -> None:
         assert kept.pooled[name] == pytest.approx(limits.pooled[name], rel=1e-3)
 
 
-@pytest.mark.parametrize(
+@cases(
     "content",
-    [
-        {},
-        [],
-        {"pooled": {"charm": [1, 2, 3]}, "dances": {}, "windows": 1},
-        {"pooled": {"hands": [3, 2, 1]}, "dances": {}, "windows": 1},
-        {"pooled": {"hands": [1, 2]}, "dances": {}, "windows": 1},
-        {"pooled": {"hands": ["a", "b", "c"]}, "dances": {}, "windows": 1},
-    ],
+    {},
+    [],
+    {"pooled": {"charm": [1, 2, 3]}, "dances": {}, "windows": 1},
+    {"pooled": {"hands": [3, 2, 1]}, "dances": {}, "windows": 1},
+    {"pooled": {"hands": [1, 2]}, "dances": {}, "windows": 1},
+    {"pooled": {"hands": ["a", "b", "c"]}, "dances": {}, "windows": 1},
 )
 def test_what_is_no_limits_is_refused(content: object) -> None:
-    with pytest.raises(ValueError, match="likeness"):
-        LikenessLimits.from_dict(content)
+    refused("likeness", LikenessLimits.from_dict, content)
 
 
 def test_nobody_makes_limits_of_nothing() -> None:
-    with pytest.raises(ValueError, match="10 s of movement"):
-        LikenessLimits.of([dancer(1, seconds=8.0)])
-    with pytest.raises(ValueError, match="names of dances"):
-        LikenessLimits.of([dancer(1)], ["waltz", "tango"])
-    with pytest.raises(ValueError, match="three-dimensional"):
-        LikenessLimits.of([still(600, fps=30.0, axes=2)])
+    refused("10 s of movement", LikenessLimits.of, [dancer(1, seconds=8.0)])
+    refused("names of dances", LikenessLimits.of, [dancer(1)], ["waltz", "tango"])
+    refused("three-dimensional", LikenessLimits.of, [still(600, fps=30.0, axes=2)])
 
 
 def test_shipped_limits_are_of_46_windows_and_all_measures() -> None:
@@ -252,14 +239,12 @@ def test_a_dancer_moves_like_other_dancers() -> None:
     assert judged.harmony_text(0.414) == "0.41 (moves like recorded dancers (13 of 13 measures))"
 
 
-@pytest.mark.parametrize(
-    ("change", "fails", "words"),
-    [
-        ("statue on the recorded path", {*AMOUNTS}, "the body hardly moves"),
-        ("4 s looped", {"nearest"}, "the same 2 s come again and again"),
-        ("movement shrunk to 35 %", {"spread", "hands", "inside"}, "the body hardly moves"),
-        ("eight turns added", {"turns"}, "the body turns round and round"),
-    ],
+@cases(
+    "change, fails, words",
+    ("statue on the recorded path", {*AMOUNTS}, "the body hardly moves"),
+    ("4 s looped", {"nearest"}, "the same 2 s come again and again"),
+    ("movement shrunk to 35 %", {"spread", "hands", "inside"}, "the body hardly moves"),
+    ("eight turns added", {"turns"}, "the body turns round and round"),
 )
 def test_who_does_not_dance_fails_and_is_told_why(change: str, fails: set[str], words: str) -> None:
     judged = likeness(DOCTORED[change](dancer(0)), limits=others())
@@ -290,13 +275,11 @@ def test_windows_cover_a_motion_evenly() -> None:
     assert motion_windows(dancer(0, seconds=31.0)) == (dancer(0, seconds=31.0),)
 
 
-@pytest.mark.parametrize(
-    ("motion", "words"),
-    [
-        (dancer(0).span(0.0, 8.0), "too short to be judged: 10 s of movement are needed, these are 8 s"),
-        (still(600, fps=30.0, axes=2), "cannot be judged: places in a picture"),
-        (still(600, fps=30.0), "cannot be judged: no joints are named left and right hip"),
-    ],
+@cases(
+    "motion, words",
+    (dancer(0).span(0.0, 8.0), "too short to be judged: 10 s of movement are needed, these are 8 s"),
+    (still(600, fps=30.0, axes=2), "cannot be judged: places in a picture"),
+    (still(600, fps=30.0), "cannot be judged: no joints are named left and right hip"),
 )
 def test_who_cannot_be_judged_neither_passes_nor_fails(motion: Motion, words: str) -> None:
     judged = likeness(motion)
@@ -411,10 +394,8 @@ def test_bodies_without_bones_and_pictures_have_sheets_too(motion: Motion) -> No
 
 
 def test_a_sheet_of_nothing_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least one motion"):
-        contact_sheet({})
-    with pytest.raises(ValueError, match="must be positive"):
-        contact_sheet({"one": dancer(0)}, every=0.0)
+    refused("at least one motion", contact_sheet, {})
+    refused("must be positive", contact_sheet, {"one": dancer(0)}, every=0.0)
 
 
 def outlines(motion: Motion) -> FloatArray:

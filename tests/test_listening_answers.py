@@ -1,7 +1,5 @@
 """Answers survive a killed program, and the files of several raters become one."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -16,6 +14,7 @@ import pytest
 
 from harmolab.lab.listening.answers import Answer, AnswerLog, Answers, merge
 from harmolab.lab.listening.trials import Item, TrialSet, make_trials
+from tests.builders import cases, refused
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
 ANSWER = Answer("0" * 12, "Ada", "1" * 12, "harmonious", 1.5, "2026-01-01T00:00:00+00:00")
@@ -148,26 +147,21 @@ def test_files_of_two_studies_do_not_merge(tmp_path: Path):
     first, second = tmp_path / "a.jsonl", tmp_path / "b.jsonl"
     AnswerLog(first).append(ANSWER)
     AnswerLog(second).append(replace(ANSWER, study="f" * 12))
-    with pytest.raises(ValueError, match=r"b\.jsonl: line 1 is of study ffffffffffff, but .*a\.jsonl is of study 0000"):
-        merge([first, second])
-    with pytest.raises(ValueError, match="no answer files"):
-        merge([])
+    refused(r"b\.jsonl: line 1 is of study ffffffffffff, but .*a\.jsonl is of study 0000", merge, [first, second])
+    refused("no answer files", merge, [])
 
 
 def test_log_of_another_study_is_not_gone_on_with(tmp_path: Path):
     log = AnswerLog(tmp_path / "a.jsonl")
     log.append(ANSWER)
-    with pytest.raises(ValueError, match="holds answers of study 000000000000"):
-        log.resume(trials_of("Ada"))
+    refused("holds answers of study 000000000000", log.resume, trials_of("Ada"))
 
 
 def test_trial_is_answered_once_and_with_an_answer_of_its_kind(tmp_path: Path):
     log, trials = AnswerLog(tmp_path / "a.jsonl"), trials_of("Ada")
     log.record(trials, trials.trials[0].id, "harmonious")
-    with pytest.raises(ValueError, match="not waiting for an answer of Ada"):
-        log.record(trials, trials.trials[0].id, "harmonious")
-    with pytest.raises(ValueError, match="choice must be one of"):
-        log.record(trials, trials.trials[1].id, "left")
+    refused("not waiting for an answer of Ada", log.record, trials, trials.trials[0].id, "harmonious")
+    refused("choice must be one of", log.record, trials, trials.trials[1].id, "left")
     assert len(log.read().answers) == 1
 
 
@@ -183,22 +177,20 @@ LINE = json.dumps({"study": "0" * 12, "rater": "Ada", "trial": "1" * 12, "choice
 WHOLE = LINE[:-1] + ', "simulated": false}'
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"\x80\x04K\x01.\n", "line 1 is not an answer"),
-        (b"hello\n", "line 1 is not an answer"),
-        (f"{WHOLE}\n[]\n".encode(), "line 2 must have the fields"),
-        (f"{LINE}\n".encode(), "line 1 must have the fields"),
-        (WHOLE.replace('"left"', '"up"').encode(), "line 1: choice must be one of"),
-        (WHOLE.replace('"left"', "[1]").encode(), "line 1: choice must be text"),
-        (WHOLE.replace("null", "NaN").encode(), "line 1: seconds must be zero or more"),
-        (WHOLE.replace("null", "-1").encode(), "line 1: seconds must be zero or more"),
-        (WHOLE.replace("Ada", "simulated-1").encode(), "line 1: a simulated rater"),
-        (WHOLE.replace("false", "true").encode(), "line 1: a simulated rater"),
-        (WHOLE.replace("Ada", "").encode(), "line 1: an answer needs a study, a rater and a trial"),
-        (b"[" * 100_000, "line 1 is not an answer"),
-    ],
+@cases(
+    "content, message",
+    (b"\x80\x04K\x01.\n", "line 1 is not an answer"),
+    (b"hello\n", "line 1 is not an answer"),
+    (f"{WHOLE}\n[]\n".encode(), "line 2 must have the fields"),
+    (f"{LINE}\n".encode(), "line 1 must have the fields"),
+    (WHOLE.replace('"left"', '"up"').encode(), "line 1: choice must be one of"),
+    (WHOLE.replace('"left"', "[1]").encode(), "line 1: choice must be text"),
+    (WHOLE.replace("null", "NaN").encode(), "line 1: seconds must be zero or more"),
+    (WHOLE.replace("null", "-1").encode(), "line 1: seconds must be zero or more"),
+    (WHOLE.replace("Ada", "simulated-1").encode(), "line 1: a simulated rater"),
+    (WHOLE.replace("false", "true").encode(), "line 1: a simulated rater"),
+    (WHOLE.replace("Ada", "").encode(), "line 1: an answer needs a study, a rater and a trial"),
+    (b"[" * 100_000, "line 1 is not an answer"),
 )
 def test_file_that_is_no_answer_file_is_refused_by_name_and_line(tmp_path: Path, content: bytes, message: str):
     path = tmp_path / "a.jsonl"

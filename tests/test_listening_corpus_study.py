@@ -1,7 +1,5 @@
 """What a study shows: dances exchanged under one music, equally long and loud, and nothing heard or seen twice."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +19,7 @@ from harmolab.lab.listening.corpus_study import (
 )
 from harmolab.lab.listening.trials import KeyEntry, make_key
 from harmolab.types import Audio, Clip
+from tests.builders import cases, refused
 
 SECONDS = 5.0
 
@@ -173,26 +172,21 @@ def test_scores_tell_the_true_dance_from_the_late_one(lagged: Pieces):
         assert true["valleys_above_chance"] > late["valleys_above_chance"] + 0.3
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"seconds": 1.0}, "seconds must be between 2 and 60"),
-        ({"seconds": float("nan")}, "seconds must be between 2 and 60"),
-        ({"seed": -1}, "seed must not be negative"),
-    ],
+@cases(
+    "change, message",
+    ({"seconds": 1.0}, "seconds must be between 2 and 60"),
+    ({"seconds": float("nan")}, "seconds must be between 2 and 60"),
+    ({"seed": -1}, "seed must not be negative"),
 )
 def test_settings_out_of_range_are_refused(clips: list[Clip], change: dict[str, float], message: str):
     for make in (lagged_pieces, swapped_pieces):
-        with pytest.raises(ValueError, match=message):
-            make(clips, **{"seconds": SECONDS, "seed": 1, **change})
-    with pytest.raises(ValueError, match="two names"):
-        paired_pieces([], ("a", "a"), seconds=SECONDS, seed=1)
+        refused(message, make, clips, **{"seconds": SECONDS, "seed": 1, **change})
+    refused("two names", paired_pieces, [], ("a", "a"), seconds=SECONDS, seed=1)
 
 
 def test_trial_shows_the_dances_that_its_key_names_to_the_music_of_its_item(lagged: Pieces):
     piece = lagged.pieces[2]
-    asked = KeyEntry(piece.name, ("lagged", "true"), ("a", "b"), "right")
-    audio, motions = lagged.presented(asked)
+    audio, motions = lagged.presented(KeyEntry(piece.name, ("lagged", "true"), ("a", "b"), "right"))
     assert audio is piece.audio
     assert motions == [piece.motions["lagged"], piece.motions["true"]]
 
@@ -202,5 +196,5 @@ def test_scores_of_a_study_are_those_of_each_dance_shown(lagged: Pieces):
     scores = lagged.scores([KeyEntry(piece.name, ("true", "lagged"), ("a", "b"), "left")])
     expected = clip_scores(piece.clip("lagged"))
     assert {name: values["b"] for name, values in scores.items()} == pytest.approx(expected, nan_ok=True)
-    assert scores["room_speed_above_chance"]["a"] > scores["room_speed_above_chance"]["b"]
+    assert scores["valleys_above_chance"]["a"] > scores["valleys_above_chance"]["b"]
     assert np.isnan([*scores["recommended_above_chance"].values()]).all()  # six seconds hold fewer than 16 beats

@@ -1,18 +1,15 @@
 """Marks from 0 to 10: balanced trials, answers that are checked, means and agreement with known results."""
 
-from __future__ import annotations
-
 from urllib.parse import urlencode
 
 import numpy as np
 import pytest
 
-from harmolab.lab.listening.analysis import study_tables
-from harmolab.lab.listening.answers import Answer, AnswerLog, Answers
-from harmolab.lab.listening.marks import MARK, WEIGHTS, agreement_of_marks, interval_alpha, mark_rows
-from harmolab.lab.listening.presenting import StudyServer
-from harmolab.lab.listening.raters import SimulatedRater
+from harmolab.lab.listening.analysis import MARK, WEIGHTS, agreement_of_marks, interval_alpha, mark_rows, study_tables
+from harmolab.lab.listening.answers import Answer, AnswerLog, Answers, SimulatedRater
+from harmolab.lab.listening.local_page import StudyServer
 from harmolab.lab.listening.trials import MARKED, Item, is_answer, make_key, make_trials, marks_of
+from tests.builders import refused
 
 SYSTEMS = ("WaveNet", "LSTM")
 ITEMS = [Item(f"song {i}", {name: f"{i} {name}" for name in SYSTEMS}) for i in range(20)]
@@ -36,40 +33,32 @@ def test_every_system_is_marked_as_often_and_no_dance_twice():
     assert {name: versions.count(name) for name in SYSTEMS} == {"WaveNet": 20, "LSTM": 20}
     assert len({entry.sources for entry in key.trials.values()}) == 40
     assert all(entry.right is None for entry in key.trials.values())
-    with pytest.raises(ValueError, match="multiple of 2"):
-        make_key(ITEMS, **{**DESIGN, "n": 7})
-    with pytest.raises(ValueError, match="only 40 dances"):
-        make_key(ITEMS, **{**DESIGN, "n": 42})
+    refused("multiple of 2", make_key, ITEMS, **{**DESIGN, "n": 7})
+    refused("only 40 dances", make_key, ITEMS, **{**DESIGN, "n": 42})
 
 
 @pytest.mark.parametrize("text", ["8 7 10", "8 7 10 11", "8 7 10 -1", "8 7 10 3 2", "a b c d", "8,7,10,3", "left", ""])
 def test_what_is_no_four_marks_is_refused(text: str):
     assert not is_answer("rate", text)
-    with pytest.raises(ValueError, match=r"four|4 whole"):
-        marks_of(text)
+    refused(r"four|4 whole", marks_of, text)
 
 
 def test_means_and_weights_by_hand():
     _, key = study()
-    first = sorted(key.trials)[0]
-    version = key.trials[first].versions[0]
+    version = key.trials[sorted(key.trials)[0]].versions[0]
     rows = mark_rows(marked(("Ada", 0, "8 6 10 2"), ("Bob", 0, "6 6 4 4")), key)
     (own,) = [row for row in rows if row["version"] == version and row["side"] == MARK]
     assert own["n"] == 1 and own["raters"] == 2 and not own["simulated"]
     assert own["rate"] == pytest.approx(np.mean([0.25 * 8 + 0.25 * 6 + 0.4 * 10 + 0.1 * 2, 0.5 * 6 + 0.4 * 4 + 0.4]))
-    music = next(row for row in rows if row["version"] == version and row["side"] == "music")
-    assert music["rate"] == 7.0
+    assert next(row for row in rows if row["version"] == version and row["side"] == "music")["rate"] == 7.0
     assert sum(WEIGHTS.values()) == pytest.approx(1.0)
 
 
 def test_agreement_of_marks_is_krippendorffs_alpha():
     assert interval_alpha(np.array([[1.0, 2, 3], [1.0, 2, 3]])) == 1.0
     assert np.isnan(interval_alpha(np.full((2, 3), 5.0)))
-    rng = np.random.default_rng(0)
-    assert abs(interval_alpha(rng.integers(0, 11, (8, 400)).astype(float))) < 0.05
-    one = marked(("Ada", 0, "8 6 10 2"))
-    with pytest.raises(ValueError, match="two raters"):
-        agreement_of_marks(one, study()[1])
+    assert abs(interval_alpha(np.random.default_rng(0).integers(0, 11, (8, 400)).astype(float))) < 0.05
+    refused("two raters", agreement_of_marks, marked(("Ada", 0, "8 6 10 2")), study()[1])
 
 
 def test_simulated_raters_find_the_system_that_they_prefer():
@@ -93,5 +82,4 @@ def test_the_page_asks_four_marks_and_saves_them(tmp_path):
         server.post(urlencode(form))
         (answer,) = AnswerLog(tmp_path / "answers.jsonl").read().answers
         assert answer.choice == "8 7 0 9"
-        with pytest.raises(ValueError, match="not saved"):
-            server.post(urlencode({"trial": waiting[1].id, "music": "4"}))
+        refused("not saved", server.post, urlencode({"trial": waiting[1].id, "music": "4"}))

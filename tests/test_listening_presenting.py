@@ -1,7 +1,5 @@
 """A rater answers on a local page, or in its frame in a notebook; each answer is on disk before the next trial."""
 
-from __future__ import annotations
-
 import html
 import http.client
 import re
@@ -15,7 +13,7 @@ import pytest
 from jupyter_client.manager import start_new_kernel
 
 from harmolab.lab.listening.answers import AnswerLog
-from harmolab.lab.listening.presenting import StudyServer
+from harmolab.lab.listening.local_page import StudyServer
 from harmolab.lab.listening.trials import Item, Trial, TrialSet, make_trials
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
@@ -158,7 +156,7 @@ def test_rater_who_closes_the_page_of_thanks_before_it_has_come_is_finished(
 PRESENT = """
 from pathlib import Path
 from harmolab.lab.listening.answers import AnswerLog
-from harmolab.lab.listening.presenting import StudyServer
+from harmolab.lab.listening.local_page import StudyServer
 from harmolab.lab.listening.trials import Item, make_trials
 clips = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 trials = make_trials(clips, kind="pick", n=4, seed=1, rater="Ada")

@@ -1,7 +1,5 @@
 """Trials are balanced, seeded and blind, and files of them are checked."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter
@@ -10,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.lab.listening.folders import (
+from harmolab.lab.listening.answers import (
     answer_files,
     answer_log,
     read_key,
@@ -22,6 +20,7 @@ from harmolab.lab.listening.folders import (
     write_study,
 )
 from harmolab.lab.listening.trials import Item, Key, Trial, TrialSet, make_key, make_trials
+from tests.builders import cases, refused
 
 CLIPS = [Item(f"waltz {n}", {v: f"waltz {n} {v}" for v in ("true", "lagged", "other")}) for n in range(12)]
 MODELS = [Item(f"song {n}", {v: f"song {n} by {v}" for v in ("HarmoGAN", "LSTM", "recorded")}) for n in range(4)]
@@ -117,41 +116,35 @@ def test_key_of_another_study_is_refused(tmp_path: Path):
         write_study(tmp_path, trials, replace(make_key(CLIPS, **PICK), study="0" * 12))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"n": 10}, "n must be a multiple of 4"),
-        ({"n": 0}, "n must be a multiple of 4"),
-        ({"n": True}, "n must be a multiple of 4"),
-        ({"n": 16}, "only 12 clips"),
-        ({"kind": "rank"}, "kind must be 'pick', 'choice' or 'rate', got 'rank'"),
-        ({"seed": -1}, "seed must be a whole number"),
-        ({"rater": ""}, "a rater needs a name"),
-        ({"rater": "a\nb"}, "a rater needs a name"),
-        ({"truth": "right"}, "items need a version 'right'"),
-        ({"items": []}, "a study needs items"),
-        ({"items": [*CLIPS, Item("x", {"true": "a", "late": "b"})]}, "item 'x' has the versions"),
-        ({"items": [*CLIPS, CLIPS[0]]}, "the name 'waltz 0' comes twice"),
-        ({"items": [*CLIPS, Item("x", CLIPS[0].versions)]}, "the source 'waltz 0 true' comes twice"),
-    ],
+@cases(
+    "change, message",
+    ({"n": 10}, "n must be a multiple of 4"),
+    ({"n": 0}, "n must be a multiple of 4"),
+    ({"n": True}, "n must be a multiple of 4"),
+    ({"n": 16}, "only 12 clips"),
+    ({"kind": "rank"}, "kind must be 'pick', 'choice' or 'rate', got 'rank'"),
+    ({"seed": -1}, "seed must be a whole number"),
+    ({"rater": ""}, "a rater needs a name"),
+    ({"rater": "a\nb"}, "a rater needs a name"),
+    ({"truth": "right"}, "items need a version 'right'"),
+    ({"items": []}, "a study needs items"),
+    ({"items": [*CLIPS, Item("x", {"true": "a", "late": "b"})]}, "item 'x' has the versions"),
+    ({"items": [*CLIPS, CLIPS[0]]}, "the name 'waltz 0' comes twice"),
+    ({"items": [*CLIPS, Item("x", CLIPS[0].versions)]}, "the source 'waltz 0 true' comes twice"),
 )
 def test_settings_that_cannot_be_balanced_are_refused(change: dict[str, object], message: str):
     settings = {"items": CLIPS, **PICK, "rater": "Ada", **change}
-    with pytest.raises(ValueError, match=message):
-        make_trials(settings.pop("items"), **settings)
+    refused(message, make_trials, settings.pop("items"), **settings)
 
 
 def test_item_with_one_version_is_refused():
-    with pytest.raises(ValueError, match="needs two or more versions"):
-        Item("x", {"true": "a"})
+    refused("needs two or more versions", Item, "x", {"true": "a"})
 
 
 def test_trials_and_keys_that_contradict_their_kind_are_refused():
-    with pytest.raises(ValueError, match="must have 2 stimuli"):
-        TrialSet("0" * 12, "choice", "Ada", (Trial("1" * 12, ("2" * 12,)),))
+    refused("must have 2 stimuli", TrialSet, "0" * 12, "choice", "Ada", (Trial("1" * 12, ("2" * 12,)),))
     asked = next(iter(make_key(CLIPS, **PICK).trials.values()))
-    with pytest.raises(ValueError, match="right answer must be in"):
-        Key("0" * 12, "pick", {"1" * 12: replace(asked, right="left")})
+    refused("right answer must be in", Key, "0" * 12, "pick", {"1" * 12: replace(asked, right="left")})
 
 
 TRIAL = f'{{"id": "{"1" * 12}", "stimuli": ["{"2" * 12}"]}}'
@@ -163,23 +156,21 @@ def test_the_hand_written_trials_are_good(tmp_path: Path):
     assert read_trials(tmp_path / "t.json").trials == (Trial("1" * 12, ("2" * 12,)),)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("", "is empty"),
-        ("{", "Expecting property name"),
-        ("[]", "must have the fields study, kind, rater, trials"),
-        ("[" * 100_000, "cannot be read as the trials of a study"),
-        (GOOD.replace("0" * 12, "x"), "an id must be twelve hexadecimal digits"),
-        (GOOD.replace("1" * 12, "../etc/passwd"), "an id must be twelve hexadecimal digits"),
-        (GOOD.replace("pick", "choice"), "must have 2 stimuli"),
-        (GOOD.replace('"pick"', '["pick"]'), "kind must be"),
-        (GOOD.replace('"A"', "7"), "must be texts"),
-        (GOOD.replace('"id"', '"condition": "lagged", "id"'), "and no other"),
-        (GOOD.replace(TRIAL, f"{TRIAL}, {TRIAL}"), "of its own"),
-        (GOOD.replace(TRIAL, ""), "one or more trials"),
-        (GOOD.replace(f"[{TRIAL}]", "3"), "trials must be a list"),
-    ],
+@cases(
+    "content, message",
+    ("", "is empty"),
+    ("{", "Expecting property name"),
+    ("[]", "must have the fields study, kind, rater, trials"),
+    ("[" * 100_000, "cannot be read as the trials of a study"),
+    (GOOD.replace("0" * 12, "x"), "an id must be twelve hexadecimal digits"),
+    (GOOD.replace("1" * 12, "../etc/passwd"), "an id must be twelve hexadecimal digits"),
+    (GOOD.replace("pick", "choice"), "must have 2 stimuli"),
+    (GOOD.replace('"pick"', '["pick"]'), "kind must be"),
+    (GOOD.replace('"A"', "7"), "must be texts"),
+    (GOOD.replace('"id"', '"condition": "lagged", "id"'), "and no other"),
+    (GOOD.replace(TRIAL, f"{TRIAL}, {TRIAL}"), "of its own"),
+    (GOOD.replace(TRIAL, ""), "one or more trials"),
+    (GOOD.replace(f"[{TRIAL}]", "3"), "trials must be a list"),
 )
 def test_damaged_trials_are_refused_by_name(tmp_path: Path, content: str, message: str):
     path = tmp_path / "t.json"
@@ -189,14 +180,12 @@ def test_damaged_trials_are_refused_by_name(tmp_path: Path, content: str, messag
     assert str(caught.value).startswith(f"{path}: ")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('"harmonious"', '"left"', "right answer must be in"),
-        ('"harmonious"', "[]", "right answer must be in"),
-        ('"versions"', '"models"', "must have the fields item, versions"),
-        ('"kind": "pick"', '"kind": "choice"', "must have 2 versions and sources"),
-    ],
+@cases(
+    "old, new, message",
+    ('"harmonious"', '"left"', "right answer must be in"),
+    ('"harmonious"', "[]", "right answer must be in"),
+    ('"versions"', '"models"', "must have the fields item, versions"),
+    ('"kind": "pick"', '"kind": "choice"', "must have 2 versions and sources"),
 )
 def test_damaged_key_is_refused_by_name(tmp_path: Path, old: str, new: str, message: str):
     write_study(tmp_path, make_trials(CLIPS, **PICK, rater="Ada"), make_key(CLIPS, **PICK))

@@ -1,62 +1,49 @@
 """Bodies on a metronome: what the score says of each cheat and each dancer, and its picture."""
 
-from __future__ import annotations
-
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from harmolab.lab.experiments.locked import (
-    BODIES,
-    CHEATS,
-    IN_TIME,
-    evidence,
-    impacts,
-    locked_table,
-    metronome,
-    rests,
-    statue_on_turntable,
-    strokes,
-)
-from harmolab.lab.figures.cheating import locked_figure
-from harmolab.lab.profile import RunProfile
+from harmolab.data.synthetic import DANCER
 from harmolab.shape_speed import shape_speed
 from harmolab.verdict.judge import judge
-from tests.builders import planted_dance, still, track
+from study.experiments.locked import evidence, locked_table, metronome, statue_on_turntable
+from tests.builders import cases, planted_dance, still, track
+from tests.notebook_cells import notebook_cells
+
+AXES = {"SIDE": np.eye(3)[0], "UP": np.eye(3)[1]}
+CELLS = notebook_cells("12_cheating_the_score", DANCER=DANCER, **AXES)
+BEATS = metronome(CELLS.SECONDS, CELLS.PERIOD)
 
 
 @pytest.fixture(scope="module")
 def table() -> pd.DataFrame:
-    return locked_table(replace(RunProfile.quick(), n_rotations=0)).set_index("motion")
+    return locked_table(CELLS.bodies(1), BEATS, CELLS.FPS).set_index("motion")
 
 
 def test_poses_are_reached_on_the_beats_and_left_and_reached_at_rest():
     beats = np.array([0.0, 0.01, 0.5, 0.99, 1.0])
-    np.testing.assert_allclose(rests(beats), [0.0, 0.0, 0.5, 1.0, 1.0], atol=2e-5)
-    np.testing.assert_allclose(rests(beats, rate=2.0, late=0.5), [-1.0, -1.0, 0.0, 1.0, 1.0], atol=1e-3)
+    np.testing.assert_allclose(CELLS.arrivals(beats), [0.0, 0.0, 0.5, 1.0, 1.0], atol=2e-5)
+    np.testing.assert_allclose(CELLS.arrivals(beats, width=0.5), [0.0, 0.0, 0.0, 1.0, 1.0], atol=1e-3)
 
 
 def test_stroke_is_half_done_on_the_beat_and_over_soon_after_it():
-    np.testing.assert_allclose(strokes(np.array([1.0, 1.3, 1.5, 1.7, 2.0]), width=0.6), [1, 1.5, 1.5, 1.5, 2])
+    np.testing.assert_allclose(CELLS.strokes(np.array([1.0, 1.3, 1.5, 1.7, 2.0]), width=0.6), [1, 1.5, 1.5, 1.5, 2])
 
 
 def test_impact_is_fastest_when_the_beat_stops_it():
-    progress = impacts(np.array([0.0, 0.7, 0.85, 0.999, 1.0, 1.2]))
+    progress = CELLS.impacts(np.array([0.0, 0.7, 0.85, 0.999, 1.0, 1.2]))
     np.testing.assert_allclose(progress, [0.0, 0.0, 0.25, 0.993, 1.0, 1.0], atol=1e-3)
 
 
-@pytest.mark.parametrize(
+@cases(
     "name",
-    [
-        "statue on a turntable",
-        "statue, turning and travelling",
-        "rigid bob",
-        "tremor of 1 mm",
-        "tremor of 1 nm",
-        "one toe, 1 mm",
-    ],
+    "statue on a turntable",
+    "statue, turning and travelling",
+    "rigid bob",
+    "tremor of 1 mm",
+    "tremor of 1 nm",
+    "one toe, 1 mm",
 )
 def test_cheat_that_pleased_the_old_score_gets_no_number(table: pd.DataFrame, name: str):
     assert table.loc[name, "old score"] > 0.9
@@ -132,8 +119,7 @@ def test_hand_that_drums_is_in_time_and_shows_how_few_joints_move(table: pd.Data
 
 
 def test_evidence_names_the_number_below_its_floor():
-    beats = metronome()
-    assert evidence(judge(shape_speed(still(960, fps=30.0, joints=5)), beats)) == "pulse 0.000: next to nothing"
+    assert evidence(judge(shape_speed(still(960, fps=30.0, joints=5)), BEATS)) == "pulse 0.000: next to nothing"
     assert evidence(judge(shape_speed(still(960, fps=30.0, joints=5)), track([1.0]))) == "1 beats"
 
 
@@ -144,15 +130,29 @@ def test_statue_of_a_dancer_turns_and_keeps_its_shape():
     assert np.sqrt(shape.room).max() > 0.5
 
 
-def test_picture_has_a_row_for_each_body_and_counts_who_goes_with_the_music(table: pd.DataFrame):
-    figure = locked_figure(table.reset_index().to_dict("records"))
-    old, level, words = figure.axes
-    count = sum(map(len, BODIES.values()))
-    assert len(old.patches) == count
-    assert len(words.texts) == count
+def test_picture_has_a_row_for_each_body_and_marks_who_goes_with_the_music(table: pd.DataFrame):
+    old, level, words = CELLS.locked_figure(table.reset_index()).axes
+    assert len(old.patches) == len(words.texts) == len(table) == 31
     marks = [line for line in level.lines if len(line.get_xdata()) == 1]
     assert [int(line.get_xdata()[0]) for line in marks] == table["level"].tolist()
     assert {line.get_marker() for line in marks if line.get_xdata()[0] == 4} == {"o"}
-    title = figure.get_suptitle()
-    assert f"{CHEATS.lower()} 10 of 13, now 2" in title
-    assert f"{IN_TIME.lower()} 4 of 12, now 12" in title
+    heights = [bar.get_y() + bar.get_height() / 2 for bar in old.patches]
+    assert (heights[0], heights[12], heights[13]) == pytest.approx((-1, -13, -15))  # the second group has a heading
+
+
+def test_finding_counts_who_pleases_each_score(table: pd.DataFrame):
+    assert CELLS.finding({"table_cheating_on_the_beat": table.reset_index()}) == (
+        "Joint speed in the room is pleased by 10 of 13 cheats and by 4 of 12 dancers in time; "
+        "the speed of the body's shape by 2 and by 12."
+    )
+
+
+def test_reading_names_the_cheats_that_pass_and_what_tricks_and_late_music_change(table: pd.DataFrame):
+    gains = pd.DataFrame({"paper_hit_rate": [0.1, 0.2, -0.1], "above_chance": [0.1, -0.2, -0.1]})
+    late = pd.DataFrame({"music": ["true", "half a beat late"], "mean": [0.8, -0.4]})
+    late = late.assign(trick="recommended", measure="above_chance", corpus="made up")
+    tables = {"table_cheating_gains": gains, "table_generators_late": late}
+    words = CELLS.reading(tables | {"table_cheating_on_the_beat": table.reset_index()})
+    assert "Cheats that keep time: one hand, 10 cm; random walk that stops on the beats." in words
+    assert "Of 3 tricks 2 raise the paper's hit rate, and 1 harmony above chance." in words
+    assert "our generator (made up) from 0.80 to -0.40." in words

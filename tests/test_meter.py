@@ -1,14 +1,12 @@
 """Strong and weak beats and their grouping into meter units (Eq. 22, Fig. 6)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from harmolab.beats.meter import CATEGORIES, cycle_of_meter, describe_beats, meter_units, strong_beats, with_one
-from tests.builders import metronome, track
+from tests.builders import cases, metronome, refused, track
 
 # Strengths that make the accent patterns of the four categories when each follows a weaker beat.
 FOUR = [3.0, 1.0, 2.0, 1.0]
@@ -66,22 +64,18 @@ def test_a_cycle_is_half_an_even_bar_or_an_odd_bar(meter: int | None, cycle: int
 
 @pytest.mark.parametrize("seconds", [2.0, 2.3, 1.7])
 def test_bars_are_counted_from_the_beat_nearest_to_one(seconds: float):
-    beats = track([0.0, 1.0, 2.0, 3.0, 4.0])
-    assert with_one(beats, seconds, 3).bar_places.tolist() == [1, 2, 0, 1, 2]
+    assert with_one(track([0.0, 1.0, 2.0, 3.0, 4.0]), seconds, 3).bar_places.tolist() == [1, 2, 0, 1, 2]
 
 
-@pytest.mark.parametrize(
-    ("count", "seconds", "meter", "fault"),
-    [
-        (1, 0.0, 4, "needs two beats or more to count from, this music has 1"),
-        (5, float("nan"), 4, "no beat is near"),
-        (5, 9.6, 4, '"one" at 9.6 s: no beat is near; the beats lie from 0.0 to 4.0 s'),
-        (5, 1.0, 0, "a bar has one beat or more, got 0"),
-    ],
+@cases(
+    "count, seconds, meter, fault",
+    (1, 0.0, 4, "needs two beats or more to count from, this music has 1"),
+    (5, float("nan"), 4, "no beat is near"),
+    (5, 9.6, 4, '"one" at 9.6 s: no beat is near; the beats lie from 0.0 to 4.0 s'),
+    (5, 1.0, 0, "a bar has one beat or more, got 0"),
 )
 def test_a_one_that_cannot_be_is_refused(count: int, seconds: float, meter: int, fault: str):
-    with pytest.raises(ValueError, match=fault):
-        with_one(metronome([1.0] * count, period=1.0, duration=6.0), seconds, meter)
+    refused(fault, with_one, metronome([1.0] * count, period=1.0, duration=6.0), seconds, meter)
 
 
 def test_a_line_about_beats_says_tempo_steadiness_and_one():

@@ -1,7 +1,5 @@
 """The field's other measures, by hand."""
 
-from __future__ import annotations
-
 import time
 
 import mir_eval.beat
@@ -17,7 +15,7 @@ from harmolab.metrics.beats import (
     mir_eval_scores,
     other_scores,
 )
-from tests.builders import track
+from tests.builders import cases, track
 
 STEADY = np.arange(1.0, 20.0, 0.5)
 
@@ -70,22 +68,17 @@ def test_mir_eval_drops_no_beats_of_a_short_clip():
     assert mir_eval_scores(music, motion, only=("f",)) == {"mir_eval_f": pytest.approx(0.5)}
 
 
-@pytest.mark.parametrize(
-    ("music", "motion"),
-    [([], STEADY), (STEADY, []), ([1.0], STEADY), (STEADY, [1.0]), ([4.24, 4.25], [0.3, 1.5, 5.0])],
-)
+@cases("music, motion", ([], STEADY), (STEADY, []), ([1.0], STEADY), (STEADY, [1.0]), ([4.24, 4.25], [0.3, 1.5, 5.0]))
 def test_too_few_beats_score_zero_in_mir_eval(music, motion):
     assert set(mir_eval_scores(np.array(music), np.array(motion)).values()) == {0.0}
 
 
-@pytest.mark.parametrize(
-    ("music", "motion"),
-    [
-        ([0.0, 0.5], [0.0, 0.5]),  # means of nothing in Goto's score
-        ([0.0, 0.5, 1.0], [0.0, 0.5, 1.0, 1.5]),
-        ([0.47, 4.27, 4.53], [0.83, 1.11, 4.23, 4.5]),  # mir_eval's P-score is 1.25 here
-        ([1.0, 1.016, 1.031], [1.0, 1.016]),  # and Cemgil's 1.17
-    ],
+@cases(
+    "music, motion",
+    ([0.0, 0.5], [0.0, 0.5]),  # means of nothing in Goto's score
+    ([0.0, 0.5, 1.0], [0.0, 0.5, 1.0, 1.5]),
+    ([0.47, 4.27, 4.53], [0.83, 1.11, 4.23, 4.5]),  # mir_eval's P-score is 1.25 here
+    ([1.0, 1.016, 1.031], [1.0, 1.016]),  # and Cemgil's 1.17
 )
 def test_mir_eval_stays_between_zero_and_one_without_warnings(music, motion):
     for value in mir_eval_scores(np.array(music), np.array(motion)).values():
@@ -96,8 +89,7 @@ def test_the_p_score_is_that_of_mir_eval(rng: np.random.Generator):
     for _ in range(50):
         music, motion = (np.sort(rng.uniform(0, 20, rng.integers(10, 40))) for _ in range(2))
         expected = min(mir_eval.beat.p_score(music, motion), 1.0)
-        score = mir_eval_scores(music, motion, only=("p_score",))["mir_eval_p_score"]
-        assert score == pytest.approx(expected)
+        assert mir_eval_scores(music, motion, only=("p_score",))["mir_eval_p_score"] == pytest.approx(expected)
 
 
 def test_ten_minutes_of_music_are_judged_in_a_moment():

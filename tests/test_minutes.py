@@ -1,7 +1,5 @@
 """Dances of minutes and half minutes in tables: planted dancers whose answers are known by construction."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -11,13 +9,15 @@ import pandas as pd
 import pytest
 
 from harmolab.beats.audio import audio_beats
-from harmolab.corpora.synthetic import ClipSettings, planted_clip, synthetic_clip
-from harmolab.lab.experiments import contestants, half_minutes, memory, minutes
-from harmolab.lab.experiments.ablated import HandHeights
-from harmolab.lab.experiments.contestants import RIGHT_SONG, Contestant, Row
-from harmolab.lab.experiments.contests import Contest
-from harmolab.lab.experiments.endurance import LIMITS
-from harmolab.lab.experiments.half_minutes import (
+from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
+from harmolab.params import DANCES
+from harmolab.types import Clip, Motion
+from study.experiments import contestants, half_minutes, memory, minutes
+from study.experiments.ablated import HandHeights
+from study.experiments.contestants import RIGHT_SONG, Contestant, Row
+from study.experiments.contests import Contest
+from study.experiments.endurance import LIMITS
+from study.experiments.half_minutes import (
     MARKS,
     STATUE,
     HalfMinutes,
@@ -26,16 +26,10 @@ from harmolab.lab.experiments.half_minutes import (
     right_music,
     right_music_table,
 )
-from harmolab.lab.experiments.memory import nearest_pieces
-from harmolab.lab.experiments.minutes import (
-    COLUMNS,
-    endurance_table,
-    likeness_table,
-    recorded_dancers,
-    unheard_song,
-)
-from harmolab.lab.experiments.songs import Excerpt
-from harmolab.lab.figures.music2dance import (
+from study.experiments.memory import nearest_pieces
+from study.experiments.minutes import COLUMNS, endurance_table, likeness_table, recorded_dancers, unheard_song
+from study.experiments.songs import Excerpt
+from study.figures.music2dance import (
     boxes_figure,
     chance_figure,
     clusters_figure,
@@ -45,9 +39,8 @@ from harmolab.lab.figures.music2dance import (
     limits_figure,
     marks_figure,
 )
-from harmolab.lab.profile import RunProfile
-from harmolab.params import DANCES
-from harmolab.types import Clip, Motion
+from study.profile import RunProfile
+from tests.builders import cases
 
 PROFILE = replace(RunProfile.quick(), n_seeds=2)
 PLANTED, FROZEN = "planted dancer", "frozen pose"
@@ -147,8 +140,7 @@ def halves(contest: Contest) -> dict[tuple[str, str], HalfMinutes]:
 
 
 def test_own_music_is_told_from_other_music_by_its_place_on_the_diagonal():
-    rng = np.random.default_rng(0)
-    noise = rng.normal(size=(20, 20))
+    noise = np.random.default_rng(0).normal(size=(20, 20))
     outcome = right_music(noise + 5 * np.eye(20))
     assert outcome["auc"] > 0.99 > outcome["chance high"]
     nothing = right_music(noise)
@@ -225,13 +217,10 @@ def test_hands_effectors_and_losses_are_drawn_as_they_are():
     points = np.random.default_rng(1).normal(size=(50, 2))
     assert "0.50" in effectors_figure(points, {"a": points}, shares).axes[0].get_title("left")
     history = pd.DataFrame({"phase": "teacher", "epoch": [0, 1], "likelihood": [2.0, 1.0], "fixed_nats": [np.nan, 3.0]})
-    axes = clusters_figure({"a": [history]}, corpus="beatlocked").axes
-    assert axes[1].lines[0].get_ydata().tolist() == [3.0]
+    assert clusters_figure({"a": [history]}, corpus="beatlocked").axes[1].lines[0].get_ydata().tolist() == [3.0]
 
 
-@pytest.mark.parametrize(
-    ("last", "title"), [(2.0, "every training ends lower with b"), (5.0, "trainings with a and b overlap at the end")]
-)
+@cases("last, title", (2.0, "every training ends lower with b"), (5.0, "trainings with a and b overlap at the end"))
 def test_title_of_losses_says_which_is_lower_only_where_no_training_disagrees(last: float, title: str):
     ends = {"a": [3.0, 4.0], "b": [1.0, last]}
     histories = {

@@ -1,21 +1,14 @@
 """The motion code: poses in a canonical heading and the root's path as rates; what is coded comes back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harmolab.skeletons import root_position
-from harmolab.systems.common.motion_code import (
-    bone_lengths,
-    decode_motion,
-    encode_motion,
-    n_channels,
-    root_path,
-)
-from harmolab.types import Clip, Skeleton
+from harmolab.body.skeletons import Skeleton, root_position
+from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion, n_channels, root_path
+from harmolab.types import Clip
+from tests.builders import refused
 
 # Hips 20 cm to either side of the root, a nose 30 cm in front of it, 1 m above the floor.
 BODY = Skeleton(("torso", "hip L", "hip R", "nose"), (-1, 0, 0, 0))
@@ -108,8 +101,7 @@ def test_moving_and_turning_the_room_changes_no_code(dance):
 @pytest.mark.parametrize("joints", [("a", "b", "c", "d"), ("torso", "hip L", "knee R", "nose")])
 def test_without_paired_names_nobody_turns(joints: tuple[str, ...]):
     turn = np.arange(50) / FPS
-    positions = placed(0 * turn, turn, turn)
-    code = encode_motion(positions, FPS, Skeleton(joints, BODY.parents))
+    code = encode_motion(placed(0 * turn, turn, turn), FPS, Skeleton(joints, BODY.parents))
     np.testing.assert_allclose(code[:, -3:], np.tile([0.0, 1.0, 0.0], (50, 1)), atol=1e-6)
 
 
@@ -132,8 +124,7 @@ def test_where_left_and_right_coincide_the_heading_stays():
 
 
 def test_bone_lengths_are_means_over_time_and_zero_at_the_root():
-    twice = np.stack([POSE, 2 * POSE])
-    np.testing.assert_allclose(bone_lengths(twice, BODY), [0.0, 0.3, 0.3, 0.45])
+    np.testing.assert_allclose(bone_lengths(np.stack([POSE, 2 * POSE]), BODY), [0.0, 0.3, 0.3, 0.45])
 
 
 def test_a_single_frame_has_a_code_at_rest():
@@ -153,10 +144,8 @@ def test_positions_of_another_body_are_refused():
 
 @pytest.mark.parametrize("fps", [0.0, -15.0, float("nan"), float("inf")])
 def test_a_rate_that_is_none_is_refused(fps: float):
-    with pytest.raises(ValueError, match=f"fps must be positive and finite, got {fps}"):
-        encode_motion(np.zeros((2, 4, 3)), fps, BODY)
-    with pytest.raises(ValueError, match="fps must be positive"):
-        decode_motion(np.zeros((2, 15)), fps, BODY)
+    refused(f"fps must be positive and finite, got {fps}", encode_motion, np.zeros((2, 4, 3)), fps, BODY)
+    refused("fps must be positive", decode_motion, np.zeros((2, 15)), fps, BODY)
 
 
 def test_coding_leaves_its_arguments_alone(dance):

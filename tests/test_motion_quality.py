@@ -1,7 +1,5 @@
 """experiments.quality: distances between recordings have planted answers; the typical unit is the median one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,29 +8,22 @@ import pandas as pd
 import pytest
 import torch
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.lab.experiments import quality
-from harmolab.lab.experiments.generation import Trained
-from harmolab.lab.experiments.judging import recorded_motions
-from harmolab.lab.experiments.quality import (
-    FROZEN,
-    HALVES,
-    OTHER_FIGURES,
-    motion_measures,
-    recorded_distances,
-    typical_unit,
-)
-from harmolab.lab.profile import RunProfile
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.pose_network import PoseNet
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.units import DanceUnit, UnitSet
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
-from harmolab.types import Motion, Skeleton
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.pose_network import PoseNet
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import DanceUnit, UnitSet
+from harmolab.types import Motion
+from study.experiments import quality
+from study.experiments.generation import Trained
+from study.experiments.judging import recorded_motions
+from study.experiments.quality import FROZEN, HALVES, OTHER_FIGURES, motion_measures, recorded_distances, typical_unit
+from study.profile import RunProfile
+from tests.builders import ARM
 
 HAND = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # the hand forwards, nothing else
-ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 FEATURES = FeatureParams.paper()
 T, PRIOR = 40, 10
 

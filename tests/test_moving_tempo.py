@@ -1,18 +1,16 @@
 """Tempo that moves: beats follow it, so does a dancer who is in time, and where nothing has beats they are unsure."""
 
-from __future__ import annotations
-
 import mir_eval
 import numpy as np
 import pytest
 
 from harmolab.beats.audio import audio_beats
 from harmolab.beats.meter import describe_beats
-from harmolab.beats.paths import free_path, smooth_course, stiff_path, window_accents
-from harmolab.corpora.synthetic.music import PlantedMusic, synthetic_music
+from harmolab.beats.tempo import free_path, smooth_course, stiff_path, window_accents
+from harmolab.data.synthetic.music import PlantedMusic, synthetic_music
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import Audio, FloatArray
-from harmolab.verdict.time_test import time_test
+from harmolab.verdict.evidence import time_test
 from tests.builders import waving
 
 RATE = 50.0  # hertz, of accents
@@ -63,13 +61,11 @@ def test_a_dancer_who_rests_on_the_beats_of_an_accelerando_is_in_time_with_the_t
     frames = np.arange(60 * 30) / 30
     motion = waving(np.interp(frames, accelerando.grid.times, np.arange(accelerando.grid.times.size, dtype=float)))
     beats = audio_beats(accelerando.audio).times
-    signal = shape_signal(shape_speed(motion), beats[0], beats[-1])
-    assert time_test(signal, beats).p_value < 0.01
+    assert time_test(shape_signal(shape_speed(motion), beats[0], beats[-1]), beats).p_value < 0.01
 
 
 def test_music_of_one_tempo_stays_on_one_grid():
-    music = synthetic_music("cha-cha", seconds=40.0, tempo=118.0, seed=2)
-    track = audio_beats(music.audio)
+    track = audio_beats(synthetic_music("cha-cha", seconds=40.0, tempo=118.0, seed=2).audio)
     assert np.ptp(np.diff(track.times)) < 1e-9
     assert track.fit == 1
     assert "steady (100%" in describe_beats(track)
@@ -108,8 +104,7 @@ def test_blows_at_random_have_unsure_beats(rate: float, rng: np.random.Generator
 
 def test_music_that_loses_its_beat_for_half_its_time_is_unsure(rng: np.random.Generator):
     half = np.arange(0.4, 30.0, 0.5)
-    rest = np.sort(rng.uniform(30, 60, 120))
-    assert not audio_beats(clicks(np.concatenate([half, rest]), 60.0)).is_sure
+    assert not audio_beats(clicks(np.concatenate([half, np.sort(rng.uniform(30, 60, 120))]), 60.0)).is_sure
 
 
 def test_a_pause_does_not_make_beats_unsure():

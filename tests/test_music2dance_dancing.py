@@ -3,8 +3,6 @@
 All networks are untrained, with answers planted in their last layers.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil
@@ -20,17 +18,13 @@ import safetensors.torch
 import torch
 from typer.testing import Result
 
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
 from harmolab.cli.dancers import OTHER_DANCE, dance_in_words
-from harmolab.corpora.tang2018 import TANG_23
-from harmolab.io.motion import load_motion
-from harmolab.kinematics import resample_motion
-from harmolab.skeletons import Skeleton
+from harmolab.data.recordings import TANG_23
+from harmolab.readers.motion import load_motion
 from harmolab.systems import load
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.contacts import foot_contacts
-from harmolab.systems.common.poses_bank import PoseBank
-from harmolab.systems.common.weights import save_weights
 from harmolab.systems.music2dance import music_features
 from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode, check_same_channels
@@ -39,8 +33,12 @@ from harmolab.systems.music2dance.generate import FEET, Danced, corrected, corre
 from harmolab.systems.music2dance.networks import DanceNetwork
 from harmolab.systems.music2dance.params import MOST_TEMPERATURE, Music2DanceParams, SongParams
 from harmolab.systems.music2dance.system import Music2Dance, drawn_with
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.feet import foot_contacts
+from harmolab.systems.training.runs import PoseBank
+from harmolab.systems.training.weights import save_weights
 from harmolab.types import Audio, BeatTrack, Motion
-from tests.builders import called, planted_dance, still, write_song
+from tests.builders import called, cases, planted_dance, refused, still, write_song
 
 DANCES = ("cha-cha", "waltz")
 CLASSES = {"rumba": 0.25, "waltz": 0.5, "cha-cha": 0.15, "tango": 0.1}  # planted: what every song sounds like
@@ -227,17 +225,14 @@ def test_numbers_that_are_not_finite_are_refused_by_file(whole_run: Path, tmp_pa
     safetensors.torch.save_file(tensors, file)
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     text.write_text(json.dumps(json.loads(text.read_text()) | {"sha256": digest}))
-    with pytest.raises(ValueError, match=r"feet/model\.safetensors: layers\.0\.bias holds NaN"):
-        load(run)
+    refused(r"feet/model\.safetensors: layers\.0\.bias holds NaN", load, run)
 
 
-@pytest.mark.parametrize(
-    ("mine", "fault"),
-    [
-        ("rotations", "takes motion as rotations; the generator dances positions"),
-        ("positions of 23", r"takes another skeleton \(23 joints\) than the generator's \(21 joints\)"),
-        ("other names", r"takes another skeleton \(21 joints\)"),
-    ],
+@cases(
+    "mine, fault",
+    ("rotations", "takes motion as rotations; the generator dances positions"),
+    ("positions of 23", r"takes another skeleton \(23 joints\) than the generator's \(21 joints\)"),
+    ("other names", r"takes another skeleton \(21 joints\)"),
 )
 def test_a_foot_model_of_another_code_is_refused(mine: str, fault: str, whole_run: Path, tmp_path: Path):
     skeleton = coded("positions")[0].skeleton
@@ -249,12 +244,10 @@ def test_a_foot_model_of_another_code_is_refused(mine: str, fault: str, whole_ru
         ),
     }
     model = FootModel(FootParams(channels=4), codes[mine])
-    with pytest.raises(ValueError, match=fault):
-        system(feet=model)
+    refused(fault, system, feet=model)
     run = shutil.copytree(whole_run, tmp_path / "run")
     save_weights(run / "feet" / "model", model)
-    with pytest.raises(ValueError, match=rf"feet/model\.json: {fault}"):
-        load(run)
+    refused(rf"feet/model\.json: {fault}", load, run)
 
 
 def test_rotations_from_another_mean_pose_or_without_end_effectors_are_another_code():
@@ -262,8 +255,7 @@ def test_rotations_from_another_mean_pose_or_without_end_effectors_are_another_c
     assert isinstance(code, RotationCode)
     check_same_channels(replace(code, means=code.means + 0.001), code)
     for other in (replace(code, means=code.means + 0.1), replace(code, end_effectors=False)):
-        with pytest.raises(ValueError, match="train it on the recordings of the generator"):
-            check_same_channels(other, code)
+        refused("train it on the recordings of the generator", check_same_channels, other, code)
 
 
 def test_bones_of_other_lengths_are_the_same_code_of_positions():
@@ -342,21 +334,18 @@ def test_planted_is_the_default_and_plant_feet_false_is_none():
     assert np.abs(planted - raw).max() > 1e-3
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        ({"feet": "glued"}, "feet must be planted or model or none, got 'glued'"),
-        ({"feet": "model"}, "no foot model; train one: harmolab train DATA --system feet --out RUN/feet"),
-        ({"feet": "model", "plant_feet": False}, "exclude each other"),
-        ({"temperature": -0.1}, "temperature must be from 0 to 4, got -0.1"),
-        ({"temperature": 4.1}, "temperature must be from 0 to 4, got 4.1"),
-        ({"temperature": float("nan")}, "temperature must be from 0 to 4, got nan"),
-        ({"temperature": float("inf")}, "temperature must be from 0 to 4, got inf"),
-    ],
+@cases(
+    "options, fault",
+    ({"feet": "glued"}, "feet must be planted or model or none, got 'glued'"),
+    ({"feet": "model"}, "no foot model; train one: harmolab train DATA --system feet --out RUN/feet"),
+    ({"feet": "model", "plant_feet": False}, "exclude each other"),
+    ({"temperature": -0.1}, "temperature must be from 0 to 4, got -0.1"),
+    ({"temperature": 4.1}, "temperature must be from 0 to 4, got 4.1"),
+    ({"temperature": float("nan")}, "temperature must be from 0 to 4, got nan"),
+    ({"temperature": float("inf")}, "temperature must be from 0 to 4, got inf"),
 )
 def test_options_out_of_range_are_refused(options: dict[str, Any], fault: str):
-    with pytest.raises(ValueError, match=fault):
-        system().generate(sound(), **options)
+    refused(fault, system().generate, sound(), **options)
 
 
 def test_a_foot_model_whose_numbers_overflow_is_no_dance():
@@ -365,8 +354,7 @@ def test_a_foot_model_whose_numbers_overflow_is_no_dance():
         model.layers[0].weight.fill_(3e38)
         model.layers[1].weight.fill_(3e38)
         model.layers[-1].weight.fill_(3e38)
-    with pytest.raises(ValueError, match="the foot model gives no finite dance"):
-        system(feet=model).generate(sound(), feet="model")
+    refused("the foot model gives no finite dance", system(feet=model).generate, sound(), feet="model")
 
 
 def test_without_chance_all_seeds_dance_alike_and_with_it_they_differ():
@@ -384,8 +372,7 @@ def test_lasting_draws_keep_their_spread_and_fade_as_they_say(memory: float):
     draws = correlated_draws((400_000, 2), memory, np.random.default_rng(0))
     np.testing.assert_allclose(draws.std(axis=0), 1.0, atol=0.03)
     for apart in (1, round(memory), round(3 * memory)):
-        correlation = (draws[apart:] * draws[:-apart]).mean()
-        assert correlation == pytest.approx(np.exp(-apart / memory), abs=0.03)
+        assert (draws[apart:] * draws[:-apart]).mean() == pytest.approx(np.exp(-apart / memory), abs=0.03)
     assert draws[0].tolist() == correlated_draws((1, 2), memory, np.random.default_rng(0))[0].tolist()
 
 
@@ -441,22 +428,18 @@ def test_music_without_a_beat_is_danced_to():
 
 
 def test_music_of_less_than_two_frames_is_refused():
-    with pytest.raises(ValueError, match="less than two frames at 25 per second"):
-        system().generate(sound(0.05))
+    refused("less than two frames at 25 per second", system().generate, sound(0.05))
 
 
-@pytest.mark.parametrize(
-    ("representation", "initial", "fault"),
-    [
-        ("positions", still(30, fps=25.0), r"initial has other joints \(2\) than the network \(21\); retarget it"),
-        ("rotations", still(30, fps=25.0), "initial has no joint for pelvis, torso, neck, head"),
-        ("positions", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
-        ("rotations", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
-    ],
+@cases(
+    "representation, initial, fault",
+    ("positions", still(30, fps=25.0), r"initial has other joints \(2\) than the network \(21\); retarget it"),
+    ("rotations", still(30, fps=25.0), "initial has no joint for pelvis, torso, neck, head"),
+    ("positions", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
+    ("rotations", still(30, fps=25.0, axes=2), "initial must be a motion in three dimensions, got 2"),
 )
 def test_a_movement_of_another_body_is_refused(representation: str, initial: Motion, fault: str):
-    with pytest.raises(ValueError, match=fault):
-        system(representation).generate(sound(), initial=initial)
+    refused(fault, system(representation).generate, sound(), initial=initial)
 
 
 @pytest.mark.parametrize("representation", CODES)
@@ -484,8 +467,7 @@ def test_the_classifier_hears_the_song_without_a_prior_at_its_own_rate(rate: flo
     beats = BeatTrack([0.5, 1.5], [1.0, 1.0], 100.0, 3.0)
     monkeypatch.setattr(music_features, "audio_beats", lambda *args, **more: asked.append((*args, more)) or beats)
     audio = sound()
-    shares = system(attributes=model).dance_probabilities(audio)
-    assert list(shares) == ["tango", "cha-cha", "waltz", "rumba"]
+    assert list(system(attributes=model).dance_probabilities(audio)) == ["tango", "cha-cha", "waltz", "rumba"]
     assert asked == [(audio, {})]  # no tempo, no dance
     assert music[0].shape == (3 * rate, 15)
     assert music[0][:, 1].sum() == pytest.approx(2.0)  # the two beats
@@ -503,28 +485,23 @@ def test_a_long_song_is_heard_part_by_part_to_the_same_result():
 
 
 def test_silence_and_weights_without_a_classifier_sound_like_no_dance():
-    with pytest.raises(ValueError, match="this music is silent"):
-        system(attributes=classifier()).dance_probabilities(SONGS["silence"])
-    with pytest.raises(ValueError, match="harmolab train DATA --system attributes --out RUN/attributes"):
-        system().dance_probabilities(sound())
+    refused("this music is silent", system(attributes=classifier()).dance_probabilities, SONGS["silence"])
+    refused("harmolab train DATA --system attributes --out RUN/attributes", system().dance_probabilities, sound())
 
 
 def test_a_classifier_whose_numbers_overflow_is_not_believed():
     model = classifier()
     with torch.no_grad():
         model.verdict.bias.fill_(torch.inf)
-    with pytest.raises(ValueError, match="no finite probabilities"):
-        system(attributes=model).dance_probabilities(sound())
+    refused("no finite probabilities", system(attributes=model).dance_probabilities, sound())
 
 
-@pytest.mark.parametrize(
-    ("shares", "words"),
-    [
-        ({"waltz": 0.62, "cha-cha": 0.2, "rumba": 0.18}, "a waltz (0.62; cha-cha 0.20, rumba 0.18)"),
-        ({"waltz": 1.0}, "a waltz (1.00)"),
-        ({"smooth": 0.7, "fast": 0.3}, "'smooth' (0.70; fast 0.30)"),
-        (dict(zip("abcde", (0.4, 0.3, 0.1, 0.1, 0.1), strict=True)), "'a' (0.40; b 0.30, c 0.10, d 0.10, ...)"),
-    ],
+@cases(
+    "shares, words",
+    ({"waltz": 0.62, "cha-cha": 0.2, "rumba": 0.18}, "a waltz (0.62; cha-cha 0.20, rumba 0.18)"),
+    ({"waltz": 1.0}, "a waltz (1.00)"),
+    ({"smooth": 0.7, "fast": 0.3}, "'smooth' (0.70; fast 0.30)"),
+    (dict(zip("abcde", (0.4, 0.3, 0.1, 0.1, 0.1), strict=True)), "'a' (0.40; b 0.30, c 0.10, d 0.10, ...)"),
 )
 def test_the_answer_in_words(shares: dict[str, float], words: str):
     assert dance_in_words(shares) == f"the music sounds like {words}"
@@ -564,18 +541,15 @@ def test_an_empty_dance_asks_the_classifier_and_dances_what_it_says(song: Path, 
     result = dance(song, whole_run, tmp_path / "asked.npz", "--dance", "")
     assert result.exit_code == 0, result.output
     assert WORDS in result.stdout
-    told = dance(song, whole_run, tmp_path / "told.npz", "--dance", "waltz")
-    assert "sounds like" not in told.output
+    assert "sounds like" not in dance(song, whole_run, tmp_path / "told.npz", "--dance", "waltz").output
     asked, named = (load_motion(tmp_path / f"{name}.npz").positions for name in ("asked", "told"))
     np.testing.assert_array_equal(asked, named)
-    other = dance(song, whole_run, tmp_path / "other.npz", "--dance", "cha-cha")
-    assert other.exit_code == 0
+    assert dance(song, whole_run, tmp_path / "other.npz", "--dance", "cha-cha").exit_code == 0
     assert np.abs(load_motion(tmp_path / "other.npz").positions - asked).max() > 1e-6
 
 
 def test_json_has_the_answer_and_nothing_else_is_on_standard_output(song: Path, whole_run: Path, tmp_path: Path):
-    result = dance(song, whole_run, tmp_path / "dance.npz", "--dance", "", "--json")
-    (report,) = json.loads(result.stdout)
+    (report,) = json.loads(dance(song, whole_run, tmp_path / "dance.npz", "--dance", "", "--json").stdout)
     assert report["dance_probabilities"] == pytest.approx(CLASSES, abs=1e-6)
     assert next(iter(report["dance_probabilities"])) == "waltz"
     assert f"{report['remarks'][0]}." == WORDS.replace("The", "the")
@@ -587,15 +561,13 @@ def test_the_page_has_the_answer(song: Path, whole_run: Path, tmp_path: Path):
 
 
 def test_no_dance_at_all_is_drawn_by_the_seed_as_before(song: Path, whole_run: Path, tmp_path: Path):
-    result = dance(song, whole_run, tmp_path / "dance.npz", "--json", "--seed", 1)
-    (report,) = json.loads(result.stdout)
+    (report,) = json.loads(dance(song, whole_run, tmp_path / "dance.npz", "--json", "--seed", 1).stdout)
     assert report["dance_probabilities"] is None and report["remarks"] == []
     dancer = load(whole_run)
-    from harmolab.corpora.files import tracked_sound
-    from harmolab.io.audio import load_audio
+    from harmolab.clips import tracked_sound
+    from harmolab.readers.audio import load_audio
 
-    audio = tracked_sound(song, load_audio(song, sample_rate=None))
-    expected = dancer.generate(audio, seconds=2.0, seed=1)
+    expected = dancer.generate(tracked_sound(song, load_audio(song, sample_rate=None)), seconds=2.0, seed=1)
     np.testing.assert_allclose(load_motion(tmp_path / "dance.npz").positions, expected.positions, atol=1e-6)
 
 
@@ -605,8 +577,7 @@ def test_a_dance_that_was_not_learnt_is_said_to_be_another(song: Path, tmp_path:
     assert result.exit_code == 0, result.output
     assert "The music sounds like a rumba (0.75; waltz 0.25)." in result.stdout
     assert f"{OTHER_DANCE[0].upper()}{OTHER_DANCE[1:]}." in result.stdout
-    untold = dance(song, tmp_path / "run", tmp_path / "untold.npz")
-    assert untold.exit_code == 0
+    assert dance(song, tmp_path / "run", tmp_path / "untold.npz").exit_code == 0
     one, other = (load_motion(tmp_path / name).positions for name in ("dance.npz", "untold.npz"))
     np.testing.assert_array_equal(one, other)
 
@@ -634,16 +605,14 @@ def test_feet_and_temperature_reach_the_network(song: Path, whole_run: Path, tmp
     assert np.abs(motions["usual"] - motions["lively"]).max() > 1e-3
 
 
-@pytest.mark.parametrize(
-    ("options", "fault"),
-    [
-        (("--feet", "glued"), "feet must be planted or model or none, got 'glued'"),
-        (("--feet", "model"), "train one: harmolab train DATA --system feet --out RUN/feet"),
-        (("--feet", "model", "--no-plant-feet"), "exclude each other"),
-        (("--temperature", "5"), "temperature must be from 0 to 4, got 5"),
-        (("--temperature=-1",), "temperature must be from 0 to 4, got -1"),
-        (("--temperature", "nan"), "--temperature must be a finite number, got nan"),
-    ],
+@cases(
+    "options, fault",
+    (("--feet", "glued"), "feet must be planted or model or none, got 'glued'"),
+    (("--feet", "model"), "train one: harmolab train DATA --system feet --out RUN/feet"),
+    (("--feet", "model", "--no-plant-feet"), "exclude each other"),
+    (("--temperature", "5"), "temperature must be from 0 to 4, got 5"),
+    (("--temperature=-1",), "temperature must be from 0 to 4, got -1"),
+    (("--temperature", "nan"), "--temperature must be a finite number, got nan"),
 )
 def test_options_that_cannot_be_are_one_line(
     options: tuple[str, ...], fault: str, song: Path, bare_run: Path, tmp_path: Path

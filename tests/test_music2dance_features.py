@@ -1,22 +1,14 @@
 """What Music2Dance hears: clicks in the right moment, tones in the right channel; loudness does not count."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soxr
 
-from harmolab.corpora.synthetic import synthetic_clip
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.systems.music2dance import music_features as module
-from harmolab.systems.music2dance.music_features import (
-    CHANNELS,
-    accented_place,
-    marked,
-    mel_features,
-    music_features,
-)
+from harmolab.systems.music2dance.music_features import CHANNELS, accented_place, marked, mel_features, music_features
 from harmolab.types import Audio, BeatTrack
 from tests.builders import metronome, track
 
@@ -71,8 +63,7 @@ def test_known_bars_give_the_downbeats_and_else_the_strongest_place():
 
 
 def test_an_a_sounds_in_the_channel_of_a():
-    features = music_features(tone(440.0), silent())
-    chroma = features[:, 3:]
+    chroma = music_features(tone(440.0), silent())[:, 3:]
     assert (chroma.argmax(axis=1) == CHANNELS.index("A") - 3).mean() >= 0.95
 
 

@@ -1,7 +1,5 @@
 """Weights of Music2Dance that are given away: small, whole, without recorded movement; and those that are shipped."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,18 +8,20 @@ import pytest
 import torch
 
 import harmolab
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.kinematics import resample_motion
-from harmolab.lab.experiments.endurance import LIMITS, endurance
-from harmolab.systems.common.poses_bank import PoseBank, load_poses
+from harmolab.body.kinematics import resample_motion
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.systems.music2dance.attributes import AttributeClassifier
 from harmolab.systems.music2dance.codes import PositionCode
 from harmolab.systems.music2dance.feet import FootModel, FootParams
 from harmolab.systems.music2dance.networks import DanceNetwork
-from harmolab.systems.music2dance.shipping import SECONDS, ship
 from harmolab.systems.music2dance.system import Music2Dance
+from harmolab.systems.training.runs import PoseBank, load_poses
 from harmolab.types import Motion
+from study.experiments.endurance import LIMITS, endurance
+from tests.builders import refused
 from tests.tiny_music2dance import TINY, TINY_ATTRIBUTES
+from tools.ship import ENDING_SECONDS
+from tools.ship import ship_music2dance as ship
 
 DANCES = ("rumba", "waltz")
 SHIPPED = Path(harmolab.__file__).parent / "systems" / "music2dance" / "weights"
@@ -68,16 +68,14 @@ def test_no_recorded_movement_is_in_it(run: Path, given_away: Path):
 
 
 def test_a_dance_begins_with_a_movement_of_the_dance_and_lasts(given_away: Path):
-    clip = synthetic_clip("waltz", seconds=SECONDS / 4, seed=3)
+    clip = synthetic_clip("waltz", seconds=ENDING_SECONDS / 4, seed=3)
     motion = Music2Dance.load(given_away).generate(clip.audio, clip.beats, dance="waltz", seed=1)
-    assert motion.duration == pytest.approx(SECONDS / 4, abs=0.05) and np.isfinite(motion.positions).all()
+    assert motion.duration == pytest.approx(ENDING_SECONDS / 4, abs=0.05) and np.isfinite(motion.positions).all()
 
 
 def test_a_run_without_movements_cannot_be_given_away(run: Path, tmp_path: Path):
-    bare = Music2Dance.load(run)
-    Music2Dance(bare.generator).save(tmp_path / "bare")
-    with pytest.raises(ValueError, match="no bank of movements"):
-        ship(tmp_path / "bare", tmp_path / "out")
+    Music2Dance(Music2Dance.load(run).generator).save(tmp_path / "bare")
+    refused("no bank of movements", ship, tmp_path / "bare", tmp_path / "out")
 
 
 def test_shipped_weights_are_small():
@@ -89,8 +87,7 @@ def test_shipped_weights_are_small():
 @pytest.mark.parametrize("dance", ["cha-cha", "rumba", "tango", "waltz"])
 def test_the_shipped_network_dances_for_half_a_minute_without_rest_or_shaking(dance: str):
     clip = synthetic_clip(dance, seconds=30.0, seed=77)
-    motion = Music2Dance.load(SHIPPED).generate(clip.audio, clip.beats, dance=dance, seed=1)
-    measures = endurance(motion)
+    measures = endurance(Music2Dance.load(SHIPPED).generate(clip.audio, clip.beats, dance=dance, seed=1))
     assert set(LIMITS) <= set(measures)
     assert measures["slowest 10 s"] > 0.12 and measures["still"] <= 0.1 and measures["jerk"] < 150
     assert measures["bones"] < 1e-3 and measures["lowest joint"] > -1e-3

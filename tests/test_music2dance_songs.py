@@ -1,7 +1,5 @@
 """The songs that the attribute classifier learns from: each once, split dance by dance, heard without a prior."""
 
-from __future__ import annotations
-
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -12,13 +10,21 @@ import soundfile
 import soxr
 
 from harmolab.beats.audio import audio_beats
-from harmolab.corpora.synthetic import synthetic_clip, write_corpus
-from harmolab.io.audio import load_audio
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.weights import load_weights
-from harmolab.systems.music2dance.attributes import AttributeClassifier, Song, SongSplit, side_songs
+from harmolab.data.synthetic import synthetic_clip, write_corpus
+from harmolab.readers.audio import load_audio
+from harmolab.systems.music2dance.attributes import (
+    AttributeClassifier,
+    Song,
+    SongSplit,
+    is_same_song,
+    load_songs,
+    side_songs,
+    split_songs,
+)
 from harmolab.systems.music2dance.music_features import blind_features, music_features
-from harmolab.systems.music2dance.songs import is_same_song, load_songs, split_songs
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.weights import load_weights
+from tests.builders import cases, refused
 from tests.tiny_music2dance import trained
 
 DANCES = ("cha-cha", "rumba", "waltz")
@@ -43,11 +49,7 @@ def labelled(*counts: int) -> list[Song]:
 # The split
 
 
-@pytest.mark.parametrize(
-    ("count", "tested"),
-    [(1, 0), (2, 1), (3, 1), (5, 1), (7, 1), (8, 2), (10, 2), (22, 4)],
-    ids=lambda value: str(value),
-)
+@cases("count, tested", (1, 0), (2, 1), (3, 1), (5, 1), (7, 1), (8, 2), (10, 2), (22, 4), ids=lambda value: str(value))
 def test_a_fifth_of_a_dance_is_tested_on_and_one_song_at_least(count: int, tested: int):
     split = split_songs(labelled(2, count))
     assert sum(name.startswith("1.") for name in split.test) == tested
@@ -61,16 +63,14 @@ def test_a_split_is_that_of_its_seed():
 
 
 def test_dances_of_one_song_each_cannot_be_tested():
-    with pytest.raises(ValueError, match="3 songs, each of another dance: none can be tested on"):
-        split_songs(labelled(1, 1, 1))
+    refused("3 songs, each of another dance: none can be tested on", split_songs, labelled(1, 1, 1))
 
 
 # Leaks
 
 
 def test_a_song_on_both_sides_is_no_split():
-    with pytest.raises(ValueError, match="'b' is on both sides"):
-        SongSplit(("a", "b"), ("b", "c"))
+    refused("'b' is on both sides", SongSplit, ("a", "b"), ("b", "c"))
 
 
 def test_a_song_that_is_tested_on_under_another_name_is_seen():
@@ -94,8 +94,7 @@ def test_songs_of_one_dance_are_other_songs():
     clips = [synthetic_clip("rumba", seconds=40.0, seed=seed) for seed in range(4)]
     music = [music_features(clip.audio, clip.beats) for clip in clips]
     assert not any(is_same_song(one, other) for place, one in enumerate(music) for other in music[:place])
-    silence = np.zeros_like(music[0])
-    assert not is_same_song(silence, music[0]) and not is_same_song(music[0][:5], music[1][:3])
+    assert not is_same_song(np.zeros_like(music[0]), music[0]) and not is_same_song(music[0][:5], music[1][:3])
 
 
 # Corpora

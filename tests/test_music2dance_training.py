@@ -1,7 +1,5 @@
 """Trainings of Music2Dance by the command: killed and resumed, refused, without leaks, with a likelihood to compare."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re
@@ -18,25 +16,26 @@ import numpy as np
 import pytest
 import torch
 
+from harmolab.body.skeletons import Skeleton, joint_part
 from harmolab.cli import app
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.motion import load_motion, save_motion
-from harmolab.skeletons import joint_part
+from harmolab.data.recordings import load_recording
+from harmolab.data.synthetic import write_corpus
+from harmolab.readers.motion import load_motion, save_motion
 from harmolab.systems import find
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.groups import Segment
-from harmolab.systems.common.phases import make_fabric
-from harmolab.systems.common.splits import Split, split_units
-from harmolab.systems.common.unit_corpus import load_units
 from harmolab.systems.contract import PARTS, names, trainable
 from harmolab.systems.music2dance import train as training
 from harmolab.systems.music2dance.feet import FootParams, train_feet
-from harmolab.systems.music2dance.sequences import SequenceSet, load_sequences
+from harmolab.systems.music2dance.sequences import SequenceSet, check_leaks, load_sequences, training_windows
 from harmolab.systems.music2dance.train import train_music2dance
-from harmolab.systems.music2dance.windows import check_leaks, training_windows
-from harmolab.types import Motion, Skeleton
-from tests.builders import called
+from harmolab.systems.training import units
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.groups import Segment
+from harmolab.systems.training.splits import Split, split_units
+from harmolab.systems.training.units import load_units
+from harmolab.types import Motion
+from tests.builders import called, cases, refused
 from tests.tiny_music2dance import TINY, trained
 
 SCRIPT = Path(__file__).with_name("tiny_music2dance.py")
@@ -81,14 +80,12 @@ def history(folder: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "epoch", "phase"),
-    [
-        ("music2dance", 2, "teacher"),
-        ("music2dance", 5, "feedback"),
-        ("feet", 3, "feet"),
-        ("attributes", 3, "attributes"),
-    ],
+@cases(
+    "name, epoch, phase",
+    ("music2dance", 2, "teacher"),
+    ("music2dance", 5, "feedback"),
+    ("feet", 3, "feet"),
+    ("attributes", 3, "attributes"),
     ids=["phase 1", "phase 2", "feet", "attributes"],
 )
 def test_a_killed_training_resumes_to_the_same_history(
@@ -102,8 +99,7 @@ def test_a_killed_training_resumes_to_the_same_history(
     )  # fmt: skip
     assert child.returncode == -signal.SIGKILL, child.stderr
     assert not (tmp_path / "run" / "model.json").exists()
-    before = history(tmp_path / "run")
-    assert len(before) == epoch
+    assert len(history(tmp_path / "run")) == epoch
     assert history(runs(name))[epoch]["phase"] == phase
     result = trained(*arguments, "--resume")
     assert result.exit_code == 0, result.output
@@ -130,25 +126,23 @@ def test_the_representation_is_an_option(corpus: Path, tmp_path: Path):
 REFUSED = "Invalid value for '--representation': 'words' is not one of 'positions', 'rotations'."
 
 
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (("harmogan", "--phase1", 3), "--phase1 is no option of this system"),
-        (("harmogan", "--representation", "positions"), "--representation is no option of this system"),
-        (("lee2019", "--phase2", 3), "--phase2 is no option of this system"),
-        (("music2dance", "--harmony-weight", 1), "--harmony-weight is no option of this system"),
-        (("music2dance", "--epochs", 1), "--epochs is no option of this system"),
-        (("music2dance", "--preset", "small"), "preset must be recommended or paper, got 'small'"),
-        (("music2dance", "--representation", "words"), REFUSED),
-        (("feet", "--preset", "paper"), "--preset is no option of this system"),
-        (("feet", "--representation", "words"), REFUSED),
-        (
-            ("feet", "--representation", "rotations", "--velocity-weight", 3),
-            "velocity_weight is for the code of positions; use 0",
-        ),
-        (("attributes", "--step", 3), "--step is no option of this system"),
-        (("attributes", "--preset", "small"), "preset must be recommended or paper, got 'small'"),
-    ],
+@cases(
+    "arguments, line",
+    (("harmogan", "--phase1", 3), "--phase1 is no option of this system"),
+    (("harmogan", "--representation", "positions"), "--representation is no option of this system"),
+    (("lee2019", "--phase2", 3), "--phase2 is no option of this system"),
+    (("music2dance", "--harmony-weight", 1), "--harmony-weight is no option of this system"),
+    (("music2dance", "--epochs", 1), "--epochs is no option of this system"),
+    (("music2dance", "--preset", "small"), "preset must be recommended or paper, got 'small'"),
+    (("music2dance", "--representation", "words"), REFUSED),
+    (("feet", "--preset", "paper"), "--preset is no option of this system"),
+    (("feet", "--representation", "words"), REFUSED),
+    (
+        ("feet", "--representation", "rotations", "--velocity-weight", 3),
+        "velocity_weight is for the code of positions; use 0",
+    ),
+    (("attributes", "--step", 3), "--step is no option of this system"),
+    (("attributes", "--preset", "small"), "preset must be recommended or paper, got 'small'"),
 )
 def test_what_a_system_does_not_take_is_refused_before_anything_is_read(
     arguments: tuple[object, ...], line: str, tmp_path: Path
@@ -191,14 +185,12 @@ def faulty(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
 
 
 @pytest.mark.parametrize("system", ["music2dance", "feet"])
-@pytest.mark.parametrize(
-    ("fault", "told"),
-    [
-        ("one_recording", "more recordings, or other shares, are needed"),
-        ("two_bodies", r"clip_0004_\S+: has another skeleton \(20 joints\) than \S+clip_0001_\S+ \(21 joints\)"),
-        ("no_feet", r"clip_0001_\S+: it must be known which foot stands, but no joint is called toe, heel, ankle"),
-        ("empty", r"empty: there is no sequence \(see `harmolab data check`\)"),
-    ],
+@cases(
+    "fault, told",
+    ("one_recording", "more recordings, or other shares, are needed"),
+    ("two_bodies", r"clip_0004_\S+: has another skeleton \(20 joints\) than \S+clip_0001_\S+ \(21 joints\)"),
+    ("no_feet", r"clip_0001_\S+: it must be known which foot stands, but no joint is called toe, heel, ankle"),
+    ("empty", r"empty: there is no sequence \(see `harmolab data check`\)"),
 )
 def test_a_corpus_that_cannot_be_trained_on_is_named(
     system: str, fault: str, told: str, faulty: dict[str, Path], tmp_path: Path
@@ -231,8 +223,7 @@ def test_parts_are_found_by_training_alone():
 @pytest.mark.parametrize("part", PARTS)
 def test_a_part_does_not_dance(part: str, runs: Callable[[str], Path], corpus: Path, tmp_path: Path):
     sentence = f"{part} is a part of music2dance, not a dancer: train it into a run of music2dance (--out RUN/{part})"
-    with pytest.raises(ValueError, match=f"^{part} is a part of music2dance"):
-        find(part)
+    refused(f"^{part} is a part of music2dance", find, part)
     dancing = ("dance", next(corpus.glob("*/audio.wav")), "--out", tmp_path / "dance.npz")
     assert f"harmolab: {sentence}" in called(app, *dancing, "--system", part).stderr
     assert f"harmolab: {runs(part)}: {sentence}" in called(app, *dancing, "--weights", runs(part)).stderr
@@ -243,8 +234,8 @@ def test_a_part_does_not_dance(part: str, runs: Callable[[str], Path], corpus: P
 
 
 @pytest.fixture(scope="module")
-def split(corpus: Path) -> Split:
-    return split_units(load_units([corpus], FeatureParams.paper(), step=2))
+def split(sequences: SequenceSet) -> Split:
+    return split_units(sequences.units)
 
 
 @pytest.fixture(scope="module")
@@ -288,25 +279,37 @@ def leaking_segments(split: Split, sequences: SequenceSet) -> SequenceSet:
 def test_a_figure_on_two_sides_stops_a_training(side: str, split: Split, sequences: SequenceSet, tmp_path: Path):
     leaking = leaking_groups(split, side)
     with pytest.raises(ValueError, match=f"holds frame .* a figure of the {side} side"):
-        train_music2dance(leaking, sequences, tmp_path / "run")
+        train_music2dance(leaking, sequences, TrainOptions(tmp_path / "run"))
     with pytest.raises(ValueError, match=f"holds frame .* a figure of the {side} side"):
-        train_feet(leaking, sequences, tmp_path / "run", FootParams())
+        train_feet(leaking, sequences, TrainOptions(tmp_path / "run"), FootParams())
     assert not (tmp_path / "run").exists()
 
 
 def test_a_test_figure_within_a_training_window_is_named_by_its_frame(split: Split, sequences: SequenceSet):
     leaking = leaking_segments(split, sequences)
     place = training_windows(split, sequences).places[0]
-    with pytest.raises(ValueError, match=rf"window at frame {place[1]} holds frame {place[1] + 30}, .* test side"):
-        training_windows(split, leaking)
+    refused(rf"window at frame {place[1]} holds frame {place[1] + 30}, .* test side", training_windows, split, leaking)
     check_leaks(training_windows(split, sequences), split.groups)
 
 
-def test_a_split_of_other_recordings_is_refused(split: Split, sequences: SequenceSet, tmp_path: Path):
-    other = replace(sequences, notes=("one could not be read",))
-    for train in (train_music2dance, lambda *parts: train_feet(*parts, FootParams())):
-        with pytest.raises(ValueError, match="both must be of the same ones"):
-            train(split, other, tmp_path / "run")
+def test_the_split_is_that_of_harmogan_s_units(split: Split, corpus: Path):
+    again = split_units(load_units([corpus], FeatureParams.paper(), step=2))
+    assert split.to_dict() == again.to_dict()
+    assert not split.train.units[0].audio.size and again.train.units[0].audio.size
+
+
+@pytest.mark.parametrize("system", ["music2dance", "feet"])
+def test_each_recording_is_read_once(system: str, corpus: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folders = []
+
+    def read(folder: Path) -> Any:
+        folders.append(folder)
+        return load_recording(folder)
+
+    monkeypatch.setattr(units, "load_recording", read)
+    epochs = ("--epochs", 0) if system == "feet" else ("--phase1", 0, "--phase2", 0)
+    assert trained(corpus, "--out", tmp_path / "run", "--system", system, *epochs).exit_code == 0
+    assert len(folders) == len({*folders}) == 14
 
 
 # A likelihood that can be compared
@@ -315,9 +318,8 @@ def test_a_split_of_other_recordings_is_refused(split: Split, sequences: Sequenc
 def quick(split: Split, sequences: SequenceSet, folder: Path, **changes: Any) -> Path:
     """The folder of a training of five epochs."""
     params = replace(sequences.params, **changes)
-    train_music2dance(
-        split, replace(sequences, params=params), folder, resume=True, fabric=make_fabric(accelerator="cpu")
-    )
+    options = TrainOptions(folder, resume=True, accelerator="cpu")
+    train_music2dance(split, replace(sequences, params=params), options)
     return folder
 
 

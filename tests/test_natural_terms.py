@@ -1,13 +1,11 @@
 """Path, spread and ankles: answers by hand, what does not count, gradients of a body at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from harmolab.systems.harmogan.natural_terms import ankle_loss, mean_spread, net_turning, path_loss, spread_loss
+from harmolab.systems.harmogan.losses import ankle_loss, mean_spread, net_turning, path_loss, spread_loss
 
 FPS = 10.0
 
@@ -90,8 +88,7 @@ def test_clips_that_are_all_alike_cost_what_lies_between_the_recorded():
     motion = dance()
     places = motion.mean(dim=1, keepdim=True)
     alike = motion - places + places.mean(dim=0, keepdim=True)
-    between = (places - places.mean(dim=0)).square().sum(dim=-1).mean(dim=(0, 1))
-    expected = torch.log(between / 1e-4 + 1).mean()
+    expected = torch.log((places - places.mean(dim=0)).square().sum(dim=-1).mean(dim=(0, 1)) / 1e-4 + 1).mean()
     assert number(spread_loss(alike, motion, ones(motion), fps=FPS)) == pytest.approx(number(expected), rel=1e-4)
 
 

@@ -1,7 +1,5 @@
 """The neural tracker's adapter, with a stand-in for its package: what it is given, and what is refused."""
 
-from __future__ import annotations
-
 import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -10,8 +8,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from harmolab.beats.neural import neural_beats
+from harmolab.readers.beats import neural_beats
 from harmolab.types import Audio
+from tests.builders import refused
 
 AUDIO = Audio(np.zeros(4 * 22050), 22050)
 
@@ -56,8 +55,7 @@ def test_what_is_no_file_never_reaches_the_package_which_would_download_it(
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
-    with pytest.raises(ValueError, match=r"no weights on this machine; get a checkpoint .* with --checkpoint"):
-        neural_beats(AUDIO, name)
+    refused(r"no weights on this machine; get a checkpoint .* with --checkpoint", neural_beats, AUDIO, name)
     assert given == []
 
 
@@ -68,6 +66,5 @@ def test_a_damaged_checkpoint_is_named(given: list[object], tmp_path: Path):
 
 
 def test_without_the_package_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    monkeypatch.setattr("harmolab.beats.neural.find_spec", lambda name: None)
-    with pytest.raises(ValueError, match="needs its package; pip install beat-this, then get a checkpoint"):
-        neural_beats(AUDIO, tmp_path)
+    monkeypatch.setattr("harmolab.readers.beats.find_spec", lambda name: None)
+    refused("needs its package; pip install beat-this, then get a checkpoint", neural_beats, AUDIO, tmp_path)

@@ -1,21 +1,19 @@
 """False alarms: what the null rows draw, what is counted, and that it stays within the nominal share."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from harmolab.lab.experiments.nulls import FAR, NULLS, dancer, null_table, recorded_nulls, smooth_noise, steady_beats
-from harmolab.lab.figures.verdicts import draw_false_alarms, nulls_figure
-from harmolab.lab.profile import RunProfile
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
+from harmolab.verdict.evidence import time_test
 from harmolab.verdict.judge import judge
-from harmolab.verdict.time_test import time_test
-from tests.builders import planted_dance
+from study.experiments.nulls import FAR, NULLS, dancer, null_table, recorded_nulls, smooth_noise, steady_beats
+from study.figures.verdicts import draw_false_alarms, nulls_figure
+from study.profile import RunProfile
+from tests.builders import cases, planted_dance
 
 PROFILE = replace(RunProfile.quick(), n_nulls=3, n_rotations=30)
 Pair = tuple[Motion, BeatTrack]
@@ -33,10 +31,7 @@ def test_beats_are_steady_and_begin_within_one_period(rng: np.random.Generator):
     assert beats.duration == 10.0
 
 
-@pytest.mark.parametrize(
-    ("kind", "least", "most"),
-    [("dancer, same tempo, any phase", 0.0, 0.001), ("dancer, tempo within 2 %", 0.0, 0.021)],
-)
+@cases("kind, least, most", ("dancer, same tempo, any phase", 0.0, 0.001), ("dancer, tempo within 2 %", 0.0, 0.021))
 def test_dancer_has_the_tempo_of_the_row(kind: str, least: float, most: float):
     motion, beats = NULLS[kind][0](60.0, np.random.default_rng(4))
     assert least <= abs(own_ratio(motion, beats) - 1) <= most
@@ -96,8 +91,7 @@ def test_dancers_on_the_beat_are_always_in_time_and_short_windows_are_not_judged
 
 def test_recorded_dancers_are_cut_at_random_and_their_own_beats_moved():
     clip = planted_dance(seconds=24.0, seed=5)
-    nulls = recorded_nulls([(clip.motion, clip.beats)])
-    (grid, windows), (moved, _) = nulls.values()
+    (grid, windows), (moved, _) = recorded_nulls([(clip.motion, clip.beats)]).values()
     assert windows == (6.0, 15.0)
     motion, beats = moved(15.0, np.random.default_rng(1))
     assert motion.duration == pytest.approx(15.0)
@@ -136,7 +130,7 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
     rows = [record("a"), record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0})]
     ax = draw_false_alarms(Figure().subplots(), rows)
     marks = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines[1:]}
-    assert marks["old score"] == ([0.17, 0.17], [1, 0])
+    assert marks["old score, published"] == ([0.17, 0.17], [1, 0])
     assert marks["H: in time, and where"][0][0] == 0.02
     assert [text.get_text() for text in ax.texts] == ["too short: not judged"]
 

@@ -1,7 +1,5 @@
 """One dance, one number: every command gives the same harmony above chance to the same dance, song and beats."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import partial
@@ -11,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
-from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.io.motion import load_motion, load_offset, save_motion
-from harmolab.lab.evaluate import dance_scores
+from harmolab.data.synthetic import synthetic_motion
+from harmolab.lab.evaluate import measured
 from harmolab.lab.render.video import retime_files
-from harmolab.types import BeatTrack, Motion, Skeleton
-from harmolab.verdict.score import HarmonyScore
-from tests.builders import BODY, called, planted_dance, waving, write_song
+from harmolab.readers.motion import load_motion, load_offset, save_motion
+from harmolab.score import HarmonyScore
+from harmolab.types import BeatTrack, Motion
+from tests.builders import BODY, called, cases, planted_dance, waving, write_song
 
 SECONDS, FPS = 32.0, 30.0
 TIMES = np.arange(round(SECONDS * FPS)) / FPS
@@ -112,14 +111,12 @@ def test_every_command_gives_a_dance_the_same_number(case: str, song: Path, tmp_
 CHA_CHA = ("--dance", "cha-cha")
 
 
-@pytest.mark.parametrize(
-    ("dancer", "options"),
-    [
-        pytest.param((), (), id="salsa"),
-        pytest.param(("--style", "puppet"), CHA_CHA, id="puppet"),
-        pytest.param(("--system", "harmogan"), (), id="network"),
-        pytest.param(("--system", "harmogan"), CHA_CHA, id="network, cha-cha"),
-    ],
+@cases(
+    "dancer, options",
+    pytest.param((), (), id="salsa"),
+    pytest.param(("--style", "puppet"), CHA_CHA, id="puppet"),
+    pytest.param(("--system", "harmogan"), (), id="network"),
+    pytest.param(("--system", "harmogan"), CHA_CHA, id="network, cha-cha"),
 )
 def test_a_generated_dance_keeps_its_number_without_an_offset_to_remember(
     dancer: tuple[str, ...], options: tuple[str, ...], song: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -127,13 +124,13 @@ def test_a_generated_dance_keeps_its_number_without_an_offset_to_remember(
     if "harmogan" in dancer:
         pytest.importorskip("torch")
     scores = []
-    table_of = dance_scores.dance_scores
+    table_of = measured.dance_scores
 
     def kept(motion: Motion, music: BeatTrack, score: HarmonyScore, **more: Any) -> dict[str, Any]:
         scores.append(score)
         return table_of(motion, music, score, **more)
 
-    monkeypatch.setattr(dance_scores, "dance_scores", kept)
+    monkeypatch.setattr(measured, "dance_scores", kept)
     out = tmp_path / "dance.npz"
     result = run("dance", song, "--start", 2.5, "--seconds", 26, "--out", out, *dancer, *options, "--verbose")
     assert result.exit_code == 0, result.output

@@ -1,13 +1,11 @@
 """Files that a reader picks in notebook 13."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
-from harmolab.lab.widgets.own_files import OwnFiles
+from harmolab.lab.labs.own_files import OwnFiles
 
 
 def upload(files: OwnFiles, kind: str, name: str, content: bytes = b"bytes") -> None:

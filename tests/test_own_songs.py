@@ -1,7 +1,5 @@
 """Half-minute dances side by side: what a statue shows, what is a mean over songs, which songs are kept."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +8,12 @@ import pytest
 import torch
 
 from harmolab import synthetic_clip
-from harmolab.corpora.folders import Recording
-from harmolab.lab.experiments.guard import statue
-from harmolab.lab.experiments.locked import statue_on_turntable
-from harmolab.lab.experiments.own_songs import (
+from harmolab.data.recordings import Recording
+from harmolab.systems.training.pose_network import PoseNet
+from harmolab.types import Motion
+from study.experiments.guard import statue
+from study.experiments.locked import statue_on_turntable
+from study.experiments.own_songs import (
     OWN,
     RECORDED,
     SHOWN,
@@ -23,8 +23,6 @@ from harmolab.lab.experiments.own_songs import (
     song_means,
     song_rows,
 )
-from harmolab.systems.common.pose_network import PoseNet
-from harmolab.types import Motion
 
 
 @pytest.fixture(scope="module")

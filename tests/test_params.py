@@ -1,15 +1,15 @@
 """Settings of features, model and training: the paper's numbers, one by one, and refusals that name what is wrong."""
 
-from __future__ import annotations
-
 import json
+import re
 from dataclasses import asdict, fields, replace
 
 import pytest
 
-from harmolab.lab.profile import RunProfile
-from harmolab.systems.common.feature_params import FeatureParams
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.training.features import FeatureParams
+from study.profile import RunProfile
+from tests.builders import cases, refused
 
 
 def test_training_settings_are_those_of_section_5_2():
@@ -17,11 +17,8 @@ def test_training_settings_are_those_of_section_5_2():
     assert (paper.pretrain_epochs, paper.adversarial_epochs, paper.batch_size) == (225, 45, 10)
     assert (paper.pretrain_rate, paper.pretrain_drops, paper.pretrain_drop_epochs) == (0.001, (0.5, 0.2, 0.2, 0.5), 50)
     # "divided by 2 and 5 alternatively every 5 epochs"
-    assert (paper.adversarial_rate, paper.adversarial_drops, paper.adversarial_drop_epochs) == (
-        0.0001,
-        (1 / 2, 1 / 5),
-        5,
-    )
+    assert (paper.adversarial_rate, paper.adversarial_drops) == (0.0001, (1 / 2, 1 / 5))
+    assert paper.adversarial_drop_epochs == 5
     assert paper.pretrain_kl_weight == 0.1
     assert (paper.kl_weight, paper.harmony_weight) == (0.0001, 1)
     assert paper.mse_weight == paper.feature_weight == paper.gan_weight == 0.001
@@ -61,59 +58,40 @@ def test_settings_survive_json(settings: TrainParams | ModelParams):
     assert type(settings)(**again) == settings
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(ModelParams)])
-def test_a_model_without_size_is_refused_by_name(name: str):
-    with pytest.raises(ValueError, match=f"{name} must be positive, got 0"):
-        replace(ModelParams.small(), **{name: 0})
+PAPER, FEATURES, SMALL = TrainParams.paper(), FeatureParams.paper(), ModelParams.small()
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "rule"),
-    [
-        ("batch_size", 0, "positive"),
-        ("pose_epochs", 0, "positive"),
-        ("shards", 0, "positive"),
-        ("pretrain_rate", -0.001, "positive"),
-        ("adversarial_rate", float("nan"), "positive"),
-        ("tau_end", 0.0, "positive"),
-        ("epsilon", float("inf"), "positive"),
-        ("pretrain_drop_epochs", 0, "positive"),
-        ("pretrain_epochs", -1, "zero or more"),
-        ("harmony_weight", -0.5, "zero or more"),
-        ("discriminator_decay", float("nan"), "zero or more"),
-        ("seed", -1, "zero or more"),
-    ],
+@cases(
+    "settings, name, value, rule",
+    *((SMALL, field.name, 0, "positive") for field in fields(ModelParams)),
+    (PAPER, "batch_size", 0, "positive"),
+    (PAPER, "pose_epochs", 0, "positive"),
+    (PAPER, "shards", 0, "positive"),
+    (PAPER, "pretrain_rate", -0.001, "positive"),
+    (PAPER, "adversarial_rate", float("nan"), "positive"),
+    (PAPER, "tau_end", 0.0, "positive"),
+    (PAPER, "epsilon", float("inf"), "positive"),
+    (PAPER, "pretrain_drop_epochs", 0, "positive"),
+    (PAPER, "pretrain_drops", (0.5, 0.0), "positive factors"),
+    (PAPER, "adversarial_drops", (0.5, 0.0), "positive factors"),
+    (PAPER, "pretrain_epochs", -1, "zero or more"),
+    (PAPER, "harmony_weight", -0.5, "zero or more"),
+    (PAPER, "discriminator_decay", float("nan"), "zero or more"),
+    (PAPER, "seed", -1, "zero or more"),
+    (PAPER, "harmony", "hs", "paper or above_chance"),
+    (PAPER, "harmony_frame", "torso", "room or body"),
+    (FEATURES, "fps", 0.0, "positive"),
+    (FEATURES, "fps", float("nan"), "positive"),
+    (FEATURES, "n_mfcc", 0, "positive"),
 )
-def test_a_training_setting_out_of_range_is_refused_by_name(name: str, value: float, rule: str):
-    with pytest.raises(ValueError, match=f"{name} must be {rule}, got {value}"):
-        replace(TrainParams.paper(), **{name: value})
-
-
-@pytest.mark.parametrize("name", ["pretrain_drops", "adversarial_drops"])
-def test_a_rate_cannot_drop_to_nothing(name: str):
-    with pytest.raises(ValueError, match=rf"{name} must be positive factors, got \(0.5, 0.0\)"):
-        replace(TrainParams.paper(), **{name: (0.5, 0.0)})
-
-
-def test_an_unknown_harmony_loss_is_refused():
-    with pytest.raises(ValueError, match="harmony must be paper or above_chance, got 'hs'"):
-        replace(TrainParams.paper(), harmony="hs")
-
-
-def test_a_frame_that_is_neither_room_nor_body_is_refused():
-    with pytest.raises(ValueError, match="harmony_frame must be room or body, got 'torso'"):
-        replace(TrainParams.paper(), harmony_frame="torso")
-
-
-@pytest.mark.parametrize(("name", "value"), [("fps", 0.0), ("fps", float("nan")), ("n_mfcc", 0)])
-def test_features_out_of_range_are_refused_by_name(name: str, value: float):
-    with pytest.raises(ValueError, match=f"{name} must be positive, got {value}"):
-        replace(FeatureParams.paper(), **{name: value})
+def test_a_setting_out_of_range_is_refused_by_name(
+    settings: TrainParams | ModelParams | FeatureParams, name: str, value: object, rule: str
+):
+    refused(re.escape(f"{name} must be {rule}, got {value!r}"), replace, settings, **{name: value})
 
 
 def test_a_unit_must_be_longer_than_the_longest_meter():
-    with pytest.raises(ValueError, match="unit_beats must leave at least one beat before a meter of six, got 6"):
-        FeatureParams(unit_beats=6)
+    refused("unit_beats must leave at least one beat before a meter of six, got 6", FeatureParams, unit_beats=6)
 
 
 def test_the_full_profile_trains_by_the_whole_schedule_and_the_quick_one_less():

@@ -3,8 +3,6 @@
 The shipped players make most of what is tested here; no number of theirs is asked for.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import os
@@ -27,33 +25,33 @@ from typer.testing import Result
 
 import harmolab
 from benchmarks import bench_audio2body
+from harmolab.body.kinematics import Similarity
 from harmolab.cli import app
-from harmolab.corpora.performances import load_playing, save_performance
-from harmolab.corpora.synthetic.players import PlantedPerformance, planted_performance, planted_performances
-from harmolab.io.audio import save_audio
-from harmolab.io.motion import load_motion, load_offset, save_motion
-from harmolab.io.player_points import HANDS_12, PLAYER_50
-from harmolab.io.video import write_video
-from harmolab.kinematics import Similarity
-from harmolab.lab.timing.performed import performance_span
-from harmolab.lab.timing.playing import explain_playing
-from harmolab.systems.audio2body import Audio2Body
-from harmolab.systems.audio2body.avatar import avatar
-from harmolab.systems.audio2body.networks import SoundToPoints
-from harmolab.systems.audio2body.params import Audio2BodyParams
-from harmolab.systems.audio2body.placing import Reference
-from harmolab.systems.audio2body.point_space import PointSpace
-from harmolab.systems.audio2body.shipping import ship
-from harmolab.systems.audio2body.truth import compared
-from harmolab.systems.common import phases as training_loop
-from harmolab.systems.common.about import read_about
+from harmolab.musician import Audio2Body
+from harmolab.musician.avatar import avatar
+from harmolab.musician.cleaning import Reference
+from harmolab.musician.explain import explain_playing
+from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.page import performance_span
+from harmolab.musician.params import Audio2BodyParams
+from harmolab.musician.performances import load_playing, save_performance
+from harmolab.musician.sequences import PointSpace
+from harmolab.musician.synthetic import PlantedPerformance, planted_performance, planted_performances
+from harmolab.musician.train import compared
+from harmolab.readers.audio import save_audio
+from harmolab.readers.motion import load_motion, load_offset, save_motion
+from harmolab.readers.player_points import HANDS_12, PLAYER_50
+from harmolab.readers.video import write_video
+from harmolab.systems.training import loop as training_loop
+from harmolab.systems.training.about import read_about
 from harmolab.types import Audio, Motion
-from tests.builders import called
+from tests.builders import called, cases, refused
 from tests.test_player import data_of
+from tools.ship import ship
 
 SECONDS = 6.0
 NOTICE = "This player was trained on planted, synthetic players only."
-SHIPPED = Path(harmolab.__file__).parent / "systems" / "audio2body" / "weights"
+SHIPPED = Path(harmolab.__file__).parent / "musician" / "weights"
 INSTRUMENTS = pytest.mark.parametrize("instrument", ["piano", "violin"])
 
 
@@ -181,12 +179,10 @@ def test_a_truth_that_is_the_prediction_seen_by_another_camera_has_no_error(
     predicted: Motion, song: Path, tmp_path: Path
 ) -> None:
     """But for the anchors' medians, to which the truth is brought: those of the reference sway."""
-    camera = Similarity(1.7, 0.2, np.array([40.0, -300.0]))
-    save_motion(tmp_path / "truth.npz", moved(predicted, camera))
+    save_motion(tmp_path / "truth.npz", moved(predicted, Similarity(1.7, 0.2, np.array([40.0, -300.0]))))
     audio = planted("piano").performance.audio
     network = Audio2Body.shipped("piano").network
-    at_home = load_playing(tmp_path / "truth.npz", audio, instrument="piano")
-    errors = compared(network, at_home).errors
+    errors = compared(network, load_playing(tmp_path / "truth.npz", audio, instrument="piano")).errors
     assert errors.accepted == 1 and errors.points == 50
     assert errors.percent < 0.2 * errors.mean_pose_percent
 
@@ -241,8 +237,7 @@ def test_points_lie_over_the_truth(takes: Path, tmp_path: Path) -> None:
 
 
 def test_a_truth_that_begins_later_is_compared_from_there(song: Path, tmp_path: Path) -> None:
-    own = planted("piano").performance
-    save_motion(tmp_path / "late.npz", own.motion.span(2.0, 4.0))
+    save_motion(tmp_path / "late.npz", planted("piano").performance.motion.span(2.0, 4.0))
     command = ("--truth", tmp_path / "late.npz", "--out", tmp_path / "p.html")
     late, wrong = (perform(song, *command, "--offset", offset).stdout for offset in (2, 0))
     assert late.startswith("4.00 s from 2.00 s of ")
@@ -417,7 +412,7 @@ def test_options_of_dances_are_refused_for_playing(song: Path, takes: Path) -> N
 
 
 def test_strikes_of_the_avatar_are_those_of_the_points() -> None:
-    from harmolab.beats.notes import strikes
+    from harmolab.musician.events import strikes
 
     own = planted("piano")
     points = replace(own.performance.motion, positions=own.clean)
@@ -474,13 +469,11 @@ def test_a_run_plays_and_says_on_whom_it_was_trained(run: Path, song: Path, tmp_
     assert about["errors"]["mean pose"]["full"] > 0
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--preset", "small"), "preset must be recommended or tables or section_4"),
-        (("--step", 3), "--step is no option of this system"),
-        (("--harmony-weight", 1), "--harmony-weight is no option of this system"),
-    ],
+@cases(
+    "options, message",
+    (("--preset", "small"), "preset must be recommended or tables or section_4"),
+    (("--step", 3), "--step is no option of this system"),
+    (("--harmony-weight", 1), "--harmony-weight is no option of this system"),
 )
 def test_options_that_a_training_does_not_take_are_named(
     options: tuple[object, ...], message: str, corpus: Path, tmp_path: Path
@@ -523,7 +516,7 @@ def test_a_stopped_training_goes_on_to_the_same_bytes(
 @pytest.mark.slow
 def test_a_killed_training_goes_on_to_the_same_bytes(run: Path, corpus: Path, tmp_path: Path) -> None:
     code = (
-        "import os, signal, sys\nfrom harmolab.systems.audio2body import Audio2Body\n"
+        "import os, signal, sys\nfrom harmolab.musician import Audio2Body\n"
         "def report(row, end):\n    if row['epoch'] == 1: os.kill(os.getpid(), signal.SIGKILL)\n"
         "Audio2Body.train([sys.argv[1]], sys.argv[2], epochs=3, seed=2, accelerator='cpu', report=report)"
     )
@@ -560,5 +553,4 @@ def test_shipped_players_take_a_megabyte_and_were_trained_on_planted_ones() -> N
     for instrument in ("piano", "violin"):
         system = Audio2Body.shipped(instrument)
         assert (system.network.instrument, system.trained_on) == (instrument, NOTICE)
-    with pytest.raises(ValueError, match="instrument must be piano or violin"):
-        Audio2Body.shipped("tuba")
+    refused("instrument must be piano or violin", Audio2Body.shipped, "tuba")

@@ -1,18 +1,16 @@
 """The page of `harmolab perform` in a browser: it opens offline; hands, keys and strikes keep time with the sound."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from harmolab.beats.notes import bow_turns, strikes
 from harmolab.cli import app
-from harmolab.corpora.performances import save_performance
-from harmolab.corpora.synthetic.players import PlantedPerformance, planted_performance
-from harmolab.lab.timing.performed import Performed, save_performed
+from harmolab.musician.events import bow_turns, strikes
+from harmolab.musician.page import Performed, save_performed
+from harmolab.musician.performances import save_performance
+from harmolab.musician.synthetic import PlantedPerformance, planted_performance
 from harmolab.types import Motion
 from tests.builders import called
 from tests.test_player_browser import FRAME, PHONE, WIDE, flashes, opened, wait_until

@@ -1,7 +1,5 @@
 """Your own dance: where it begins, what is told, and the page."""
 
-from __future__ import annotations
-
 import html
 import re
 from collections.abc import Callable
@@ -11,23 +9,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_clip, synthetic_motion
-from harmolab.io.motion import save_motion
-from harmolab.io.video import write_video
-from harmolab.io.video_sound import load_sound
-from harmolab.lab.render.stick import render_skeleton
-from harmolab.lab.timing.film_readings import ABSENT, BODY, FLOW, film_readings
-from harmolab.lab.timing.page import dance_page, dance_player, save_page
-from harmolab.lab.timing.performance import (
+from harmolab.data.synthetic import synthetic_clip, synthetic_motion
+from harmolab.lab.explain.page import dance_page, dance_player, save_page
+from harmolab.lab.explain.performance import (
+    ABSENT,
+    BODY,
+    FLOW,
     OwnDance,
     Placement,
     explain_performance,
+    film_readings,
     load_performance,
     place_performance,
 )
+from harmolab.lab.render.stick import render_skeleton
 from harmolab.params import HOW_PATTERNS, HarmonyParams
+from harmolab.readers.audio import load_sound
+from harmolab.readers.motion import save_motion
+from harmolab.readers.video import write_video
 from harmolab.types import Audio, Clip, Motion
-from tests.builders import planted_dance, write_song
+from tests.builders import planted_dance, refused, write_song
 
 SECONDS, START = 20.0, 0.4
 RESTING = HarmonyParams.recommended(HOW_PATTERNS["rest"])
@@ -114,8 +115,7 @@ def test_constant_shift_is_told_only_where_the_offset_is_known(
     save_motion(tmp_path / "shifted.npz", danced(clip, lambda beats: np.full(beats.shape, shift)))
     assert words in told_of(folder, tmp_path / "shifted.npz", offset=START).verdict
     unplaced = told_of(folder, tmp_path / "shifted.npz")
-    said = " ".join([unplaced.verdict, *unplaced.words.sentences])
-    assert re.search(r"\b(ms|early|late)\b", said) is None
+    assert re.search(r"\b(ms|early|late)\b", " ".join([unplaced.verdict, *unplaced.words.sentences])) is None
 
 
 def test_a_motion_file_that_keeps_its_song_time_needs_no_offset(folder: Path, clip: Clip, tmp_path: Path):
@@ -153,8 +153,7 @@ def test_a_film_is_read_in_both_ways_and_says_what_was_not(folder: Path):
 
 
 def test_silent_video_is_placed_by_its_movement(folder: Path):
-    recording = load_performance(folder / "silent.mp4")
-    assert recording.sound is None
+    assert load_performance(folder / "silent.mp4").sound is None
     told = told_of(folder, "silent.mp4")
     assert told.placement.source == "movement"
     assert change_of(told) == pytest.approx(0.08, abs=0.03)
@@ -183,8 +182,7 @@ def test_dance_that_begins_before_the_song_is_heard_from_the_first_note(folder: 
 
 
 def test_offset_outside_the_song_is_refused_by_name(folder: Path):
-    with pytest.raises(ValueError, match=r"dance\.npz: .*does not overlap"):
-        told_of(folder, "dance.npz", offset=500.0)
+    refused(r"dance\.npz: .*does not overlap", told_of, folder, "dance.npz", offset=500.0)
 
 
 def test_numbers_are_plain_enough_for_json(late: OwnDance):
@@ -216,12 +214,10 @@ def test_page_holds_verdict_words_pictures_player_and_doubts(late: OwnDance):
 
 
 def test_page_of_a_dance_that_is_named_shows_how_well_each_beat_fits_it(folder: Path):
-    named = told_of(folder, "dance.npz", offset=START, dance="cha-cha")
-    page = html.unescape(dance_page(named))
+    page = html.unescape(dance_page(told_of(folder, "dance.npz", offset=START, dance="cha-cha")))
     assert "1 is the best moment, 0.5 the middle one" in page
     assert "nearest moment of rest" not in page
-    unplaced = told_of(folder, "dance.npz", dance="cha-cha")
-    assert "nearest moment of rest" in html.unescape(dance_page(unplaced))
+    assert "nearest moment of rest" in html.unescape(dance_page(told_of(folder, "dance.npz", dance="cha-cha")))
 
 
 def test_page_asks_the_network_for_nothing(late: OwnDance, filmed: OwnDance):
@@ -235,15 +231,13 @@ def test_page_of_a_video_shows_pictures_at_beats_and_says_why_no_figure(filmed: 
     assert page.count("data:image/jpeg;base64,") == 8
     assert "srcdoc" not in page
     assert "there is no stick figure to play" in page
-    with pytest.raises(ValueError, match=r"film\.mp4: is a video"):
-        dance_player(filmed)
+    refused(r"film\.mp4: is a video", dance_player, filmed)
 
 
 def test_names_of_files_are_only_text(folder: Path, tmp_path: Path):
     name = "<img src=x onerror=alert(1)>\"'&amp;.npz"
     (tmp_path / name).write_bytes((folder / "dance.npz").read_bytes())
-    told = explain_performance(folder / "song.wav", load_performance(tmp_path / name), offset=START)
-    page = dance_page(told)
+    page = dance_page(explain_performance(folder / "song.wav", load_performance(tmp_path / name), offset=START))
     assert "<img src=x" not in page
     assert f"<h1>{html.escape(name).replace('&quot;', '&#34;').replace('&#x27;', '&#39;')} to song.wav</h1>" in page
 
@@ -272,8 +266,7 @@ def test_page_fits_the_screen_and_plays(late: OwnDance, chromium: Any, tmp_path:
     page.on("request", lambda request: faults.append(request.url) if request.url.startswith("http") else None)
     page.goto((tmp_path / "page.html").as_uri())
     page.locator("iframe").scroll_into_view_if_needed()
-    frame = page.frame_locator("iframe")
-    frame.locator("#play").click()
+    page.frame_locator("iframe").locator("#play").click()
     page.wait_for_function("document.querySelector('iframe').contentWindow.harmolabPlayer.time() > 0.3")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator("figure img").first.evaluate("image => image.naturalWidth > 0")

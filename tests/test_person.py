@@ -1,22 +1,33 @@
 """The one figure of a person: its parts by the names of joints, where they lie, its colours, the camera."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.corpora.tang2018 import PAPER_21, TANG_23
-from harmolab.io.layouts import COCO_17
-from harmolab.io.player_points import PLAYER_50
-from harmolab.io.smpl import SMPL_24
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import PAPER_21, TANG_23
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.person.camera import ANGLE, DISTANCE, LIFT, MIDDLE, stage_of
-from harmolab.lab.person.plan import HEAD_UP, PAINTS, BodyPlan, body_plan
-from harmolab.lab.person.shapes import CORNERS, hulls, person_discs, person_shapes
-from harmolab.types import FloatArray, Motion, Skeleton
+from harmolab.lab.person import (
+    ANGLE,
+    CORNERS,
+    DISTANCE,
+    HEAD_UP,
+    LIFT,
+    MIDDLE,
+    PAINTS,
+    BodyPlan,
+    body_plan,
+    hulls,
+    person_discs,
+    person_shapes,
+    stage_of,
+)
+from harmolab.readers.keypoints import COCO_17
+from harmolab.readers.player_points import PLAYER_50
+from harmolab.readers.smpl import SMPL_24
+from harmolab.types import FloatArray, Motion
 
 # Machado, Oliveira and Fernandes 2009, severity 1.0, for linear RGB.
 SIMULATION = {
@@ -68,8 +79,7 @@ def test_every_body_has_a_trunk_a_head_two_arms_and_two_legs(name: str, axes: in
     assert paints.count("head") == 1 and paints.count("body") == 2
     assert paints.count("left") == paints.count("right") >= 4
     assert "stick" not in paints
-    trunk = plan.parts[part_of(plan, "body", 4)]
-    largest = plan.weights[list(trunk.points)].argmax(axis=1)
+    largest = plan.weights[list(plan.parts[part_of(plan, "body", 4)].points)].argmax(axis=1)
     assert [skeleton.joints[joint].partition("_")[2] for joint in largest] == ["shoulder"] * 2 + ["hip"] * 2
 
 
@@ -88,15 +98,13 @@ def test_height_of_the_figure_is_that_of_the_person(name: str) -> None:
 
 def test_head_that_was_not_measured_is_assumed_and_pale() -> None:
     player = PLAYER_50
-    plan = body_plan(standing(player, 2), player)
-    paints = [part.paint for part in plan.parts]
+    paints = [part.paint for part in body_plan(standing(player, 2), player).parts]
     assert "assumed" in paints and "head" not in paints
     assert min(PAINTS["assumed"]) > max(PAINTS["head"])
 
 
 def test_a_foot_is_one_part_around_ankle_heel_and_toe() -> None:
-    plan = body_plan(standing(TANG_23), TANG_23)
-    feet = [part for part in plan.parts if len(part.points) == 3]
+    feet = [part for part in body_plan(standing(TANG_23), TANG_23).parts if len(part.points) == 3]
     assert [{TANG_23.joints[joint] for joint in part.points} for part in feet] == [
         {f"{side}_{part}" for part in ("ankle", "heel", "toe")} for side in ("left", "right")
     ]
@@ -106,8 +114,7 @@ def test_bodies_without_names_are_sticks_and_without_bones_dots() -> None:
     pair = Skeleton(("a", "b", "c"), (-1, 0, 1))
     plan = body_plan(standing(pair), pair)
     assert [(part.points, part.paint) for part in plan.parts] == [((0, 1), "stick"), ((1, 2), "stick")]
-    dots = body_plan(standing(pair), Skeleton.unnamed(3))
-    assert [part.points for part in dots.parts] == [(0,), (1,), (2,)]
+    assert [part.points for part in body_plan(standing(pair), Skeleton.unnamed(3)).parts] == [(0,), (1,), (2,)]
 
 
 def test_arms_alone_are_drawn_in_the_colours_of_their_sides() -> None:
@@ -117,8 +124,7 @@ def test_arms_alone_are_drawn_in_the_colours_of_their_sides() -> None:
 
 @pytest.mark.parametrize("name", BODIES)
 def test_left_is_at_the_right_of_who_faces_the_dancer(name: str) -> None:
-    positions = standing(BODIES[name])
-    plan, centres, _ = discs_of(Motion(positions, 30.0, BODIES[name]))
+    plan, centres, _ = discs_of(Motion(standing(BODIES[name]), 30.0, BODIES[name]))
     sides = {
         paint: np.mean([centres[n, :, 0].mean() for n, part in enumerate(plan.parts) if part.paint == paint])
         for paint in ("left", "right")

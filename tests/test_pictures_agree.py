@@ -1,7 +1,5 @@
 """Every picture and page of a score shows the score's own pairs, whatever the settings."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable
@@ -12,17 +10,16 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harmolab.harmony import music_and_motion, score_motion
-from harmolab.lab.figures.beats import score_figure
-from harmolab.lab.figures.dance import dance_figure, draw_speed
-from harmolab.lab.figures.timing import draw_timing
-from harmolab.lab.render.marks import hit_times
-from harmolab.lab.widgets.labs.scoring import scoring_numbers
-from harmolab.lab.widgets.labs.stage import Stage
-from harmolab.lab.widgets.player import Dancer, Player
+from harmolab.lab.figures.beats import draw_timing, score_figure
+from harmolab.lab.labs.live import Stage
+from harmolab.lab.labs.scoring import scoring_numbers
+from harmolab.lab.player import Dancer, Player
+from harmolab.lab.render.stick import hit_times
 from harmolab.params import CHOICES, HarmonyParams
+from harmolab.score import HarmonyScore
 from harmolab.types import Audio, BeatTrack, Motion
-from harmolab.verdict.score import HarmonyScore
+from harmolab.verdict.judge import music_and_motion, score_motion
+from study.figures.dance import dance_figure, draw_speed
 from tests.builders import planted_dance
 
 MODES = {
@@ -78,17 +75,12 @@ def both_hits(score: HarmonyScore) -> list[float]:
     return sorted([*music_hits(score), *score.visual.times[np.unique(pairs)].tolist()])
 
 
-def expected_of_figure(score: HarmonyScore) -> list[float]:
-    """Hits of a row of the score figure; by a bar pattern the beats that fit better than the median moment."""
-    return score.music.times[score.shares > 0.5].tolist() if score.params.measure == "pattern" else both_hits(score)
-
-
 def figure_marks(ax: Axes) -> list[float]:
     return sorted(marked(ax, "hit") + marked(ax, "above the median moment"))
 
 
 def in_score_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
-    return figure_marks(score_figure({"one": score}).axes[0]), expected_of_figure(score)
+    return figure_marks(score_figure({"one": score}).axes[0]), both_hits(score)
 
 
 def in_dance_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:

@@ -1,7 +1,5 @@
 """Where in the beat? Lags, signs and chance of the place test, on speeds worked out by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +8,8 @@ import pytest
 from harmolab.params import HOW_PATTERNS, BarPattern
 from harmolab.shape_speed import ShapeSignal
 from harmolab.types import FloatArray
-from harmolab.verdict.place_test import MOMENTS, PlaceTest, place_test
+from harmolab.verdict.evidence import MOMENTS, PlaceTest, place_test
+from tests.builders import refused
 
 PERIOD = 0.5
 BEATS = PERIOD * np.arange(41)
@@ -69,8 +68,7 @@ def test_a_waltz_lies_on_its_bar(first: int) -> None:
     known = placed(waltz(first=first), WALTZ, bars=first)
     assert known.harmony_above_chance > 0.95
     assert known.p_value == pytest.approx(1 / (3 * MOMENTS), abs=0.02)
-    wrong = placed(waltz(first=first), WALTZ, bars=first + 1)
-    assert abs(wrong.lag) == pytest.approx(1.0, abs=0.05)
+    assert abs(placed(waltz(first=first), WALTZ, bars=first + 1).lag) == pytest.approx(1.0, abs=0.05)
 
 
 def test_without_the_bar_every_place_is_a_reading_and_chance_knows_it() -> None:
@@ -101,23 +99,20 @@ def test_random_phases_have_uniform_p_values_and_no_harmony_on_average() -> None
 def test_the_spread_is_narrow_for_a_steady_dancer_and_wide_for_a_wandering_one() -> None:
     _, steady = placed(resting(0.1)).spread()
     position = np.arange(2001) / 100.0 / PERIOD
-    wandering = signal(-np.cos(2 * np.pi * (position - 0.4 * np.round(position / 8 % 1))))
-    _, wide = placed(wandering).spread()
+    _, wide = placed(signal(-np.cos(2 * np.pi * (position - 0.4 * np.round(position / 8 % 1))))).spread()
     assert steady[1] - steady[0] < 0.05
     assert steady[0] <= 0.13 and steady[1] >= 0.08
     assert wide[1] - wide[0] > 0.3
 
 
 def test_every_beat_has_a_share() -> None:
-    test = placed(resting())
-    shares = test.shares(BEATS.size)
+    shares = placed(resting()).shares(BEATS.size)
     assert shares.shape == BEATS.shape
     assert shares.min() > 0.95
 
 
 def test_too_few_beats_for_a_cycle_are_an_error() -> None:
-    with pytest.raises(ValueError, match="3 beats hold no whole cycle of 3"):
-        place_test(resting(), BEATS[:3], None, WALTZ)
+    refused("3 beats hold no whole cycle of 3", place_test, resting(), BEATS[:3], None, WALTZ)
 
 
 def ranked(heights: dict[int, float]) -> PlaceTest:
@@ -132,8 +127,7 @@ def ranked(heights: dict[int, float]) -> PlaceTest:
 @pytest.mark.parametrize(("height", "lag"), [(0.889, 4), (0.887, 10), (0.9, 4)])
 def test_three_hundredths_of_the_range_are_a_tie_and_the_nearest_lag_has_it(height: float, lag: int, side: int) -> None:
     # The range is .5 to .9: from .888 on a lag is as good as the best, 10.
-    found = ranked({10 * side: 0.9, 4 * side: height}).lag
-    assert found == pytest.approx(lag * side / MOMENTS)
+    assert ranked({10 * side: 0.9, 4 * side: height}).lag == pytest.approx(lag * side / MOMENTS)
 
 
 @pytest.mark.parametrize(("height", "lag"), [(0.889, 9.0), (0.887, 10.0)])

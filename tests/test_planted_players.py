@@ -1,32 +1,28 @@
 """The planted pianist and violinist play what their notes say: every number here was planted or worked out by hand."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic.players import (
-    FAULTS,
-    planted_performance,
-    planted_performances,
-    planted_piece,
-    rendered_notes,
-)
-from harmolab.corpora.synthetic.players.gestures import glide, pulses
-from harmolab.corpora.synthetic.players.pianist import hand_places, key_x, pianist_points
-from harmolab.corpora.synthetic.players.violinist import (
+from harmolab.body.kinematics import fit_similarity
+from harmolab.musician.synthetic import FAULTS, planted_performance, planted_performances, planted_piece, rendered_notes
+from harmolab.musician.synthetic.players import (
     BOW,
     BOW_ENDS,
     bow_place,
     bow_turns,
+    glide,
+    hand_places,
+    key_x,
+    pianist_points,
+    pulses,
     stop_distance,
     string_numbers,
 )
-from harmolab.io.player_points import FINGERS, INSTRUMENTS, PLAYER_50, SIDES, hand_joints
-from harmolab.kinematics import fit_similarity
+from harmolab.readers.player_points import FINGERS, INSTRUMENTS, PLAYER_50, SIDES, hand_joints
 from harmolab.types import Notes
+from tests.builders import cases, refused
 
 EVERY_INSTRUMENT = pytest.mark.parametrize("instrument", INSTRUMENTS)
 AT = {name: place for place, name in enumerate(PLAYER_50.joints)}
@@ -206,8 +202,7 @@ def test_without_the_direction_of_the_bow_only_the_bow_arm_differs():
     difference = planted.camera.inverse().apply(planted.from_audio)
     difference = difference - planted.camera.inverse().apply(planted.direction_blind)
     arm = [*HANDS["right"], AT["right_wrist"], AT["right_elbow"]]
-    others = np.setdiff1d(np.arange(50), arm)
-    np.testing.assert_allclose(difference[:, others], 0.0, atol=1e-9)
+    np.testing.assert_allclose(difference[:, np.setdiff1d(np.arange(50), arm)], 0.0, atol=1e-9)
     along = difference[:, AT["right_hand"]] @ BOW
     np.testing.assert_allclose(along, 215 * (planted.bow - planted.bow.mean()), rtol=0.01, atol=0.01)
 
@@ -364,8 +359,7 @@ def patterns(notes):
 @EVERY_INSTRUMENT
 def test_pieces_share_no_tune(instrument):
     pieces = [set(patterns(planted_piece(instrument, 30.0, seed).notes)) for seed in range(45)]
-    shared = [len(one & other) / len(one) for one in pieces for other in pieces if one is not other]
-    assert max(shared) < 0.05
+    assert max([len(one & other) / len(one) for one in pieces for other in pieces if one is not other]) < 0.05
 
 
 @EVERY_INSTRUMENT
@@ -458,40 +452,32 @@ def test_a_note_shorter_than_a_sample_does_no_harm(instrument):
 # Settings
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"instrument": "tuba"}, "instrument must be piano or violin, got 'tuba'"),
-        ({"seconds": 1.0}, "seconds must be within 2 and 3600, got 1.0"),
-        ({"seconds": float("nan")}, "seconds must be within 2 and 3600, got nan"),
-        ({"seed": -1}, "seed must be a whole number"),
-        ({"seed": 1.5}, "seed must be a whole number"),
-        ({"noise": -1.0}, "noise is in pixels"),
-        ({"fps": 0.0}, "fps must be within 5 and 1000"),
-        ({"sample_rate": 100}, "sample_rate must be within 8000 and 192000 Hz"),
-    ],
+@cases(
+    "settings, message",
+    ({"instrument": "tuba"}, "instrument must be piano or violin, got 'tuba'"),
+    ({"seconds": 1.0}, "seconds must be within 2 and 3600, got 1.0"),
+    ({"seconds": float("nan")}, "seconds must be within 2 and 3600, got nan"),
+    ({"seed": -1}, "seed must be a whole number"),
+    ({"seed": 1.5}, "seed must be a whole number"),
+    ({"noise": -1.0}, "noise is in pixels"),
+    ({"fps": 0.0}, "fps must be within 5 and 1000"),
+    ({"sample_rate": 100}, "sample_rate must be within 8000 and 192000 Hz"),
 )
 def test_settings_out_of_range_are_refused_by_name(settings, message):
-    with pytest.raises(ValueError, match=message):
-        planted_performance(settings.pop("instrument", "piano"), **settings)
+    refused(message, planted_performance, settings.pop("instrument", "piano"), **settings)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "settings", "message"),
-    [
-        ((0.0,), {}, "seconds must be positive"),
-        ((1.0, 100), {}, "sample_rate must be a whole number from 8000"),
-        ((1.0, 22050.5), {}, "sample_rate must be a whole number"),
-        ((1.0,), {"instrument": "tuba"}, "instrument must be piano or violin"),
-    ],
+@cases(
+    "arguments, settings, message",
+    ((0.0,), {}, "seconds must be positive"),
+    ((1.0, 100), {}, "sample_rate must be a whole number from 8000"),
+    ((1.0, 22050.5), {}, "sample_rate must be a whole number"),
+    ((1.0,), {"instrument": "tuba"}, "instrument must be piano or violin"),
 )
 def test_sounds_out_of_range_are_refused_by_name(arguments, settings, message):
-    with pytest.raises(ValueError, match=message):
-        rendered_notes(one_note(60), *arguments, **settings)
+    refused(message, rendered_notes, one_note(60), *arguments, **settings)
 
 
 def test_a_piece_too_short_for_its_rests_is_refused():
-    with pytest.raises(ValueError, match="it lasts at least 1 s"):
-        planted_piece("piano", 0.5, 1)
-    with pytest.raises(ValueError, match="instrument must be piano or violin"):
-        planted_piece("tuba", 10.0, 1)
+    refused("it lasts at least 1 s", planted_piece, "piano", 0.5, 1)
+    refused("instrument must be piano or violin", planted_piece, "tuba", 10.0, 1)

@@ -1,7 +1,5 @@
 """The player's page: what it holds, what it refuses, and the command that writes it."""
 
-from __future__ import annotations
-
 import base64
 import html
 import io
@@ -21,17 +19,19 @@ from typer.testing import CliRunner, Result
 
 import harmolab
 from harmolab.beats.visual import visual_beats
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
 from harmolab.cli.playing import play
-from harmolab.corpora.files import load_clip
-from harmolab.harmony import score_clip, score_harmony
-from harmolab.io.motion import save_motion
-from harmolab.kinematics import resample_motion
+from harmolab.clips import load_clip
+from harmolab.lab.player import Dancer, Player, blind_page
 from harmolab.lab.report.templates import framed
-from harmolab.lab.widgets.player import Dancer, Player, blind_page
 from harmolab.params import HarmonyParams
-from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from tests.builders import called, planted_dance, still, track, write_dance, write_song
+from harmolab.readers.motion import save_motion
+from harmolab.score import score_harmony
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.verdict.judge import score_clip
+from tests.builders import called, cases, planted_dance, refused, still, track, write_dance, write_song
 
 VALLEYS = HarmonyParams.valleys()
 
@@ -148,8 +148,7 @@ def test_first_beats_of_bars_are_marked() -> None:
 
 
 def test_speed_curve_is_that_of_the_visual_beats(swinging_arm: Callable[..., Motion]) -> None:
-    motion = swinging_arm(1.0, 30.0)
-    dancer = dancer_of(motion)
+    dancer = dancer_of(swinging_arm(1.0, 30.0))
     page = player_page(Audio(np.zeros(8000), 8000), [dancer], music=track([]), title="")
     speed = data_of(page)["dancers"][0]["speed"]
     curve, inner = (
@@ -277,8 +276,7 @@ def test_blind_trial_of_ten_seconds_with_two_dancers_is_small() -> None:
 
 
 def test_blind_page_of_three_dancers_is_refused(clip: Clip) -> None:
-    with pytest.raises(ValueError, match="one dancer or two, got 3"):
-        blind_page(clip.audio, [clip.motion] * 3)
+    refused("one dancer or two, got 3", blind_page, clip.audio, [clip.motion] * 3)
 
 
 def test_frame_holds_the_page_whatever_is_in_it() -> None:
@@ -308,7 +306,7 @@ def test_saved_whole(clip: Clip, tmp_path: Path) -> None:
 
 def test_player_needs_no_widget_library() -> None:
     names = "{'ipywidgets', 'matplotlib', 'torch'}"
-    code = f"import sys, harmolab.lab.widgets.player; print({names} & set(sys.modules) or '')"
+    code = f"import sys, harmolab.lab.player; print({names} & set(sys.modules) or '')"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
 
 
@@ -354,8 +352,7 @@ def test_offset_and_start_cut_sound_and_motion_at_the_same_moment(
     assert result.exit_code == 0, result.output
     page = (tmp_path / "x.html").read_text("utf-8")
     skipped = 91  # the first frame at or after 1.51 s
-    shown = positions_of(data_of(page)["dancers"][0])
-    moved = shown - clip.motion.positions[skipped : skipped + 120]
+    moved = positions_of(data_of(page)["dancers"][0]) - clip.motion.positions[skipped : skipped + 120]
     np.testing.assert_allclose(moved, np.broadcast_to(moved[0, 0], moved.shape), atol=2e-4)
     samples, rate = sound_of(page)
     begins = round((0.5 + skipped / 60) * rate)
@@ -441,26 +438,23 @@ def test_a_second_dance_has_a_song_time_of_its_own(
 
 
 def test_a_second_dance_at_another_rate_keeps_its_own_number(long_files: Path, files: Path, tmp_path: Path) -> None:
-    motion = resample_motion(planted_dance(seconds=20.0, fps=30.0).motion, 20.0)
-    save_motion(tmp_path / "slow.npz", motion)
+    save_motion(tmp_path / "slow.npz", resample_motion(planted_dance(seconds=20.0, fps=30.0).motion, 20.0))
     page = played(long_files, tmp_path / "x.html", "--other", tmp_path / "slow.npz")
     own = score_clip(load_clip(long_files / "song.wav", tmp_path / "slow.npz"))
     assert number_of(data_of(page)["dancers"][1]) == pytest.approx(own.harmony_above_chance, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("options", "out", "fault"),
-    [
-        ((), "x.mp4", "x.mp4: the player is written as .html, .htm; choose a name that ends so"),
-        ((), "none/x.html", "none: no such folder"),
-        (("--start", 60), "x.html", "no audio from 60.0 s"),
-        (("--offset", 60), "x.html", "song.wav"),
-        (("--seconds", -1), "x.html", "seconds must be positive and finite, got -1"),
-        (("--seconds", "inf"), "x.html", "seconds must be positive and finite, got inf"),
-        (("--start", "nan"), "x.html", "start must be a finite number of seconds, got nan"),
-        (("--dance", "polka"), "x.html", "polka"),
-        (("--other", "nowhere.npz"), "x.html", "nowhere.npz: no such file"),
-    ],
+@cases(
+    "options, out, fault",
+    ((), "x.mp4", "x.mp4: the player is written as .html, .htm; choose a name that ends so"),
+    ((), "none/x.html", "none: no such folder"),
+    (("--start", 60), "x.html", "no audio from 60.0 s"),
+    (("--offset", 60), "x.html", "song.wav"),
+    (("--seconds", -1), "x.html", "seconds must be positive and finite, got -1"),
+    (("--seconds", "inf"), "x.html", "seconds must be positive and finite, got inf"),
+    (("--start", "nan"), "x.html", "start must be a finite number of seconds, got nan"),
+    (("--dance", "polka"), "x.html", "polka"),
+    (("--other", "nowhere.npz"), "x.html", "nowhere.npz: no such file"),
 )
 def test_what_cannot_be_done_is_one_line_and_no_file(
     command: Callable[..., Result], tmp_path: Path, options: tuple[object, ...], out: str, fault: str

@@ -1,7 +1,5 @@
 """The player in a browser: the sound is its clock, and the picture follows."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,11 +10,11 @@ import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 from harmolab.beats.visual import visual_beats
-from harmolab.harmony import score_motion
+from harmolab.lab.player import Dancer, Player
 from harmolab.lab.report.pages import NotebookRun, write_pages
-from harmolab.lab.widgets.player import Dancer, Player
 from harmolab.params import HarmonyParams
 from harmolab.types import Clip, Motion
+from harmolab.verdict.judge import score_motion
 from tests.builders import planted_dance
 
 pytestmark = pytest.mark.browser

@@ -1,19 +1,23 @@
 """Frames of musicians picked by rule, causes of their errors, avatars beside each other: answers by hand."""
 
-from __future__ import annotations
-
 import re
 from types import MappingProxyType
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.instruments import Performance
-from harmolab.corpora.synthetic.player_in_space import FOREARM, HALF_SHOULDERS, player_in_space
-from harmolab.corpora.synthetic.players import planted_performance
-from harmolab.io.player_points import HANDS_12, PLAYER_50, SIDES, hand_joints, player_skeleton
-from harmolab.lab.experiments.avatar_depth import DEPTH_LIMITS, depth_table, elbow_error, wrist_depth_error
-from harmolab.lab.experiments.player_causes import (
+from harmolab.lab.figures.style import COLOURS
+from harmolab.musician.avatar import SHOULDERS
+from harmolab.musician.page import avatar_player
+from harmolab.musician.performances import Performance
+from harmolab.musician.sequences import PlayedSplit
+from harmolab.musician.synthetic import planted_performance
+from harmolab.musician.synthetic.space import FOREARM, HALF_SHOULDERS, player_in_space
+from harmolab.musician.video import avatar_stills
+from harmolab.readers.player_points import HANDS_12, PLAYER_50, SIDES, hand_joints, player_skeleton
+from harmolab.types import Motion, Notes
+from study.experiments.avatar_depth import DEPTH_LIMITS, depth_table, elbow_error, wrist_depth_error
+from study.experiments.player_causes import (
     HandLimits,
     Onsets,
     cause_table,
@@ -27,7 +31,7 @@ from harmolab.lab.experiments.player_causes import (
     onset_rate,
     usual_limits,
 )
-from harmolab.lab.experiments.player_frames import (
+from study.experiments.player_frames import (
     OTHER,
     PREDICTED,
     RIGHT,
@@ -40,9 +44,9 @@ from harmolab.lab.experiments.player_frames import (
     quantile_frames,
     worst_frames,
 )
-from harmolab.lab.experiments.players import PLANTED, PlayerData
-from harmolab.lab.figures.avatars import depth_figure
-from harmolab.lab.figures.player_overlays import (
+from study.experiments.players import PLANTED, PlayerData
+from study.figures.avatars import depth_figure
+from study.figures.player_overlays import (
     HEAD,
     NECK,
     head_of,
@@ -52,13 +56,8 @@ from harmolab.lab.figures.player_overlays import (
     points_figure,
     stills_figure,
 )
-from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.profile import RunProfile
-from harmolab.lab.render.stills import avatar_stills
-from harmolab.lab.timing.avatar_players import avatar_player
-from harmolab.systems.audio2body.avatar.params import SHOULDERS
-from harmolab.systems.audio2body.sequences import PlayedSplit
-from harmolab.types import Motion, Notes
+from study.profile import RunProfile
+from tests.builders import refused
 
 FPS = 10.0
 BODY = player_skeleton(["left_shoulder", "right_shoulder"])
@@ -85,8 +84,7 @@ def notes_of(onsets: list[float], pitches: list[int], hand: int = 1) -> Notes:
 
 def test_quantile_frames_have_the_rank_of_their_quantile_among_all_accepted_frames() -> None:
     first = piece_of([5.0, 1.0, 100.0, 9.0], valid=[True, True, False, True])
-    second = piece_of([3.0, 7.0], name="two")
-    frames = quantile_frames([first, second], (0.0, 0.25, 0.5, 0.75, 1.0))
+    frames = quantile_frames([first, piece_of([3.0, 7.0], name="two")], (0.0, 0.25, 0.5, 0.75, 1.0))
     assert [each.error for each in frames] == [1.0, 3.0, 5.0, 7.0, 9.0]
     assert [(each.piece.performance.name, each.frame) for each in frames[:2]] == [("one", 1), ("two", 0)]
     assert frames[1].words == "25 % of the frames are better: 3.0 px"
@@ -253,8 +251,7 @@ def test_right_music_is_hit_and_another_is_not(planted: list[PredictedPiece]) ->
     assert scores[RIGHT].harmony_above_chance > 0.9 and scores[RIGHT].p_value < 0.05
     assert abs(scores[OTHER].harmony_above_chance) < 0.25
     assert scores[RIGHT].n_audio == scores[OTHER].n_audio
-    with pytest.raises(ValueError, match="one: its notes are not known"):
-        music_scores(piece_of([0.0, 0.0]), planted[0], seconds=1.0)
+    refused("one: its notes are not known", music_scores, piece_of([0.0, 0.0]), planted[0], seconds=1.0)
 
 
 def test_planted_truth_stands_beside_the_prediction(planted: list[PredictedPiece]) -> None:
@@ -339,8 +336,7 @@ def test_stills_of_one_movement_are_alike_and_stand_beside_those_of_another(plan
     np.testing.assert_array_equal(stills["one"], stills["same"])
     assert (stills["one"][0] != stills["one"][1]).any() and (stills["one"][0] != stills["other"][0]).any()
     assert len(stills_figure(stills, (1.0, 4.0), title="x").axes) == 6
-    with pytest.raises(ValueError, match="times must lie within the 14"):
-        avatar_stills(points, "piano", (14.0,))
+    refused("times must lie within the 14", avatar_stills, points, "piano", (14.0,))
     with pytest.raises(ValueError, match="the same points"):
         avatar_stills({"one": planted[0].predicted, "two": piece_of([0.0, 0.0]).predicted}, "piano", (0.0,))
 
@@ -353,8 +349,7 @@ def test_player_shows_both_avatars_with_their_hits(planted: list[PredictedPiece]
     )
     assert player.page.count('class="stage"') == 2
     assert "Planted." in player.page and "strike" in player.page
-    scores = music_scores(*planted, seconds=6.0, n_rotations=50)
-    for name, score in scores.items():
+    for name, score in music_scores(*planted, seconds=6.0, n_rotations=50).items():
         hits = re.search(rf"{name}: onsets hit.*?(\d+) of (\d+)", player.page, flags=re.DOTALL)
         assert hits is not None and (int(hits[1]), int(hits[2])) == (score.hits.sum(), score.n_audio)
 

@@ -1,7 +1,5 @@
 """Musicians in the files of pose estimators: every point under its own name, left and right the player's."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -9,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.io.files import MissingFrameRate
-from harmolab.io.layouts import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25
-from harmolab.io.player_keypoints import PlayerPoints, load_player_points, player_points
-from harmolab.io.player_layouts import NAMES
-from harmolab.io.player_points import PLAYER_50, hand_joints
+from harmolab.files import MissingFrameRate
+from harmolab.musician.keypoints import NAMES, PlayerPoints, load_player_points, player_points
+from harmolab.readers.keypoints import COCO_17, MEDIAPIPE_33, OPENPOSE_18, OPENPOSE_25
+from harmolab.readers.player_points import PLAYER_50, hand_joints
+from tests.builders import cases, refused
 
 # A pose that no mirror and no swap leaves alone: every point at a place of its own, the left at small x, on a picture
 # of 640 by 480. Body points at y = 100, the left hand at 200, the right at 300.
@@ -112,8 +110,7 @@ def test_results_of_coco_whole_body_have_hands_under_keys_of_their_own(tmp_path:
 
 
 def test_holistic_gives_pixels_by_name_though_hands_have_no_visibility(tmp_path: Path):
-    content = {"fps": 30.0, "size": SIZE, "frames": [holistic(), holistic(1)]}
-    points = load_player_points(saved(tmp_path, content))
+    points = load_player_points(saved(tmp_path, {"fps": 30.0, "size": SIZE, "frames": [holistic(), holistic(1)]}))
     assert_pose(points)
     assert points.motion.fps == 30
     assert set(points.confidence[0, 8:]) == {1.0}
@@ -135,8 +132,7 @@ def test_label_of_a_hand_is_read_as_the_file_says(tmp_path: Path, handedness: st
 def test_hands_whose_labels_are_not_explained_are_refused(tmp_path: Path):
     hands = [{"handedness": "Left", "landmarks": landmarks(LEFT)}]
     path = saved(tmp_path, {"fps": 30.0, "size": SIZE, "frames": [{"hands": hands}] * 2})
-    with pytest.raises(ValueError, match=r'points\.json: hand 0 of frame 0 is labelled .* "handedness": "picture"'):
-        load_player_points(path)
+    refused(r'points\.json: hand 0 of frame 0 is labelled .* "handedness": "picture"', load_player_points, path)
 
 
 def test_of_two_hands_with_one_label_the_surer_is_taken(tmp_path: Path):
@@ -181,8 +177,7 @@ def test_mirrored_landmarks_are_turned_back_by_the_word_of_the_file(tmp_path: Pa
 
 
 def test_shares_of_a_picture_of_known_aspect_have_one_unit(tmp_path: Path):
-    content = {"fps": 30.0, "aspect": 4 / 3, "frames": [holistic()] * 2}
-    points = load_player_points(saved(tmp_path, content))
+    points = load_player_points(saved(tmp_path, {"fps": 30.0, "aspect": 4 / 3, "frames": [holistic()] * 2}))
     np.testing.assert_allclose(places(points)["left_hand"], (100 / 480, 200 / 480))
 
 
@@ -228,11 +223,9 @@ def test_of_several_files_each_point_comes_from_the_surer_one(tmp_path: Path):
 def test_files_of_other_lengths_or_units_are_not_merged(tmp_path: Path):
     folder = openpose_folder(tmp_path / "frames", [[openpose()]] * 2)
     longer = saved(tmp_path, {"fps": 30, "size": SIZE, "frames": [holistic()] * 3})
-    with pytest.raises(ValueError, match=r"points\.json: has 3 frames, frames 2"):
-        load_player_points([folder, longer])
+    refused(r"points\.json: has 3 frames, frames 2", load_player_points, [folder, longer])
     shares = saved(tmp_path, {"fps": 30, "aspect": 1.5, "frames": [holistic()] * 2})
-    with pytest.raises(ValueError, match=r"points\.json: has another unit than frames"):
-        load_player_points([folder, shares])
+    refused(r"points\.json: has another unit than frames", load_player_points, [folder, shares])
 
 
 def test_musician_is_followed_though_hands_of_a_listener_show_better(tmp_path: Path):
@@ -283,29 +276,27 @@ def with_frames(*frames: Any, **about: Any) -> dict[str, Any]:
     return {"fps": 30, "size": SIZE, "handedness": "picture", "frames": list(frames), **about}
 
 
-@pytest.mark.parametrize(
-    ("content", "fault"),
-    [
-        (with_frames(holistic()), "motion needs at least two frames, got 1"),
-        (with_frames({"hands": []}, {"hands": []}), "no point of a musician is detected"),
-        (with_frames({"hands": [{"landmarks": []}]}), "hand 0 of frame 0 has no 'handedness'"),
-        (with_frames({"hands": {}}, {"hands": 5}), "frame 1: 'hands' is no list"),
-        (with_frames({"left_hand_landmarks": landmarks(LEFT)[:20]}), "left_hand_landmarks of frame 0 is no list of 21"),
-        (with_frames({"left_hand_landmarks": "x"}), "left_hand_landmarks of frame 0 is no list of 21"),
-        (with_frames(holistic(), 5), "frame 1 is no frame of landmarks but '5'"),
-        (with_frames(holistic(), size=None), r'write its "size": \[width, height\]'),
-        (with_frames(holistic(), size=[640]), r"size must be the picture's width and height in pixels, got '\[640\]'"),
-        (with_frames(holistic(), size=["640", "480"]), "size must be the picture's"),
-        (with_frames(holistic(), size=None, aspect="wide"), "aspect is width over height"),
-        (with_frames(holistic(), mirrored="no"), "mirrored must be true or false, got 'no'"),
-        (with_frames(holistic(), handedness="left"), "'handedness' is 'left'; it must be 'mirrored' or 'picture'"),
-        (with_frames(holistic(), holistic(), fps="fast"), "could not convert string to float: 'fast'"),
-        (with_frames({"hands": [{"handedness": "Left", "score": "0.9"}]}), "score must lie between 0 and 1, got '0.9'"),
-        ([{"image_id": 1, "keypoints": [1.0] * 12}], "keypoints of entry 0: 12 values; COCO-17 has 17 or 133 or 136"),
-        ([{"image_id": 1, "keypoints": [float("nan")] * 51}], "NaN or infinity at joint 0"),
-        ([{"image_id": 1, "keypoints": ["a"] * 51}], "keypoints of entry 0 must be numbers"),
-        ({"people": []}, "is one frame of OpenPose; name the folder"),
-    ],
+@cases(
+    "content, fault",
+    (with_frames(holistic()), "motion needs at least two frames, got 1"),
+    (with_frames({"hands": []}, {"hands": []}), "no point of a musician is detected"),
+    (with_frames({"hands": [{"landmarks": []}]}), "hand 0 of frame 0 has no 'handedness'"),
+    (with_frames({"hands": {}}, {"hands": 5}), "frame 1: 'hands' is no list"),
+    (with_frames({"left_hand_landmarks": landmarks(LEFT)[:20]}), "left_hand_landmarks of frame 0 is no list of 21"),
+    (with_frames({"left_hand_landmarks": "x"}), "left_hand_landmarks of frame 0 is no list of 21"),
+    (with_frames(holistic(), 5), "frame 1 is no frame of landmarks but '5'"),
+    (with_frames(holistic(), size=None), r'write its "size": \[width, height\]'),
+    (with_frames(holistic(), size=[640]), r"size must be the picture's width and height in pixels, got '\[640\]'"),
+    (with_frames(holistic(), size=["640", "480"]), "size must be the picture's"),
+    (with_frames(holistic(), size=None, aspect="wide"), "aspect is width over height"),
+    (with_frames(holistic(), mirrored="no"), "mirrored must be true or false, got 'no'"),
+    (with_frames(holistic(), handedness="left"), "'handedness' is 'left'; it must be 'mirrored' or 'picture'"),
+    (with_frames(holistic(), holistic(), fps="fast"), "could not convert string to float: 'fast'"),
+    (with_frames({"hands": [{"handedness": "Left", "score": "0.9"}]}), "score must lie between 0 and 1, got '0.9'"),
+    ([{"image_id": 1, "keypoints": [1.0] * 12}], "keypoints of entry 0: 12 values; COCO-17 has 17 or 133 or 136"),
+    ([{"image_id": 1, "keypoints": [float("nan")] * 51}], "NaN or infinity at joint 0"),
+    ([{"image_id": 1, "keypoints": ["a"] * 51}], "keypoints of entry 0 must be numbers"),
+    ({"people": []}, "is one frame of OpenPose; name the folder"),
 )
 def test_damaged_points_are_refused_with_the_file_and_the_fault(tmp_path: Path, content: Any, fault: str):
     with pytest.raises(ValueError, match=fault) as raised:
@@ -329,5 +320,4 @@ def test_other_files_are_refused(tmp_path: Path):
         load_player_points(tmp_path / "points.txt", fps=25)
     with pytest.raises(FileNotFoundError, match=r"none\.json: no such file"):
         load_player_points(tmp_path / "none.json", fps=25)
-    with pytest.raises(ValueError, match="no file of key points is named"):
-        load_player_points([], fps=25)
+    refused("no file of key points is named", load_player_points, [], fps=25)

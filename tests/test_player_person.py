@@ -1,7 +1,5 @@
 """The page's script draws the person that Python draws, and its buttons and keys do what they say."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,18 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.corpora.tang2018 import PAPER_21, TANG_23
-from harmolab.harmony import score_motion
-from harmolab.io.layouts import COCO_17
-from harmolab.io.player_points import PLAYER_50
-from harmolab.io.smpl import SMPL_24
-from harmolab.lab.person.camera import stage_of
-from harmolab.lab.person.shapes import hulls, person_discs, shadow_outline
-from harmolab.lab.widgets.movement import page_motion
-from harmolab.lab.widgets.player import Dancer, Player
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import PAPER_21, TANG_23
+from harmolab.lab.person import hulls, person_discs, shadow_outline, stage_of
+from harmolab.lab.player import Dancer, Player, page_motion
+from harmolab.musician.avatar import avatar
 from harmolab.params import HarmonyParams
-from harmolab.systems.audio2body.avatar import avatar
-from harmolab.types import BeatTrack, Clip, Motion, Skeleton
+from harmolab.readers.keypoints import COCO_17
+from harmolab.readers.player_points import PLAYER_50
+from harmolab.readers.smpl import SMPL_24
+from harmolab.types import BeatTrack, Clip, Motion
+from harmolab.verdict.judge import score_motion
 from tests.builders import planted_dance
 from tests.test_person import standing
 from tests.test_player_browser import PHONE, audio_time, opened, wait_until
@@ -87,7 +84,7 @@ def moving(skeleton: Skeleton, axes: int) -> Motion:
 @pytest.mark.parametrize("name", [*BODIES, "avatar"])
 def test_script_and_python_draw_the_same_key_points(name: str, chromium: Any, clip: Clip, tmp_path: Path) -> None:
     if name == "avatar":
-        from harmolab.corpora.synthetic.player_in_space import player_in_space
+        from harmolab.musician.synthetic.space import player_in_space
 
         motion = avatar(player_in_space("violin", seconds=2.0).points, "violin")
     else:

@@ -1,7 +1,5 @@
 """Tables, limits and scores of musicians, with answers worked out by hand or planted; no training but tiny ones."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
@@ -12,18 +10,15 @@ import pandas as pd
 import pytest
 import torch
 
-from harmolab.corpora.synthetic.players import planted_performance
-from harmolab.io.player_points import HANDS_12, PLAYER_50
-from harmolab.lab.experiments import player_scores
-from harmolab.lab.experiments.planted_truth import (
-    BLIND,
-    FLOOR,
-    ceilings,
-    complete_table,
-    component_table,
-    moving_parts,
-)
-from harmolab.lab.experiments.player_modes import (
+from harmolab.musician.cleaning import Reference
+from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.params import Audio2BodyParams
+from harmolab.musician.sequences import PlayedSplit, PointSpace
+from harmolab.musician.synthetic import planted_performance
+from harmolab.readers.player_points import HANDS_12, PLAYER_50
+from study.experiments import player_scores
+from study.experiments.planted_truth import BLIND, FLOOR, ceilings, complete_table, component_table, moving_parts
+from study.experiments.player_modes import (
     MUSIC,
     NOISE_FEATURES,
     NOISE_SOUND,
@@ -34,7 +29,7 @@ from harmolab.lab.experiments.player_modes import (
     shown_epochs,
     spread_table,
 )
-from harmolab.lab.experiments.player_scores import (
+from study.experiments.player_scores import (
     PLANTED_HANDS,
     gains_table,
     hands_errors,
@@ -43,7 +38,7 @@ from harmolab.lab.experiments.player_scores import (
     scored_settings,
     unseen_errors,
 )
-from harmolab.lab.experiments.player_tables import (
+from study.experiments.player_tables import (
     FINAL,
     MEAN_POSE,
     OURS,
@@ -57,13 +52,9 @@ from harmolab.lab.experiments.player_tables import (
     row_settings,
     table_rows,
 )
-from harmolab.lab.experiments.players import HANDS, PLANTED, PlayerData, trained_player
-from harmolab.lab.profile import RunProfile
-from harmolab.systems.audio2body.networks import SoundToPoints
-from harmolab.systems.audio2body.params import Audio2BodyParams
-from harmolab.systems.audio2body.placing import Reference
-from harmolab.systems.audio2body.point_space import PointSpace
-from harmolab.systems.audio2body.sequences import PlayedSplit
+from study.experiments.players import HANDS, PLANTED, PlayerData, trained_player
+from study.profile import RunProfile
+from tests.builders import refused
 from tests.test_performances import pianomime_folder
 
 QUICK = RunProfile.quick()
@@ -162,8 +153,7 @@ def test_one_training_gives_no_interval_of_agreement_and_our_rows_no_order():
 
 
 def test_the_truth_itself_has_no_error_and_a_shift_has_its_length():
-    clean = {"from_audio": lambda take: take.clean}
-    limits = ceilings(QUICK, four_times("piano", **clean)).set_index("row")
+    limits = ceilings(QUICK, four_times("piano", **{"from_audio": lambda take: take.clean})).set_index("row")
     assert limits.loc[FLOOR, "full"] == pytest.approx(0.0, abs=1e-9)
     shifted = {"from_audio": lambda take: take.clean + np.array([3.0, 4.0])}
     limits = ceilings(QUICK, four_times("piano", **shifted)).set_index("row")
@@ -187,8 +177,7 @@ def test_real_hands_have_no_limit_but_the_mean_pose():
 
 
 def test_limits_stand_below_the_table_with_test_errors_alone():
-    data = planted_data()
-    table = complete_table(QUICK, data, errors_by_row([FINAL], [6.0])).set_index("row")
+    table = complete_table(QUICK, planted_data(), errors_by_row([FINAL], [6.0])).set_index("row")
     assert list(table.index) == [FINAL, MEAN_POSE, FLOOR]
     assert table.loc[MEAN_POSE, "of mean pose"] == 1.0
     assert table.loc[[MEAN_POSE, FLOOR], ["seeds", "train full", "paper test"]].isna().all(axis=None)
@@ -324,8 +313,7 @@ def test_planted_strikes_meet_every_onset_of_their_own_music():
 
 
 def test_strikes_of_real_hands_are_never_scored():
-    with pytest.raises(ValueError, match="no score of them is evidence"):
-        piece_scores(QUICK, planted_data(label=HANDS), rows=())
+    refused("no score of them is evidence", piece_scores, QUICK, planted_data(label=HANDS), rows=())
 
 
 def test_the_late_row_differs_from_the_final_one_by_its_delay_alone():
@@ -370,5 +358,4 @@ def test_a_network_that_predicts_the_mean_pose_has_all_of_its_error(tmp_path: Pa
 
 def test_performances_with_other_points_are_refused_by_name():
     run = SimpleNamespace(system=SimpleNamespace(network=SimpleNamespace(skeleton=HANDS_12)))
-    with pytest.raises(ValueError, match="planted piano 1: has other points"):
-        unseen_errors(run, planted_data().performances)
+    refused("planted piano 1: has other points", unseen_errors, run, planted_data().performances)

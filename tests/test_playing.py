@@ -1,7 +1,5 @@
 """Do the hands meet the sound? Strikes, turns of a bow and onsets where they were planted, their score, findings."""
 
-from __future__ import annotations
-
 import html
 import json
 import re
@@ -12,26 +10,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.beats.notes import (
+from harmolab.beats.visual import visual_beats
+from harmolab.data.synthetic.music import Mixer, tone
+from harmolab.musician.events import (
     bow_turns,
+    hand_onsets,
     note_beats,
     onset_beats,
     playing_events,
     playing_hands,
+    playing_score,
     strikes,
 )
-from harmolab.beats.visual import visual_beats
-from harmolab.corpora.instruments import Performance
-from harmolab.corpora.synthetic.players import PlantedPerformance, planted_performance
-from harmolab.corpora.synthetic.sounds import Mixer, tone
-from harmolab.harmony import hit_pairs
-from harmolab.io.player_points import FINGERS, HANDS_12, PLAYER_50, SIDES, fingertips, hand_joints, player_skeleton
-from harmolab.lab.timing.playing import explain_playing, playing_findings
-from harmolab.lab.timing.playing_page import playing_page, playing_player, save_playing_page
-from harmolab.metrics.playing import hand_onsets, playing_score
+from harmolab.musician.explain import explain_playing, playing_findings
+from harmolab.musician.page import playing_page, playing_player, save_playing_page
+from harmolab.musician.performances import Performance
+from harmolab.musician.synthetic import PlantedPerformance, planted_performance
 from harmolab.params import HarmonyParams
+from harmolab.readers.player_points import FINGERS, HANDS_12, PLAYER_50, SIDES, fingertips, hand_joints, player_skeleton
+from harmolab.score import hit_pairs
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion, Notes
-from tests.builders import still
+from tests.builders import refused, still
 
 SECONDS, FPS = 20.0, 24.0
 PALM = 40.0  # pixels from the wrist to the root of each finger
@@ -145,8 +144,7 @@ def test_onsets_of_tones_lie_where_they_begin(rate: int):
     mixer = Mixer(4.0, rate)
     for number, time in enumerate(times):
         mixer.add_note(time, tone(220 * 2 ** (number / 6), 0.6, rate, partials=(1.0, 0.5, 0.3), decay=0.3), 0.5, 0.4)
-    onsets = onset_beats(Audio(mixer.mixed(), rate))
-    np.testing.assert_allclose(onsets.times, times, atol=0.012)
+    np.testing.assert_allclose(onset_beats(Audio(mixer.mixed(), rate)).times, times, atol=0.012)
 
 
 def test_vibrato_makes_no_onsets():
@@ -203,8 +201,7 @@ def test_each_hand_has_its_own_strikes():
 
 def test_wrists_and_fingertips_alone_are_enough():
     notes = random_notes(3)
-    motion = planted_hands(notes)
-    few = Motion(motion.positions[:, joints(HANDS_12.joints)], FPS, HANDS_12)
+    few = Motion(planted_hands(notes).positions[:, joints(HANDS_12.joints)], FPS, HANDS_12)
     np.testing.assert_allclose(strikes(few).times, note_beats(notes, SECONDS).times, atol=0.02)
 
 
@@ -247,17 +244,13 @@ def test_hands_that_rest_do_not_strike():
 
 
 def test_a_motion_without_hands_or_another_hand_is_refused_by_name():
-    with pytest.raises(ValueError, match=r"strikes need the wrist and fingertips of a hand.*left_index_4"):
-        strikes(still(30, fps=FPS, axes=2))
+    refused(r"strikes need the wrist and fingertips of a hand.*left_index_4", strikes, still(30, fps=FPS, axes=2))
     left = player_skeleton(hand_joints("left"))
     motion = Motion(np.zeros((30, 21, 2)), FPS, left)
     assert playing_hands(motion) == ("left",)
-    with pytest.raises(ValueError, match="of the right hand"):
-        strikes(motion, hand="right")
-    with pytest.raises(ValueError, match="hand must be left or right, got 'both'"):
-        strikes(motion, hand="both")
-    with pytest.raises(ValueError, match="instrument must be piano or violin, got 'oboe'"):
-        playing_events(motion, "oboe")
+    refused("of the right hand", strikes, motion, hand="right")
+    refused("hand must be left or right, got 'both'", strikes, motion, hand="both")
+    refused("instrument must be piano or violin, got 'oboe'", playing_events, motion, "oboe")
 
 
 # Turns of a bow
@@ -274,8 +267,7 @@ def test_distance_from_the_bridge_sees_through_changes_of_string_and_the_main_di
     motion = planted_bow(TURNS, tilts=0.6)
     assert share_near(TURNS[1:-1], bow_turns(motion).times, 0.03) == 1.0
     assert share_near(TURNS[1:-1], bow_turns(motion, reading="direction").times, 0.03) < 0.8
-    with pytest.raises(ValueError, match="reading must be distance or direction, got 'pca'"):
-        bow_turns(motion, reading="pca")
+    refused("reading must be distance or direction, got 'pca'", bow_turns, motion, reading="pca")
 
 
 def test_main_direction_is_enough_on_one_string():
@@ -506,13 +498,11 @@ def test_a_performance_without_notes_is_scored_by_the_onsets_of_its_sound():
 
 def test_a_performance_that_cannot_be_scored_is_refused_by_name():
     motion = planted_hands(random_notes(1))
-    with pytest.raises(ValueError, match="etude: has neither notes nor sound"):
-        explain_playing(performance(None, motion))
+    refused("etude: has neither notes nor sound", explain_playing, performance(None, motion))
     with pytest.raises(ValueError, match=r"etude: motion starting at 90\.00 s does not overlap"):
         explain_playing(Performance("etude", "piano", Audio(np.zeros(800), 100.0), motion, offset=90.0))
     body = Motion(motion.positions[:, :8], FPS, player_skeleton(PLAYER_50.joints[:8]))
-    with pytest.raises(ValueError, match="etude: strikes need the wrist"):
-        explain_playing(performance(random_notes(1), body))
+    refused("etude: strikes need the wrist", explain_playing, performance(random_notes(1), body))
 
 
 # The page
@@ -543,8 +533,7 @@ def test_page_asks_the_network_for_nothing_and_takes_names_for_text(page: str, t
     written = (tmp_path / "page.html").read_text("utf-8")
     assert "<img src=x>" not in written
     assert "There is no player: it needs sound" in written
-    with pytest.raises(ValueError, match="has no sound to play"):
-        playing_player(playing)
+    refused("has no sound to play", playing_player, playing)
 
 
 # Recordings
@@ -574,8 +563,7 @@ def test_a_camera_above_the_keys_sees_no_strikes(data_root: Path, capsys: pytest
 def test_the_dance_score_beside_it_is_that_of_the_valleys_of_joint_speed():
     notes = random_notes(16)
     motion = planted_hands(notes)
-    onsets = note_beats(notes, SECONDS)
-    first, last = onsets.times[[0, -1]]
+    first, last = note_beats(notes, SECONDS).times[[0, -1]]
     valleys = visual_beats(motion, params=HarmonyParams.playing())
     inside = valleys.times[(valleys.times >= first - 0.05) & (valleys.times <= last + 0.05)]
     np.testing.assert_allclose(playing_score(motion, notes, "piano").body.visual.times, inside)

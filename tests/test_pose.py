@@ -1,7 +1,5 @@
 """The body in a video: asked of a process that may fall silent, die or talk nonsense; several people; the cache."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path
@@ -9,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harmolab.io import pose, pose_process
-from harmolab.io.files import cache_folder
-from harmolab.io.pose import body_motion, read_pose
-from harmolab.io.pose_process import Picture, found_people
-from harmolab.io.video import write_video
+from harmolab.files import cache_folder
+from harmolab.readers import pose
+from harmolab.readers import pose as pose_process
+from harmolab.readers.pose import Picture, body_motion, found_people, read_pose
+from harmolab.readers.video import write_video
+from tests.builders import cases, refused
 from tests.pose_stand_ins import stand_in, standing_body
 
 FPS = 20.0
@@ -51,16 +50,14 @@ def test_every_picture_gets_the_answer_of_its_own_body(tmp_path: Path):
     assert all(other is None for _, other in people)
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("begin", "answers nonsense at its begin"),
-        ("crash", r"ended early \(code 6\): Check failed: no such graph"),
-        ("infinite", "points that are no body's"),
-        ("half", "points that are no body's"),
-        ("short", "ended early"),
-        ("long", "says more than it was asked"),
-    ],
+@cases(
+    "fault, words",
+    ("begin", "answers nonsense at its begin"),
+    ("crash", r"ended early \(code 6\): Check failed: no such graph"),
+    ("infinite", "points that are no body's"),
+    ("half", "points that are no body's"),
+    ("short", "ended early"),
+    ("long", "says more than it was asked"),
 )
 def test_a_process_that_goes_wrong_is_one_clear_error(tmp_path: Path, fault: str, words: str):
     with pytest.raises(ValueError, match=words):
@@ -99,8 +96,7 @@ def test_slow_pictures_are_no_silence_of_the_process(tmp_path: Path):
 
 
 def test_the_motion_is_in_metres_with_y_up_and_named_joints(tmp_path: Path):
-    reading = read_pose(film(tmp_path / "take.mp4", waves(1.0)), command=stand_in(tmp_path))
-    motion = reading.motion
+    motion = read_pose(film(tmp_path / "take.mp4", waves(1.0)), command=stand_in(tmp_path)).motion
     assert motion.fps == FPS
     assert motion.skeleton.joints == pose.BODY
     wrist, nose, foot = (motion.positions[:, pose.BODY.index(name), 1] for name in ("left_wrist", "nose", "left_ankle"))
@@ -120,14 +116,12 @@ def test_a_fast_video_is_read_at_every_third_picture_in_its_own_time(tmp_path: P
 def test_nobody_is_told_as_nobody(tmp_path: Path):
     path = film(tmp_path / "empty.mp4", np.zeros(40))
     message = "I could not read your movement well enough: nobody is found in the picture"
-    with pytest.raises(ValueError, match=f"{re.escape(str(path))}: {message}"):
-        read_pose(path, command=stand_in(tmp_path))
+    refused(f"{re.escape(str(path))}: {message}", read_pose, path, command=stand_in(tmp_path))
 
 
 def test_somebody_in_few_pictures_is_told_so(tmp_path: Path):
     path = film(tmp_path / "short.mp4", np.repeat([120.0, 0.0], [10, 30]))
-    with pytest.raises(ValueError, match=r"a person is found in 2\d% of the pictures only"):
-        read_pose(path, command=stand_in(tmp_path))
+    refused(r"a person is found in 2\d% of the pictures only", read_pose, path, command=stand_in(tmp_path))
 
 
 def test_pictures_without_the_body_are_filled_in_and_do_not_count(tmp_path: Path):
@@ -150,8 +144,7 @@ def test_joints_out_of_the_picture_are_left_out_and_named():
 def test_too_little_of_a_body_is_an_error():
     landmarks = np.repeat(standing_body()[None], 30, axis=0)
     landmarks[:, 13:, 5] = 0.1
-    with pytest.raises(ValueError, match="only 3 of 15 joints of the body are seen; film all of it"):
-        body_motion(landmarks, 30.0)
+    refused("only 3 of 15 joints of the body are seen; film all of it", body_motion, landmarks, 30.0)
 
 
 def test_a_single_wrong_picture_is_taken_out():
@@ -164,8 +157,7 @@ def test_a_single_wrong_picture_is_taken_out():
 def test_of_two_people_the_one_who_moves_most_is_taken(tmp_path: Path, quiet_one_first: bool):
     lively, quiet = waves(1.5), waves(0.2, size=5.0)
     left, right = (quiet, lively) if quiet_one_first else (lively, quiet)
-    path = film(tmp_path / "two.mp4", left, right, blue=0)
-    reading = read_pose(path, command=two_people(tmp_path))
+    reading = read_pose(film(tmp_path / "two.mp4", left, right, blue=0), command=two_people(tmp_path))
     assert reading.notes[0] == "2 people are in the picture; the one who moves most was taken"
     wrist = reading.motion.positions[:, pose.BODY.index("left_wrist"), 1]
     np.testing.assert_allclose(wrist, lively / 255, atol=0.08)
@@ -206,8 +198,7 @@ def test_a_damaged_reading_in_the_cache_is_read_anew(tmp_path: Path, cache: Path
         people = np.zeros((1, 10, 33, 6), np.float32)
         people[0, 0, 0, 0] = np.nan
         np.savez(kept, people={"nan": people, "shape": people[:, :, :5], "type": np.zeros(people.shape, int)}[content])
-    again = read_pose(path, command=stand_in(tmp_path)).motion
-    np.testing.assert_array_equal(first.positions, again.positions)
+    np.testing.assert_array_equal(first.positions, read_pose(path, command=stand_in(tmp_path)).motion.positions)
 
 
 def test_the_oldest_readings_go_where_all_take_too_much_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

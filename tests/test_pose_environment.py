@@ -1,7 +1,5 @@
 """The environment of pose estimation: whole or not at all, by one process at a time, and never unasked."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import signal
@@ -17,12 +15,12 @@ import pytest
 from typer.testing import Result
 
 from harmolab.cli import app, posing
-from harmolab.io import pose_environment as environment
-from harmolab.io.files import UNFINISHED
-from harmolab.io.pose import read_pose
-from harmolab.io.video import write_video
-from harmolab.lab.timing.filmed import filmed_motion
-from tests.builders import called, planted_dance
+from harmolab.files import UNFINISHED
+from harmolab.lab.explain.filmed import filmed_motion
+from harmolab.readers import pose as environment
+from harmolab.readers.pose import read_pose
+from harmolab.readers.video import write_video
+from tests.builders import called, cases, planted_dance, refused
 from tests.phone_videos import CASES, agreement, film, filmed_part
 from tests.pose_stand_ins import pip
 from tests.test_pose import waves
@@ -74,24 +72,21 @@ def test_one_that_is_there_is_not_fetched_again(tmp_path: Path, cache: Path):
     assert len((cache / "calls").read_text().splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("mode", "words"),
-    [
-        ("fails", "could not be fetched.*ERROR: No matching distribution found for mediapipe==0.10.21"),
-        ("broken", "ended early.*ImportError: GLIBC is too old"),
-    ],
+@cases(
+    "mode, words",
+    ("fails", "could not be fetched.*ERROR: No matching distribution found for mediapipe==0.10.21"),
+    ("broken", "ended early.*ImportError: GLIBC is too old"),
 )
 def test_a_failure_leaves_nothing_and_says_why(tmp_path: Path, cache: Path, mode: str, words: str):
     (cache / "mode").write_text(mode)
-    with pytest.raises(ValueError, match=words):
-        made(tmp_path)
+    refused(words, made, tmp_path)
     assert environment.pose_environment() is None
     assert not [path for path in cache.iterdir() if path.is_dir()]
 
 
 def making(folder: Path) -> subprocess.Popen[bytes]:
     """Another process that makes the environment."""
-    code = f"from harmolab.io import pose_environment as e; print(e.make_pose_environment(pip={pip(folder)!r}))"
+    code = f"from harmolab.readers import pose as e; print(e.make_pose_environment(pip={pip(folder)!r}))"
     return subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, start_new_session=True)
 
 
@@ -120,15 +115,13 @@ def test_several_at_once_make_one(tmp_path: Path, cache: Path):
 
 def test_a_python_without_wheels_is_told_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(environment.sys, "version_info", (3, 13, 0))
-    with pytest.raises(ValueError, match=r"MediaPipe 0\.10\.21 runs in Python 3\.9 to 3\.12, and this is 3\.13"):
-        environment.make_pose_environment()
+    refused(r"MediaPipe 0\.10\.21 runs in Python 3\.9 to 3\.12, and this is 3\.13", environment.make_pose_environment)
 
 
 def test_without_a_cache_there_is_no_place(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_CACHE", "off")
     assert environment.pose_environment() is None
-    with pytest.raises(ValueError, match="HARMOLAB_CACHE is off"):
-        environment.make_pose_environment()
+    refused("HARMOLAB_CACHE is off", environment.make_pose_environment)
 
 
 def test_the_switch_turns_one_off_that_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -225,15 +218,13 @@ def test_playing_a_video_without_it_says_what_fetches_it(installs: list[Path], v
     assert "of which no body is known to play; `harmolab pose --install` fetches what finds it" in result.stderr
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((), "pose takes a VIDEO, --install or --remove"),
-        (("nothing.mp4",), "nothing.mp4: no such file"),
-        (("dance.bvh",), "dance.bvh: is no video by its name; `harmolab convert` reads files of movement"),
-        (("take.mp4", "--out", "x.gif"), "x.gif: a motion is written as .npz, .bvh"),
-        (("text.mp4",), "text.mp4: cannot be read as video"),
-    ],
+@cases(
+    "arguments, words",
+    ((), "pose takes a VIDEO, --install or --remove"),
+    (("nothing.mp4",), "nothing.mp4: no such file"),
+    (("dance.bvh",), "dance.bvh: is no video by its name; `harmolab convert` reads files of movement"),
+    (("take.mp4", "--out", "x.gif"), "x.gif: a motion is written as .npz, .bvh"),
+    (("text.mp4",), "text.mp4: cannot be read as video"),
 )
 def test_mistakes_are_told_before_anything_is_fetched(
     installs: list[Path], video: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
@@ -274,13 +265,12 @@ def test_the_movement_of_a_filmed_dancer_is_read_in_time(
 @pytest.mark.data
 def test_nobody_is_found_in_drawn_figures_and_a_dancer_is_in_every_picture(mediapipe: Path, data_root: Path):
     environment.pose_folder().symlink_to(mediapipe)
-    with pytest.raises(ValueError, match="nobody is found in the picture"):
-        read_pose(data_root / "extra" / "video" / "gendance_case1.mp4")
+    refused("nobody is found in the picture", read_pose, data_root / "extra" / "video" / "gendance_case1.mp4")
     assert read_pose(data_root / "extra" / "video" / "d2mgan_motivation_gt.mp4").motion.valid.all()
 
 
 def test_the_module_of_the_process_needs_nothing_of_ours():
-    spec = importlib.util.find_spec("harmolab.io.pose_child")
+    spec = importlib.util.find_spec("harmolab.readers.pose_child")
     assert spec is not None and spec.origin is not None
     assert (
         "harmolab import" not in Path(spec.origin).read_text()

@@ -1,18 +1,17 @@
 """models.pose_features: features that see what people see, and a network that learns them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
 
-from harmolab.corpora.tang2018 import TANG_23
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.layers import parameter_count
-from harmolab.systems.common.pose_network import EMBEDDING, PoseNet, resample, train_pose_net
-from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.types import Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import TANG_23
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.layers import parameter_count
+from harmolab.systems.training.pose_network import EMBEDDING, PoseNet, resample, train_pose_net
+from harmolab.systems.training.units import DanceUnit, UnitSet
+from tests.builders import refused
 
 ARM = Skeleton(("shoulder", "elbow", "hand"), (-1, 0, 1))
 
@@ -118,8 +117,7 @@ def test_features_pull_on_every_frame():
 
 
 def test_a_frame_rate_of_zero_is_refused():
-    with pytest.raises(ValueError, match="fps must be positive and finite, got 0"):
-        PoseNet(ARM, fps=0)
+    refused("fps must be positive and finite, got 0", PoseNet, ARM, fps=0)
 
 
 def test_training_gets_better_on_units_it_was_not_trained_on(trained: tuple[PoseNet, list[dict[str, float]]]):
@@ -169,5 +167,4 @@ def test_a_trained_network_does_not_train_on(trained: tuple[PoseNet, list[dict[s
 @pytest.mark.parametrize(("sizes", "epochs"), [((0, 4), 1), ((4, 0), 1), ((4, 4), 0)])
 def test_without_units_or_epochs_there_is_nothing_to_learn(sizes: tuple[int, int], epochs: int):
     message = f"got {sizes[0]} units, {sizes[1]} validation units and {epochs} epochs"
-    with pytest.raises(ValueError, match=message):
-        train_pose_net(waving(sizes[0], "a"), waving(sizes[1], "b"), epochs=epochs)
+    refused(message, train_pose_net, waving(sizes[0], "a"), waving(sizes[1], "b"), epochs=epochs)

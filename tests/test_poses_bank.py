@@ -1,17 +1,16 @@
 """Movements a dance may start from: which are chosen, how they are stored, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.poses_bank import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
-from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.types import Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.runs import PoseBank, load_poses, pose_bank, poses_path, retimed, save_poses
+from harmolab.systems.training.units import DanceUnit, UnitSet
+from tests.builders import cases, refused
 
 SKELETON = Skeleton(("hip", "knee"), (-1, 0))
 C = 9
@@ -61,17 +60,14 @@ def test_places_are_shared_evenly_among_dances_and_depend_on_the_seed():
     many = units(*(unit(f"w-{i}", "waltz", 4, 20) for i in range(20)), unit("r-90", "rumba", 4, 20))
     found = pose_bank(many, count=5)
     assert sorted(found.dances) == ["rumba"] + ["waltz"] * 4
-    again = pose_bank(many, count=5)
-    np.testing.assert_array_equal(found.poses, again.poses)
+    np.testing.assert_array_equal(found.poses, pose_bank(many, count=5).poses)
     other = [pose_bank(many, count=5, seed=seed).poses[:, 0, 0].tolist() for seed in range(1, 4)]
     assert any(values != found.poses[:, 0, 0].tolist() for values in other)
 
 
 def test_units_without_a_meter_of_four_make_no_bank():
-    with pytest.raises(ValueError, match="no unit has a meter of 4 beats"):
-        pose_bank(units(unit("b-2", "waltz", 3, 15)))
-    with pytest.raises(ValueError, match="count must be positive, got 0"):
-        pose_bank(units(unit("b-2", "waltz", 4, 15)), count=0)
+    refused("no unit has a meter of 4 beats", pose_bank, units(unit("b-2", "waltz", 3, 15)))
+    refused("count must be positive, got 0", pose_bank, units(unit("b-2", "waltz", 4, 15)), count=0)
 
 
 def test_bank_comes_back_in_sixteen_bits(tmp_path: Path):
@@ -104,26 +100,20 @@ def test_missing_damaged_and_foreign_banks_are_refused_by_file(tmp_path: Path):
         load_poses(tmp_path / "model")
     path = tmp_path / "model_poses.safetensors"
     path.write_bytes(b"\x80\x04\x95 this is a pickle, or anything")
-    with pytest.raises(ValueError, match=r"model_poses\.safetensors: .*damaged"):
-        load_poses(tmp_path / "model")
+    refused(r"model_poses\.safetensors: .*damaged", load_poses, tmp_path / "model")
     save_file({"poses": np.zeros((2, 3, C), np.float16)}, path)
-    with pytest.raises(ValueError, match="is no bank of poses"):
-        load_poses(tmp_path / "model")
+    refused("is no bank of poses", load_poses, tmp_path / "model")
     save_poses(tmp_path / "model", bank())
     path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(ValueError, match="damaged"):
-        load_poses(tmp_path / "model")
+    refused("damaged", load_poses, tmp_path / "model")
 
 
-@pytest.mark.parametrize(
-    ("poses", "dances", "fault"),
-    [
-        (np.zeros((2, 3)), ("a", "b"), r"got shape \(2, 3\)"),
-        (np.full((1, 3, C), np.nan), ("a",), "must be finite"),
-        (np.full((1, 3, C), 1e6), ("a",), "must be finite"),
-        (np.zeros((2, 3, C)), ("a",), "each of the 2 clips of poses needs a dance, got 1"),
-    ],
+@cases(
+    "poses, dances, fault",
+    (np.zeros((2, 3)), ("a", "b"), r"got shape \(2, 3\)"),
+    (np.full((1, 3, C), np.nan), ("a",), "must be finite"),
+    (np.full((1, 3, C), 1e6), ("a",), "must be finite"),
+    (np.zeros((2, 3, C)), ("a",), "each of the 2 clips of poses needs a dance, got 1"),
 )
 def test_bank_checks_itself(poses: np.ndarray, dances: tuple[str, ...], fault: str):
-    with pytest.raises(ValueError, match=fault):
-        PoseBank(poses, dances)
+    refused(fault, PoseBank, poses, dances)

@@ -1,11 +1,10 @@
 """Temporal index and initial poses (Eq. 23)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from harmolab.systems.common.priors import initial_poses, temporal_index
+from harmolab.systems.training.units import initial_poses, temporal_index
+from tests.builders import refused
 
 
 def test_frames_of_the_last_meter_have_index_one():
@@ -19,8 +18,7 @@ def test_index_may_be_all_zero_or_all_one(n_prior: int, expected: list[int]):
 
 @pytest.mark.parametrize("n_prior", [-1, 4])
 def test_more_prior_frames_than_frames_are_refused(n_prior: int):
-    with pytest.raises(ValueError, match=rf"n_prior must lie between 0 and n_frames \(3\), got {n_prior}"):
-        temporal_index(3, n_prior)
+    refused(rf"n_prior must lie between 0 and n_frames \(3\), got {n_prior}", temporal_index, 3, n_prior)
 
 
 def test_initial_poses_keep_the_last_meter_and_hold_its_mean_afterwards():
@@ -38,10 +36,8 @@ def test_the_current_meter_does_not_show_in_its_initial_poses(rng: np.random.Gen
 
 
 def test_a_unit_without_prior_frames_has_no_initial_poses():
-    with pytest.raises(ValueError, match=r"index is 0 everywhere.*Eq\. 23"):
-        initial_poses(np.zeros((3, 2)), np.zeros(3))
+    refused(r"index is 0 everywhere.*Eq\. 23", initial_poses, np.zeros((3, 2)), np.zeros(3))
 
 
 def test_an_index_of_another_length_is_refused():
-    with pytest.raises(ValueError, match=r"one entry per frame \(3\), got shape \(2,\)"):
-        initial_poses(np.zeros((3, 2)), np.ones(2))
+    refused(r"one entry per frame \(3\), got shape \(2,\)", initial_poses, np.zeros((3, 2)), np.ones(2))

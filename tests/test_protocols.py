@@ -1,7 +1,5 @@
 """Protocols against the published definitions, written once more in plain loops; and their faults, made visible."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from collections.abc import Sequence
@@ -16,20 +14,18 @@ from scipy.linalg import sqrtm
 
 from benchmarks.bench_motion_features import SMPL_24, STANDING, loop_geometric, loop_kinetic, moving_body
 from harmolab.beats.audio import audio_beats, librosa_beats
-from harmolab.io.audio import load_audio
-from harmolab.io.layouts import COCO_17
-from harmolab.io.motion import save_motion
+from harmolab.body.skeletons import Skeleton, skeleton_part
 from harmolab.lab.evaluate.pairing import GENERATED, Pair
-from harmolab.lab.evaluate.protocols import PROTOCOLS
-from harmolab.lab.evaluate.published_music import published_music_and_motion
+from harmolab.lab.evaluate.published import PROTOCOLS, published_music_and_motion
 from harmolab.lab.evaluate.rows import RowOptions, pair_clip, protocol_numbers
 from harmolab.metrics.beats import beat_align
-from harmolab.metrics.frechet import standardise
-from harmolab.metrics.kinetic import kinetic_features
+from harmolab.metrics.features import kinetic_features, standardise
 from harmolab.metrics.quality import pfc
-from harmolab.skeletons import skeleton_part
-from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
-from tests.builders import track
+from harmolab.readers.audio import load_audio
+from harmolab.readers.keypoints import COCO_17
+from harmolab.readers.motion import save_motion
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import cases, track
 
 AIST, EDGE, BAILANDO = PROTOCOLS["aist++"], PROTOCOLS["edge"], PROTOCOLS["bailando"]
 TEN_METRES = np.array([6.0, 0.0, -8.0])
@@ -330,9 +326,7 @@ def test_silence_and_the_shortest_sound_have_no_published_beats():
             assert len(librosa_beats(Audio(samples, 60 * 512), percussive=percussive)) == 0
 
 
-@pytest.mark.parametrize(
-    ("fps", "seconds", "fault"), [(1000.0, 2.0, "10 to 250 a second: 1000"), (60.0, 1000.0, "60000 frames, more than")]
-)
+@cases("fps, seconds, fault", (1000.0, 2.0, "10 to 250 a second: 1000"), (60.0, 1000.0, "60000 frames, more than"))
 def test_what_would_fill_the_memory_has_no_published_beats(tmp_path: Path, fps: float, seconds: float, fault: str):
     clip = Clip("x", Audio(np.zeros(round(seconds * 1000)), 1000), walker(1, fps=fps), beats=MUSIC)
     pair = Pair("x", "", "waltz", tmp_path / "x.npz", tmp_path / "x.wav")
@@ -457,8 +451,7 @@ def test_a_feature_in_which_the_reference_agrees_outweighs_all_others(rng: np.ra
     features = {name: rows.copy() for name, rows in reference.items()}
     features["geometric"][:, 31] += 0.01
     assert AIST.sets(features, reference)["FID_g"] == pytest.approx((0.01 / 1e-10) ** 2, rel=1e-3)
-    ours = standardise(features["geometric"], reference["geometric"])
-    assert np.abs(ours[:, 31]).max() == pytest.approx(0.01)
+    assert np.abs(standardise(features["geometric"], reference["geometric"])[:, 31]).max() == pytest.approx(0.01)
 
 
 def test_distances_of_few_dances_are_not_corrected(rng: np.random.Generator):
@@ -564,5 +557,4 @@ def test_a_music_beat_after_the_end_does_not_count_and_a_note_says_so():
 
 
 def test_a_protocol_travels_to_another_process():
-    copy = pickle.loads(pickle.dumps(BAILANDO))
-    assert copy.clip(walker(1), MUSIC) == BAILANDO.clip(walker(1), MUSIC)
+    assert pickle.loads(pickle.dumps(BAILANDO)).clip(walker(1), MUSIC) == BAILANDO.clip(walker(1), MUSIC)

@@ -1,7 +1,5 @@
 """The first page of the project: short, in plain words, and true of the commands that there are."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

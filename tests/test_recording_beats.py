@@ -1,16 +1,15 @@
 """Beats of a sequence's music: annotated or tracked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.folders import Recording, recording_beats
-from harmolab.io.beats import BeatAnnotation
+from harmolab.data.recordings import Recording, recording_beats
+from harmolab.readers.beats import BeatAnnotation
 from harmolab.types import Audio, Clip
+from tests.builders import cases
 
 
 def sequence(audio: Audio, annotation: BeatAnnotation | None, dance: str = "cha-cha") -> Recording:
@@ -36,9 +35,7 @@ def test_tracked_beats_keep_to_the_tempo_of_the_dance(click_track: Callable[...,
         assert np.median(np.diff(track.times)) == pytest.approx(period, abs=0.025)
 
 
-@pytest.mark.parametrize(
-    ("annotation", "fault"), [(None, "no beats.json"), (BeatAnnotation([]), "beats.json holds no beats")]
-)
+@cases("annotation, fault", (None, "no beats.json"), (BeatAnnotation([]), "beats.json holds no beats"))
 def test_annotated_beats_that_are_missing_are_an_error(annotation: BeatAnnotation | None, fault: str):
     with pytest.raises(ValueError, match=rf"corpus/a: {fault}; use tracked beats"):
         recording_beats(sequence(Audio(np.zeros(22050), 22050.0), annotation), "annotated")

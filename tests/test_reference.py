@@ -1,7 +1,5 @@
 """Agreement with an independent implementation's numbers (the file that HARMOLAB_REFERENCE names)."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace
@@ -11,17 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.beats.saliency import audio_mask, normalise_strengths, strength_steps, visual_mask
 from harmolab.beats.visual import curve_beats
-from harmolab.corpora.folders import load_recording
-from harmolab.harmony import hit_mask, score_harmony
-from harmolab.kinematics import smooth, turning_points
+from harmolab.body.kinematics import smooth, turning_points
+from harmolab.data.recordings import load_recording
 from harmolab.metrics.beats import beat_align, kinematic_params
 from harmolab.params import HOW_PATTERNS, HarmonyParams
+from harmolab.score import audio_mask, hit_mask, normalise_strengths, score_harmony, strength_steps, visual_mask
 from harmolab.shape_speed import ShapeSignal, shape_speed
 from harmolab.types import BeatTrack, FloatArray
+from harmolab.verdict.evidence import MOMENTS, PlaceTest, place_test
 from harmolab.verdict.judge import judge
-from harmolab.verdict.place_test import MOMENTS, PlaceTest, place_test
 
 FPS = 15.0
 DEFAULT = Path(__file__).resolve().parents[2] / "shared" / "reference" / "fixtures.json"
@@ -111,8 +108,7 @@ def test_every_number_of_every_variant_agrees(case: dict[str, Any], name: str) -
     heard = audio_mask(sounds, params.audio_threshold, reading=params.saliency)
     np.testing.assert_array_equal(heard, np.array(expected["mask_a"], dtype=bool))
     steps = np.array([np.nan if step is None else step for step in expected["R"]], dtype=float)
-    ours = strength_steps(strengths)
-    np.testing.assert_allclose(ours[~np.isnan(steps)], steps[~np.isnan(steps)], **close)
+    np.testing.assert_allclose(strength_steps(strengths)[~np.isnan(steps)], steps[~np.isnan(steps)], **close)
     visual = BeatTrack(np.array(case["p_v"]) / FPS, strengths, FPS, len(case["J_v"]) / FPS)
     check_score(case, expected, params, visual)
 
@@ -138,10 +134,8 @@ def test_hits_of_the_first_clip_can_be_repeated_by_hand() -> None:
     case = CASES[0]
     expected = case["variants"]["default"]
     beats = np.array(case["p_v"])[np.array(expected["mask_v"])]
-    by_hand = [min(abs(beats - beat)) <= 3.75 + 1e-9 for beat in case["p_a"]]
-    np.testing.assert_array_equal(by_hand, expected["hp"])
-    ours = hit_mask(np.array(case["p_a"]) / FPS, beats / FPS, delay=0.25)
-    np.testing.assert_array_equal(ours, expected["hp"])
+    np.testing.assert_array_equal([min(abs(beats - beat)) <= 3.75 + 1e-9 for beat in case["p_a"]], expected["hp"])
+    np.testing.assert_array_equal(hit_mask(np.array(case["p_a"]) / FPS, beats / FPS, delay=0.25), expected["hp"])
 
 
 SCORES = FILE.with_name("score_fixtures.json")

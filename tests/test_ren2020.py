@@ -1,7 +1,5 @@
 """Ren et al. 2020: sizes as released, padding that never counts, losses by hand, runs that resume, dances by seed."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -17,20 +15,10 @@ import torch
 from torch import Tensor, nn
 from typer.testing import CliRunner
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.lab.experiments.entry_tests_ren import entry_ren2020
+from harmolab.data.synthetic import write_corpus
 from harmolab.systems import load
-from harmolab.systems.common import phases as loop
-from harmolab.systems.common.batch_norm import BatchNorm
-from harmolab.systems.common.dancing import DanceInput
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.grid import MeterFrames
-from harmolab.systems.common.layers import parameter_count
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.shards import Batching, Shard, Tensors, epoch_shards
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.ren2020.networks import (
     GlobalDiscriminator,
     LocalDiscriminator,
@@ -41,27 +29,36 @@ from harmolab.systems.ren2020.networks import (
 )
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.ren2020.st_gcn import STGCN, GraphBlock, partitions
-from harmolab.systems.ren2020.steps import (
+from harmolab.systems.ren2020.train import (
     Networks,
+    Ren2020,
     danced,
     danced_units,
-    generator_terms,
-    global_terms,
-    local_terms,
-    speed_ratio,
-)
-from harmolab.systems.ren2020.system import Ren2020
-from harmolab.systems.ren2020.terms import (
     deceiving_loss,
     discriminator_loss,
+    generator_terms,
+    global_terms,
     gradient_penalty,
+    local_terms,
     matching_loss,
     perceptual_loss,
+    players,
     pose_loss,
+    speed_ratio,
+    train_ren2020,
 )
-from harmolab.systems.ren2020.train import players, train_ren2020
-from harmolab.types import Skeleton
+from harmolab.systems.training import loop
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.dancing import DanceInput
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.layers import BatchNorm, parameter_count
+from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Tensors, epoch_shards, fit, make_fabric
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import MeterFrames
+from harmolab.systems.training.weights import load_weights, save_weights
+from study.experiments.entry_tests_ren import entry_ren2020
 from tests import tiny_training as tiny
+from tests.builders import cases, refused
 
 TINY = RenParams(
     hidden=8, body=16, blocks=1, discriminator=4, attention=3, graph=2, graph_epochs=1, epochs=3, batch_size=5
@@ -127,19 +124,16 @@ def test_only_sizes_differ_between_the_presets():
     assert {name for name in paper if paper[name] != small[name]} == {"hidden", "body", "discriminator", "graph"}
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"dropout": 1.0}, "dropout must leave something"),
-        ({"block_weights": (1.0,)}, "block_weights must be 10 numbers"),
-        ({"body": 0}, "body must be positive, got 0"),
-        ({"pose_weight": -1.0}, "pose_weight must be zero or more, got -1"),
-        ({"epochs": -1}, "epochs must be zero or more"),
-    ],
+@cases(
+    "wrong, message",
+    ({"dropout": 1.0}, "dropout must leave something"),
+    ({"block_weights": (1.0,)}, "block_weights must be 10 numbers"),
+    ({"body": 0}, "body must be positive, got 0"),
+    ({"pose_weight": -1.0}, "pose_weight must be zero or more, got -1"),
+    ({"epochs": -1}, "epochs must be zero or more"),
 )
 def test_wrong_settings_are_named(wrong: dict[str, Any], message: str):
-    with pytest.raises(ValueError, match=message):
-        RenParams(**wrong)
+    refused(message, RenParams, **wrong)
 
 
 # Padding
@@ -317,8 +311,7 @@ def test_a_block_passes_features_to_neighbours_only():
     values = torch.randn(1, 3, 20, 4)
     other = values.clone()
     other[..., 3] += 1.0  # the left hand, which only itself and the left shoulder know
-    changed = (block(values) - block(other)).abs().amax(dim=(0, 1, 2))
-    assert (changed > 1e-6).tolist() == [False, True, False, True]
+    assert ((block(values) - block(other)).abs().amax(dim=(0, 1, 2)) > 1e-6).tolist() == [False, True, False, True]
 
 
 def test_edges_are_learnt():
@@ -349,8 +342,7 @@ def test_an_st_gcn_is_stored_and_built_again(tmp_path: Path):
 def test_pose_loss_is_the_mean_difference():
     target = torch.zeros(2, 3, 2)
     code = torch.tensor([[[1.0, 3.0], [9, 9], [9, 9]], [[0.0, 1.0], [1.0, 2.0], [9, 9]]])
-    mask = torch.tensor([[1.0, 0, 0], [1, 1, 0]])
-    assert float(pose_loss(code, target, mask)) == (2.0 + 1.0) / 2
+    assert float(pose_loss(code, target, torch.tensor([[1.0, 0, 0], [1, 1, 0]]))) == (2.0 + 1.0) / 2
 
 
 def test_perceptual_loss_weighs_the_blocks():
@@ -365,8 +357,7 @@ def test_perceptual_loss_weighs_the_blocks():
 def test_matching_loss_adds_the_maps_up():
     mask = torch.tensor([[1.0, 1.0, 0.0]])
     ours = [(torch.tensor([[[1.0, 3.0, 7.0]]]), mask), (torch.full((1, 2, 3), 5.0), mask)]
-    theirs = [(torch.zeros(1, 1, 3), mask), (torch.full((1, 2, 3), 4.0), mask)]
-    assert float(matching_loss(ours, theirs)) == 2 + 1
+    assert float(matching_loss(ours, [(torch.zeros(1, 1, 3), mask), (torch.full((1, 2, 3), 4.0), mask)])) == 2 + 1
 
 
 def test_cross_entropies():
@@ -413,8 +404,7 @@ def shard(units: Tensors) -> Shard:
 
 def test_the_penalty_teaches_the_branch_of_motion_and_not_that_of_music(shard: Shard):
     networks = networks_of()
-    terms = global_terms(networks, danced(networks.generator, shard))
-    terms["penalty"].backward()
+    global_terms(networks, danced(networks.generator, shard))["penalty"].backward()
     assert networks.overall.seeing.layers[0].convolution.weight.grad.abs().max() > 0
     assert networks.overall.hearing.weight.grad is None
 
@@ -529,7 +519,7 @@ def train(split: Split) -> Train:
             if row["phase"] == "adversarial" and row["epoch"] == stop_after:
                 raise Stopped
 
-        return train_ren2020(split, folder, params=params, report=report, fabric=make_fabric(accelerator="cpu"), **more)
+        return train_ren2020(split, TrainOptions(folder, accelerator="cpu", report=report, **more), params)
 
     return run
 
@@ -569,8 +559,7 @@ def test_a_run_that_was_stopped_ends_the_same(
 @pytest.mark.slow
 def test_another_seed_is_another_training(run: Path, train: Train, tmp_path: Path):
     other = train(tmp_path / "run", params=replace(TINY, seed=2)).state_dict()
-    mine = load_weights(run, RenGenerator).state_dict()
-    assert (other["pose.weight"] - mine["pose.weight"]).abs().max() > 1e-3
+    assert (other["pose.weight"] - load_weights(run, RenGenerator).state_dict()["pose.weight"]).abs().max() > 1e-3
 
 
 @pytest.mark.slow
@@ -584,14 +573,15 @@ def test_shards_change_no_more_than_batch_statistics(run: Path, train: Train, tm
 def test_two_processes_train_the_same_as_one(train: Train, tmp_path: Path):
     code = (
         "import sys\nfrom tests import test_ren2020 as own\n"
-        "own.train_ren2020(own.tiny.tiny_split(beat_channels=False), sys.argv[1],\n"
-        "    params=own.replace(own.TINY, shards=2), fabric=own.make_fabric(accelerator='cpu'))\n"
+        "own.train_ren2020(own.tiny.tiny_split(beat_channels=False),\n"
+        "    own.TrainOptions(sys.argv[1], accelerator='cpu'), own.replace(own.TINY, shards=2))\n"
     )
     (tmp_path / "two.py").write_text(code)
     processes = ("torch.distributed.run", "--standalone", "--nproc-per-node", "2")
+    path = os.pathsep.join((str(Path(__file__).parents[1]), os.environ["PYTHONPATH"]))
     subprocess.run(
         [sys.executable, "-m", *processes, str(tmp_path / "two.py"), str(tmp_path / "two")], check=True, timeout=300,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}, capture_output=True,
+        env={**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}, capture_output=True,
     )  # fmt: skip
     train(tmp_path / "one", params=replace(TINY, shards=2))
     for file in ("history.csv", "model.safetensors"):
@@ -660,15 +650,12 @@ def test_multimodality_is_above_zero(run: Path):
     assert np.abs(generator.code(dance_input(60), 1) - generator.code(dance_input(60), 2)).mean() > 1e-4
 
 
-@pytest.mark.parametrize(
-    ("sizes", "message"), [({"body": 10**9}, "describes body"), ({"blocks": 1000}, "1000 blocks, more than")]
-)
+@cases("sizes, message", ({"body": 10**9}, "describes body"), ({"blocks": 1000}, "1000 blocks, more than"))
 def test_a_description_that_cannot_be_is_refused(sizes: dict[str, int], message: str):
     generator = generator_of()
     about = generator.description()
     about["params"] |= sizes
-    with pytest.raises(ValueError, match=message):
-        RenGenerator.built(about, generator.state_dict())
+    refused(message, RenGenerator.built, about, generator.state_dict())
 
 
 # Commands and entry tests
@@ -694,9 +681,7 @@ def test_the_commands_train_resume_and_dance(corpus: Path, tmp_path: Path, monke
     assert dance.is_file()
 
 
-@pytest.mark.parametrize(
-    "option", [("--params", "paper"), ("--harmony-weight", "0"), ("--pretrain-epochs", "3"), ("--pretrained", "x")]
-)
+@cases("option", ("--params", "paper"), ("--harmony-weight", "0"), ("--pretrain-epochs", "3"), ("--pretrained", "x"))
 def test_options_of_other_systems_are_refused(option: tuple[str, str], corpus: Path, tmp_path: Path):
     command = ["train", str(corpus), "--out", str(tmp_path / "run"), "--system", "ren2020", *option]
     result = CliRunner().invoke(app, command)

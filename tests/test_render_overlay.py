@@ -1,18 +1,18 @@
 """The skeleton over its video: at the known points, at the right time, and only where somebody was seen."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harmolab.harmony import score_harmony
-from harmolab.io.motion import save_motion
-from harmolab.io.video import VideoFrames, video_frames, write_video
+from harmolab.body.skeletons import Skeleton
 from harmolab.lab.render.overlay import CORE, load_points, overlay_skeleton, points_in_picture
-from harmolab.types import BeatTrack, Motion, Skeleton
+from harmolab.readers.motion import save_motion
+from harmolab.readers.video import VideoFrames, video_frames, write_video
+from harmolab.score import score_harmony
+from harmolab.types import BeatTrack, Motion
+from tests.builders import refused
 
 POLE = Skeleton(("hip", "knee"), (-1, 0))
 HEIGHT, WIDTH = 240, 320
@@ -83,8 +83,7 @@ def test_marks_light_up_on_their_beats() -> None:
 
 
 def test_pixels_of_the_source_are_scaled_to_the_frames(video: VideoFrames) -> None:
-    places = points_in_picture(pole([400, 400]), video).positions
-    np.testing.assert_allclose(places[0], [[200, 30], [200, 90]])
+    np.testing.assert_allclose(points_in_picture(pole([400, 400]), video).positions[0], [[200, 30], [200, 90]])
 
 
 def test_shares_are_taken_of_both_sides(video: VideoFrames) -> None:
@@ -108,15 +107,11 @@ def test_far_points_are_drawn_without_a_fault() -> None:
 
 def test_movement_in_space_is_refused(video: VideoFrames, tmp_path: Path) -> None:
     motion = Motion(np.zeros((3, 2, 3)), 30.0, POLE)
-    with pytest.raises(ValueError, match="the motion is movement in space"):
-        overlay_skeleton(plain(3), 10.0, motion)
-    with pytest.raises(ValueError, match="the motion is movement in space"):
-        points_in_picture(motion, video)
+    refused("the motion is movement in space", overlay_skeleton, plain(3), 10.0, motion)
+    refused("the motion is movement in space", points_in_picture, motion, video)
     save_motion(tmp_path / "m.npz", motion)
-    with pytest.raises(ValueError, match=r"m\.npz: is movement in space; over a video go points of its pictures"):
-        load_points(tmp_path / "m.npz")
-    with pytest.raises(ValueError, match="fps must be positive"):
-        overlay_skeleton(plain(3), float("inf"), pole([1, 1]))
+    refused(r"m\.npz: is movement in space; over a video go points of its pictures", load_points, tmp_path / "m.npz")
+    refused("fps must be positive", overlay_skeleton, plain(3), float("inf"), pole([1, 1]))
 
 
 def test_a_hidden_ear_does_not_hide_the_dancer_a_hidden_wrist_does(tmp_path: Path) -> None:

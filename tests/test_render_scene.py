@@ -1,21 +1,19 @@
 """The drawn dance: where the dancer is in the picture, what hides what, that the camera walks along."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harmolab.corpora.synthetic import synthetic_clip
-from harmolab.harmony import score_harmony
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_clip
 from harmolab.lab.figures.style import COLOURS
-from harmolab.lab.render.marks import DANCER, HIT, MUSIC, hit_times
 from harmolab.lab.render.scene import FLOOR, WALL, render_dance
+from harmolab.lab.render.stick import DANCER, HIT, MUSIC, hit_times
 from harmolab.params import HarmonyParams
-from harmolab.types import BeatTrack, Motion, Skeleton
-from harmolab.verdict.score import HarmonyScore
-from tests.builders import track
+from harmolab.score import HarmonyScore, score_harmony
+from harmolab.types import BeatTrack, Motion
+from tests.builders import refused, track
 
 MAN = Skeleton(("foot", "hip", "head"), (-1, 0, 1))
 STANDING = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.7, 0.0]])
@@ -80,8 +78,7 @@ def test_nearer_limb_hides_the_farther_one_and_is_darker() -> None:
 
 
 def test_camera_follows_a_walk_while_the_grid_goes_by() -> None:
-    walk = [STANDING + np.array([1.5 * frame / 30, 0, 0]) for frame in range(90)]
-    frames = list(render_dance(dance(*walk)))
+    frames = list(render_dance(dance(*[STANDING + np.array([1.5 * frame / 30, 0, 0]) for frame in range(90)])))
     places = [dark(frame)[1].mean() for frame in frames]
     assert len(frames) == 90
     assert max(abs(place - 320) for place in places[35:55]) < 15  # 3 m are some 500 pixels
@@ -131,8 +128,7 @@ def test_hit_falls_on_the_later_beat_of_the_two() -> None:
 
 
 def test_hits_are_those_of_the_score_whatever_lag_and_matching_it_has() -> None:
-    late = score(track([0.5, 1.0]), track([0.8, 1.3]), lag=0.3)
-    np.testing.assert_allclose(hit_times(late), [0.8, 1.3])
+    np.testing.assert_allclose(hit_times(score(track([0.5, 1.0]), track([0.8, 1.3]), lag=0.3)), [0.8, 1.3])
     music, one = track([0.5, 0.6]), track([0.55])
     assert hit_times(score(music, one)).size == 2
     np.testing.assert_allclose(hit_times(score(music, one, matching="nearest")), [0.55])
@@ -146,17 +142,14 @@ def test_floor_in_front_of_a_small_dancer_is_not_drawn_from_behind_the_camera() 
 
 def test_real_skeleton_and_one_without_bones_are_drawn() -> None:
     clip = synthetic_clip("waltz", seed=1)
-    frame = next(render_dance(clip.motion))
-    assert 3000 < dark(frame)[0].size < 30_000
+    assert 3000 < dark(next(render_dance(clip.motion)))[0].size < 30_000
     dots = Motion(clip.motion.positions, 60.0, Skeleton.unnamed(clip.motion.positions.shape[1]))
     assert 200 < dark(next(render_dance(dots)))[0].size < 10_000
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least 64 x 64 pixels, got 53 x 40"):
-        render_dance(dance(STANDING, STANDING), height=40)
-    with pytest.raises(ValueError, match="fps must be positive"):
-        render_dance(dance(STANDING, STANDING), fps=float("nan"))
+    refused("at least 64 x 64 pixels, got 53 x 40", render_dance, dance(STANDING, STANDING), height=40)
+    refused("fps must be positive", render_dance, dance(STANDING, STANDING), fps=float("nan"))
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.2, np.pi])

@@ -1,15 +1,15 @@
 """The drawn dancer and the wandering box: where things are in the picture, and that nothing else changes."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from harmolab.body.skeletons import Skeleton
 from harmolab.lab.render.stick import BACKGROUND, box_walk, moving_box, render_skeleton
-from harmolab.types import Motion, Skeleton
+from harmolab.types import Motion
+from tests.builders import cases, refused
 
 PLAIN = np.full((100, 160), 225, np.uint8)
 
@@ -27,26 +27,17 @@ def drawn_centre(frame: np.ndarray) -> tuple[float, float]:
     return columns.mean(), rows.mean()
 
 
-def test_up_in_the_room_is_up_in_the_picture_and_x_goes_to_the_right() -> None:
-    low_left, high_right = (
-        drawn_centre(frame) for frame in render_skeleton(dots((0, 0), (1, 1)), height=100, width=100)
-    )
-    assert low_left == pytest.approx((10, 90), abs=1)
-    assert high_right == pytest.approx((90, 10), abs=1)
-
-
-def test_image_coordinates_keep_y_down() -> None:
-    first, second = (
-        drawn_centre(frame) for frame in render_skeleton(dots((0, 0), (1, 1), dimensions=2), height=100, width=100)
-    )
-    assert first == pytest.approx((10, 10), abs=1)
-    assert second == pytest.approx((90, 90), abs=1)
+@cases("dimensions, origin, opposite", (3, (10, 90), (90, 10)), (2, (10, 10), (90, 90)))
+def test_x_goes_right_and_y_up_in_the_room_but_down_in_a_picture(
+    dimensions: int, origin: tuple, opposite: tuple
+) -> None:
+    frames = render_skeleton(dots((0, 0), (1, 1), dimensions=dimensions), height=100, width=100)
+    assert [drawn_centre(frame) for frame in frames] == [pytest.approx(at, abs=1) for at in (origin, opposite)]
 
 
 def test_the_camera_keeps_the_whole_motion_in_the_picture(swinging_arm: Callable[..., Motion]) -> None:
     for frame in render_skeleton(swinging_arm(1.0, 25.0, seconds=2.0), height=120):
-        border = np.concatenate([frame[0], frame[-1], frame[:, 0], frame[:, -1]])
-        assert (border == BACKGROUND).all()
+        assert (np.concatenate([frame[0], frame[-1], frame[:, 0], frame[:, -1]]) == BACKGROUND).all()
         assert (frame != BACKGROUND).any()
 
 
@@ -64,8 +55,7 @@ def test_at_another_rate_the_dance_takes_the_same_time() -> None:
     motion = dots(*((i, 0) for i in range(11)))  # one second at 10 fps
     frames = list(render_skeleton(motion, height=100, width=220, fps=25.0))
     assert len(frames) == 26
-    across = [drawn_centre(frame)[0] for frame in frames]
-    np.testing.assert_allclose(np.diff(across), 0.8 * 220 / 25, atol=0.7)
+    np.testing.assert_allclose(np.diff([drawn_centre(frame)[0] for frame in frames]), 0.8 * 220 / 25, atol=0.7)
 
 
 def test_frames_have_the_size_that_was_asked_for() -> None:
@@ -83,10 +73,8 @@ def test_a_dancer_who_stands_still_is_drawn_in_the_middle() -> None:
 
 def test_a_picture_too_small_or_a_rate_of_zero_is_refused() -> None:
     motion = dots((0, 0), (1, 1))
-    with pytest.raises(ValueError, match="at least 16 x 16 pixels, got 20 x 8"):
-        render_skeleton(motion, height=8, width=20)
-    with pytest.raises(ValueError, match="fps must be positive"):
-        render_skeleton(motion, fps=0.0)
+    refused("at least 16 x 16 pixels, got 20 x 8", render_skeleton, motion, height=8, width=20)
+    refused("fps must be positive", render_skeleton, motion, fps=0.0)
 
 
 def test_the_box_covers_its_share_of_the_picture_and_leaves_the_rest_alone() -> None:
@@ -132,5 +120,4 @@ def test_a_box_as_large_as_the_picture_stays_where_it_is() -> None:
 @pytest.mark.parametrize("bad", [{"fps": 0.0}, {"size": -0.1}, {"speed": float("nan")}])
 def test_an_impossible_box_is_refused_by_name(bad: dict[str, float]) -> None:
     settings = {"fps": 25.0, "size": 0.3, "speed": 0.8} | bad
-    with pytest.raises(ValueError, match=f"{next(iter(bad))} must be positive"):
-        moving_box([PLAIN], settings.pop("fps"), seed=0, **settings)
+    refused(f"{next(iter(bad))} must be positive", moving_box, [PLAIN], settings.pop("fps"), seed=0, **settings)

@@ -1,7 +1,5 @@
 """The report: what it says about notebooks that run and notebooks that fail, and that it needs no network."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os
@@ -19,10 +17,11 @@ from matplotlib.figure import Figure
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from harmolab.lab.figures import style
-from harmolab.lab.profile import RunProfile
 from harmolab.lab.report import run as report
-from harmolab.lab.report.pages import NotebookRun, write_pages
-from harmolab.lab.report.pictures import SAVED, data_words, source_names
+from harmolab.lab.report.pages import SAVED, NotebookRun, data_words, source_names, write_pages
+from study import saving
+from study.profile import RunProfile
+from tests.builders import cases, refused
 
 GOOD = """# 00 The good one
 
@@ -33,7 +32,7 @@ $$ h = \\frac{2 h_a h_v}{h_a + h_v} $$
 
 FIGURE = """from matplotlib import pyplot
 from matplotlib.figure import Figure
-from harmolab.lab.figures.style import save_figure
+from study.saving import save_figure
 figure = Figure()
 figure.subplots().plot([0, 1])
 save_figure(figure, "fig01", notebook="00_good", source="synthetic", profile=profile, title="A <planted> title")
@@ -46,7 +45,7 @@ with figure_style():
 """
 
 TABLE = """import pandas as pd
-from harmolab.lab.figures.style import save_table
+from study.saving import save_table
 frame = pd.DataFrame({"score": ["ours"], "auc": [0.875]})
 save_table(frame, "table1", notebook="00_good", source="planted recordings", profile=profile, title="One row")
 """
@@ -97,7 +96,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, Path,
     """(exit code, report, published figures) of a good notebook and one that fails."""
     root = tmp_path_factory.mktemp("report")
     (root / "notebooks").mkdir()
-    parameters = "from harmolab.lab import RunProfile\nprofile = RunProfile.from_env()"
+    parameters = "from study import RunProfile\nprofile = RunProfile.from_env()"
     write_notebook(
         root / "notebooks" / "00_good.ipynb",
         GOOD,
@@ -183,7 +182,7 @@ def test_figures_are_not_published_when_a_notebook_failed(built):
 @pytest.mark.slow
 def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(tmp_path: Path):
     (tmp_path / "notebooks").mkdir()
-    parameters = "from harmolab.lab import RunProfile\nprofile = RunProfile.from_env()"
+    parameters = "from study import RunProfile\nprofile = RunProfile.from_env()"
     write_notebook(tmp_path / "notebooks" / "00_good.ipynb", "# Good", parameters, FIGURE)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "index.html").write_text(report.MARK)
@@ -192,8 +191,7 @@ def test_second_report_replaces_the_first_and_publishes_what_the_notebooks_drew(
     (tmp_path / "figures" / "old.png").write_text("from an earlier run")
     (tmp_path / "figures" / "manifest.json").write_text('{"old.png": {}}')
     arguments = {"profile": "full", "figures": tmp_path / "figures", "progress": False}
-    result = report.build(tmp_path / "notebooks", tmp_path / "out", **arguments)
-    assert result.failures == ()
+    assert report.build(tmp_path / "notebooks", tmp_path / "out", **arguments).failures == ()
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["00_good.html", "figures", "index.html"]
     assert sorted(file.name for file in (tmp_path / "figures").iterdir()) == ["fig01.png", "manifest.json"]
     entry = json.loads((tmp_path / "figures" / "manifest.json").read_text())["fig01.png"]
@@ -209,9 +207,7 @@ def test_cell_that_runs_too_long_is_stopped_and_named(tmp_path: Path):
     assert run.seconds < 60
 
 
-@pytest.mark.parametrize(
-    ("arguments", "seconds"), [((), 900), (("--profile", "full"), 21600), (("--timeout", "30"), 30)]
-)
+@cases("arguments, seconds", ((), 900), (("--profile", "full"), 21600), (("--timeout", "30"), 30))
 def test_a_cell_may_take_a_quarter_of_an_hour_in_the_quick_report(
     arguments: tuple[str, ...], seconds: float, monkeypatch: pytest.MonkeyPatch
 ):
@@ -227,8 +223,7 @@ def test_folder_that_holds_something_else_is_not_replaced(tmp_path: Path):
     write_notebook(tmp_path / "00_good.ipynb", "# Good", "1")
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "index.html").write_text("years of work")
-    with pytest.raises(ValueError, match="no report of ours"):
-        report.build(tmp_path, tmp_path / "thesis")
+    refused("no report of ours", report.build, tmp_path, tmp_path / "thesis")
     assert (tmp_path / "thesis" / "index.html").read_text() == "years of work"
 
 
@@ -294,8 +289,7 @@ def test_figures_that_a_loop_saved_and_did_not_show_are_on_the_page_in_order(tmp
     pngs = [write_picture(tmp_path / "figures", name[0], source="synthetic") for name in names]
     run = run_of("# 03 Beats", (), cells=(cell_with(pngs[-1], saved=names),))
     write_pages(tmp_path, [run], "quick")
-    page = (tmp_path / "03_beats.html").read_text()
-    assert re.findall(r'<img alt="The &lt;(\w)&gt;', page) == ["a", "b", "c"]
+    assert re.findall(r'<img alt="The &lt;(\w)&gt;', (tmp_path / "03_beats.html").read_text()) == ["a", "b", "c"]
 
 
 def test_pages_follow_one_another_in_story_order(tmp_path: Path):
@@ -316,19 +310,17 @@ def test_pages_follow_one_another_in_story_order(tmp_path: Path):
     assert "<strong>3 of 4 &lt;b&gt;.</strong>" in index
 
 
-@pytest.mark.parametrize(
-    ("source", "words"),
-    [
-        ("synthetic", "synthetic data"),
-        ("synthetic + synthetic songs", "synthetic data"),
-        ("beatlocked", "recordings"),
-        ("beatlocked + synthetic", "recordings and synthetic data"),
-        ("synthetic song, CMU motion capture", "recordings and synthetic data"),
-        ("synthetic and tracked", "recordings and synthetic data"),
-        ("real hands, rendered sound", "recordings"),
-        ("no data: shapes alone", ""),
-        ("", ""),
-    ],
+@cases(
+    "source, words",
+    ("synthetic", "synthetic data"),
+    ("synthetic + synthetic songs", "synthetic data"),
+    ("beatlocked", "recordings"),
+    ("beatlocked + synthetic", "recordings and synthetic data"),
+    ("synthetic song, CMU motion capture", "recordings and synthetic data"),
+    ("synthetic and tracked", "recordings and synthetic data"),
+    ("real hands, rendered sound", "recordings"),
+    ("no data: shapes alone", ""),
+    ("", ""),
 )
 def test_source_of_a_figure_in_plain_words(source: str, words: str):
     assert data_words(source) == words
@@ -361,9 +353,9 @@ def test_figure_of_synthetic_data_says_so_once_and_a_recording_does_not(tmp_path
     monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
     facts = {"notebook": "00", "profile": RunProfile.quick()}
     planted, recorded = Figure(), Figure()
-    style.save_figure(planted, "a", source="Synthetic cha-cha", **facts)
-    style.save_figure(planted, "b", source="Synthetic cha-cha", **facts)
-    style.save_figure(recorded, "c", source="tang2018", **facts)
+    saving.save_figure(planted, "a", source="Synthetic cha-cha", **facts)
+    saving.save_figure(planted, "b", source="Synthetic cha-cha", **facts)
+    saving.save_figure(recorded, "c", source="tang2018", **facts)
     assert [text.get_text() for text in planted.texts] == ["synthetic data"]
     assert [text.get_text() for text in recorded.texts] == []
 
@@ -371,10 +363,10 @@ def test_figure_of_synthetic_data_says_so_once_and_a_recording_does_not(tmp_path
 def test_saved_figure_shows_its_picture_in_a_notebook_unless_pyplot_does(tmp_path: Path, monkeypatch):
     monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
     facts = {"notebook": "00", "profile": RunProfile.quick(), "source": "tang2018"}
-    bundle = style.save_figure(Figure(), "a", **facts)._repr_mimebundle_()
+    bundle = saving.save_figure(Figure(), "a", **facts)._repr_mimebundle_()
     assert base64.b64decode(bundle["image/png"]) == (tmp_path / "a.png").read_bytes()
     figure = pyplot.figure()
-    assert style.save_figure(figure, "b", **facts)._repr_mimebundle_() == {"text/plain": "saved b.png"}
+    assert saving.save_figure(figure, "b", **facts)._repr_mimebundle_() == {"text/plain": "saved b.png"}
     pyplot.close(figure)
 
 
@@ -393,14 +385,14 @@ def test_same_figure_is_saved_as_the_same_bytes(tmp_path: Path, monkeypatch):
     for name in "ab":
         figure = Figure()
         figure.subplots().plot([0, 1])
-        style.save_figure(figure, name, **facts)
+        saving.save_figure(figure, name, **facts)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, monkeypatch):
     monkeypatch.setenv("HARMOLAB_FIGURES", str(tmp_path))
     for name, source in [("a", "one"), ("b", "two"), ("a", "three")]:
-        style.save_figure(Figure(), name, notebook="00_x.ipynb", source=source, profile=RunProfile.quick(), seed=0)
+        saving.save_figure(Figure(), name, notebook="00_x.ipynb", source=source, profile=RunProfile.quick(), seed=0)
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert {name: entry["source"] for name, entry in manifest.items()} == {"a.png": "three", "b.png": "two"}
     assert manifest["a.png"]["seed"] == 0
@@ -410,8 +402,8 @@ def test_manifest_keeps_other_entries_and_replaces_its_own(tmp_path: Path, monke
 SAVE_TWENTY = """
 import sys
 from matplotlib.figure import Figure
-from harmolab.lab.profile import RunProfile
-from harmolab.lab.figures.style import save_figure
+from study.profile import RunProfile
+from study.saving import save_figure
 for number in range(20):
     name = f"{sys.argv[1]}{number}"
     save_figure(Figure(figsize=(1, 1)), name, notebook="00", source="planted", profile=RunProfile.quick())
@@ -434,8 +426,7 @@ def test_picture_is_written_in_the_format_of_its_suffix(tmp_path: Path):
 
 
 def test_picture_that_cannot_be_written_names_its_path_and_the_fault(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"a\.wav: no picture format 'wav'"):
-        style.write_figure(Figure(), tmp_path / "a.wav")
+    refused(r"a\.wav: no picture format 'wav'", style.write_figure, Figure(), tmp_path / "a.wav")
     with pytest.raises(FileNotFoundError, match="nowhere does not exist"):
         style.write_figure(Figure(), tmp_path / "nowhere" / "a.png")
 
@@ -443,7 +434,7 @@ def test_picture_that_cannot_be_written_names_its_path_and_the_fault(tmp_path: P
 @pytest.mark.parametrize("name", ["", "../a", "a/b", ".hidden"])
 def test_figure_name_that_is_no_plain_file_name_is_refused(name: str):
     with pytest.raises(ValueError, match="plain file name"):
-        style.save_figure(Figure(), name, notebook="00", source="x", profile=RunProfile.quick())
+        saving.save_figure(Figure(), name, notebook="00", source="x", profile=RunProfile.quick())
 
 
 def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeypatch):
@@ -451,8 +442,8 @@ def test_quick_figures_do_not_replace_the_published_ones(tmp_path: Path, monkeyp
     (tmp_path / "notebooks").mkdir()
     (tmp_path / "pyproject.toml").touch()
     monkeypatch.chdir(tmp_path / "notebooks")
-    assert style.figures_folder(RunProfile.full()) == tmp_path / "figures"
-    assert style.figures_folder(RunProfile.quick()) == tmp_path / "figures" / "quick"
+    assert saving.figures_folder(RunProfile.full()) == tmp_path / "figures"
+    assert saving.figures_folder(RunProfile.quick()) == tmp_path / "figures" / "quick"
 
 
 @pytest.mark.browser

@@ -1,22 +1,20 @@
 """Retiming by time-warp: harmony rises, speed stays in bounds, bones and ends stay, a second run changes nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from harmolab.beats.visual import visual_beats
-from harmolab.corpora.synthetic import ClipSettings, planted_clip
-from harmolab.harmony import score_harmony
-from harmolab.io.video import video_frames, write_video
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.params import HarmonyParams
-from harmolab.retime.matching import METHODS, beat_warp, lee_warp
+from harmolab.readers.video import video_frames, write_video
 from harmolab.retime.retime import motion_at, retime, warp_video, warped_frames
-from harmolab.retime.warps import TimeWarp
-from harmolab.types import BeatTrack, Motion, Skeleton
-from tests.builders import bone_lengths, track
+from harmolab.retime.warps import METHODS, TimeWarp, beat_warp, lee_warp
+from harmolab.score import score_harmony
+from harmolab.types import BeatTrack, Motion
+from tests.builders import bone_lengths, cases, refused, track
 
 SEEDS = range(6)
 SECONDS = 16.0
@@ -78,20 +76,17 @@ def test_the_mean_shift_is_counted_without_its_sign():
     assert TimeWarp.identity(3.0).speed_range() == (1, 1)
 
 
-@pytest.mark.parametrize(
-    ("source", "target", "message"),
-    [
-        ([0.0], [0.0], "two or more times"),
-        ([0.0, 1.0], [0.0, 0.5, 1.0], "as many source as target"),
-        ([0.0, 2.0, 1.0], [0.0, 0.5, 1.0], "source knots must be finite and increase"),
-        ([0.0, 0.5, 1.0], [0.0, 0.0, 1.0], "target knots must be finite and increase"),
-        ([0.0, np.nan, 1.0], [0.0, 0.5, 1.0], "source knots must be finite"),
-        ([0.0, 0.5, 1.0], [0.0, 0.5, 1.1], "keeps its ends"),
-    ],
+@cases(
+    "source, target, message",
+    ([0.0], [0.0], "two or more times"),
+    ([0.0, 1.0], [0.0, 0.5, 1.0], "as many source as target"),
+    ([0.0, 2.0, 1.0], [0.0, 0.5, 1.0], "source knots must be finite and increase"),
+    ([0.0, 0.5, 1.0], [0.0, 0.0, 1.0], "target knots must be finite and increase"),
+    ([0.0, np.nan, 1.0], [0.0, 0.5, 1.0], "source knots must be finite"),
+    ([0.0, 0.5, 1.0], [0.0, 0.5, 1.1], "keeps its ends"),
 )
 def test_knots_that_make_no_warp_are_refused(source: list[float], target: list[float], message: str):
-    with pytest.raises(ValueError, match=message):
-        TimeWarp(source, target)
+    refused(message, TimeWarp, source, target)
 
 
 def test_late_beats_are_brought_forward_within_the_bounds():
@@ -107,15 +102,13 @@ def test_late_beats_are_brought_forward_within_the_bounds():
 
 def test_a_visual_beat_too_many_and_a_music_beat_too_many_are_left_out():
     visual = track([1.09, 2.09, 2.6, 3.09, 4.09, 6.09, 7.09])  # 2.6 is redundant; nothing is near 5
-    music = track([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
-    warp = beat_warp(visual, music, 8.0)
+    warp = beat_warp(visual, track([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]), 8.0)
     np.testing.assert_allclose(warp([1.09, 2.09, 3.09, 4.09, 6.09, 7.09]), [1, 2, 3, 4, 6, 7], atol=0.02)
 
 
 def test_beats_out_of_reach_of_the_bounds_do_not_break_them():
     visual = track(np.arange(1.15, 12.5, 1.0), duration=14.0)
-    music = track(np.arange(1.0, 12.5, 1.0), duration=14.0)
-    warp = beat_warp(visual, music, 14.0, slowest=0.9, fastest=1.05)
+    warp = beat_warp(visual, track(np.arange(1.0, 12.5, 1.0), duration=14.0), 14.0, slowest=0.9, fastest=1.05)
     low, high = warp.speed_range()
     assert 0.9 <= low < 1 < high <= 1.05
     assert warp(1.15) > 1.09  # a twentieth of a second is all that can be won in the first one
@@ -123,8 +116,7 @@ def test_beats_out_of_reach_of_the_bounds_do_not_break_them():
 
 
 def test_bounds_of_one_leave_no_freedom():
-    warp = beat_warp(track([1.2, 2.2, 3.2]), track([1.0, 2.0, 3.0]), 5.0, slowest=1.0, fastest=1.0)
-    assert warp.is_identity
+    assert beat_warp(track([1.2, 2.2, 3.2]), track([1.0, 2.0, 3.0]), 5.0, slowest=1.0, fastest=1.0).is_identity
 
 
 def test_a_phase_of_a_half_lands_between_the_beats():
@@ -135,8 +127,7 @@ def test_a_phase_of_a_half_lands_between_the_beats():
 
 def test_a_lag_is_kept():
     music = track(np.arange(1.0, 9.5, 1.0))
-    visual = track(np.arange(1.3, 9.5, 1.0))
-    warp = beat_warp(visual, music, 10.0, params=replace(VALLEYS, lag=0.05))
+    warp = beat_warp(track(np.arange(1.3, 9.5, 1.0)), music, 10.0, params=replace(VALLEYS, lag=0.05))
     np.testing.assert_allclose(warp(np.arange(2.3, 8.5)), np.arange(2.05, 8.1), atol=0.02)
 
 
@@ -158,20 +149,18 @@ def test_the_warper_of_2019_stretches_between_nearest_beats():
     np.testing.assert_allclose(warp.speed_range(), [0.9, 1.2], rtol=0.08)
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ({"strength": 1.2}, "strength must lie"),
-        ({"strength": float("nan")}, "strength must lie"),
-        ({"phase": 2.0}, "phase must lie"),
-        ({"slowest": 0.0}, "slowest must lie"),
-        ({"slowest": 1.1}, "slowest must lie"),
-        ({"fastest": 0.9}, "fastest must be 1 or more"),
-        ({"fastest": float("inf")}, "fastest must be 1 or more"),
-        ({"method": "nearest"}, "method must be one of dp, lee2019"),
-        ({"params": HarmonyParams(reaction_delay=0.0)}, "reaction_delay above 0"),
-        ({"params": HarmonyParams(clock=1.013)}, "own clock"),
-    ],
+@cases(
+    "setting, message",
+    ({"strength": 1.2}, "strength must lie"),
+    ({"strength": float("nan")}, "strength must lie"),
+    ({"phase": 2.0}, "phase must lie"),
+    ({"slowest": 0.0}, "slowest must lie"),
+    ({"slowest": 1.1}, "slowest must lie"),
+    ({"fastest": 0.9}, "fastest must be 1 or more"),
+    ({"fastest": float("inf")}, "fastest must be 1 or more"),
+    ({"method": "nearest"}, "method must be one of dp, lee2019"),
+    ({"params": HarmonyParams(reaction_delay=0.0)}, "reaction_delay above 0"),
+    ({"params": HarmonyParams(clock=1.013)}, "own clock"),
 )
 def test_settings_out_of_range_are_refused_by_name(setting: dict[str, object], message: str):
     with pytest.raises(ValueError, match=message):
@@ -264,9 +253,7 @@ def test_the_warper_of_2019_wins_harmony_and_breaks_the_bounds(dances: list[tupl
 
 
 def test_flat_motion_is_retimed_and_its_bone_keeps_its_length():
-    motion = swinging(dimensions=2)
-    music = track(np.arange(1.2, 7.5, 1.0), duration=8.0)
-    retimed = retime(motion, music)
+    retimed = retime(swinging(dimensions=2), track(np.arange(1.2, 7.5, 1.0), duration=8.0))
     assert retimed.target_after.harmony_above_chance > retimed.target_before.harmony_above_chance + 0.5
     np.testing.assert_allclose(bone_lengths(retimed.motion), 1.0, atol=1e-9)
 
@@ -278,8 +265,7 @@ def test_a_motion_that_stands_still_or_has_two_frames_comes_back_itself():
 
 
 def test_times_between_frames_show_poses_between():
-    motion = swinging()
-    between = motion_at(motion, np.array([0.05, 0.55]))
+    between = motion_at(swinging(), np.array([0.05, 0.55]))
     angle = np.cos(np.pi * np.array([0.05, 0.55]))
     np.testing.assert_allclose(between.positions[:, 0, 0] - between.positions[:, 1, 0], np.sin(angle), atol=1e-4)
     np.testing.assert_allclose(between.positions[:, 1, 0], [0.005, 0.055], atol=1e-12)
@@ -295,8 +281,7 @@ def test_a_bone_that_grows_is_interpolated_linearly():
 def test_a_bone_that_flips_over_and_one_of_no_length_stay_finite():
     flipping = np.zeros((2, 3, 3))
     flipping[:, 1, 1] = [1.0, -1.0]
-    motion = Motion(flipping, 1.0, Skeleton(("a", "b", "none"), (-1, 0, 0)))
-    middle = motion_at(motion, np.array([0.5, 1.0]))
+    middle = motion_at(Motion(flipping, 1.0, Skeleton(("a", "b", "none"), (-1, 0, 0))), np.array([0.5, 1.0]))
     np.testing.assert_allclose(np.abs(middle.positions[0, :, 1]), [0.0, 1.0, 0.0])
 
 
@@ -307,8 +292,7 @@ def test_filler_frames_stay_filler():
 
 def test_a_ring_of_bones_is_refused():
     motion = Motion(swinging().positions, 30.0, Skeleton(("a", "b"), (1, 0)))
-    with pytest.raises(ValueError, match="form a ring"):
-        motion_at(motion, np.array([0.5]))
+    refused("form a ring", motion_at, motion, np.array([0.5]))
 
 
 def test_frames_of_a_video_come_at_warped_times():
@@ -331,8 +315,6 @@ def test_a_video_keeps_its_colours_and_its_length(tmp_path):
 
 
 def test_the_beats_seen_after_are_where_the_warp_says():
-    motion = swinging()
-    music = track(np.arange(1.2, 7.5, 1.0), duration=8.0)
-    retimed = retime(motion, music)
+    retimed = retime(swinging(), track(np.arange(1.2, 7.5, 1.0), duration=8.0))
     seen = visual_beats(retimed.motion, params=VALLEYS).times
     np.testing.assert_allclose(seen, retimed.warp(np.arange(1.0, 7.5)), atol=0.02)

@@ -1,22 +1,13 @@
 """Which beats a viewer or listener would notice (Eq. 11-13), by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harmolab.beats.saliency import (
-    audio_mask,
-    normalise_strengths,
-    salient_audio,
-    salient_visual,
-    strength_steps,
-    visual_mask,
-)
 from harmolab.params import HarmonyParams
-from tests.builders import metronome
+from harmolab.score import audio_mask, normalise_strengths, salient_audio, salient_visual, strength_steps, visual_mask
+from tests.builders import cases, metronome
 
 # Mean 2, deviations -1, 1, -1, 1: population SD 1.
 STRENGTHS = np.array([1.0, 3.0, 1.0, 3.0])
@@ -47,9 +38,7 @@ def test_a_music_beat_without_strength_is_never_salient():
     np.testing.assert_array_equal(audio_mask(np.array([0.0, 1.0]), 0.0), [False, True])
 
 
-@pytest.mark.parametrize(
-    ("strengths", "steps"), [([], []), ([4.0], [0.0]), ([4.0, 1.0], [3, 3]), ([1, 5, 3], [4, 4, 2])]
-)
+@cases("strengths, steps", ([], []), ([4.0], [0.0]), ([4.0, 1.0], [3, 3]), ([1, 5, 3], [4, 4, 2]))
 def test_steps_between_strengths_repeat_the_first(strengths, steps):
     np.testing.assert_array_equal(strength_steps(np.array(strengths, dtype=float)), steps)
 
@@ -122,13 +111,11 @@ def test_salient_visual_beats_keep_their_raw_strength():
     np.testing.assert_array_equal(kept.strengths, [9.0])
 
 
-@pytest.mark.parametrize(
-    ("how", "times"),
-    [
-        ({"visual_threshold": 1.5, "first_beat": "drop"}, [1.0, 3.0]),
-        ({"visual_threshold": 3.0, "visual_saliency": "strength"}, [1.0, 3.0]),
-        ({"visual_threshold": 3.0, "saliency": "literal"}, [0.0, 1.0, 2.0, 3.0]),
-    ],
+@cases(
+    "how, times",
+    ({"visual_threshold": 1.5, "first_beat": "drop"}, [1.0, 3.0]),
+    ({"visual_threshold": 3.0, "visual_saliency": "strength"}, [1.0, 3.0]),
+    ({"visual_threshold": 3.0, "saliency": "literal"}, [0.0, 1.0, 2.0, 3.0]),
 )
 def test_visual_saliency_is_read_as_the_params_say(how, times):
     kept = salient_visual(metronome(VISUAL.tolist(), period=1.0), replace(HarmonyParams.paper(), **how))

@@ -1,7 +1,5 @@
 """The speed of the shape of a body: nothing rigid has any, and no way of looking at a body changes it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harmolab.corpora.synthetic import synthetic_motion
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_motion
 from harmolab.shape_speed import ShapeSpeed, shape_signal, shape_speed, unturn
-from harmolab.types import FloatArray, Motion, Skeleton
+from harmolab.types import FloatArray, Motion
 
 BODY = np.random.default_rng(1).normal(0.0, 0.5, (12, 3))
 DANCE = synthetic_motion(np.arange(0.0, 8.5, 0.5), seconds=8.0, fps=30.0, seed=2)
@@ -42,8 +41,7 @@ def test_a_rigid_body_that_turns_and_travels_has_none(fps: float, seed: int) -> 
 
 
 def test_a_body_that_tumbles_has_next_to_none() -> None:
-    angle = np.linspace(0, 6, 120)
-    tumbling = turned(BODY, angle)[..., [1, 0, 2]]
+    tumbling = turned(BODY, np.linspace(0, 6, 120))[..., [1, 0, 2]]
     assert shape_signal(shape_speed(moving(tumbling))).share < 0.02
 
 
@@ -74,8 +72,7 @@ def test_a_frozen_pose_on_a_dancers_path_loses_what_the_dancer_keeps() -> None:
 def test_the_share_of_joints_that_move_is_one_in_all_for_one_joint() -> None:
     positions = np.tile(BODY, (300, 1, 1))
     positions[:, 0] += 0.02 * np.random.default_rng(0).normal(size=(300, 3)).cumsum(axis=0)
-    signal = shape_signal(shape_speed(moving(positions)))
-    assert 1 / 12 < signal.joints < 0.15
+    assert 1 / 12 < shape_signal(shape_speed(moving(positions))).joints < 0.15
 
 
 def test_pan_roll_zoom_and_shear_of_a_camera_move_no_picture_of_a_still_body() -> None:

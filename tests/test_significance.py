@@ -1,7 +1,5 @@
 """Nulls by rotation, p-values, intervals, AUC."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binomtest
@@ -16,6 +14,7 @@ from harmolab.significance import (
     rotations,
     wilson_interval,
 )
+from tests.builders import cases
 
 
 def test_rotations_are_spread_evenly_and_never_zero():
@@ -38,8 +37,7 @@ def test_rotated_hits_agree_with_counting_one_by_one(rng: np.random.Generator):
         distance = np.abs(audio[:, None] - np.mod(visual + shift, 6.0))
         near = np.minimum(distance, 6.0 - distance).min(axis=1) <= 0.2
         expected.append(near @ weights)
-    shares = rotated_shares(audio, visual, weights, delay=0.2, duration=6.0, count=50)
-    np.testing.assert_allclose(shares, expected)
+    np.testing.assert_allclose(rotated_shares(audio, visual, weights, delay=0.2, duration=6.0, count=50), expected)
 
 
 @pytest.mark.parametrize(("audio", "visual"), [([], [1.0]), ([1.0], [])])
@@ -97,15 +95,13 @@ def test_too_little_for_an_interval_gives_nan(values, weights):
     assert np.isnan(bootstrap_interval(values, weights)).all()
 
 
-@pytest.mark.parametrize(
-    ("positives", "negatives", "expected"),
-    [
-        ([2.0, 3.0], [0.0, 1.0], 1.0),
-        ([0.0, 1.0], [2.0, 3.0], 0.0),
-        ([1.0, 1.0], [1.0], 0.5),
-        ([1.0, 3.0], [2.0, 2.0], 0.5),
-        ([1.0, 3.0], [0.0, 2.0], 0.75),  # 1 beats 0; 3 beats both
-    ],
+@cases(
+    "positives, negatives, expected",
+    ([2.0, 3.0], [0.0, 1.0], 1.0),
+    ([0.0, 1.0], [2.0, 3.0], 0.0),
+    ([1.0, 1.0], [1.0], 0.5),
+    ([1.0, 3.0], [2.0, 2.0], 0.5),
+    ([1.0, 3.0], [0.0, 2.0], 0.75),  # 1 beats 0; 3 beats both
 )
 def test_auc_counts_pairs_and_ties_half(positives, negatives, expected):
     assert auc(positives, negatives) == expected

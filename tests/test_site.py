@@ -1,7 +1,5 @@
 """The site of `make docs`: pages are listed, public names and notebooks have their place, nothing is fetched."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import subprocess
@@ -45,8 +43,7 @@ def test_every_notebook_has_a_card_with_its_finding_and_a_picture(extension):
     cards = extension("gallery_pages").gallery()["cards.inc"]
     for path in (ROOT / "notebooks").glob("[0-9]*.ipynb"):
         text = cards.partition(f":link: generated/gallery/{path.stem}\n")[2].partition("\n:::\n")[0]
-        picture = re.search(r":img-top: (\S+)", text)[1]
-        assert (DOCS / picture).exists()
+        assert (DOCS / re.search(r":img-top: (\S+)", text)[1]).exists()
         assert len(text.splitlines()[-1]) > 40, f"{path.name} says nothing"
 
 

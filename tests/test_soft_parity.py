@@ -1,7 +1,5 @@
 """The relaxed harmony against the hard one: equal at tiny tau, close at small tau, differentiable everywhere else."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np
@@ -10,13 +8,13 @@ import torch
 from torch import Tensor
 
 from harmolab.beats.visual import visual_beats
-from harmolab.corpora.synthetic import synthetic_motion
-from harmolab.harmony import score_harmony
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_motion
 from harmolab.params import HarmonyParams
-from harmolab.systems.common.soft_beats import soft_beats, soft_salience, soft_speed
-from harmolab.systems.common.soft_harmony import SoftHarmony, anneal, soft_harmony
-from harmolab.types import BeatTrack, Motion, Skeleton
-from harmolab.verdict.score import HarmonyScore
+from harmolab.score import HarmonyScore, score_harmony
+from harmolab.soft_score import SoftHarmony, anneal, soft_beats, soft_harmony, soft_salience, soft_speed
+from harmolab.types import BeatTrack, Motion
+from tests.builders import cases, refused
 
 PAPER = HarmonyParams.paper()
 VALLEYS = replace(HarmonyParams.valleys(), fps=15.0, subframe=False)
@@ -82,18 +80,16 @@ def mean_difference(params: HarmonyParams, tau: float) -> float:
     return float(torch.stack(differences).mean())
 
 
-@pytest.mark.parametrize(
+@cases(
     "params",
-    [
-        pytest.param(PAPER, id="paper"),
-        pytest.param(VALLEYS, id="valleys"),
-        pytest.param(replace(PAPER, detector="peaks", first_beat="drop", lag=0.07), id="peaks, first dropped, lag"),
-        pytest.param(replace(PAPER, visual_saliency="strength", normalisation="mean"), id="strength, mean"),
-        pytest.param(replace(PAPER, speed="signed", visual_threshold=0.5, audio_threshold=1.0), id="signed speed"),
-        pytest.param(replace(VALLEYS, speed="norm_of_sum", normalisation="raw", lag=-0.1), id="norm of sum, raw"),
-        pytest.param(replace(PAPER, reaction_delay=2 / FPS, beta=1.0), id="delay of whole frames"),
-        pytest.param(replace(VALLEYS, reaction_delay=0.0), id="no delay"),
-    ],
+    pytest.param(PAPER, id="paper"),
+    pytest.param(VALLEYS, id="valleys"),
+    pytest.param(replace(PAPER, detector="peaks", first_beat="drop", lag=0.07), id="peaks, first dropped, lag"),
+    pytest.param(replace(PAPER, visual_saliency="strength", normalisation="mean"), id="strength, mean"),
+    pytest.param(replace(PAPER, speed="signed", visual_threshold=0.5, audio_threshold=1.0), id="signed speed"),
+    pytest.param(replace(VALLEYS, speed="norm_of_sum", normalisation="raw", lag=-0.1), id="norm of sum, raw"),
+    pytest.param(replace(PAPER, reaction_delay=2 / FPS, beta=1.0), id="delay of whole frames"),
+    pytest.param(replace(VALLEYS, reaction_delay=0.0), id="no delay"),
 )
 def test_at_tiny_softness_every_number_is_that_of_the_hard_score(params: HarmonyParams):
     for seed in range(4):
@@ -130,8 +126,7 @@ def test_beats_between_frames_agree_with_the_hard_score_at_120_hertz():
 
 def test_padding_changes_nothing():
     clips, rest = Clips(3), torch.tensor(np.random.default_rng(0).normal(size=(8, 60, 5, 3)))
-    real = torch.tensor(clips.mask)[..., None, None]
-    filled = torch.where(real, torch.tensor(clips.positions), rest)
+    filled = torch.where(torch.tensor(clips.mask)[..., None, None], torch.tensor(clips.positions), rest)
     for params in (SMOOTH, HarmonyParams.valleys()):
         plain, other = clips.soft(params, 0.2), clips.soft(params, 0.2, filled)
         for field in fields(SoftHarmony):
@@ -241,8 +236,7 @@ def test_salience_is_the_plain_recursion():
 def test_softness_means_the_same_at_every_frame_rate():
     counts = []
     for fps in (15.0, 30.0, 120.0):
-        time = np.arange(0, 6, 1 / fps)
-        curve = list(1.2 + np.cos(2 * np.pi * 1.7 * time + 0.4))
+        curve = list(1.2 + np.cos(2 * np.pi * 1.7 * np.arange(0, 6, 1 / fps) + 0.4))
         counts.append(float(one_clip(curve, [1.0], params=replace(VALLEYS, fps=None), tau=0.5, fps=fps).n_visual))
     assert max(counts) / min(counts) < 1.25
 
@@ -320,28 +314,24 @@ def test_speed_of_a_known_step():
 def test_softness_falls_geometrically():
     assert [anneal(epoch, 3, 0.4, 0.1) for epoch in range(5)] == pytest.approx([0.4, 0.2, 0.1, 0.1, 0.1])
     assert anneal(0, 1, 0.4, 0.1) == pytest.approx(0.1)
-    with pytest.raises(ValueError, match="softness must be positive, got start 0"):
-        anneal(0, 3, 0, 0.1)
+    refused("softness must be positive, got start 0", anneal, 0, 3, 0, 0.1)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"positions": torch.zeros(2, 9, 3)}, r"positions must be \(N, T, J, 3\), or a speed \(N, T\)"),
-        ({"positions": torch.zeros(2, 1)}, "with two frames or more"),
-        ({"mask": torch.ones(2, 8)}, r"mask must be \(2, 9\)"),
-        ({"strengths": torch.ones(2, 2)}, "beats, strengths and beat_mask must be"),
-        ({"span": torch.zeros(2)}, r"span must be \(2, 2\)"),
-        ({"tau": 0.0}, "tau must be positive, got 0.0"),
-        ({"fps": -15.0}, "fps must be positive, got -15.0"),
-        ({"params": replace(PAPER, fps=25.0)}, "defined at 25 fps and the motion has 15: resample it first"),
-        ({"params": replace(PAPER, detector="direction")}, "'direction' has no relaxation"),
-        ({"params": replace(PAPER, matching="nearest")}, "only matching = 'many' has a relaxation, got 'nearest'"),
-        ({"params": replace(PAPER, saliency="literal")}, "only saliency = 'threshold' has a relaxation"),
-        ({"params": HarmonyParams.room_speed()}, "measure = 'pattern' has no relaxation"),
-        ({"params": replace(PAPER, position_smoothing=0.1)}, "only position_smoothing = 0.0 has a relaxation"),
-        ({"params": replace(PAPER, plateau="middle")}, "only plateau = 'last' has a relaxation"),
-    ],
+@cases(
+    "change, message",
+    ({"positions": torch.zeros(2, 9, 3)}, r"positions must be \(N, T, J, 3\), or a speed \(N, T\)"),
+    ({"positions": torch.zeros(2, 1)}, "with two frames or more"),
+    ({"mask": torch.ones(2, 8)}, r"mask must be \(2, 9\)"),
+    ({"strengths": torch.ones(2, 2)}, "beats, strengths and beat_mask must be"),
+    ({"span": torch.zeros(2)}, r"span must be \(2, 2\)"),
+    ({"tau": 0.0}, "tau must be positive, got 0.0"),
+    ({"fps": -15.0}, "fps must be positive, got -15.0"),
+    ({"params": replace(PAPER, fps=25.0)}, "defined at 25 fps and the motion has 15: resample it first"),
+    ({"params": replace(PAPER, detector="direction")}, "'direction' has no relaxation"),
+    ({"params": replace(PAPER, matching="nearest")}, "only matching = 'many' has a relaxation, got 'nearest'"),
+    ({"params": replace(PAPER, saliency="literal")}, "only saliency = 'threshold' has a relaxation"),
+    ({"params": replace(PAPER, position_smoothing=0.1)}, "only position_smoothing = 0.0 has a relaxation"),
+    ({"params": replace(PAPER, plateau="middle")}, "only plateau = 'last' has a relaxation"),
 )
 def test_what_cannot_be_scored_is_refused_by_name(change: dict[str, object], message: str):
     given = {
@@ -354,5 +344,4 @@ def test_what_cannot_be_scored_is_refused_by_name(change: dict[str, object], mes
         "tau": 0.1,
         "params": PAPER,
     }
-    with pytest.raises(ValueError, match=message):
-        soft_harmony(**{**given, **change})
+    refused(message, soft_harmony, **{**given, **change})

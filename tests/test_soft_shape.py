@@ -1,7 +1,5 @@
 """The soft score of the shape of the body against the hard one, its gradients, and what a statue can win by it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import cache
@@ -12,15 +10,26 @@ import torch
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
-from harmolab.corpora.synthetic import synthetic_motion
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.synthetic import synthetic_motion
 from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
 from harmolab.shape_speed import shape_signal, shape_speed
-from harmolab.systems.common.soft_beats import soft_speed
-from harmolab.systems.common.soft_harmony import SoftHarmony, soft_harmony
-from harmolab.systems.common.soft_shape import SoftShape, soft_place, soft_shape_speed, unturned
-from harmolab.systems.harmogan.terms import above_chance_loss
-from harmolab.types import Motion, Skeleton
-from harmolab.verdict.place_test import place_test
+from harmolab.soft_score import (
+    MOMENTS,
+    SoftHarmony,
+    SoftShape,
+    soft_fits,
+    soft_harmony,
+    soft_place,
+    soft_shape_speed,
+    soft_speed,
+    unturned,
+)
+from harmolab.systems.harmogan.losses import above_chance_loss
+from harmolab.types import Motion
+from harmolab.verdict.bar_pattern import pattern_fits
+from harmolab.verdict.evidence import place_test
+from tests.builders import cases, refused
 
 SECONDS = 24.0
 BEATS = np.arange(0.4137, SECONDS - 0.4, 0.5)
@@ -96,6 +105,17 @@ def test_the_first_beat_counts_also_between_two_samples_of_the_movement():
     assert test.ranks.shape[1] == BEATS.size - 1
 
 
+@pytest.mark.parametrize("pattern", [REST, CHA_CHA, WALTZ])
+def test_soft_fits_are_the_hard_ones_on_circles_of_any_size(pattern: BarPattern, rng: np.random.Generator):
+    sizes = [cycles * pattern.beats * MOMENTS for cycles in (4, 6, 1)]
+    speed = np.zeros((3, max(sizes)))
+    for row, size in zip(speed, sizes, strict=True):
+        row[:size] = rng.normal(size=size)
+    soft = soft_fits(torch.tensor(speed), torch.tensor(sizes)[:, None], pattern)
+    for row, size, fits in zip(speed, sizes, soft.numpy(), strict=True):
+        np.testing.assert_allclose(fits[:, :size], pattern_fits(row[:size], pattern, moments=MOMENTS), atol=1e-12)
+
+
 def test_the_difference_falls_with_the_softness():
     motion = cheat("rests", 15.0)
     hard = hard_score(motion, REST)
@@ -134,8 +154,7 @@ def test_the_training_loss_takes_it_without_counting_beats():
 def test_flat_pictures_and_two_points_have_the_same_score():
     places = DANCER.positions
     flat = Motion(100 * places[..., :2], 15.0, DANCER.skeleton)
-    points = Motion(places[:, [4, 10]], 15.0, Skeleton.unnamed(2))
-    for motion in (flat, points):
+    for motion in (flat, Motion(places[:, [4, 10]], 15.0, Skeleton.unnamed(2))):
         assert soft_score(motion, REST) == pytest.approx(hard_score(motion, REST), abs=0.03)
         assert soft_score(motion, REST) > 0.2
 
@@ -355,8 +374,7 @@ def test_sixteen_bits_are_scored_in_thirty_two():
 
 
 def test_a_turn_about_the_vertical_is_taken_back():
-    generator = torch.Generator().manual_seed(3)
-    yaw = 0.3 * torch.randn(50, generator=generator, dtype=torch.float64).cumsum(dim=0)
+    yaw = 0.3 * torch.randn(50, generator=torch.Generator().manual_seed(3), dtype=torch.float64).cumsum(dim=0)
     turned = frozen(yaw, torch.zeros(50, 2))
     still = unturned((turned - turned.mean(dim=1, keepdim=True))[None])[0]
     torch.testing.assert_close(still, still[:1].expand_as(still))
@@ -375,14 +393,11 @@ def test_shape_speed_is_that_of_the_hard_score():
         np.testing.assert_allclose(soft.speed[0].numpy()[inside], expected, atol=0.02 * expected.max())
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"positions": torch.zeros(2, 9)}, "the shape of the body needs joint positions"),
-        ({"bar_places": torch.zeros(3)}, r"bar_places must be \(2,\), one a clip; got \(3,\)"),
-        ({"params": replace(HarmonyParams.recommended(), clock=1.01)}, "only clock = 1.0 has a relaxation, got 1.01"),
-        ({"params": HarmonyParams.room_speed()}, "measure = 'pattern' has no relaxation; use shape or hits"),
-    ],
+@cases(
+    "change, message",
+    ({"positions": torch.zeros(2, 9)}, "the shape of the body needs joint positions"),
+    ({"bar_places": torch.zeros(3)}, r"bar_places must be \(2,\), one a clip; got \(3,\)"),
+    ({"params": replace(HarmonyParams.recommended(), clock=1.01)}, "only clock = 1.0 has a relaxation, got 1.01"),
 )
 def test_what_cannot_be_scored_is_refused_by_name(change: dict[str, object], message: str):
     options = {
@@ -390,5 +405,4 @@ def test_what_cannot_be_scored_is_refused_by_name(change: dict[str, object], mes
         "beat_mask": torch.ones(2, 3), "mask": torch.ones(2, 9), "fps": 15.0, "tau": 0.1,
         "params": HarmonyParams.recommended(),
     }  # fmt: skip
-    with pytest.raises(ValueError, match=message):
-        soft_harmony(**{**options, **change})
+    refused(message, soft_harmony, **{**options, **change})

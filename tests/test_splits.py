@@ -1,16 +1,15 @@
 """Splits by motion group: nothing is tested on movement that was trained on."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
 
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.splits import Split, split_units
-from harmolab.systems.common.units import DanceUnit, UnitSet
-from harmolab.types import Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.splits import Split, split_units
+from harmolab.systems.training.units import DanceUnit, UnitSet
+from tests.builders import cases, refused
 
 FPS = 2.0
 
@@ -138,8 +137,7 @@ def test_a_group_danced_in_two_dances_is_on_one_side():
 
 
 def test_units_of_unknown_groups_are_only_trained_on():
-    units = [*corpus(extras=False).units, unit(500, "", "")]
-    split = split_units(unit_set(units))
+    split = split_units(unit_set([*corpus(extras=False).units, unit(500, "", "")]))
     assert "s:500" in names(split.train)
     assert "s:500" not in names(split.test) | names(split.validation)
 
@@ -150,18 +148,14 @@ def test_one_group_cannot_be_split():
 
 
 def test_nothing_cannot_be_split():
-    with pytest.raises(ValueError, match="no unit is left for the train side: 0 units"):
-        split_units(unit_set([]))
+    refused("no unit is left for the train side: 0 units", split_units, unit_set([]))
 
 
-@pytest.mark.parametrize(
-    ("shares", "message"),
-    [
-        ({"test_share": 0.0}, "test_share must lie between 0 and 1, got 0.0"),
-        ({"validation_share": 1.5}, "validation_share must lie between 0 and 1, got 1.5"),
-        ({"test_share": 0.6, "validation_share": 0.4}, "leave nothing to train on: 0.6, 0.4"),
-    ],
+@cases(
+    "shares, message",
+    ({"test_share": 0.0}, "test_share must lie between 0 and 1, got 0.0"),
+    ({"validation_share": 1.5}, "validation_share must lie between 0 and 1, got 1.5"),
+    ({"test_share": 0.6, "validation_share": 0.4}, "leave nothing to train on: 0.6, 0.4"),
 )
 def test_shares_that_leave_nothing_are_refused(shares: dict[str, float], message: str):
-    with pytest.raises(ValueError, match=message):
-        split_units(corpus(), **shares)
+    refused(message, split_units, corpus(), **shares)

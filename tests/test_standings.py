@@ -1,18 +1,16 @@
 """Tables of a comparison from hand-made dances: means, intervals, ranks, the paper's columns."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from harmolab.lab.experiments.ablation import PAPER_MEANS
-from harmolab.lab.experiments.comparison import KEYS
-from harmolab.lab.experiments.contestants import HARMOGAN, LEE, REN, RIGHT_SONG, WITHOUT
-from harmolab.lab.experiments.measuring import MEASURES
-from harmolab.lab.experiments.printed import TABLE_1, TABLE_2, printed
-from harmolab.lab.experiments.standings import difference_table, mean_over_dances, table_by_dance, within_dances
 from harmolab.significance import bootstrap_interval, mean_interval
+from study.experiments.ablation import PAPER_MEANS
+from study.experiments.comparison import KEYS
+from study.experiments.contestants import HARMOGAN, LEE, REN, RIGHT_SONG, WITHOUT
+from study.experiments.measuring import MEASURES
+from study.experiments.printed import TABLE_1, TABLE_2, printed
+from study.experiments.standings import difference_table, mean_over_dances, table_by_dance, within_dances
 
 
 def dances(system: str, values: dict[tuple[int, str, str, int], float], **others: float) -> pd.DataFrame:
@@ -42,8 +40,7 @@ def test_mean_of_a_dance_is_over_draws_and_songs_and_that_of_all_over_dances():
 
 
 def test_several_windows_of_a_song_are_drawn_together():
-    values = {(1, "waltz", song, 1): float(song == "a") for song in ("a", "b")}
-    table = dances(RIGHT_SONG, values)
+    table = dances(RIGHT_SONG, {(1, "waltz", song, 1): float(song == "a") for song in ("a", "b")})
     more = pd.concat([table, table.assign(clip=table["clip"] + "'")])
     # As for two songs, however many windows each has.
     assert table_by_dance(more, "h")["low"].tolist() == table_by_dance(table, "h")["low"].tolist()
@@ -83,8 +80,7 @@ def test_a_difference_is_taken_clip_by_clip_and_ranked_only_by_both_intervals():
     assert (row["low"], row["high"]) == pytest.approx(mean_interval([0.31, 0.32])[1:])
     assert (row["low over songs"], row["high over songs"]) == pytest.approx((0.315, 0.315))
     assert row["rank"] == "above"
-    one = table[table["training"] == 1]
-    (row,) = difference_table(one, ["h"]).to_dict("records")
+    (row,) = difference_table(table[table["training"] == 1], ["h"]).to_dict("records")
     assert row["difference"] == pytest.approx(0.31)
     assert np.isnan([row["low"], row["high"]]).all() and row["rank"] == ""
 

@@ -1,7 +1,5 @@
 """Steady grids: planted tempo and phase come back, and music that keeps none is followed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -12,10 +10,11 @@ import pytest
 from numpy.typing import ArrayLike
 
 from harmolab.beats.audio import audio_beats, sounding_span
-from harmolab.beats.steady import accents, best_grid, likelier_tempo, steady_beats
-from harmolab.corpora.folders import load_recording
-from harmolab.io.audio import load_audio
+from harmolab.beats.tempo import accents, best_grid, likelier_tempo, steady_beats
+from harmolab.data.recordings import load_recording
+from harmolab.readers.audio import load_audio
 from harmolab.types import Audio
+from tests.builders import cases
 
 RATE = 43.0  # hertz
 SECONDS = 40.0
@@ -89,14 +88,12 @@ def test_few_beats_make_no_grid():
     assert steady.quality == steady.fit == 0
 
 
-@pytest.mark.parametrize(
-    ("weak", "tempo", "expected"),
-    [
-        (0.1, 160, 80),  # every second beat hardly sounds
-        (1.0, 160, 160),
-        (0.1, 110, 110),  # 55 would be too slow for a beat
-        (1.0, 120, 160),  # a tracker that took three quarters of the tempo
-    ],
+@cases(
+    "weak, tempo, expected",
+    (0.1, 160, 80),  # every second beat hardly sounds
+    (1.0, 160, 160),
+    (0.1, 110, 110),  # 55 would be too slow for a beat
+    (1.0, 120, 160),  # a tracker that took three quarters of the tempo
 )
 def test_a_tempo_is_halved_or_mended_only_where_the_envelope_says_so(weak: float, tempo: float, expected: float):
     beats = np.arange(0.2, SECONDS, 60 / (110 if tempo == 110 else 160))
@@ -141,16 +138,14 @@ def test_of_23_dances_four_get_another_tempo_when_the_dance_is_not_told(data_roo
 
 
 @pytest.mark.data
-@pytest.mark.parametrize(
-    ("folder", "tempo"),
-    [
-        ("dance/mmd_wavefile", 135.0),
-        ("dance/nao_thriller_scaled", 118.3),
-        ("replays/replay_as_it_was", 174.01),
-        ("replays/replay_bang", 140.0),
-        ("replays/replay_jungle_fury", 145.0),
-        ("replays/replay_naughty_demon", 125.0),
-    ],
+@cases(
+    "folder, tempo",
+    ("dance/mmd_wavefile", 135.0),
+    ("dance/nao_thriller_scaled", 118.3),
+    ("replays/replay_as_it_was", 174.01),
+    ("replays/replay_bang", 140.0),
+    ("replays/replay_jungle_fury", 145.0),
+    ("replays/replay_naughty_demon", 125.0),
 )
 def test_songs_of_constant_tempo_have_it_to_a_tenth_of_a_percent(data_root: Path, folder: str, tempo: float):
     track = audio_beats(load_audio(data_root / "realdance" / folder / "audio.ogg"))

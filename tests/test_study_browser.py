@@ -1,7 +1,5 @@
 """A rater in a browser: plays a trial, answers by clicking, comes back after a reload, on a page and in JupyterLab."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,9 +9,9 @@ import nbformat
 import pytest
 
 from harmolab.lab.listening.answers import AnswerLog
-from harmolab.lab.listening.presenting import StudyServer
+from harmolab.lab.listening.local_page import StudyServer
 from harmolab.lab.listening.trials import Item, TrialSet, make_trials
-from harmolab.lab.widgets.player import blind_page
+from harmolab.lab.player import blind_page
 from harmolab.types import Clip
 from tests.builders import planted_dance
 from tests.test_browser import TOKEN, running_jupyterlab
@@ -130,8 +128,8 @@ CELL = """from pathlib import Path
 import harmolab
 from harmolab.lab.listening.answers import AnswerLog
 from harmolab.lab.listening.trials import Item, make_trials
-from harmolab.lab.listening.presenting import StudyServer
-from harmolab.lab.widgets.player import blind_page
+from harmolab.lab.listening.local_page import StudyServer
+from harmolab.lab.player import blind_page
 clip = harmolab.synthetic_clip("cha-cha", seconds=5.0, seed=1)
 items = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(4)]
 trials = make_trials(items, kind="pick", n=4, seed=1, rater="Ada")

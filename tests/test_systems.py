@@ -4,8 +4,6 @@ A system joins the tests by a line in `SYSTEMS`: a function that makes a small o
 (`PLAYERS`) fulfil what is not about dances.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -24,31 +22,20 @@ from typer.testing import CliRunner, Result
 
 from harmolab import synthetic_clip
 from harmolab.beats.audio import audio_beats
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import Skeleton
 from harmolab.cli import app
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.files import PathLike
-from harmolab.io.motion import load_motion
-from harmolab.io.player_points import PLAYER_50
-from harmolab.kinematics import resample_motion
+from harmolab.data.synthetic import write_corpus
+from harmolab.files import PathLike
+from harmolab.musician.cleaning import Reference
+from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.params import Audio2BodyParams
+from harmolab.musician.sequences import PointSpace
+from harmolab.musician.system import Audio2Body
+from harmolab.readers.motion import load_motion
+from harmolab.readers.player_points import PLAYER_50
 from harmolab.systems import System, find, load, names
-from harmolab.systems.audio2body.networks import SoundToPoints
-from harmolab.systems.audio2body.params import Audio2BodyParams
-from harmolab.systems.audio2body.placing import Reference
-from harmolab.systems.audio2body.point_space import PointSpace
-from harmolab.systems.audio2body.system import Audio2Body
 from harmolab.systems.choreographer import Choreographer
-from harmolab.systems.common import phases as training_loop
-from harmolab.systems.common.about import DEFAULT_STEM, stored_skeleton
-from harmolab.systems.common.audio_features import audio_features
-from harmolab.systems.common.checkpoints import load_state, open_folder
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.motion_code import bone_lengths, decode_motion, encode_motion
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.poses_bank import PoseBank
-from harmolab.systems.common.shards import Batching, Tensors
-from harmolab.systems.common.splits import split_units
-from harmolab.systems.common.unit_corpus import load_units
-from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.contract import PLAYERS
 from harmolab.systems.harmogan.networks import Generator
 from harmolab.systems.harmogan.params import ModelParams
@@ -62,8 +49,19 @@ from harmolab.systems.music2dance.params import Music2DanceParams
 from harmolab.systems.music2dance.system import Music2Dance
 from harmolab.systems.ren2020.networks import RenGenerator
 from harmolab.systems.ren2020.params import RenParams
-from harmolab.systems.ren2020.system import Ren2020
-from harmolab.types import Audio, BeatTrack, Clip, Motion, Skeleton
+from harmolab.systems.ren2020.train import Ren2020
+from harmolab.systems.training import loop as training_loop
+from harmolab.systems.training.about import DEFAULT_STEM, stored_skeleton
+from harmolab.systems.training.checkpoints import load_state, open_folder
+from harmolab.systems.training.features import FeatureParams, audio_features
+from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, fit, make_fabric
+from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion
+from harmolab.systems.training.runs import PoseBank
+from harmolab.systems.training.splits import split_units
+from harmolab.systems.training.units import load_units
+from harmolab.systems.training.weights import load_weights, save_weights
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from tests.builders import cases
 
 TOY = f"{__name__}:Toy"
 FEATURES = FeatureParams(n_mfcc=2, beat_channels=True)
@@ -445,17 +443,15 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
     assert isinstance(load(tmp_path), HarmoGAN)
 
 
-@pytest.mark.parametrize(
-    ("stranger", "message"),
-    [
-        (
-            "polka",
-            "unknown system 'polka'; there are audio2body, choreographer, harmogan, lee2019, music2dance, ren2020",
-        ),
-        ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
-        (f"{__name__}:Nobody", "has no class Nobody"),
-        ("json:dumps", "json has no class dumps"),
-    ],
+@cases(
+    "stranger, message",
+    (
+        "polka",
+        "unknown system 'polka'; there are audio2body, choreographer, harmogan, lee2019, music2dance, ren2020",
+    ),
+    ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
+    (f"{__name__}:Nobody", "has no class Nobody"),
+    ("json:dumps", "json has no class dumps"),
 )
 def test_an_unknown_system_is_named(stranger: str, message: str):
     with pytest.raises(ValueError, match=message):

@@ -1,7 +1,5 @@
 """The layout of Tang et al. (2018): units, axes, splices, floor, clock, and lengths that do not fit."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path
@@ -10,17 +8,18 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.corpora.folders import load_recording
-from harmolab.corpora.tang2018 import (
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import (
     PAPER_21,
     TANG_23,
     dance_of,
     load_config,
+    load_recording,
     load_skeletons,
     on_the_floor,
     splice_steps,
 )
-from harmolab.types import Skeleton
+from tests.builders import cases, refused
 
 FRAMES = 60
 
@@ -79,15 +78,13 @@ def test_clip_starts_at_start_position_over_25_and_knows_its_dance(tmp_path: Pat
     assert clip.audio.duration == 5.0
 
 
-@pytest.mark.parametrize(
-    ("name", "dance"),
-    [
-        ("DANCE_C_2", "cha-cha"),
-        ("DANCE_R_10", "rumba"),
-        ("DANCE_T_5", "tango"),
-        ("DANCE_W_1", "waltz"),
-        ("DANCE_X_1", ""),
-    ],
+@cases(
+    "name, dance",
+    ("DANCE_C_2", "cha-cha"),
+    ("DANCE_R_10", "rumba"),
+    ("DANCE_T_5", "tango"),
+    ("DANCE_W_1", "waltz"),
+    ("DANCE_X_1", ""),
 )
 def test_dance_is_read_from_the_folder_name(name: str, dance: str):
     assert dance_of(Path("a") / name) == dance
@@ -112,13 +109,11 @@ def test_the_papers_21_joints_are_the_first_21_and_still_a_tree(tmp_path: Path):
 def test_skeleton_hangs_on_the_torso_with_limbs_on_their_own_side(skeleton: Skeleton):
     assert [joint for joint, parent in zip(skeleton.joints, skeleton.parents, strict=True) if parent < 0] == ["torso"]
     for parent, child in skeleton.bones:
-        sides = {skeleton.joints[joint].split("_")[0] for joint in (parent, child)}
-        assert not {"left", "right"} <= sides
+        assert not {"left", "right"} <= {skeleton.joints[joint].split("_")[0] for joint in (parent, child)}
 
 
 def test_frames_that_a_splice_leads_to_are_not_valid(tmp_path: Path):
-    folder = write_recording(tmp_path / "DANCE_W_1", spliced(20, 26))
-    motion = load_skeletons(folder / "skeletons.json")
+    motion = load_skeletons(write_recording(tmp_path / "DANCE_W_1", spliced(20, 26)) / "skeletons.json")
     np.testing.assert_array_equal(np.flatnonzero(~motion.valid), [21, 22, 23, 24, 25, 26])
 
 
@@ -155,10 +150,7 @@ def test_motion_a_little_shorter_than_its_config_is_read(tmp_path: Path):
 @pytest.mark.parametrize(("span", "rate"), [(30, "50.0"), (120, "12.5")])
 def test_motion_of_another_frame_rate_is_refused(tmp_path: Path, span: int, rate: str):
     folder = write_recording(tmp_path / "DANCE_W_1", swaying(), span=span)
-    with pytest.raises(
-        ValueError, match=rf"skeletons\.json: has 60 frames, config.json spans {span} .*{rate} fps would fit"
-    ):
-        load_recording(folder)
+    refused(rf"skeletons\.json: has 60 frames, config.json spans {span} .*{rate} fps would fit", load_recording, folder)
 
 
 @pytest.mark.parametrize("part", ["skeletons.json", "config.json", "audio.wav"])
@@ -169,61 +161,51 @@ def test_missing_part_is_named(tmp_path: Path, part: str):
         load_recording(folder)
 
 
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        ({"length": 59}, "says length 59, but holds 60 frames"),
-        ({"center": [[0, 0, 0]]}, r"center must have shape \(60, 3\), got \(1, 3\)"),
-        ({"skeletons": [[[0, 0, 0]]]}, r"skeletons must have shape \(any, 23, 3\), got \(1, 1, 3\)"),
-        ({"skeletons": "none"}, "skeletons must be numbers"),
-        ({"center": [[0, 0, 1e9]] * 60}, "positions over 1 km"),
-        ({"center": [[0, 0, float("nan")]] * 60}, "center hold NaN or infinity at frame 0"),
-    ],
+@cases(
+    "change, fault",
+    ({"length": 59}, "says length 59, but holds 60 frames"),
+    ({"center": [[0, 0, 0]]}, r"center must have shape \(60, 3\), got \(1, 3\)"),
+    ({"skeletons": [[[0, 0, 0]]]}, r"skeletons must have shape \(any, 23, 3\), got \(1, 1, 3\)"),
+    ({"skeletons": "none"}, "skeletons must be numbers"),
+    ({"center": [[0, 0, 1e9]] * 60}, "positions over 1 km"),
+    ({"center": [[0, 0, float("nan")]] * 60}, "center hold NaN or infinity at frame 0"),
 )
 def test_damaged_skeletons_are_refused_with_their_fault(tmp_path: Path, change: dict[str, object], fault: str):
     path = write_recording(tmp_path / "DANCE_W_1", swaying()) / "skeletons.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(ValueError, match=rf"skeletons\.json: .*{fault}"):
-        load_skeletons(path)
+    refused(rf"skeletons\.json: .*{fault}", load_skeletons, path)
 
 
 def test_nan_in_a_skeleton_names_frame_and_joint(tmp_path: Path):
     poses = swaying()
     poses[7, 8, 1] = np.nan
     folder = write_recording(tmp_path / "DANCE_W_1", poses)
-    with pytest.raises(ValueError, match=r"skeletons hold NaN or infinity at frame 7, joint 8 \(left_knee\)"):
-        load_recording(folder)
+    refused(r"skeletons hold NaN or infinity at frame 7, joint 8 \(left_knee\)", load_recording, folder)
 
 
-@pytest.mark.parametrize(
-    ("content", "fault"),
-    [
-        ('{"start_position": 5}', "whole numbers start_position and end_position"),
-        ('{"start_position": 5.5, "end_position": 9}', "whole numbers"),
-        ('{"start_position": 9, "end_position": 9}', "must end after it starts"),
-        ('{"start_position": -9, "end_position": 9}', "must end after it starts"),
-        ('{"start_position": 0, "end_position": 99999999}', "must end after it starts"),
-        ("[]", "whole numbers"),
-        ("", "the file is empty"),
-    ],
+@cases(
+    "content, fault",
+    ('{"start_position": 5}', "whole numbers start_position and end_position"),
+    ('{"start_position": 5.5, "end_position": 9}', "whole numbers"),
+    ('{"start_position": 9, "end_position": 9}', "must end after it starts"),
+    ('{"start_position": -9, "end_position": 9}', "must end after it starts"),
+    ('{"start_position": 0, "end_position": 99999999}', "must end after it starts"),
+    ("[]", "whole numbers"),
+    ("", "the file is empty"),
 )
 def test_damaged_config_is_refused_with_its_fault(tmp_path: Path, content: str, fault: str):
     (tmp_path / "config.json").write_text(content)
-    with pytest.raises(ValueError, match=rf"config\.json: .*{fault}"):
-        load_config(tmp_path / "config.json")
+    refused(rf"config\.json: .*{fault}", load_config, tmp_path / "config.json")
 
 
 def test_motion_that_starts_behind_the_end_of_the_audio_is_refused(tmp_path: Path):
     folder = write_recording(tmp_path / "DANCE_W_1", swaying(), start=200)
-    with pytest.raises(ValueError, match=r"DANCE_W_1: .*does not overlap audio of 5\.00 s"):
-        load_recording(folder)
+    refused(r"DANCE_W_1: .*does not overlap audio of 5\.00 s", load_recording, folder)
 
 
 @pytest.mark.parametrize(("option", "value"), [("points", 25), ("clock", 0.0), ("clock", 25.0)])
 def test_option_out_of_range_is_refused_by_name(tmp_path: Path, option: str, value: float):
-    folder = write_recording(tmp_path / "DANCE_W_1", swaying())
-    with pytest.raises(ValueError, match=option):
-        load_recording(folder, **{option: value})
+    refused(option, load_recording, write_recording(tmp_path / "DANCE_W_1", swaying()), **{option: value})
 
 
 @pytest.mark.data

@@ -1,7 +1,5 @@
 """A person at the tap page in a browser: plays the song, taps by key and by touch, marks "one", saves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -9,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harmolab.beats.taps import TappedBeats, tapped_beats
-from harmolab.lab.listening.tapping import TapServer
+from harmolab.lab.listening.local_page import TapServer
+from harmolab.readers.beats import TappedBeats, tapped_beats
 from harmolab.types import Audio
 from tests.test_study_browser import PHONE, WAIT, WIDE, opened
 

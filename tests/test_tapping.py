@@ -1,7 +1,5 @@
 """The page on which a song is tapped: what it sends, what it takes, what it refuses."""
 
-from __future__ import annotations
-
 import http.client
 import io
 import json
@@ -12,8 +10,9 @@ import numpy as np
 import pytest
 import soundfile
 
-from harmolab.lab.listening.tapping import TapServer
+from harmolab.lab.listening.local_page import TapServer
 from harmolab.types import Audio
+from tests.builders import cases
 from tests.test_listening_presenting import ask
 
 Saved = list[tuple[list[float], list[float]]]
@@ -52,22 +51,19 @@ def test_page_plays_the_song_and_names_it(server: TapServer, click_track: Callab
 
 def test_taps_are_handed_on_and_the_answer_comes_back(server: TapServer, saved: Saved):
     assert not server.finished.is_set()
-    reply = ask(server.address, "POST", json.dumps({"taps": [0.5, 1.0], "ones": [1.0]}))
-    assert reply == (200, "kept <all>")
+    assert ask(server.address, "POST", json.dumps({"taps": [0.5, 1.0], "ones": [1.0]})) == (200, "kept <all>")
     assert saved == [([0.5, 1.0], [1.0])]
     assert server.finished.wait(10)
 
 
-@pytest.mark.parametrize(
-    ("body", "fault"),
-    [
-        (json.dumps({"taps": [], "ones": []}), "0 taps are too few"),
-        (json.dumps({"taps": [0.5]}), "ones must"),
-        (json.dumps({"taps": [["x"]], "ones": []}), "taps must be numbers"),
-        ("[]", "taps come as a record"),
-        ("{", "Expecting property name"),
-        ("[" * 200_000, "lists within lists"),
-    ],
+@cases(
+    "body, fault",
+    (json.dumps({"taps": [], "ones": []}), "0 taps are too few"),
+    (json.dumps({"taps": [0.5]}), "ones must"),
+    (json.dumps({"taps": [["x"]], "ones": []}), "taps must be numbers"),
+    ("[]", "taps come as a record"),
+    ("{", "Expecting property name"),
+    ("[" * 200_000, "lists within lists"),
 )
 def test_what_is_no_taps_is_refused_and_the_person_may_go_on(server: TapServer, saved: Saved, body: str, fault: str):
     status, text = ask(server.address, "POST", body)

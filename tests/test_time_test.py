@@ -1,14 +1,13 @@
 """In time? Periodic movement of the music's tempo is, whatever its phase; other tempi and noise are not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from harmolab.shape_speed import ShapeSignal
 from harmolab.types import FloatArray
-from harmolab.verdict.time_test import N_RATIOS, RATIOS, TimeTest, time_test
+from harmolab.verdict.evidence import N_RATIOS, RATIOS, TimeTest, time_test
+from tests.builders import cases
 
 RATE = 100.0
 BEATS = 0.3 + 0.5 * np.arange(60)
@@ -89,10 +88,7 @@ def test_the_grids_lie_evenly_around_the_beats_own_tempo() -> None:
     np.testing.assert_allclose(RATIOS * RATIOS[::-1], 1.0)
 
 
-@pytest.mark.parametrize(
-    ("amplitude", "counts"),
-    [(1.0, 1.0), (0.25, 1.0), (0.2, 0.2 / 0.22), (0.1, 0.1 / 0.21)],
-)
+@cases("amplitude, counts", (1.0, 1.0), (0.25, 1.0), (0.2, 0.2 / 0.22), (0.1, 0.1 / 0.21))
 def test_a_block_counts_less_below_three_tenths_of_the_mean_spread(amplitude: float, counts: float) -> None:
     # Three blocks of four beats, the last moves so little. .3 of the mean is .225, .22 and .21 of the others' spread.
     beats = 0.4 * np.arange(13)

@@ -1,17 +1,15 @@
 """models.poses: the torch twin of the motion coding, and bones that keep their lengths."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 import pytest
 import torch
 
-from harmolab.corpora.tang2018 import TANG_23
-from harmolab.systems.common.motion_code import decode_motion
-from harmolab.systems.common.torch_code import decode, fix_bones, local_joints, root_path
-from harmolab.types import Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.data.recordings import TANG_23
+from harmolab.systems.training.layers import decode, fix_bones, local_joints, root_path
+from harmolab.systems.training.motion_code import decode_motion
 
 
 def code_of(path: list[list[float]]) -> torch.Tensor:
@@ -48,8 +46,7 @@ def test_after_a_quarter_turn_to_the_left_forward_goes_along_x():
 def test_a_turned_dancer_is_turned_in_the_world():
     code = code_of([[0.0, 0.0, 0.0], [0.0, 0.0, math.pi / 2]])
     code[..., :3] = torch.tensor([1.0, 0.5, 3.0])  # to the left, up, forward
-    world = decode(code, fps=1.0)[0, :, 0]
-    torch.testing.assert_close(world, torch.tensor([[1.0, 0.5, 3.0], [3.0, 0.5, -1.0]]))
+    torch.testing.assert_close(decode(code, fps=1.0)[0, :, 0], torch.tensor([[1.0, 0.5, 3.0], [3.0, 0.5, -1.0]]))
 
 
 def test_rates_of_the_first_frame_say_nothing():
@@ -61,8 +58,7 @@ def test_rates_of_the_first_frame_say_nothing():
 
 def test_decoding_agrees_with_the_numpy_one(rng: np.random.Generator):
     code = rng.normal(size=(3, 40, 72))
-    ours = decode(torch.from_numpy(code), fps=15.0)
-    for batched, alone in zip(ours.numpy(), code, strict=True):
+    for batched, alone in zip(decode(torch.from_numpy(code), fps=15.0).numpy(), code, strict=True):
         np.testing.assert_allclose(batched, decode_motion(alone, 15.0, TANG_23), atol=1e-9)
 
 
@@ -72,8 +68,7 @@ def test_decoding_has_the_gradient_it_should(rng: np.random.Generator):
 
 
 def test_local_joints_are_the_first_channels():
-    code = torch.arange(9.0)[None, None]
-    assert local_joints(code).tolist() == [[[[0, 1, 2], [3, 4, 5]]]]
+    assert local_joints(torch.arange(9.0)[None, None]).tolist() == [[[[0, 1, 2], [3, 4, 5]]]]
 
 
 def test_bones_get_their_lengths_and_keep_their_directions():

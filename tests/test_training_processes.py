@@ -1,7 +1,5 @@
 """Trainings in processes of their own: killed at any moment, or shared by two under torchrun, they end the same."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os
@@ -11,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from harmolab.systems.common.shards import Batching, check_shards
+from harmolab.systems.training.loop import Batching, check_shards
+from tests.builders import refused
 
 SCRIPT = Path(__file__).with_name("tiny_training.py")
 CASES = ("paper", "recommended", "paper_13", "own_music", "paper_shards", "recommended_shards")
@@ -31,8 +30,7 @@ def test_a_run_killed_ten_times_at_random_moments_ends_as_if_undisturbed(tmp_pat
     moments = json.loads(python(SCRIPT, tmp_path, "--kills", 10).splitlines()[-1])
     assert len(moments) == 10
     assert "settings.json" in moments[0][1] and "pose_net.json" not in moments[0][1]
-    runs = {f"run{number}" for number, _ in moments}
-    for run in runs:
+    for run in {f"run{number}" for number, _ in moments}:
         for name in ("model.safetensors", "pretrained.safetensors", "pose_net.safetensors", "history.csv"):
             assert (tmp_path / run / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes(), (run, name)
 
@@ -77,7 +75,5 @@ def test_only_the_first_process_writes_events(shared: Path):
 
 def test_a_batch_that_cannot_be_shared_is_refused():
     check_shards(11, Batching(10), 5)  # batches of six and five
-    with pytest.raises(ValueError, match="batches of 5 units cannot be cut into 6 shards; 5 at most"):
-        check_shards(11, Batching(10), 6)
-    with pytest.raises(ValueError, match="3 shards cannot be spread evenly over 2 processes"):
-        check_shards(11, Batching(10, shards=3), 2)
+    refused("batches of 5 units cannot be cut into 6 shards; 5 at most", check_shards, 11, Batching(10), 6)
+    refused("3 shards cannot be spread evenly over 2 processes", check_shards, 11, Batching(10, shards=3), 2)

@@ -1,7 +1,5 @@
 """Sequences cut into meter units with the beats before them, and corpora read as sets of units."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -13,19 +11,18 @@ import numpy as np
 import pytest
 
 from harmolab.beats.meter import meter_units
-from harmolab.corpora.folders import Recording
-from harmolab.corpora.synthetic import write_corpus
-from harmolab.io.beats import BeatAnnotation, Unit
-from harmolab.io.motion import save_motion
-from harmolab.kinematics import resample_motion
-from harmolab.systems.common.audio_features import audio_features
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.groups import Segment
-from harmolab.systems.common.motion_code import encode_motion
-from harmolab.systems.common.splits import split_units
-from harmolab.systems.common.unit_corpus import load_units, meter_spans, recording_units
+from harmolab.body.kinematics import resample_motion
+from harmolab.data.recordings import Recording
+from harmolab.data.synthetic import write_corpus
+from harmolab.readers.beats import BeatAnnotation, Unit
+from harmolab.readers.motion import save_motion
+from harmolab.systems.training.features import FeatureParams, audio_features
+from harmolab.systems.training.groups import Segment
+from harmolab.systems.training.motion_code import encode_motion
+from harmolab.systems.training.splits import split_units
+from harmolab.systems.training.units import load_units, meter_spans, recording_units
 from harmolab.types import Audio, BeatTrack, Clip, Motion
-from tests.builders import metronome
+from tests.builders import cases, metronome, refused
 
 PARAMS = FeatureParams(fps=10.0, n_mfcc=4)
 # Accents of two 4/4 meters, as in the tests of Eq. 22.
@@ -63,16 +60,14 @@ def ends_meet(spans: list[tuple[int, int]], total: int) -> bool:
 @pytest.mark.parametrize("n_beats", [5, 6, 7, 9, 10, 11, 12, 13, 30, 101])
 def test_a_track_is_tiled_by_four_to_six_beats(n_beats: int):
     for seed in range(5):
-        strengths = np.random.default_rng(seed).random(n_beats)
-        spans = meter_spans(metronome(strengths), PARAMS)
+        spans = meter_spans(metronome(np.random.default_rng(seed).random(n_beats)), PARAMS)
         assert ends_meet(spans, n_beats - 1)
         assert {count for _, count in spans} <= {4, 5, 6}
 
 
 def test_meter_units_stay_where_they_are():
     # 5 weak beats, two meters, 5 weak beats: 0 + 5 + 4 + 4 + 5.
-    strengths = [5.0, 4.0, 3.0, 2.0, 1.0, *BAR, *BAR, 4.0, 3.0, 2.0, 1.0, 0.5, 0.4]
-    music = metronome(strengths)
+    music = metronome([5.0, 4.0, 3.0, 2.0, 1.0, *BAR, *BAR, 4.0, 3.0, 2.0, 1.0, 0.5, 0.4])
     assert [unit.start for unit in meter_units(music)][:2] == [2.5, 4.5]
     assert meter_spans(music, PARAMS)[:3] == [(0, 5), (5, 4), (9, 4)]
 
@@ -84,10 +79,7 @@ def test_a_gap_too_short_for_a_meter_joins_a_neighbour():
     assert meter_spans(music, PARAMS) == [(0, 6)]
 
 
-@pytest.mark.parametrize(
-    ("n_beats", "spans"),
-    [(0, []), (1, []), (2, [(0, 1)]), (4, [(0, 3)]), (5, [(0, 4)]), (8, [(0, 7)])],
-)
+@cases("n_beats, spans", (0, []), (1, []), (2, [(0, 1)]), (4, [(0, 3)]), (5, [(0, 4)]), (8, [(0, 7)]))
 def test_few_beats_make_one_span_or_none(n_beats: int, spans: list[tuple[int, int]]):
     assert meter_spans(metronome(np.ones(n_beats)), PARAMS) == spans
 
@@ -154,8 +146,7 @@ def test_units_lie_within_motion_and_music(danced: Callable[..., Recording], off
 
 
 def test_meters_tile_the_time_without_gap_or_overlap(danced: Callable[..., Recording]):
-    units = recording_units(danced(offset=2.03), PARAMS)
-    for one, other in pairwise(units):
+    for one, other in pairwise(recording_units(danced(offset=2.03), PARAMS)):
         assert other.meter_start == pytest.approx(one.end)
 
 
@@ -173,8 +164,7 @@ def test_additional_units_start_at_every_step_th_beat(danced: Callable[..., Reco
 
 @pytest.mark.parametrize("step", [0, -2])
 def test_a_step_that_leads_nowhere_is_refused(danced: Callable[..., Recording], step: int):
-    with pytest.raises(ValueError, match=f"step must be a positive number of beats, got {step}"):
-        recording_units(danced(), PARAMS, step=step)
+    refused(f"step must be a positive number of beats, got {step}", recording_units, danced(), PARAMS, step=step)
 
 
 def test_units_with_more_than_a_tenth_of_filler_are_left_out(danced: Callable[..., Recording]):
@@ -237,8 +227,7 @@ def test_a_synthetic_corpus_is_a_set_of_units(synthetic: Path):
     assert units.units[0].motion.shape[1] == 3 * 21 + 3
     assert all(unit.beats.size == 8 for unit in units.units)
     # The thigh, from hip to knee, is a quarter of the stature.
-    knee = units.skeleton.joints.index("knee L")
-    assert 0.35 < units.bone_lengths[knee] < 0.5
+    assert 0.35 < units.bone_lengths[units.skeleton.joints.index("knee L")] < 0.5
 
 
 def test_a_synthetic_corpus_can_be_split(synthetic: Path):
@@ -285,11 +274,9 @@ def test_a_sequence_that_cannot_be_read_is_left_out_with_a_note(synthetic: Path,
 
 def test_where_nothing_can_be_read_the_reason_is_told(synthetic: Path, tmp_path: Path):
     (copied(synthetic, tmp_path / "bad") / "motion.npz").write_bytes(b"no zip")
-    with pytest.raises(ValueError, match=r"no unit to train on below .*bad/motion\.npz"):
-        load_units(tmp_path, PARAMS)
+    refused(r"no unit to train on below .*bad/motion\.npz", load_units, tmp_path, PARAMS)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(ValueError, match="empty: there is no sequence"):
-        load_units(tmp_path / "empty", PARAMS)
+    refused("empty: there is no sequence", load_units, tmp_path / "empty", PARAMS)
     with pytest.raises(FileNotFoundError, match="nowhere: no such folder"):
         load_units(tmp_path / "nowhere", PARAMS)
 
@@ -297,8 +284,7 @@ def test_where_nothing_can_be_read_the_reason_is_told(synthetic: Path, tmp_path:
 def test_two_bodies_in_one_set_are_refused(synthetic: Path, tmp_path: Path, swinging_arm: Callable[..., Motion]):
     copied(synthetic, tmp_path / "a")
     save_motion(copied(synthetic, tmp_path / "b") / "motion.npz", swinging_arm(1.0, 60.0, seconds=12.0))
-    with pytest.raises(ValueError, match=r"b: has another skeleton \(3 joints\) than .*a \(21 joints\)"):
-        load_units(tmp_path, PARAMS)
+    refused(r"b: has another skeleton \(3 joints\) than .*a \(21 joints\)", load_units, tmp_path, PARAMS)
 
 
 def test_tangs_fifth_tango_is_left_out_unless_its_beats_were_laid_anew(synthetic: Path, tmp_path: Path):

@@ -1,15 +1,14 @@
 """Units, sets of units, and padded batches."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.units import DanceUnit, UnitSet, collate
-from harmolab.types import Skeleton
+from harmolab.body.skeletons import Skeleton
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.units import DanceUnit, UnitSet, collate
+from tests.builders import refused
 
 JOINT = Skeleton(("joint",), (-1,))
 
@@ -37,20 +36,17 @@ def test_a_unit_knows_its_lengths_and_times():
 
 @pytest.mark.parametrize("n_prior", [0, 4])
 def test_a_unit_needs_frames_before_the_meter_and_in_it(n_prior: int):
-    with pytest.raises(ValueError, match=f"a: {n_prior} of 4 frames come before the meter; needs both"):
-        unit(n_prior=n_prior)
+    refused(f"a: {n_prior} of 4 frames come before the meter; needs both", unit, n_prior=n_prior)
 
 
 def test_parts_of_a_unit_must_be_equally_long():
     with pytest.raises(ValueError, match="audio, motion and index must be equally long, got 3, 4 and 4 frames"):
         replace(unit(), audio=np.zeros((3, 1), np.float32))
-    with pytest.raises(ValueError, match="a: 2 beats have 1 strengths"):
-        replace(unit(), strengths=np.ones(1))
+    refused("a: 2 beats have 1 strengths", replace, unit(), strengths=np.ones(1))
 
 
 def test_two_units_of_one_name_are_refused():
-    with pytest.raises(ValueError, match="two units are called 'a'"):
-        unit_set(unit("b"), unit("a"), unit("a"))
+    refused("two units are called 'a'", unit_set, unit("b"), unit("a"), unit("a"))
 
 
 def test_units_are_selected_by_name_or_mask_in_their_order():
@@ -61,10 +57,8 @@ def test_units_are_selected_by_name_or_mask_in_their_order():
 
 
 def test_an_unknown_name_or_a_short_mask_is_refused():
-    with pytest.raises(ValueError, match="no unit is called 'd'"):
-        unit_set(unit("a")).select(["a", "d"])
-    with pytest.raises(ValueError, match=r"one entry per unit \(1\), got shape \(2,\)"):
-        unit_set(unit("a")).select(np.array([True, False]))
+    refused("no unit is called 'd'", unit_set(unit("a")).select, ["a", "d"])
+    refused(r"one entry per unit \(1\), got shape \(2,\)", unit_set(unit("a")).select, np.array([True, False]))
 
 
 def test_a_batch_is_padded_with_last_frames_that_do_not_count():
@@ -87,5 +81,4 @@ def test_units_without_beats_make_a_batch_without():
 
 
 def test_a_batch_of_nothing_is_refused():
-    with pytest.raises(ValueError, match="a batch needs at least one unit"):
-        collate([])
+    refused("a batch needs at least one unit", collate, [])

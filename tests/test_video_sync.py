@@ -1,7 +1,5 @@
 """The sound is where the mark is, and the pose is that of the moment, from the first second to the last."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,9 +7,9 @@ import av
 import numpy as np
 import pytest
 
-from harmolab.harmony import score_harmony
-from harmolab.io.video import write_video
 from harmolab.lab.render.scene import render_dance
+from harmolab.readers.video import write_video
+from harmolab.score import score_harmony
 from harmolab.types import Audio, BeatTrack, Motion
 
 RATE, FPS, SECONDS = 22050, 30.0, 60.0

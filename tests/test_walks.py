@@ -1,7 +1,5 @@
 """How far a call walks: passes between the rooms of the house, and how often the costly steps are taken."""
 
-from __future__ import annotations
-
 import builtins
 import inspect
 import sys
@@ -16,12 +14,12 @@ import numpy as np
 import pytest
 
 import harmolab
+from harmolab import clips
 from harmolab.beats import audio as beats_of_sound
 from harmolab.beats import visual
 from harmolab.cli import app
-from harmolab.corpora import files
-from harmolab.io import audio as sound_files
 from harmolab.params import HarmonyParams
+from harmolab.readers import audio as sound_files
 from harmolab.systems.choreographer.banks import shipped_bank
 from tests.builders import called, planted_dance, write_dance, write_song
 
@@ -171,7 +169,7 @@ def test_mir_eval_is_imported_only_where_its_rows_are_printed(
 def test_a_dance_decodes_the_song_once_and_scores_each_dance_once_a_mode(
     song: Path, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from harmolab.harmony import score_motion
+    from harmolab.verdict.judge import score_motion
 
     succeed("dance", song, "--seconds", 4, "--out", tmp_path / "first.npz")  # all modules are there to be counted in
     decoded, tracked, scored = (
@@ -186,5 +184,5 @@ def test_a_dance_decodes_the_song_once_and_scores_each_dance_once_a_mode(
 
 
 def test_beats_are_tracked_in_the_same_sound_whatever_rate_the_clip_keeps(song: Path) -> None:
-    own = files.load_sound(song, sample_rate=None)
-    assert np.array_equal(files.tracked_sound(song, own).samples, files.load_sound(song).samples)
+    own = clips.load_sound(song, sample_rate=None)
+    assert np.array_equal(clips.tracked_sound(song, own).samples, clips.load_sound(song).samples)

@@ -4,8 +4,6 @@
 of that epoch begins.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -19,10 +17,10 @@ import torch
 from typer.testing import CliRunner, Result
 
 from harmolab.cli import app
-from harmolab.systems.common import phases
 from harmolab.systems.music2dance import train
 from harmolab.systems.music2dance.attributes import AttributeParams
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
+from harmolab.systems.training import loop
 
 SONG = SongParams(channels=(2, 3), hidden=4, window=2.0, hop=1.0)
 TINY = replace(
@@ -53,7 +51,7 @@ def trained(*arguments: object) -> Result:
 @contextmanager
 def killed_in(epoch: int) -> Iterator[None]:
     """Within it, this process is killed when the second batch of an epoch, counted over all phases, begins."""
-    whole = phases.epoch_shards
+    whole = loop.epoch_shards
 
     def until(fabric: Any, units: Any, number: int, batching: Any) -> Iterator[Any]:
         for place, shards in enumerate(whole(fabric, units, number, batching)):
@@ -61,7 +59,7 @@ def killed_in(epoch: int) -> Iterator[None]:
                 os.kill(os.getpid(), signal.SIGKILL)
             yield shards
 
-    with patch.object(phases, "epoch_shards", until):
+    with patch.object(loop, "epoch_shards", until):
         yield
 
 

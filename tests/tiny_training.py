@@ -4,8 +4,6 @@
 a case is a key of `CASES`. `python tiny_training.py DESTINATION --kills 10` kills trainings and lets them go on.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random
@@ -19,14 +17,14 @@ from typing import Any
 import numpy as np
 import torch
 
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.motion_code import bone_lengths, encode_motion
-from harmolab.systems.common.phases import make_fabric
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.units import DanceUnit, UnitSet
+from harmolab.body.skeletons import Skeleton
 from harmolab.systems.harmogan.params import ModelParams, TrainParams
 from harmolab.systems.harmogan.train import train_harmogan
-from harmolab.types import Skeleton
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.motion_code import bone_lengths, encode_motion
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import DanceUnit, UnitSet
 
 FPS = 15.0
 DANCER = Skeleton(("hips", "left_hip", "right_hip", "left_toe", "right_toe"), (-1, 0, 0, 1, 2))
@@ -84,9 +82,9 @@ def tiny_split(*, beat_channels: bool = True, n_train: int = 13) -> Split:
 
 def main(destination: Path, cases: list[str]) -> None:
     torch.set_num_threads(1)
-    fabric = make_fabric(accelerator="cpu")
     for case in cases:
-        train_harmogan(tiny_split(), destination / case, model=MODEL, params=CASES[case], fabric=fabric)
+        options = TrainOptions(destination / case, accelerator="cpu")
+        train_harmogan(tiny_split(), options, model=MODEL, params=CASES[case])
 
 
 # Kill -9. Processes are forked, so that not every one of them has to import torch first.
@@ -98,7 +96,7 @@ def start(split: Split, folder: Path) -> int:
     """Number of a process that trains in `folder`, going on where an earlier one was killed."""
     if child := os.fork():
         return child
-    train_harmogan(split, folder, model=MODEL, params=LONGER, resume=True, fabric=make_fabric(accelerator="cpu"))
+    train_harmogan(split, TrainOptions(folder, resume=True, accelerator="cpu"), model=MODEL, params=LONGER)
     os._exit(0)
 
 

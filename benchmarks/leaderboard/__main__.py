@@ -16,6 +16,7 @@ import datetime
 import hashlib
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,15 +25,15 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.leaderboard.page import SCORES, TABLE_MEASURES, page
-from harmolab.io.files import PathLike, plain, read_json, reading, write_json, write_text
+from harmolab.files import PathLike, plain, read_json, reading, write_json, write_text
 from harmolab.lab.compare.auc import CorpusResult, compare
-from harmolab.lab.evaluate.collecting import collect
-from harmolab.lab.evaluate.controls import CONTROLS
 from harmolab.lab.evaluate.evaluation import CLIPS, MARK
-from harmolab.lab.evaluate.methods import MUSICAL
-from harmolab.lab.evaluate.pairing import RECORDED
-from harmolab.lab.evaluate.rows import MEASURES, OTHER_SONG
-from harmolab.lab.evaluate.summary import measure_of, ranks, system_differences, system_means
+from harmolab.lab.evaluate.measured import MEASURES
+from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
+from harmolab.lab.evaluate.rows import CONTROLS
+from harmolab.lab.evaluate.sets import collect
+from harmolab.lab.evaluate.summary import measure_of, ranks, song_interval, system_differences, system_means
+from harmolab.lab.evaluate.tables import MUSICAL
 from harmolab.significance import auc, bootstrap_interval_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -75,11 +76,12 @@ def evaluate_numbers(dances: pd.DataFrame, settings: Mapping[str, Any]) -> dict[
     """
     part = dances.assign(key=dances.index.map("{:06d}".format), skeleton="", error="")
     songs = collect([part]).song_means
-    options = {"count": settings["resamples"], "seed": settings["seed"]}
+    interval = partial(song_interval, count=settings["resamples"], seed=settings["seed"])
     present = dict.fromkeys(dances["system"])
     systems = [name for name in present if name not in CONTROLS]
     names = [*systems, *(name for name in CONTROLS if name in present)]
-    means, differences = system_means(songs, **options), system_differences(songs, names, **options)
+    means = system_means(songs, interval=interval)
+    differences = system_differences(songs, names, interval=interval)
     numbers: dict[str, dict[str, Any]] = {}
     for name in names:
         own = dances[dances["system"] == name]

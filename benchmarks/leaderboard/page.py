@@ -7,9 +7,9 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from harmolab.lab.evaluate.controls import CONTROLS
+from harmolab.lab.evaluate.rows import CONTROLS
 from harmolab.lab.evaluate.summary import measure_of
-from harmolab.lab.evaluate.table_files import number_text
+from harmolab.lab.evaluate.tables import number_text
 
 SCORES = {
     "recommended": "recommended score of harmolab",

@@ -1,4 +1,4 @@
-"""Reference pages of the public names, one for each area of `harmolab`, `harmolab.lab` and `harmolab.systems`."""
+"""Reference pages of the public names, one for each area of `harmolab`, its `systems`, its `lab` and its `musician`."""
 
 from __future__ import annotations
 
@@ -13,23 +13,27 @@ from sphinx.application import Sphinx
 
 # A bar or a last underscore outside backquotes.
 PROSE = re.compile(r"(?P<quoted>`[^`]*`)|(?P<mark>\||(?<=\w)_(?!\w))")
-FACADES = ("harmolab", "harmolab.systems", "harmolab.lab")
+FACADES = ("harmolab", "harmolab.systems", "harmolab.lab", "harmolab.musician")
 AREAS = {
-    "harmolab.bar_pattern": "Bar patterns",
     "harmolab.beats": "Beats of music and movement",
-    "harmolab.corpora": "Clips, recordings and synthetic data",
-    "harmolab.harmony": "Scores",
-    "harmolab.io": "Files: motion, sound, beats, video",
+    "harmolab.body": "Skeletons",
+    "harmolab.clips": "Two files, one clip, one score",
+    "harmolab.data": "Recordings and synthetic data",
+    "harmolab.score": "Scores",
+    "harmolab.readers": "Files: motion, sound, beats, video",
     "harmolab.lab": "Comparing and harmonising",
     "harmolab.metrics": "Measures of quality and likeness",
     "harmolab.params": "Settings",
     "harmolab.significance": "Significance",
-    "harmolab.skeletons": "Skeletons",
     "harmolab.types": "Motion, sound, beats, clips",
     "harmolab.verdict": "Results of a score",
-    "harmolab.systems.audio2body": "Audio to Body: musicians",
+    "harmolab.musician": "Audio to Body: musicians",
+    "harmolab.musician.explain": "Hands and sound",
+    "harmolab.musician.page": "Pages of musicians",
+    "harmolab.musician.system": "The system",
+    "harmolab.musician.video": "Pictures of musicians",
     "harmolab.systems.choreographer": "The choreographer",
-    "harmolab.systems.common": "Shared by all systems",
+    "harmolab.systems.training": "Shared by all systems",
     "harmolab.systems.contract": "Finding and loading a system",
     "harmolab.systems.harmogan": "HarmoGAN",
     "harmolab.systems.lee2019": "Lee et al. 2019",
@@ -37,14 +41,14 @@ AREAS = {
     "harmolab.systems.ren2020": "Ren et al. 2020",
     "harmolab.lab.compare": "Which score tells right from wrong music?",
     "harmolab.lab.evaluate": "Tables of systems that dance",
-    "harmolab.lab.experiments": "Experiments of the notebooks",
+    "harmolab.lab.explain": "Explaining one dance",
     "harmolab.lab.figures": "Figures",
+    "harmolab.lab.harmonise": "Bringing a dance into harmony",
+    "harmolab.lab.labs": "Labs in JupyterLab",
     "harmolab.lab.listening": "Listening studies",
-    "harmolab.lab.profile": "Quick and full runs",
-    "harmolab.lab.render": "Pages and videos",
+    "harmolab.lab.player": "The player",
+    "harmolab.lab.render": "Videos",
     "harmolab.lab.report": "The report",
-    "harmolab.lab.timing": "Explaining one dance",
-    "harmolab.lab.widgets": "Labs in JupyterLab",
 }
 
 

@@ -11,6 +11,8 @@ from typing import Any
 from generated_pages import write_pages
 from sphinx.application import Sphinx
 
+from study.findings import notebook_finding
+
 ROOT = Path(__file__).resolve().parents[2]
 # Folders of data in the manifest, in words; the first that fits a name is taken.
 SOURCES = {
@@ -21,12 +23,12 @@ SOURCES = {
 }
 
 
-def finding(notebook: dict[str, Any]) -> tuple[str, str]:
-    """(title, the finding in one sentence) of a notebook: of its metadata, else of the first bold words in it."""
+def finding(path: Path, notebook: dict[str, Any]) -> tuple[str, str]:
+    """(title, finding in one sentence) of a notebook: of its metadata, of its first bold words, or of its tables."""
     text = next("".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "markdown")
     title = text.partition("\n")[0].lstrip("# ").strip()
     bold = re.search(r"\*\*(.+?)\*\*", text, flags=re.DOTALL)
-    said = notebook["metadata"].get("harmolab", {}).get("finding") or (bold[1] if bold else "")
+    said = notebook["metadata"].get("harmolab", {}).get("finding") or (bold[1] if bold else notebook_finding(path))
     return title, " ".join(said.split())
 
 
@@ -82,7 +84,7 @@ def gallery() -> dict[str, str]:
     pages, cards, names = {}, [], []
     for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
         notebook = json.loads(path.read_text("utf-8"))
-        title, said = finding(notebook)
+        title, said = finding(path, notebook)
         pictures = figures(path, notebook, manifest)
         pages[f"gallery/{path.stem}.md"] = "\n".join(
             page(path, title, said, {name: manifest[name] for name in pictures})

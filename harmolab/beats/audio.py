@@ -1,8 +1,8 @@
 """Audio to beats by librosa onset strength and tempo (Eq. 2-3). The whole track is tracked once, then sliced.
 
 The tracked beats are laid on one steady grid where the music keeps one, else they follow it; see
-`harmolab.beats.steady`. Analysis is cached on disk under a hash of the samples, so a song is listened to once; see
-`harmolab.io.files`.
+`harmolab.beats.tempo`. Analysis is cached on disk under a hash of the samples, so a song is listened to once; see
+`harmolab.files`.
 """
 
 from __future__ import annotations
@@ -10,10 +10,12 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import sys
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,11 +23,52 @@ import numpy as np
 from filelock import FileLock
 from numpy.typing import NDArray
 
-from harmolab.beats.compiling import is_tracker_compiled
-from harmolab.beats.steady import NEAR, likelier_tempo, steady_beats
-from harmolab.io.files import cached_arrays, keep_arrays
+from harmolab.beats.tempo import NEAR, likelier_tempo, steady_beats
+from harmolab.files import cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray
+
+# State of librosa's tracker on this machine: compiled or not, as numba's cache tells.
+
+
+def is_tracker_compiled() -> bool:
+    """True where numba's cache holds librosa's tracker for this Python. librosa is not imported, which would compile.
+
+    The cache lies in ``NUMBA_CACHE_DIR`` where that is set, else beside librosa's files, else with the user's caches.
+    """
+    name = f"*beat*.py{sys.version_info.major}{sys.version_info.minor}*.nbi"
+    return any(next(folder.rglob(name), None) is not None for folder in _numba_caches())
+
+
+def _numba_caches() -> list[Path]:
+    if named := os.environ.get("NUMBA_CACHE_DIR"):
+        return [Path(named)]
+    from platformdirs import user_cache_path
+
+    spec = find_spec("librosa")
+    beside = [] if spec is None else [Path(folder) for folder in spec.submodule_search_locations or ()]
+    return [*beside, user_cache_path("numba", appauthor=False)]
+
+
+# Music with a click on each of its beats, to judge beats by ear.
+
+SECONDS = 0.03  # of a click
+DECAY = 0.006  # seconds in which it falls to 1/e
+PITCHES = (2400.0, 1500.0)  # hertz: on "one", on any other beat
+MUSIC = 0.5  # amplitude of the music, whose largest is 1, under clicks of 0.5
+
+
+def with_clicks(audio: Audio, track: BeatTrack) -> Audio:
+    """The music, its loudest sample at half of full scale, with a click on each beat, higher on the first of a bar."""
+    samples = audio.samples * (MUSIC / max(float(np.abs(audio.samples).max()), 1e-12))
+    time = np.arange(round(SECONDS * audio.sample_rate)) / audio.sample_rate
+    one, other = (0.5 * np.sin(2 * np.pi * pitch * time) * np.exp(-time / DECAY) for pitch in PITCHES)
+    places = np.ones(len(track)) if track.bar_places is None else track.bar_places
+    for first, place in zip(np.round(track.times * audio.sample_rate).astype(int), places, strict=True):
+        click = (other if place else one)[: max(0, samples.size - first)]
+        samples[first : first + click.size] += click
+    return Audio(samples, audio.sample_rate)
+
 
 LOG = logging.getLogger(__name__)
 COMPILING = "compiling librosa's beat tracker, once on a machine (half a minute)"

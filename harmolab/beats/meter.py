@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harmolab.beats.steady import STEADY
+from harmolab.beats.tempo import STEADY
 from harmolab.types import SURE, BeatTrack, BoolArray, FloatArray
 
 COURSE = 8  # beats over which the tempo of a moment is told

@@ -6,7 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from harmolab.kinematics import (
+from harmolab.body.kinematics import (
     direction_spread,
     joint_speed,
     peak_frames,

@@ -9,16 +9,13 @@ import typer
 
 from harmolab import __version__
 from harmolab.cli.beats import beats, tap
-from harmolab.cli.checks import CheckedCommand
-from harmolab.cli.comparing import compare, learn
-from harmolab.cli.converting import convert
+from harmolab.cli.common import CheckedCommand
 from harmolab.cli.dancing import dance
-from harmolab.cli.data import data_app
-from harmolab.cli.demonstrating import demo
-from harmolab.cli.evaluating import evaluate
+from harmolab.cli.data import convert, data_app
+from harmolab.cli.evaluating import compare, evaluate, learn
 from harmolab.cli.explaining import explain
 from harmolab.cli.performing import perform
-from harmolab.cli.playing import play
+from harmolab.cli.playing import demo, play
 from harmolab.cli.posing import pose
 from harmolab.cli.rendering import render
 from harmolab.cli.retiming import retime

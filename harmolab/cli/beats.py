@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -16,11 +15,7 @@ if TYPE_CHECKING:
     from harmolab.types import Audio, BeatTrack, FloatArray
 
 
-class Tracker(StrEnum):
-    """Names of the beat trackers."""
-
-    librosa = "librosa"
-    beat_this = "beat_this"
+Tracker = Literal["librosa", "beat_this"]
 
 
 def beats(
@@ -32,7 +27,7 @@ def beats(
     clicks: Annotated[Path | None, typer.Option(help="Write the song with a click on each beat, .wav.")] = None,
     tracker: Annotated[
         Tracker, typer.Option(help="beat_this: a neural network, where its package and a checkpoint are installed.")
-    ] = Tracker.librosa,
+    ] = "librosa",
     checkpoint: Annotated[Path | None, typer.Option(help="File with the weights of beat_this.")] = None,
 ) -> None:
     """Tell the beats of a song: tempo, how steady it is, where "one" is; hear them with --clicks.
@@ -41,18 +36,15 @@ def beats(
 
     Example: `harmolab beats song.mp3 --dance waltz --one 12.4 --out song.beats --clicks check.wav`
     """
-    from harmolab.beats.clicks import with_clicks
+    from harmolab.beats.audio import with_clicks
     from harmolab.beats.meter import describe_beats
-    from harmolab.beats.steady import octave_remark
-    from harmolab.io.audio import save_audio
-    from harmolab.io.beats import save_beats
-    from harmolab.io.video_sound import load_sound
+    from harmolab.beats.tempo import octave_remark
+    from harmolab.readers.audio import load_sound, save_audio
+    from harmolab.readers.beats import save_beats
 
     with plain_errors():
-        if out is not None:
-            common.check_out(out, "a file of beats", (".beats",))
-        if clicks is not None:
-            common.check_out(clicks, "the song with clicks", (".wav",))
+        common.check_out(out, "a file of beats", (".beats",))
+        common.check_out(clicks, "the song with clicks", (".wav",))
         audio = load_sound(song)
         track = _beats(audio, dance, one, beats, tracker, checkpoint)
         text = describe_beats(track)
@@ -63,18 +55,18 @@ def beats(
     typer.echo(text)
     if not dance and track.quality is not None and len(track) > 1:
         typer.echo(octave_remark(track.tempo))
-    for path in filter(None, (out, clicks)):
-        wrote(path)
+    wrote(out)
+    wrote(clicks)
 
 
 def _beats(
     audio: Audio, dance: str, one: float | None, beats: Path | None, tracker: Tracker, checkpoint: Path | None
 ) -> BeatTrack:
     """The beats of a song from a file or a tracker."""
-    from harmolab.beats.neural import neural_beats
-    from harmolab.corpora.files import song_beats
+    from harmolab.clips import song_beats
+    from harmolab.readers.beats import neural_beats
 
-    if tracker is Tracker.beat_this:
+    if tracker == "beat_this":
         if beats is not None or one is not None:
             raise ValueError("--tracker beat_this finds the beats and the bars itself; leave out --beats and --one")
         return neural_beats(audio, checkpoint)
@@ -97,9 +89,8 @@ def tap(
     Example: `harmolab tap song.mp3 --meter 3 --out song.beats`
     """
     from harmolab.beats.meter import describe_beats
-    from harmolab.beats.taps import tapped_beats
-    from harmolab.io.beats import save_beats
-    from harmolab.io.video_sound import load_sound
+    from harmolab.readers.audio import load_sound
+    from harmolab.readers.beats import save_beats, tapped_beats
 
     def save(taps: FloatArray, ones: FloatArray) -> str:
         result = tapped_beats(audio, taps, ones, meter=meter)
@@ -111,7 +102,7 @@ def tap(
     with plain_errors():
         common.check_out(out, "a file of beats", (".beats",))
         common.check_pages("harmolab tap")
-        from harmolab.lab.listening.tapping import TapServer
+        from harmolab.lab.listening.local_page import TapServer
 
         audio = load_sound(song)
         common.serve(TapServer(song.name, audio, save, port=port), no_open, "nothing is written until you save")

@@ -2,24 +2,42 @@
 
 from __future__ import annotations
 
+import math
 import os
+import shlex
 import webbrowser
-from collections.abc import Callable
-from enum import StrEnum
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from dataclasses import dataclass, is_dataclass
+from functools import wraps
 from importlib.util import find_spec
+from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer.core import TyperCommand
 
-from harmolab.cli.screen import detail, is_verbose, note, refuse
+from harmolab import files
+from harmolab.cli.screen import (
+    Quiet,
+    Verbose,
+    detail,
+    is_verbose,
+    note,
+    plain_errors,
+    quiet_decoders,
+    refuse,
+    said_level,
+)
 
 if TYPE_CHECKING:
-    from harmolab.corpora.folders import Problem
-    from harmolab.io.files import PathLike
-    from harmolab.io.motion_file import MotionFile
+    from rich.table import Column
+
+    from harmolab.data.recordings import Problem
+    from harmolab.files import PathLike
     from harmolab.lab.listening.local_page import LocalPage
     from harmolab.params import HarmonyParams
+    from harmolab.readers.motion_file import MotionFile
     from harmolab.types import BeatTrack
     from harmolab.verdict.judge import Judgement
 
@@ -117,14 +135,7 @@ Smpl = Annotated[
 ]
 
 
-class How(StrEnum):
-    """Movements on the beat, by their names in `harmolab.params.HOW_PATTERNS`."""
-
-    rest = "rest"
-    hit = "hit"
-    half = "half time"
-
-
+How = Literal["rest", "hit", "half time"]  # names in `harmolab.params.HOW_PATTERNS`
 HowDanced = Annotated[
     How | None,
     typer.Option(
@@ -136,14 +147,10 @@ HowDanced = Annotated[
 ]
 
 
-class Axis(StrEnum):
-    """Axis of a motion file that points up."""
-
-    y = "y"
-    z = "z"
-
-
-Up = Annotated[Axis | None, typer.Option(help="Axis of a 3-D file that points up (default: as its kind or body says).")]
+Up = Annotated[
+    Literal["y", "z"] | None,
+    typer.Option(help="Axis of a 3-D file that points up (default: as its kind or body says)."),
+]
 PatternFile = Annotated[Path | None, typer.Option("--pattern", help="Bar patterns learnt by `harmolab learn`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Jobs = Annotated[
@@ -164,12 +171,51 @@ def processes(jobs: int | None) -> int:
     return jobs
 
 
-def reading(
-    fps: float | None, scale: float | None, smpl: Path | None, up: str | None, joints: str | None = None
-) -> dict[str, Any]:
-    """The options that say how a motion file is read, as readers take them; `joints` where a command has names."""
-    options = {"fps": fps, "scale": scale, "smpl": smpl, "up": up or ""}
-    return options if joints is None else options | {"joints": names_in(joints) or None}
+@dataclass(frozen=True)
+class FileOptions:
+    """Options that say how a motion file is read."""
+
+    fps: Fps = None
+    scale: Scale = None
+    joints: Joints = ""
+    smpl: Smpl = None
+    up: Up = None
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """The options as readers take them."""
+        return vars(self) | {"joints": names_in(self.joints) or None, "up": self.up or ""}
+
+
+@dataclass(frozen=True)
+class JudgeOptions:
+    """Options on the music's beats, and on what to expect of a dance to them."""
+
+    dance: DanceName = ""
+    beats: Beats = None
+    one: One = None
+    pattern: PatternFile = None
+    how: HowDanced = None
+
+    def params(self, dance: str) -> HarmonyParams:
+        """The `recommended` settings; `dance` is that of the files."""
+        return recommended(self.pattern, dance, self.how)
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with one option for each field of the records of options that it takes."""
+    parameters = signature(command, eval_str=True).parameters.values()
+    records: dict[str, Any] = {one.name: one.annotation for one in parameters if is_dataclass(one.annotation)}
+    fields = {name: signature(record, eval_str=True).parameters for name, record in records.items()}
+
+    @wraps(command)
+    def called(**values: Any) -> None:
+        filled = {name: record(**{one: values.pop(one) for one in fields[name]}) for name, record in records.items()}
+        command(**values, **filled)
+
+    options = [option for one in parameters for option in (fields[one.name].values() if one.name in fields else [one])]
+    called.__signature__ = Signature([one.replace(kind=one.KEYWORD_ONLY) for one in options])  # type: ignore[attr-defined]
+    return called
 
 
 def recommended(pattern: Path | None, dance: str, how: How | None = None) -> HarmonyParams:
@@ -180,13 +226,13 @@ def recommended(pattern: Path | None, dance: str, how: How | None = None) -> Har
     ValueError
         `how` is told beside a pattern.
     """
-    from harmolab.bar_pattern import load_pattern
     from harmolab.params import DANCE_PATTERNS, DANCES, HOW_PATTERNS, HarmonyParams
+    from harmolab.verdict.bar_pattern import load_pattern
 
     if how is not None:
         if pattern is not None:
             raise ValueError("--how and --pattern exclude each other: each says what to expect on the beat")
-        return HarmonyParams.recommended(HOW_PATTERNS[how.value])
+        return HarmonyParams.recommended(HOW_PATTERNS[how])
     if pattern is not None:
         return HarmonyParams.recommended(load_pattern(pattern, dance))
     if dance in DANCES and dance not in DANCE_PATTERNS:
@@ -232,8 +278,10 @@ def left_out(problem: Problem) -> None:
     note(f"left out: {problem.message}")
 
 
-def check_out(out: Path, what: str, suffixes: tuple[str, ...]) -> None:
-    """ValueError unless `out` ends in one of the suffixes and can be written; to be asked before any work."""
+def check_out(out: Path | None, what: str, suffixes: tuple[str, ...]) -> None:
+    """ValueError unless `out`, if any, ends in one of the suffixes and can be written; to be asked before any work."""
+    if out is None:
+        return
     if out.suffix.lower() not in suffixes:
         raise ValueError(f"{out}: {what} is written as {', '.join(suffixes)}; choose a name that ends so")
     check_place(out)
@@ -277,8 +325,164 @@ def show(value: Any) -> str:
     return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
+def print_table(
+    headings: Sequence[str | Column], rows: Iterable[Sequence[str]], title: str = "", *notes: str, **look: Any
+) -> None:
+    """Print a table, as wide as the terminal, and sentences below it; `look` are options of `rich.table.Table`."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console, table = Console(), Table(*headings, title=title or None, **look)
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+    for sentence in notes:
+        console.print(sentence, markup=False, highlight=False)
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a line or more of text, whole or not at all."""
-    from harmolab.io import files
+    from harmolab import files
 
     files.write_text(path, text + "\n")
+
+
+# Checks that every command makes of its options before it runs: finite numbers, and files that stay as they are.
+
+OUTPUTS = ("out", "plot", "clicks", "csv")  # parameters that name what a command writes; every other path is read
+FOLDERS = ("train", "report")  # commands whose output is a folder that they look into themselves
+FORCE = "--force"
+
+
+class CheckedCommand(TyperCommand):
+    """A command that ends with one line for a number that is not finite, or for an output that is worth keeping.
+
+    An output is worth keeping where it is an input or, without `FORCE`, a file that harmolab did not write.
+    """
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self.params += options_of(_said)
+        writes = any(one.name in OUTPUTS and one.param_type_name == "option" for one in self.params)
+        if writes and self.name not in FOLDERS and not any(FORCE in one.opts for one in self.params):
+            self.params += options_of(_forced)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The remaining arguments; ends with one line for a value that an option does not take."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            if type(error) is not typer.BadParameter:  # an argument is missing: the usage says more
+                raise
+            refuse(error.format_message().replace("Value error, ", ""))
+
+    def invoke(self, ctx: Any) -> Any:
+        """Result of the command."""
+        with said_level(ctx), quiet_decoders():
+            detail(f"{ctx.command_path}: {_settings(ctx)}")
+            with plain_errors():
+                check_numbers(ctx)
+                for name in OUTPUTS:
+                    for out in _paths(ctx.params.get(name)):
+                        check_output(ctx, out)
+            return super().invoke(ctx)
+
+
+def _keep(context: typer.Context, value: bool) -> None:
+    """Keeps the option with the call, since the function of a command does not get it."""
+    context.meta[FORCE] = value
+
+
+def _forced(
+    _: Annotated[
+        bool,
+        typer.Option(FORCE, help="Write over files that harmolab did not write.", callback=_keep, expose_value=False),
+    ] = False,
+) -> None:
+    """A command that has the option alone, from which others take it."""
+
+
+def _said(quiet: Quiet = False, verbose: Verbose = False) -> None:
+    """A command that has these options alone, from which others take them."""
+
+
+def options_of(function: Callable[..., None]) -> list[Any]:
+    """The options of a command."""
+    app = typer.Typer(add_completion=False)
+    app.command()(function)
+    return [one for one in typer.main.get_command(app).params if one.name != "help"]
+
+
+def _settings(context: typer.Context) -> str:
+    """Names and values of all parameters of a call, those that were told apart from the others."""
+    values = {name: value for name, value in context.params.items() if value not in (None, "", [], ())}
+    explicit, usual = (
+        ", ".join(f"{name} {value}" for name, value in values.items() if is_told(context, name) is is_explicit)
+        for is_explicit in (True, False)
+    )
+    return f"{explicit or 'no options'}; by default {usual or 'nothing'}"
+
+
+def check_numbers(context: typer.Context) -> None:
+    """ValueError for the first option that is NaN or infinite; it names the option."""
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ValueError(f"{parameter.opts[0]} must be a finite number, got {value}")
+
+
+def check_output(context: typer.Context, out: Path) -> None:
+    """ValueError where writing `out` would replace what the command reads or, without `FORCE`, a file of others."""
+    read = [path for name, value in context.params.items() if name not in OUTPUTS for path in _paths(value)]
+    files.check_output(out, read)
+    if context.meta.get(FORCE) is False and out.is_file() and not files.is_own_file(out):
+        raise ValueError(
+            f"{out}: is there already, and not of harmolab; choose another name, or replace it with {FORCE}"
+        )
+
+
+def check_folder(context: typer.Context, folder: Path, names: Container[str]) -> None:
+    """ValueError where a folder to be filled holds more than `names`; with `FORCE` it may."""
+    held = sorted(path.name for path in folder.iterdir() if path.name not in names) if folder.is_dir() else []
+    if held and not context.meta.get(FORCE):
+        raise ValueError(f"{folder}: holds {held[0]}, which is not of harmolab; name an empty or a new folder")
+
+
+def is_told(context: typer.Context, name: str) -> bool:
+    """True where a parameter stands on the command line."""
+    return getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+
+
+def _paths(value: Any) -> Iterator[Path]:
+    """The paths that a parameter holds: one, several or none."""
+    yield from (path for path in (value if isinstance(value, list | tuple) else [value]) if isinstance(path, Path))
+
+
+# Titles of pages, and the line of the shell that writes a page's dance as a video.
+
+FOLDER_NAMES = ("audio", "skeletons")  # files of a corpus, which the name of their folder tells apart
+
+
+def plain_name(path: Path) -> str:
+    """The name of a file, or of its folder where all files of a kind are called the same.
+
+    >>> plain_name(Path("song.mp3")), plain_name(Path("corpus/DANCE_W_1/audio.mp3"))
+    ('song', 'DANCE_W_1')
+    """
+    return (path.resolve().parent.name if path.stem in FOLDER_NAMES else path.stem) or path.name
+
+
+def dance_title(motion: Path, song: Path) -> str:
+    """The title of a page: the dance to the song, or one name for both."""
+    return " to ".join(dict.fromkeys((plain_name(motion), plain_name(song))))
+
+
+def video_command(song: Path, motion: Path, out: Path, dance: str, **seconds: float | None) -> str:
+    """The line that writes the same as a video beside the page `out`; `seconds` are options that hold seconds.
+
+    >>> video_command(Path("a song.mp3"), Path("x.bvh"), Path("x.html"), "waltz", offset=12.4, start=None)
+    "harmolab render 'a song.mp3' x.bvh --offset 12.4 --dance waltz --out x.mp4"
+    """
+    words = [word for name, value in seconds.items() if value is not None for word in (f"--{name}", f"{value:g}")]
+    words += ["--dance", dance] if dance else []
+    return shlex.join(["harmolab", "render", str(song), str(motion), *words, "--out", str(out.with_suffix(".mp4"))])

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
 
 import typer
 
-from harmolab.cli.checks import is_told
+from harmolab.cli.common import Scale, completed, dance_names, is_told
 from harmolab.cli.screen import note, progress
 from harmolab.cli.training import TRAIN_HINT, accepted
 
 if TYPE_CHECKING:
     from harmolab.metrics.likeness import LikenessLimits
-    from harmolab.systems.choreographer.choreography import Choreography
-    from harmolab.systems.choreographer.generate import Choreographer
+    from harmolab.systems.choreographer.generate import Choreographer, Choreography
     from harmolab.systems.contract import System
     from harmolab.types import Audio, BeatTrack, Motion
 
@@ -95,16 +94,45 @@ class Dancer:
         return choreography.motion, choreography
 
 
-def dancer_of(
-    context: typer.Context,
-    *,
-    corpus: Path | None,
-    scale: float | None,
-    style: str | None,
-    system: str | None,
-    weights: Path | None,
-    dance: str,
-) -> Dancer:
+@dataclass(frozen=True)
+class DancerOptions:
+    """Options that say who dances, and to what music."""
+
+    corpus: Annotated[
+        Path | None,
+        typer.Option(
+            "--from", help="Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file."
+        ),
+    ] = None
+    scale: Scale = None
+    style: Annotated[
+        str | None,
+        typer.Option(
+            help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic).",
+            autocompletion=completed("salsa", "indian", "puppet"),
+        ),
+    ] = None
+    dance: Annotated[
+        str,
+        typer.Option(
+            help="What the music is (waltz, ...): its usual tempo, and the dance to be judged as. With --weights of "
+            'music2dance, --dance "" asks their classifier.',
+            autocompletion=dance_names,
+        ),
+    ] = ""
+    system: Annotated[
+        str | None,
+        typer.Option(
+            help="choreographer (default), harmogan, or another; package.module:Class.",
+            autocompletion=completed("choreographer", "harmogan", "lee2019", "music2dance", "ren2020"),
+        ),
+    ] = None
+    weights: Annotated[
+        Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file; it knows its system.")
+    ] = None
+
+
+def dancer_of(context: typer.Context, options: DancerOptions) -> Dancer:
     """The dancer that the options name; the shipped salsa where they name none.
 
     Raises
@@ -114,25 +142,25 @@ def dancer_of(
     """
     from harmolab.systems.choreographer.generate import Choreographer
 
-    _check_choice(corpus=corpus, scale=scale, style=style, system=system, weights=weights)
+    _check_choice(options)
+    dance, weights, system = options.dance, options.weights, options.system
     if weights is None and system in (None, CHOREOGRAPHER):
-        return _choreographer(context, corpus, scale, style or "salsa", dance)
+        return _choreographer(context, options)
     trained = _trained(weights, system)
     if isinstance(trained, Choreographer):
         return _of_recordings(context, trained)
     if hasattr(trained, "dances"):  # a system of somebody else may know dances without a list
         _check_dance(dance, trained.dances)
-    options = accepted(trained.generate, context, {"progress": progress})
+    taken = accepted(trained.generate, context, {"progress": progress})
     is_asked = is_told(context, "dance") and not dance  # --dance ""
     listener = trained if is_asked and isinstance(trained, Listener) else None
-    return Dancer(trained, options, limits=getattr(trained, "limits", None), listener=listener)
+    return Dancer(trained, taken, limits=getattr(trained, "limits", None), listener=listener)
 
 
-def _check_choice(
-    *, corpus: Path | None, scale: float | None, style: str | None, system: str | None, weights: Path | None
-) -> None:
+def _check_choice(options: DancerOptions) -> None:
     """ValueError for options that exclude each other."""
-    if scale is not None and corpus is None:
+    corpus, style, system, weights = options.corpus, options.style, options.system, options.weights
+    if options.scale is not None and corpus is None:
         raise ValueError("--scale is for the files of --from")
     if corpus is not None and style is not None:
         raise ValueError("--from and --style exclude each other: recordings of your own, or one of the banks")
@@ -144,24 +172,25 @@ def _check_choice(
         raise FileNotFoundError(f"{weights}: no such folder")
 
 
-def _choreographer(context: typer.Context, corpus: Path | None, scale: float | None, style: str, dance: str) -> Dancer:
+def _choreographer(context: typer.Context, options: DancerOptions) -> Dancer:
     """The choreographer of a corpus or of a bank; ValueError for a dance that neither it nor the tempo table knows."""
     from harmolab.systems.choreographer.banks import REMARKS, shipped_bank
-    from harmolab.systems.choreographer.kept import load_corpus
+    from harmolab.systems.choreographer.generate import load_corpus
 
-    choreographer = (
-        shipped_bank(style, dance) if corpus is None else load_corpus(corpus, scale=scale, progress=progress)
-    )
-    _check_dance(dance, choreographer.dances)
-    if corpus is not None:
+    style, dance = options.style or "salsa", options.dance
+    if options.corpus is not None:
+        choreographer = load_corpus(options.corpus, scale=options.scale, progress=progress)
+        _check_dance(dance, choreographer.dances)
         return _of_recordings(context, choreographer)
+    choreographer = shipped_bank(style, dance)
+    _check_dance(dance, choreographer.dances)
     limits = None if style == PUPPET else choreographer.limits
     return _dancer(context, choreographer, limits, REMARKS[style])
 
 
 def _check_dance(dance: str, learnt: Iterable[str]) -> None:
     """ValueError for a dance that neither these recordings nor the tempo table know."""
-    from harmolab.corpora.files import unknown_dance
+    from harmolab.clips import unknown_dance
     from harmolab.params import DANCES
 
     if dance and dance not in (dances := {*DANCES, *learnt} - {""}):
@@ -170,7 +199,7 @@ def _check_dance(dance: str, learnt: Iterable[str]) -> None:
 
 def _of_recordings(context: typer.Context, choreographer: Choreographer) -> Dancer:
     """A choreographer of recordings of one's own, by which its dances are judged if there are enough of them."""
-    from harmolab.skeletons import standing_height
+    from harmolab.body.skeletons import standing_height
 
     for line in choreographer.notes:
         note(f"left out: {line}")
@@ -188,7 +217,7 @@ def _dancer(
     """A choreographer as a dancer; where it knows no bar, it says by what it is not judged."""
     from harmolab.params import DANCE_PATTERNS
 
-    options = accepted(choreographer.choreograph, context, {"progress": progress})
+    options = accepted(choreographer.generate, context, {"progress": progress})
     knows_bars = any(take.places.size for take in choreographer.takes)
     if not knows_bars and options.get("dance") in DANCE_PATTERNS:
         remarks = (*remarks, NO_BAR.format(dance=options["dance"]))

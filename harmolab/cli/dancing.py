@@ -3,32 +3,262 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harmolab.cli.checks import check_output, is_told
+from harmolab.cli import common
 from harmolab.cli.common import (
+    PAGES,
+    VIDEOS_OUT,
     AsJson,
-    One,
-    PatternFile,
-    Scale,
     Song,
+    check_out,
+    check_output,
+    check_pages,
+    check_place,
     completed,
-    dance_names,
+    is_told,
+    plain_name,
     print_music,
+    print_table,
     recommended,
+    show,
 )
-from harmolab.cli.dance_files import dance_files, write_files
-from harmolab.cli.dance_report import DanceReport
-from harmolab.cli.dancers import dancer_of
-from harmolab.cli.naming import plain_name
+from harmolab.cli.dancers import DancerOptions, dancer_of
 from harmolab.cli.screen import finding_beats, is_verbose, note, plain_errors, printable, progress, wrote
 from harmolab.cli.training import TRAIN_HINT
-from harmolab.io.files import plain
+from harmolab.files import plain
+
+# The files of a dance: their names, checked before any work, and what is written to each.
+
+if TYPE_CHECKING:
+    from harmolab.types import Audio
+
+SUFFIXES = (*VIDEOS_OUT, ".html", ".bvh", ".npz")
+UNASKED = (".html", ".mp4", ".bvh")  # where nothing is asked for
+LONGEST_NAME = 200  # bytes: file systems take 255, and a file that is being written has a longer name
+
+
+def dance_files(out: Path | None, song: Path, seed: int, samples: int) -> dict[int, list[Path]]:
+    """Seed -> its files: `out`, or a page, a video and a BVH named after the song in the working folder.
+
+    Raises
+    ------
+    ValueError
+        For a name that cannot be written or is of no kind that is known.
+    """
+    paths = files_to_write(out, song, "dance", UNASKED)
+    if samples == 1:
+        return {seed: paths}
+    numbers = range(seed, seed + samples)
+    return {number: [path.with_name(f"{path.stem}_{number}{path.suffix}") for path in paths] for number in numbers}
+
+
+def files_to_write(out: Path | None, song: Path, noun: str, unasked: Sequence[str]) -> list[Path]:
+    """`out`, or without it files of the `unasked` kinds, named after the song and a noun; errors as `dance_files`."""
+    if out is not None:
+        check_out(out, f"a {noun}", SUFFIXES)
+        return [out]
+    if len(song.stem.encode()) > LONGEST_NAME:
+        raise ValueError(f"{song}: its name is too long to add to; choose one with --out")
+    paths = [Path(f"{song.stem}_{noun}{suffix}") for suffix in unasked]
+    for path in paths:
+        check_place(path)
+    return paths
+
+
+def write_files(paths: list[Path], report: DanceReport, sound: Audio, title: str, *, is_asked: bool) -> list[Path]:
+    """Write a dance with its part of the sound to files, as `written`."""
+    return written(paths, lambda path: _write(path, report, sound, title), is_asked=is_asked)
+
+
+def written(paths: Iterable[Path], write: Callable[[Path], None], *, is_asked: bool) -> list[Path]:
+    """The paths of files that `write` could write.
+
+    Raises
+    ------
+    ValueError
+        For a file that cannot be made, if it was asked for; else a note says that it is left out, and why.
+    """
+    done = []
+    for path in paths:
+        try:
+            write(path)
+        except ValueError as error:
+            if is_asked:
+                raise
+            note(f"left out: {path}: {error}")
+        else:
+            done.append(path)
+    return done
+
+
+def _write(path: Path, report: DanceReport, sound: Audio, title: str) -> None:
+    """Write the kind of file that a name asks for; a page has everything that is known about the dance."""
+    suffix = path.suffix.lower()
+    if suffix not in (*PAGES, *VIDEOS_OUT):
+        from harmolab.readers.motion import save_motion
+
+        save_motion(path, report.motion, offset=report.start)
+        return
+    part = sound.span(report.start, report.motion.duration)
+    if suffix in PAGES:
+        check_pages(str(path))
+        from harmolab.lab.player import Dancer, Player
+
+        dancer = Dancer("generated", report.motion, report.score, instead=report.caption)
+        facts = report.facts | ({"to note": " ".join(report.notes)} if report.notes else {})
+        Player(part, [dancer], music=report.music, title=title, facts=facts).save(path)
+    else:
+        from harmolab.lab.render.video import write_dance
+        from harmolab.types import Clip
+
+        write_dance(path, Clip(title, part, report.motion, beats=report.music), score=report.score, progress=progress)
+
+
+# All that `harmolab dance` says of a dance: whether it moves like people, how it was joined, how it fits the
+
+if TYPE_CHECKING:
+    from harmolab.metrics.likeness import Likeness
+    from harmolab.score import HarmonyScore
+    from harmolab.systems.choreographer.generate import Choreography
+    from harmolab.types import BeatTrack, Motion
+
+NAMED = 6  # recordings that are named on the screen and on the page; the others are counted
+UNSURE = "laid on beats that a program found, which are unsure here"
+ADVICE = "(--"  # begins the option that a remark advises
+JOINED = (
+    *("mean_seam_cm", "worst_seam_cm", "distinct_minutes", "longest_stretch", "seen_before"),
+    *("shares", "stretch", "warnings", "pieces"),
+)
+LIKENESS = ("verdict", "passed", "fails", "values", "recorded")
+
+
+@dataclass(frozen=True, eq=False)
+class DanceReport:
+    """A dance and what is known about it.
+
+    Parameters
+    ----------
+    seed : int that it was made with
+    motion : Motion
+    start : float, seconds, audio time of its first frame
+    music : BeatTrack on the motion's time line
+    score : HarmonyScore of both
+    likeness : Likeness of the motion
+    choreography : Choreography, None where it was not made of recordings
+    remarks : sentences about the dancer, and about the music where it was asked which dance that is
+    knows_bars : bool, whether it is of use to be told the dance, or where its bars begin
+    dance_probabilities : dance -> how likely the music is one, None where that was not asked
+    """
+
+    seed: int
+    motion: Motion
+    start: float
+    music: BeatTrack
+    score: HarmonyScore
+    likeness: Likeness
+    choreography: Choreography | None = None
+    remarks: tuple[str, ...] = ()
+    knows_bars: bool = True
+    dance_probabilities: Mapping[str, float] | None = None
+
+    @cached_property
+    def has_harmony(self) -> bool:
+        """True unless the dance fails by likeness: its harmony would mean nothing."""
+        return self.likeness.passed is not False
+
+    @property
+    def caption(self) -> str:
+        """The words on a dance that does not pass by likeness, whose harmony is not told alone; "" on one that does."""
+        return "" if self.likeness.passed else " ".join(self._judged)
+
+    @property
+    def verdict(self) -> tuple[str, ...]:
+        """Sentences: likeness; harmony, if likeness does not fail; what else there is to say."""
+        return (*self._judged, *self.notes)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences that go with the numbers: of the score, the dancer, and the choice of movement."""
+        judgement = self.score.judgement if self.has_harmony else None
+        remarks = () if judgement is None else judgement.remarks
+        sentences = [remark for remark in remarks if self.knows_bars or ADVICE not in remark]
+        sentences += self.remarks
+        sentences += () if self.choreography is None else self.choreography.warnings
+        return tuple(map(sentence, sentences))
+
+    @cached_property
+    def _judged(self) -> tuple[str, ...]:
+        """Likeness, and harmony where it means something."""
+        judgement = self.score.judgement if self.has_harmony else None
+        is_sure = judgement is None or judgement.beats.is_sure
+        harmony = () if judgement is None else (judgement.verdict if is_sure else UNSURE,)
+        return tuple(map(sentence, (self.likeness.verdict, *harmony)))
+
+    @cached_property
+    def facts(self) -> dict[str, str]:
+        """Name -> text of every number, for a table."""
+        from harmolab.lab.evaluate.measured import dance_scores
+
+        scores = dance_scores(self.motion, self.music, self.score, likeness=self.likeness) | self._rests()
+        return {name: show(value) for name, value in scores.items()} | self._pieces()
+
+    def _rests(self) -> dict[str, float]:
+        """Share of the beats on which the body rests, above chance; a dance that fails by likeness has none."""
+        from harmolab.lab.evaluate.measured import rests_on_beat
+
+        late = {"rests of the body on the beat, above chance": 0.0, "the same half a beat late": 0.5}
+        return {
+            name: rests_on_beat(self.motion, self.music, late=beats) for name, beats in late.items() if self.has_harmony
+        }
+
+    def _pieces(self) -> dict[str, str]:
+        """Seams and recordings of a dance that was made of recordings."""
+        choreography = self.choreography
+        if choreography is None:
+            return {}
+        mean, worst = choreography.mean_seam_cm, choreography.worst_seam_cm
+        return {
+            "seams, cm": f"{mean:.1f} on average, {worst:.1f} at worst",
+            "distinct movement to choose from": f"{choreography.distinct_minutes:.1f} minutes",
+            "longest stretch of one recording": f"{choreography.longest_stretch} beats",
+            "beats that were seen before in it": f"{choreography.seen_before:.0%}",
+            "made of": folded(choreography.shares),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything, for JSON; every piece with its place in the dance. What fails by likeness has no harmony."""
+        joined = () if self.choreography is None else JOINED
+        return {
+            "seed": self.seed,
+            "start": self.start,
+            "seconds": self.motion.duration,
+            "likeness": {name: getattr(self.likeness, name) for name in LIKENESS},
+            "harmony": self.score.to_dict() if self.has_harmony else None,
+            "remarks": self.remarks,
+            "dance_probabilities": self.dance_probabilities,
+            **{name: getattr(self.choreography, name) for name in joined},
+        }
+
+
+def sentence(text: str) -> str:
+    """Words with a capital at the start and a full stop at the end."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}"
+
+
+def folded(shares: Mapping[str, float]) -> str:
+    """A line that names the recordings that gave most of a dance, and counts the others."""
+    lines = [f"{name} {share:.0%}" for name, share in list(shares.items())[:NAMED]]
+    more = [f"{len(shares) - NAMED} more (--json names every piece)"] if len(shares) > NAMED else []
+    return ", ".join(lines + more)
+
 
 if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
@@ -44,6 +274,7 @@ MEANINGS = (
 )
 
 
+@common.with_options
 def dance(
     context: typer.Context,
     song: Song,
@@ -54,50 +285,20 @@ def dance(
             ".bvh in this folder."
         ),
     ] = None,
-    corpus: Annotated[
-        Path | None,
-        typer.Option(
-            "--from", help="Dance with your own recordings: a corpus, a folder of npz or BVH files, or one file."
-        ),
-    ] = None,
-    scale: Scale = None,
-    style: Annotated[
-        str | None,
-        typer.Option(
-            help="Movement that comes with harmolab: salsa (default), indian, or puppet (synthetic).",
-            autocompletion=completed("salsa", "indian", "puppet"),
-        ),
-    ] = None,
-    dance: Annotated[
-        str,
-        typer.Option(
-            help="What the music is (waltz, ...): its usual tempo, and the dance to be judged as. With --weights of "
-            'music2dance, --dance "" asks their classifier.',
-            autocompletion=dance_names,
-        ),
-    ] = "",
-    one: One = None,
+    one: common.One = None,
     seconds: Annotated[float | None, typer.Option(help="Length of the dance (default: to the end).")] = None,
     offset: Annotated[
         float, typer.Option("--offset", "--start", help="Audio time in seconds at which the dance begins.")
     ] = 0.0,
     seed: Annotated[int, typer.Option(help="Another seed, another dance.", min=0)] = 0,
     samples: Annotated[int, typer.Option(help="So many dances, from --seed on; files are numbered.", min=1)] = 1,
+    *,
+    dancer_options: DancerOptions,
     harmonise: Annotated[
         float | None,
         typer.Option(metavar="CM", help="Move joints by so many cm at most, to fit the beats better (needs torch)."),
     ] = None,
-    system: Annotated[
-        str | None,
-        typer.Option(
-            help="choreographer (default), harmogan, or another; package.module:Class.",
-            autocompletion=completed("choreographer", "harmogan", "lee2019", "music2dance", "ren2020"),
-        ),
-    ] = None,
-    weights: Annotated[
-        Path | None, typer.Option(help="Folder of `harmolab train`, or a weights file; it knows its system.")
-    ] = None,
-    pattern: PatternFile = None,
+    pattern: common.PatternFile = None,
     plant_feet: Annotated[bool, typer.Option(help="Keep feet that carry from sliding.")] = True,
     feet: Annotated[
         str | None,
@@ -131,16 +332,14 @@ def dance(
         for path in (path for paths in files.values() for path in paths):
             check_output(context, path)
         _check_harmonise(harmonise)
-        dancer = dancer_of(
-            context, corpus=corpus, scale=scale, style=style, system=system, weights=weights, dance=dance
-        )
+        dancer, dance = dancer_of(context, dancer_options), dancer_options.dance
         if pattern is not None and not dancer.knows_bars:
             raise ValueError("--pattern: this movement knows no bar that a pattern could judge; leave it out")
-        from harmolab.corpora.files import song_beats
-        from harmolab.harmony import score_clip
+        from harmolab.clips import song_beats
         from harmolab.metrics.likeness import likeness
         from harmolab.params import DANCES
         from harmolab.types import Clip
+        from harmolab.verdict.judge import score_clip
 
         sound, audio = _sound(song)
         with finding_beats():
@@ -202,15 +401,15 @@ def _harmonised(motion: Motion, music: BeatTrack, reach: float | None, params: H
     """The motion with its joints moved by `reach` cm at most, to fit the music better; as it is without a reach."""
     if reach is None:
         return motion
-    from harmolab.lab.timing.harmonise import harmonise
+    from harmolab.lab.harmonise import harmonise
 
     return harmonise(motion, music, reach=reach * CENTIMETRE, params=params, progress=progress)
 
 
 def _sound(song: Path) -> tuple[Audio, Audio]:
     """The song at its own sample rate, and as beats are tracked in it."""
-    from harmolab.corpora.files import tracked_sound
-    from harmolab.io.video_sound import load_sound
+    from harmolab.clips import tracked_sound
+    from harmolab.readers.audio import load_sound
 
     sound = load_sound(song, sample_rate=None)
     return sound, tracked_sound(song, sound)
@@ -230,13 +429,8 @@ def _print(reports: Sequence[DanceReport], *, as_json: bool) -> None:
 
 def _print_table(facts: Mapping[str, Mapping[str, str]]) -> None:
     """One column a dance."""
-    from rich.console import Console
     from rich.markup import escape
-    from rich.table import Table
 
-    columns = Table("", *facts, title="the dance and its music")
-    for row in dict.fromkeys(name for column in facts.values() for name in column):
-        columns.add_row(row, *(escape(printable(column.get(row, "-"))) for column in facts.values()))
-    console = Console()
-    console.print(columns)
-    console.print(MEANINGS, highlight=False)
+    names = dict.fromkeys(name for column in facts.values() for name in column)
+    rows = ([name, *(escape(printable(column.get(name, "-"))) for column in facts.values())] for name in names)
+    print_table(["", *facts], rows, "the dance and its music", MEANINGS)

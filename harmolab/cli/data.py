@@ -10,12 +10,9 @@ from typing import Annotated
 
 import typer
 
-from harmolab.cli.checks import CheckedCommand
-from harmolab.cli.common import (
-    AsJson,
-    show,
-)
-from harmolab.cli.screen import plain_errors, printable, progress
+from harmolab.cli import common
+from harmolab.cli.common import AsJson, CheckedCommand, FileOptions, print_table, show, with_options
+from harmolab.cli.screen import plain_errors, printable, progress, wrote
 
 data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or make a synthetic corpus.")
 
@@ -29,27 +26,22 @@ def data_check(
 
     Example: `harmolab data check dance.bvh`
     """
-    from rich.console import Console
-    from rich.table import Table
-
-    from harmolab.corpora.check import check
+    from harmolab.cli.data_check import check
 
     with plain_errors():
         findings = check(path)
     if as_json:
         typer.echo(json.dumps([asdict(finding) for finding in findings], indent=2))
         return
-    table = Table("what", "kind", "frames", "rate", "joints", "seconds", "offset", "note", title=str(path))
+    headings = ("what", "kind", "frames", "rate", "joints", "seconds", "offset", "note")
+    rows, notes = [], []
     for finding in findings:
+        name = _short(finding.path, path)
         numbers = (finding.frames, finding.rate, finding.joints, finding.seconds, finding.offset)
-        table.add_row(_short(finding.path, path), finding.kind, *map(show, numbers), finding.note)
-    console = Console()
-    console.print(table)
-    for finding in findings:
-        for word, sentences in (("read", finding.how), ("odd", finding.odd)):
-            for sentence in sentences:
-                line = printable(f"{word}: {_short(finding.path, path)}: {sentence}")
-                console.print(line, markup=False, highlight=False)
+        rows.append((name, finding.kind, *map(show, numbers), finding.note))
+        notes += [printable(f"read: {name}: {sentence}") for sentence in finding.how]
+        notes += [printable(f"odd: {name}: {sentence}") for sentence in finding.odd]
+    print_table(headings, rows, str(path), *notes)
 
 
 def _short(name: str, root: Path) -> str:
@@ -77,7 +69,7 @@ def data_synth(
 
     Example: `harmolab data synth demo --clips 14 --seconds 20`
     """
-    from harmolab.corpora.synthetic import write_corpus
+    from harmolab.data.synthetic import write_corpus
 
     with plain_errors():
         write_corpus(
@@ -86,3 +78,43 @@ def data_synth(
             progress=progress,
         )  # fmt: skip
     typer.echo(f"{clips} clips in {out}")
+
+
+# `harmolab convert`: a motion file of any kind to one of ours, or to BVH.
+
+
+@with_options
+def convert(
+    motion: Annotated[
+        Path,
+        typer.Argument(
+            metavar="A",
+            help="The motion: SMPL parameters (AMASS npz, AIST++ or EDGE pkl, FACT or LODGE npy), joints (npy, json, "
+            "pkl, Bailando's jsons_original), HumanML3D npy, c3d, bvh, npz, key points of a pose estimator, or a Tang "
+            "2018 folder.",
+        ),
+    ],
+    out: Annotated[Path, typer.Argument(metavar="B", help="The file to write, npz or bvh.")],
+    *,
+    options: FileOptions,
+    force: Annotated[bool, typer.Option("--force", help="Write over B where it is there already.")] = False,
+) -> None:
+    """Turn a motion file of any kind into npz or BVH, in metres with y up, and say what it is and how it was read.
+
+    Example: `harmolab convert EDGE_dance.pkl dance.npz --fps 30`
+    """
+    from harmolab.data.recordings import read_any_motion, recorded_offset
+    from harmolab.readers.motion import save_motion
+
+    with plain_errors():
+        common.check_out(out, "a motion", (".npz", ".bvh"))
+        if out.exists() and not force:
+            raise ValueError(f"{out}: is there already; --force writes over it")
+        read = read_any_motion(motion, **options.keywords)
+        about = f"converted from {motion.name}: {'; '.join((read.kind, *read.notes))}"
+        save_motion(out, read.motion, offset=recorded_offset(motion), about=about)
+    frames, count, _ = read.motion.positions.shape
+    typer.echo(printable(f"{motion}: {read.kind}, {frames} frames of {count} joints at {read.motion.fps:g} a second"))
+    for sentence in read.notes:
+        typer.echo(printable(f"read: {sentence}"))
+    wrote(out)

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from harmolab.cli import common
 from harmolab.cli.common import (
-    Force,
-    Fps,
-    Jobs,
-    Resume,
-    Scale,
-    Scheduler,
-    Smpl,
-    Up,
+    AsJson,
+    check_out,
     check_pages,
     completed,
+    left_out,
+    names_in,
+    print_table,
     processes,
+    show,
 )
 from harmolab.cli.screen import note, plain_errors, printable, progress, wrote
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from harmolab.lab.evaluate.evaluation import Evaluation
-    from harmolab.lab.evaluate.settings import EvaluationSettings
+    from harmolab.lab.evaluate.evaluation import Evaluation, EvaluationSettings
 
 KEY = (
     *("harmony", "harmony_dance", "paper_harmony", "paper_harmony_chance", "beat_align_motion", "beat_align_music"),
@@ -63,19 +60,19 @@ def evaluate(
             autocompletion=completed("aist++", "edge", "bailando"),
         ),
     ] = "",
-    fps: Fps = None,
-    scale: Scale = None,
-    smpl: Smpl = None,
-    up: Up = None,
+    fps: common.Fps = None,
+    scale: common.Scale = None,
+    smpl: common.Smpl = None,
+    up: common.Up = None,
     pose_net: Annotated[
         Path | None, typer.Option(help="Pose network of `harmolab train`, for FID (default: the shipped one).")
     ] = None,
     resamples: Annotated[int, typer.Option(help="Resamplings of the songs behind each interval.", min=100)] = 4000,
     seed: Annotated[int, typer.Option(help="Seed of the resampling.", min=0)] = 0,
-    jobs: Jobs = None,
-    scheduler: Scheduler = "",
-    resume: Resume = False,
-    force: Force = False,
+    jobs: common.Jobs = None,
+    scheduler: common.Scheduler = "",
+    resume: common.Resume = False,
+    force: common.Force = False,
 ) -> None:
     """A table of dances by the field's measures, with controls and intervals, that can be published.
 
@@ -107,15 +104,9 @@ def evaluate(
             scale=scale, smpl=smpl, up=up or "", pose_net=pose_net, resamples=resamples, seed=seed,
         )  # fmt: skip
         evaluation = evaluate_dances(
-            settings,
-            out,
-            jobs=processes(jobs),
-            scheduler=scheduler,
-            resume=resume,
-            force=force,
-            progress=progress,
+            settings, out, jobs=processes(jobs), scheduler=scheduler, resume=resume, force=force, progress=progress
         )
-        from harmolab.lab.widgets.evaluation_page import write_evaluation
+        from harmolab.lab.evaluate.page import write_evaluation
 
         paths = write_evaluation(out, evaluation)
     _print(evaluation)
@@ -131,7 +122,7 @@ def _settings(generated: Path | None, systems: list[str], **others: object) -> E
     ValueError
         A system has no name, no folder, or the name of another.
     """
-    from harmolab.lab.evaluate.settings import EvaluationSettings
+    from harmolab.lab.evaluate.evaluation import EvaluationSettings
 
     folders = {} if generated is None else {generated.resolve().name: generated}
     for text in systems:
@@ -148,13 +139,12 @@ def _print(evaluation: Evaluation) -> None:
     """The most important measures, as many systems beside one another as fit, the remarks, and what was left out."""
     from rich.console import Console
 
-    from harmolab.lab.evaluate.methods import table_notes
-    from harmolab.lab.evaluate.table_files import table_records
+    from harmolab.lab.evaluate.tables import table_notes, table_records
 
-    console, records = Console(), table_records(evaluation)
-    beside = max(1, (console.width - NAME_WIDTH) // CELL_WIDTH)
+    records = table_records(evaluation)
+    beside = max(1, (Console().width - NAME_WIDTH) // CELL_WIDTH)
     for first in range(0, len(records), beside):
-        console.print(_terminal_table(records[first : first + beside]))
+        _print_table(records[first : first + beside])
     for remark in table_notes(evaluation):
         typer.echo(printable(remark))
     left_out = [*evaluation.errors, *evaluation.unpaired]
@@ -164,20 +154,127 @@ def _print(evaluation: Evaluation) -> None:
         note(f"left out: {len(left_out) - NAMED} more files, in table.json")
 
 
-def _terminal_table(records: list[dict[str, Any]]) -> Table:
+def _print_table(records: list[dict[str, Any]]) -> None:
     """A table with a column a record."""
     from rich.markup import escape
-    from rich.table import Table
+    from rich.table import Column
 
-    from harmolab.lab.evaluate.table_files import number_text
+    from harmolab.lab.evaluate.tables import number_text
 
-    table = Table(title="means over songs (rank), by columns of table.csv")
-    table.add_column("", no_wrap=True)
-    for record in records:
-        table.add_column(escape(printable(record["system"])), overflow="fold")
-    for count in ("dances", "songs", "seeds"):
-        table.add_row(count, *(str(record[count]) for record in records))
+    names = (Column(escape(printable(record["system"])), overflow="fold") for record in records)
+    rows = [[count, *(str(record[count]) for record in records)] for count in ("dances", "songs", "seeds")]
     for name in (name for name in KEY if name in records[0]):
         cells = [(number_text(record[name]), record.get(f"{name}_rank")) for record in records]
-        table.add_row(name, *(f"{text} ({rank})" if rank else text for text, rank in cells))
-    return table
+        rows.append([name, *(f"{text} ({rank})" if rank else text for text, rank in cells)])
+    print_table([Column(no_wrap=True), *names], rows, "means over songs (rank), by columns of table.csv")
+
+
+# `harmolab compare` and `harmolab learn`: scores over a corpus.
+
+
+def compare(
+    corpus: Annotated[Path, typer.Argument(help="Folder of recordings (Tang 2018 layout, or ours).")],
+    window: Annotated[float, typer.Option(help="Seconds a window; 0 judges whole recordings.", min=0.0)] = 6.0,
+    null: Annotated[
+        Literal["lagged", "other"], typer.Option(help="Wrong music: the same 0.3-0.7 beat late, or other songs.")
+    ] = "lagged",
+    beats: Annotated[
+        Literal["annotated", "tracked"] | None,
+        typer.Option(help="Music beats (default: annotated where every recording has a beats.json)."),
+    ] = None,
+    fit_on: Annotated[Path | None, typer.Option(help="Fit patterns and lags on this corpus instead.")] = None,
+    dances: Annotated[str, typer.Option(help="Only these dances, such as cha-cha,rumba.")] = "",
+    rotations: Annotated[int, typer.Option(help="Null corpora behind each chance band.", min=20)] = 400,
+    seed: Annotated[int, typer.Option(help="Seed of rotations and resampling.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder that keeps what is measured of each recording, for --resume.")
+    ] = None,
+    jobs: common.Jobs = None,
+    scheduler: common.Scheduler = "",
+    resume: common.Resume = False,
+    force: common.Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Which score tells true music from wrong?
+
+    The AUC of every score over a folder of recordings: 0.5 is a coin, 1 tells every time. An AUC inside its chance
+    band tells nothing. Whatever a score fits is fitted on figures that the judged window does not dance, and for the
+    band anew on music that begins anywhere. The row "discriminant" is trained on lagged music itself, and stands in no
+    verdict. Below stands how many whole recordings get each verdict of `harmolab score`; --json has them one by one.
+
+    Example: `harmolab data synth demo --clips 70 && harmolab compare demo`
+
+    Example of a large corpus, called again after it was cut off: `harmolab compare demo --out rows --resume`
+    """
+    from harmolab.clips import check_dances, corpus_dances
+    from harmolab.lab.compare.auc import compare as run
+    from harmolab.lab.compare.rows import Processes
+
+    with plain_errors():
+        if resume and out is None:
+            raise ValueError("--resume goes on with the rows in a folder; name it by --out")
+        if names := names_in(dances):
+            check_dances(corpus, names, corpus_dances(corpus))
+        result = run(
+            corpus, dances=names, window=window or None, null=null, fit_on=fit_on,
+            beats=beats, n_rotations=rotations, seed=seed, progress=progress, report=left_out,
+            processes=Processes(processes(jobs), scheduler, out, resume, force),
+        )  # fmt: skip
+    if as_json:
+        typer.echo(json.dumps(result.summary, indent=2))
+    else:
+        print_comparison(result.summary)
+
+
+def print_comparison(summary: dict[str, Any]) -> None:
+    """Two tables: one row a score, and how many recordings reach each level of the verdict."""
+    from rich.table import Column
+
+    from harmolab.verdict.judge import LEVELS
+
+    dances = sorted({dance for row in summary["scores"].values() for dance in row["by_dance"]})
+
+    def cells(name: str, row: dict[str, Any]) -> list[str]:
+        low, high = row["chance_band"]
+        tells = "yes" if row["auc"] > high else "below" if row["auc"] < low else "no"
+        own = [show(row["by_dance"].get(dance, {}).get("auc")) for dance in dances]
+        return [name, show(row["auc"]), show(row["interval"]), show(row["chance_band"]), tells, *own]
+
+    headings = [Column("score", no_wrap=True), "AUC", "interval", "chance band", "tells?", *dances]
+    title = f"{summary['corpus']}: {summary['n']} windows, {summary['beats']} beats, {summary['null']} music"
+    print_table(headings, (cells(name, row) for name, row in summary["scores"].items()), title)
+    typer.echo(f"fitted on: {summary['fitted_on']}")
+    if summary["unfitted_parts"]:
+        typer.echo(f"{summary['unfitted_parts']} of {summary['n_parts']} clips had nothing to fit a pattern on")
+    beside = summary["discriminant"]
+    counts = [f"{beside['lags_found'][name]} of {summary['n_sequences']}" for name in ("recommended", "discriminant")]
+    typer.echo(
+        "discriminant: trained on the very kind of music that judges it, the same 0.3-0.7 beat late, so never in a "
+        f"verdict; AUC {beside['auc_difference']:+.3f} [{show(beside['interval'])}] over the learnt curve "
+        f"(recommended); finds the lag within 1/8 beat in {counts[1]} recordings, the learnt curve in {counts[0]}"
+    )
+    headings = ["music", *(f"{level} {name}" for level, name in enumerate(LEVELS))]
+    rows = ([music, *map(str, counts)] for music, counts in summary["levels"].items())
+    print_table(headings, rows, "recordings by verdict")
+    typer.echo("lagged: the music 0.3-0.7 beat late; learnt: by a curve of other figures, for recordings that have one")
+
+
+def learn(
+    corpus: Annotated[Path, typer.Argument(help="Folder of recordings with beats.json.")],
+    out: Annotated[Path, typer.Option(help="Where to write the patterns (JSON).")],
+) -> None:
+    """Learn each dance's bar pattern, for `harmolab score --pattern`.
+
+    Example: `harmolab learn recordings --out patterns.json`
+    """
+    from harmolab.lab.compare.windows import dance_patterns
+    from harmolab.verdict.bar_pattern import save_patterns
+
+    with plain_errors():
+        check_out(out, "a file of patterns", (".json",))
+        patterns = dance_patterns(corpus, progress=progress, report=left_out)
+        save_patterns(out, patterns)
+    for name, pattern in patterns.items():
+        typer.echo(f"{name or 'unknown dance'}: {pattern.beats} beats, learnt on {pattern.source}")
+    example = next(iter(patterns))
+    typer.echo(f"use them: harmolab score SONG DANCE --pattern {out}" + (f" --dance {example}" if example else ""))

@@ -4,34 +4,25 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from harmolab import __version__
 from harmolab.cli import common
-from harmolab.cli.checks import is_told
-from harmolab.cli.common import (
-    AsJson,
-    Beats,
-    Dance,
-    DanceName,
-    Fps,
-    HowDanced,
-    Joints,
-    One,
-    PatternFile,
-    Scale,
-    Smpl,
-    Song,
-    Up,
-)
-from harmolab.cli.screen import is_verbose, plain_errors, progress, refuse, waiting, wrote
-from harmolab.cli.sources import note_music, sources, video_performance
+from harmolab.cli.common import AsJson, Dance, FileOptions, JudgeOptions, Song, is_told, with_options
+from harmolab.cli.screen import is_verbose, plain_errors, progress, waiting, wrote
+from harmolab.cli.sources import Sources, note_music, sources, video_performance
+
+if TYPE_CHECKING:
+    from harmolab.lab.explain.performance import OwnDance
+    from harmolab.musician.explain import ExplainedPlaying
+    from harmolab.params import HarmonyParams
 
 FOR_DANCES = ("guess", "search", "dance", "beats", "one", "pattern", "scale", "joints", "smpl", "up")
 
 
+@with_options
 def explain(
     context: typer.Context,
     song: Song,
@@ -47,16 +38,9 @@ def explain(
         float | None, typer.Option(help="About where it begins, where only the movement can tell (default: 0).")
     ] = None,
     search: Annotated[float, typer.Option(help="How many seconds from the guess to look, to either side.")] = 2.0,
-    dance: DanceName = "",
-    beats: Beats = None,
-    one: One = None,
-    pattern: PatternFile = None,
-    how: HowDanced = None,
-    fps: Fps = None,
-    scale: Scale = None,
-    joints: Joints = "",
-    smpl: Smpl = None,
-    up: Up = None,
+    *,
+    judged: JudgeOptions,
+    read: FileOptions,
     instrument: Annotated[
         Literal["piano", "violin"] | None,
         typer.Option(
@@ -84,80 +68,62 @@ def explain(
 
     `harmolab explain take/audio.wav take/points.json --instrument piano --out playing.html`
     """
-    if instrument is not None:
-        if motion is None:
-            refuse(f"{song}: --instrument takes SONG and the playing, key points or the folder of a performance")
-        _explain_playing(context, song, motion, instrument, out=out, offset=offset, fps=fps, as_json=as_json)
-        return
-    from harmolab.lab.timing.performance import explain_performance, load_performance
-
     with plain_errors():
+        common.check_out(out, "the page", common.PAGES)
+        result: OwnDance | ExplainedPlaying
+        if instrument is None:
+            files = sources(context, song, motion, judged)
+            result = _dance(files, judged.params(files.dance), read, offset=offset, guess=guess, search=search)
+        else:
+            result = _playing(context, song, motion, instrument, offset=offset, fps=read.fps)
         if out is not None:
-            common.check_out(out, "the page", common.PAGES)
-        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
-        params = common.recommended(pattern, files.dance, how)
-        performance = video_performance(files.motion) if files.is_video else load_performance(
-            files.motion, fps=fps, scale=scale, joints=common.names_in(joints) or None, smpl=smpl, up=up or "",
-            report=common.note_assumptions, progress=progress,
-        )  # fmt: skip
-        with waiting("listening"):
-            result = explain_performance(
-                files.song,
-                performance,
-                offset=offset,
-                guess=guess,
-                search=search,
-                beats=files.beats,
-                one=one,
-                dance=files.dance,
-                params=params,
-            )
-        note_music(result.skipped + result.motion.duration, performance.motion.duration, files.song)
-        if out is not None:
-            from harmolab.lab.timing.page import save_page
-
-            save_page(out, result)
+            _save(out, result)
     if as_json:
         typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
         return
-    typer.echo("\n".join([result.verdict, *result.remarks, str(result.placement)]))
-    if is_verbose():
-        common.print_music(result.music)
-        typer.echo("\n".join([*result.judgement.details, *result.words.sentences]))
-    if out is not None:
-        wrote(out)
+    typer.echo("\n".join([*result.summary, *(result.details if is_verbose() else ())]))
+    wrote(out)
 
 
-def _explain_playing(
-    context: typer.Context,
-    song: Path,
-    points: Path,
-    instrument: str,
-    *,
-    out: Path | None,
-    as_json: bool,
-    **options: Any,
-) -> None:
-    """The same for a musician's hands; options as of `load_playing`."""
-    from harmolab.corpora.performances import load_playing
-    from harmolab.io.video_sound import load_sound
-    from harmolab.lab.timing.playing import explain_playing
+def _dance(files: Sources, params: HarmonyParams, read: FileOptions, **place: Any) -> OwnDance:
+    """A dance beside its song; `place` are offset, guess and search of `explain_performance`."""
+    from harmolab.lab.explain.performance import explain_performance, load_performance
 
-    with plain_errors():
-        if out is not None:
-            common.check_out(out, "the page", common.PAGES)
-        if dancing := [name for name in FOR_DANCES if is_told(context, name)]:
-            raise ValueError(f"--{dancing[0]} is for dances; leave it out with --instrument")
-        with waiting("listening"):
-            audio = load_sound(song, sample_rate=None)
-            result = explain_playing(load_playing(points, audio, instrument=instrument, **options))
-        if out is not None:
-            from harmolab.lab.timing.playing_page import save_playing_page
+    performance = video_performance(files.motion) if files.is_video else load_performance(
+        files.motion, report=common.note_assumptions, progress=progress, **read.keywords
+    )  # fmt: skip
+    with waiting("listening"):
+        result = explain_performance(
+            files.song, performance, beats=files.beats, one=files.one, dance=files.dance, params=params, **place
+        )
+    note_music(result.skipped + result.motion.duration, performance.motion.duration, files.song)
+    return result
 
-            save_playing_page(out, result)
-    if as_json:
-        typer.echo(json.dumps({**result.to_dict(), "version": __version__}, indent=2))
-        return
-    typer.echo("\n".join([result.words.verdict, *result.words.sentences]))
-    if out is not None:
-        wrote(out)
+
+def _playing(
+    context: typer.Context, song: Path, points: Path | None, instrument: str, **options: Any
+) -> ExplainedPlaying:
+    """A musician's hands beside the sound; options as of `load_playing`."""
+    from harmolab.musician.explain import explain_playing
+    from harmolab.musician.performances import load_playing
+    from harmolab.readers.audio import load_sound
+
+    if points is None:
+        raise ValueError(f"{song}: --instrument takes SONG and the playing, key points or the folder of a performance")
+    if dancing := [name for name in FOR_DANCES if is_told(context, name)]:
+        raise ValueError(f"--{dancing[0]} is for dances; leave it out with --instrument")
+    with waiting("listening"):
+        audio = load_sound(song, sample_rate=None)
+        return explain_playing(load_playing(points, audio, instrument=instrument, **options))
+
+
+def _save(out: Path, result: OwnDance | ExplainedPlaying) -> None:
+    """Write the page about a dance or a playing."""
+    from harmolab.lab.explain.page import save_page
+    from harmolab.lab.explain.performance import OwnDance
+    from harmolab.musician.page import save_playing_page
+
+    if isinstance(result, OwnDance):
+        save_page(out, result)
+    else:
+        save_playing_page(out, result)

@@ -8,22 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from harmolab.cli.checks import check_output
-from harmolab.cli.common import (
-    PAGES,
-    VIDEOS_OUT,
-    Fps,
-    Offset,
-    Song,
-)
-from harmolab.cli.dance_files import files_to_write, written
+from harmolab.cli.common import PAGES, VIDEOS_OUT, Fps, Offset, Song, check_output
+from harmolab.cli.dancing import files_to_write, written
 from harmolab.cli.screen import note, plain_errors, printable, progress, waiting, wrote
 from harmolab.cli.training import TRAIN_HINT
 
 if TYPE_CHECKING:
-    from harmolab.corpora.instruments import Performance
-    from harmolab.lab.timing.performed import Performed
-    from harmolab.systems.audio2body.system import Audio2Body
+    from harmolab.musician.page import Performed
+    from harmolab.musician.performances import Performance
+    from harmolab.musician.system import Audio2Body
     from harmolab.types import Audio
 
 Instrument = Literal["piano", "violin"]
@@ -93,8 +86,8 @@ def perform(
             raise ValueError("--offset and --fps are those of --truth; leave them out without it")
         is_avatar = _is_avatar(is_avatar, paths)
         system = _player(weights, instrument)
-        from harmolab.io.video_sound import load_sound
-        from harmolab.lab.timing.performed import performed
+        from harmolab.musician.page import performed
+        from harmolab.readers.audio import load_sound
 
         with waiting("listening"):
             audio = load_sound(song, sample_rate=None)
@@ -145,7 +138,7 @@ def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
             f"{weights}: was made by the system {maker!r}, which plays no instrument; see `harmolab dance`"
         )
     try:
-        from harmolab.systems.audio2body.system import Audio2Body
+        from harmolab.musician.system import Audio2Body
     except ModuleNotFoundError as error:
         raise ValueError(f"playing needs {error.name}; {TRAIN_HINT}") from None
     system = Audio2Body.load(weights) if weights is not None else Audio2Body.shipped(instrument or "")
@@ -159,7 +152,7 @@ def _player(weights: Path | None, instrument: Instrument | None) -> Audio2Body:
 
 def _truth(path: Path, audio: Audio, system: Audio2Body, *, offset: float | None, fps: float | None) -> Performance:
     """The playing of one's own, with the song as its sound."""
-    from harmolab.corpora.performances import load_playing
+    from harmolab.musician.performances import load_playing
 
     return load_playing(path, audio, instrument=system.network.instrument, offset=offset, fps=fps)
 
@@ -176,15 +169,15 @@ def _write(path: Path, result: Performed, *, title: str, used: str) -> None:
     """Write the kind of file that a name asks for."""
     suffix = path.suffix.lower()
     if suffix in PAGES:
-        from harmolab.lab.timing.performed import save_performed
+        from harmolab.musician.page import save_performed
 
         save_performed(path, result, title=title, facts={"player": used})
     elif suffix in VIDEOS_OUT:
-        from harmolab.lab.render.performance import write_performance
+        from harmolab.musician.video import write_performance
 
         write_performance(path, result, title=title, progress=progress)
     else:
-        from harmolab.io.motion import save_motion
+        from harmolab.readers.motion import save_motion
 
         save_motion(path, result.figure, offset=result.start, about=result.notice)
 

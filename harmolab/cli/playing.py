@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import webbrowser
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -10,24 +11,19 @@ import typer
 
 from harmolab.cli import common
 from harmolab.cli.common import (
-    Beats,
     Dance,
-    DanceName,
-    Fps,
-    HowDanced,
+    FileOptions,
+    JudgeOptions,
     Offset,
-    One,
-    PatternFile,
-    Scale,
     Seconds,
-    Smpl,
     Song,
     Start,
-    Up,
+    dance_title,
+    video_command,
+    with_options,
 )
-from harmolab.cli.naming import dance_title, video_command
 from harmolab.cli.posing import is_body_found
-from harmolab.cli.screen import plain_errors, wrote
+from harmolab.cli.screen import note, plain_errors, waiting, wrote
 from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
 
 VIDEO = (
@@ -37,6 +33,7 @@ VIDEO = (
 )
 
 
+@with_options
 def play(
     context: typer.Context,
     song: Song,
@@ -50,15 +47,9 @@ def play(
     ] = None,
     start: Start = None,
     seconds: Seconds = None,
-    dance: DanceName = "",
-    beats: Beats = None,
-    one: One = None,
-    pattern: PatternFile = None,
-    how: HowDanced = None,
-    fps: Fps = None,
-    scale: Scale = None,
-    smpl: Smpl = None,
-    up: Up = None,
+    *,
+    judged: JudgeOptions,
+    read: FileOptions,
 ) -> None:
     """Write a page that plays a motion to its music: beats, hits and misses on a time line, slow motion, loops, clicks.
 
@@ -69,18 +60,17 @@ def play(
 
     Example: `harmolab play recordings/DANCE_W_3 --out dance.html`
     """
-    from harmolab.corpora.folders import load_any_motion, recorded_offset
-    from harmolab.harmony import score_clip
-    from harmolab.lab.widgets.player import player_of
+    from harmolab.data.recordings import load_any_motion, recorded_offset
+    from harmolab.lab.player import player_of
+    from harmolab.verdict.judge import score_clip
 
     with plain_errors():
         common.check_out(out, "the player", common.PAGES)
-        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        files = sources(context, song, motion, judged)
         if files.is_video and not is_body_found(files.motion):
             raise ValueError(VIDEO.format(video=files.motion, stem=files.motion.stem))
-        params = common.recommended(pattern, files.dance, how)
-        reading = common.reading(fps, scale, smpl, up)
-        clip = clip_of(files, offset=offset, seconds=None, one=one, sample_rate=None, **reading)
+        params = judged.params(files.dance)
+        clip = clip_of(files, offset=offset, sample_rate=None, **read.keywords)
         note_lengths(clip, files.song)
         if files.is_video:
             begin = clip.offset if start is None else start
@@ -89,10 +79,48 @@ def play(
         clips = [clip]
         if other is not None:
             begins = next((time for time in (other_offset, recorded_offset(other)) if time is not None), clip.offset)
-            movement, name = load_any_motion(other, report=common.note_assumptions, **reading), other.stem or other.name
-            clips.append(replace(clip, name=name, motion=movement, offset=begins))
+            movement = load_any_motion(other, report=common.note_assumptions, **read.keywords)
+            clips.append(replace(clip, name=other.stem or other.name, motion=movement, offset=begins))
         where = {"offset": clip.offset, "start": start, "seconds": seconds}
         command = video_command(files.song, files.motion, out, files.dance, **where)
         title = dance_title(files.motion, files.song)
         player_of(clips, start=start, seconds=seconds, title=title, params=params, command=command).save(out)
     wrote(out)
+
+
+# `harmolab demo`: a first page to look at, without any file.
+
+NEXT = (
+    "What next?",
+    "  harmolab dance SONG.mp3                      a dance to a song of yours",
+    "  harmolab explain VIDEO.mp4 --out page.html   your own dance: are you in time?",
+)
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="The page to write, .html.")] = Path("harmolab_demo.html"),
+    no_open: Annotated[bool, typer.Option("--no-open", help="Write the page, and do not open it.")] = False,
+) -> None:
+    """See what harmolab does: a page with a dancer who meets the beats, and the same one late. Needs no files.
+
+    The song is synthetic; the movement was recorded (CMU, salsa) and comes with harmolab.
+
+    Example: `harmolab demo`
+    """
+    with plain_errors():
+        common.check_out(out, "the page", common.PAGES)
+        with waiting("making the page"):
+            from harmolab.lab import player as pages
+
+            page = pages.demo()
+            page.player.save(out)
+    typer.echo("A page with two dancers, who are one: recorded salsa, laid on the beats of a synthetic song.")
+    for name, score in (("left, in time", page.in_time), (f"right, {page.late:.2f} s late", page.delayed)):
+        met = f"{int((score.pairs >= 0).sum())} of {score.n_audio} beats met"
+        verdict = "" if score.judgement is None else score.judgement.verdict
+        typer.echo(f"  {name}: {met}, harmony above chance {score.above_chance:.2f}. {verdict}")
+    typer.echo("Press play on the page; the lamps flash on the beats of the music and of the dancer.")
+    wrote(out)
+    typer.echo("\n".join(NEXT))
+    if not no_open and not webbrowser.open(out.resolve().as_uri()):
+        note(f"no browser could be opened; open {out.resolve()} in one")

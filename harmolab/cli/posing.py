@@ -40,7 +40,7 @@ def pose(
 
     Example: `harmolab pose --install --yes`
     """
-    from harmolab.io.pose_environment import pose_environment, remove_pose_environment
+    from harmolab.readers.pose import pose_environment, remove_pose_environment
 
     with plain_errors():
         if remove:
@@ -61,7 +61,7 @@ def pose(
 
 def _check(video: Path, out: Path) -> None:
     """The errors that can be told before any work."""
-    from harmolab.io.video import average_rate, is_video
+    from harmolab.readers.video import average_rate, is_video
 
     common.check_out(out, "a motion", (".npz", ".bvh"))
     if not video.exists():
@@ -72,8 +72,8 @@ def _check(video: Path, out: Path) -> None:
 
 
 def _write(video: Path, out: Path) -> None:
-    from harmolab.io.motion import save_motion
-    from harmolab.io.pose import read_pose
+    from harmolab.readers.motion import save_motion
+    from harmolab.readers.pose import read_pose
 
     reading = read_pose(video, progress=progress)
     frames, joints, _ = reading.motion.positions.shape
@@ -92,7 +92,7 @@ def install_poses(*, is_agreed: bool) -> None:
     ValueError
         The answer is no, there is no terminal to ask at, or it cannot be made.
     """
-    from harmolab.io import pose_environment as environment
+    from harmolab.readers import pose as environment
 
     if reason := environment.hindrance():
         raise ValueError(f"{reason}; the movement of a video can be read from the flow of its picture only")
@@ -108,7 +108,7 @@ def install_poses(*, is_agreed: bool) -> None:
 
 def offer_poses(video: Path) -> None:
     """Ask once whether to fetch what finds the body in a video; else a line that says how it would be surer."""
-    from harmolab.io import pose_environment as environment
+    from harmolab.readers import pose as environment
 
     if environment.pose_environment() is not None or LEVEL.get() <= QUIET:
         return
@@ -130,20 +130,20 @@ def offer_poses(video: Path) -> None:
 
 def is_body_found(video: Path) -> bool:
     """True where what finds bodies in videos is there, perhaps after a question."""
-    from harmolab.io.pose_environment import pose_environment
+    from harmolab.readers.pose import pose_environment
 
     offer_poses(video)
     return pose_environment() is not None
 
 
 def _declined() -> Path:
-    from harmolab.io.pose_environment import pose_folder
+    from harmolab.readers.pose import pose_folder
 
     return pose_folder().with_name(DECLINED)
 
 
 def _offer() -> str:
-    from harmolab.io.pose_environment import DOWNLOADED, MEDIAPIPE, ON_DISK, pose_folder
+    from harmolab.readers.pose import DOWNLOADED, MEDIAPIPE, ON_DISK, pose_folder
 
     return (
         f"To find bodies in videos, MediaPipe {MEDIAPIPE} is fetched from the Python package index, once: about "

@@ -8,23 +8,7 @@ from typing import Annotated
 import typer
 
 from harmolab.cli import common
-from harmolab.cli.common import (
-    Beats,
-    Dance,
-    DanceName,
-    Fps,
-    HowDanced,
-    Joints,
-    Offset,
-    One,
-    PatternFile,
-    Scale,
-    Seconds,
-    Smpl,
-    Song,
-    Start,
-    Up,
-)
+from harmolab.cli.common import Dance, FileOptions, JudgeOptions, Offset, Seconds, Song, Start, with_options
 from harmolab.cli.screen import note, plain_errors, progress, wrote
 from harmolab.cli.sources import check_signs, clip_of, note_lengths, sources
 
@@ -35,6 +19,7 @@ NO_GIF = "a video has more colours than a gif; choose a name that ends in .mp4 o
 NO_START = "a video is drawn from its first picture on; leave out --start"
 
 
+@with_options
 def render(
     context: typer.Context,
     song: Song,
@@ -56,11 +41,8 @@ def render(
         bool, typer.Option(help="Marks that light up on beats: of the music, of the dancer, hits.")
     ] = True,
     follow: Annotated[bool, typer.Option("--follow", help="Keep the hips in the middle of the picture.")] = False,
-    dance: DanceName = "",
-    beats: Beats = None,
-    one: One = None,
-    pattern: PatternFile = None,
-    how: HowDanced = None,
+    *,
+    judged: JudgeOptions,
     height: Annotated[
         int | None,
         typer.Option(
@@ -74,11 +56,7 @@ def render(
         float | None,
         typer.Option(help="Pictures a second: 30 (12.5 of a gif), or those of the video.", min=10, max=120),
     ] = None,
-    fps: Fps = None,
-    scale: Scale = None,
-    joints: Joints = "",
-    smpl: Smpl = None,
-    up: Up = None,
+    read: FileOptions,
 ) -> None:
     """Write a video of a motion with its music: a person on a floor, or a skeleton over the dancer's own video.
 
@@ -96,27 +74,26 @@ def render(
 
     `harmolab render take.mp4 keypoints/ --fps 25 --over take.mp4 --out checked.webm`
     """
-    from harmolab.harmony import score_clip
+    from harmolab.lab.explain.filmed import points_in_video
     from harmolab.lab.render.overlay import load_points
     from harmolab.lab.render.video import write_dance
-    from harmolab.lab.timing.filmed import points_in_video
+    from harmolab.verdict.judge import score_clip
 
     is_gif = out.suffix.lower() == GIF
     with plain_errors():
         common.check_out(out, "a video", (*common.VIDEOS_OUT, GIF))
-        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        files = sources(context, song, motion, judged)
         over = over or (files.motion if files.is_video else None)
         if over is not None and (is_gif or start is not None):
             raise ValueError(f"{over}: {NO_GIF if is_gif else NO_START}")
-        params = common.recommended(pattern, files.dance, how)
+        params = judged.params(files.dance)
         seconds = GIF_SECONDS if is_gif and seconds is None else seconds
-        reading = common.reading(fps, scale, smpl, up, joints)
-        points = None
+        reading, points = read.keywords, None
         if over is not None and not files.is_video:
-            points = load_points(files.motion, fps=fps, joints=reading["joints"], report=common.note_assumptions)
+            points = load_points(files.motion, fps=read.fps, joints=reading["joints"], report=common.note_assumptions)
         clip = clip_of(
-            files, offset=offset, seconds=seconds if start is None else None, one=one, track=marks,
-            sample_rate=None, movement=points, **reading,
+            files, offset=offset, seconds=seconds if start is None else None, track=marks, sample_rate=None,
+            movement=points, **reading,
         )  # fmt: skip
         note_lengths(clip, files.song)
         in_video = points_in_video(files.motion) if files.is_video else None

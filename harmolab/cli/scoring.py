@@ -3,41 +3,136 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from enum import StrEnum
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args
 
 import typer
 
 from harmolab import __version__
 from harmolab.cli import common
 from harmolab.cli.common import (
-    Beats,
     Dance,
-    DanceName,
-    Fps,
-    HowDanced,
-    Joints,
+    FileOptions,
+    JudgeOptions,
     Offset,
-    One,
-    PatternFile,
-    Scale,
     Seconds,
-    Smpl,
     Song,
-    Up,
+    check_out,
+    is_told,
+    print_table,
     show,
+    with_options,
 )
-from harmolab.cli.corpus_scores import is_corpus, score_corpus
-from harmolab.cli.screen import is_verbose, plain_errors, wrote
+from harmolab.cli.screen import is_verbose, note, plain_errors, printable, progress, refuse, wrote
 from harmolab.cli.sources import Sources, check_signs, clip_of, note_lengths, sources
 
+# `harmolab score` of a folder of recordings: a row each, with a fault in one as its row.
+
 if TYPE_CHECKING:
-    from harmolab.cli.common import How
+    from harmolab.score import HarmonyScore
+
+ScoredRecording = Callable[[Sources], Mapping[str, "HarmonyScore"]]
+
+FOR_ONE = ("offset", "beats", "one", "plot", "others")  # options that mean something for one recording only
+JUDGED = ("level", "verdict", "p_time", "p_place", "lag_s", "tempo", "own_tempo", "pulse", "share")
+NUMBERS = ("harmony_above_chance", "p_value", "harmony", "hit_rate", "chance", "n_audio", "n_visual")
+
+
+def is_corpus(folder: Path) -> bool:
+    """True for a folder that is no recording itself and holds some."""
+    from harmolab.data.recordings import find_recordings, missing_parts
+
+    return folder.is_dir() and bool(missing_parts(folder)) and bool(find_recordings(folder).folders)
+
+
+def score_corpus(
+    context: typer.Context, corpus: Path, scored: ScoredRecording, *, table: Path | None, as_json: bool
+) -> None:
+    """Score every recording below a folder, print the rows and write them; exit code 1 where some have a fault.
+
+    Parameters
+    ----------
+    context : of the call
+    corpus : folder
+    scored : function of the files of a recording; mode -> score
+    table : csv to be written, if any
+    as_json : print the rows as JSON
+    """
+    with plain_errors():
+        if misplaced := [name for name in FOR_ONE if is_told(context, name)]:
+            raise ValueError(f"--{misplaced[0]} is for one recording, and {corpus} holds several; leave it out")
+        check_out(table, "a table", (".csv",))
+        rows = list(recording_rows(corpus, scored))
+        if table is not None:
+            _write(table, rows)
+    if as_json:
+        typer.echo(json.dumps(rows, indent=2))
+    else:
+        _print(rows, str(corpus))
+    wrote(table, err=as_json)
+    if faults := [row["name"] for row in rows if row["error"]]:
+        note(f"{len(faults)} of {len(rows)} recordings could not be scored; their rows say why")
+        raise typer.Exit(1)
+
+
+def recording_rows(corpus: Path, scored: ScoredRecording) -> Iterator[dict[str, Any]]:
+    """A row for each recording at or below a folder; errors of the folder itself as `find_recordings`."""
+    from harmolab.data.recordings import find_recordings, recording_files
+
+    folders, problems = find_recordings(corpus)
+    for problem in problems:
+        yield _row(problem.folder, corpus, error=problem.message)
+    for folder in progress(folders, "scoring"):
+        try:
+            files = recording_files(folder)
+            scores = scored(Sources(files.song, folder, files.beats, files.dance))
+            yield _row(folder, corpus, dance=files.dance, scores=scores)
+        except (ValueError, OSError) as error:
+            yield _row(folder, corpus, error=str(error))
+
+
+def _row(
+    folder: Path, corpus: Path, *, dance: str = "", scores: Mapping[str, HarmonyScore] | None = None, error: str = ""
+) -> dict[str, Any]:
+    """Name, dance, numbers and fault of a recording; the numbers of our own score go by their names alone."""
+    row: dict[str, Any] = {"name": str(folder.relative_to(corpus)), "dance": dance, "error": printable(error)}
+    for mode, score in (scores or {}).items():
+        values, prefix = score.to_dict(), "" if score.judgement else f"{mode}_"
+        low, high = values["interval"]
+        names = (*(JUDGED if score.judgement else ()), *NUMBERS)
+        row |= {f"{prefix}{name}": values[name] for name in names}
+        row |= {f"{prefix}interval_low": low, f"{prefix}interval_high": high}
+    return row
+
+
+def _write(path: Path, rows: list[dict[str, Any]]) -> None:
+    import pandas as pd
+
+    from harmolab.files import write_text
+
+    write_text(path, pd.DataFrame(rows).to_csv(index=False))
+
+
+def _print(rows: list[dict[str, Any]], title: str) -> None:
+    """The rows as a table, with the fault of a recording in place of its level."""
+    from rich.markup import escape
+
+    from harmolab.verdict.judge import LEVELS
+
+    def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+        numbers = (row.get(name) for name in ("harmony_above_chance", "p_time"))
+        level = f"{row['level']} {LEVELS[row['level']]}" if "level" in row else ""
+        return escape(printable(row["name"])), row["dance"], *map(show, numbers), escape(row["error"] or level)
+
+    headings = ("recording", "dance", "harmony above chance", "p in time", "level")
+    print_table(headings, map(cells, rows), escape(printable(title)))
+
+
+if TYPE_CHECKING:
     from harmolab.params import HarmonyParams
+    from harmolab.score import HarmonyScore
     from harmolab.types import BeatTrack, Clip
-    from harmolab.verdict.score import HarmonyScore
 
 
 # Names in the table, and of the fields behind them.
@@ -53,15 +148,19 @@ PAPER_ROWS = {"harmony": "harmony", "hit rate": "hit_rate"}
 COUNT_ROWS = {"chance": "chance", "n audio": "n_audio", "n visual": "n_visual"}
 
 
-class Mode(StrEnum):
-    """Which settings to score with."""
-
-    paper = "paper"
-    recommended = "recommended"
-    room = "room"
-    both = "both"
+Mode = Literal["paper", "recommended", "both"]
 
 
+def mode_named(name: str) -> str:
+    """The mode of this name; of the one that is gone the error says what took its place."""
+    if name == "room":
+        refuse("--mode room is gone: the joint speed in the room gave way to the shape of the body, --mode recommended")
+    if name not in get_args(Mode):
+        refuse(f"--mode must be one of {', '.join(get_args(Mode))}; got {name!r}")
+    return name
+
+
+@with_options
 def score(
     context: typer.Context,
     song: Song,
@@ -69,18 +168,14 @@ def score(
     offset: Offset = None,
     seconds: Seconds = None,
     mode: Annotated[
-        Mode, typer.Option(help="The paper's settings, ours, or both; room: what we advised before, for comparison.")
-    ] = Mode.both,
-    fps: Fps = None,
-    scale: Scale = None,
-    dance: DanceName = "",
-    beats: Beats = None,
-    one: One = None,
-    pattern: PatternFile = None,
-    how: HowDanced = None,
-    joints: Joints = "",
-    smpl: Smpl = None,
-    up: Up = None,
+        str,
+        typer.Option(
+            parser=mode_named, metavar=f"[{'|'.join(get_args(Mode))}]", help="The paper's settings, ours, or both."
+        ),
+    ] = "both",
+    *,
+    judged: JudgeOptions,
+    read: FileOptions,
     lag: Annotated[float, typer.Option(help="Seconds by which this dancer is expected after the beat.")] = 0.0,
     clock: Annotated[
         float, typer.Option(help="Time stretch of the motion; 1.013 fits most Tang 2018 data.", min=0.1, max=10.0)
@@ -118,17 +213,16 @@ def score(
     `harmolab score phone_video.mp4` scores a video with its music in it.
     """
     from harmolab.beats.meter import describe_beats
-    from harmolab.harmony import other_measures
-
-    reading = common.reading(fps, scale, smpl, up, joints)
+    from harmolab.verdict.judge import music_and_motion, other_measures, score_motion
 
     def scored(files: Sources) -> Scored:
-        modes = settings(mode, pattern, dance or files.dance, how, lag, clock)
-        clip = clip_of(files, offset=offset, seconds=seconds, one=one, **reading)
+        modes = settings(mode, judged.params(judged.dance or files.dance), lag, clock)
+        clip = clip_of(files, offset=offset, seconds=seconds, **read.keywords)
         note_lengths(clip, files.song)
-        result = scored_clip(clip, modes, clock)
-        check_signs(files, clip, result.scores.values())
-        return result
+        music, movement = music_and_motion(clip, clock=clock)
+        scores = {name: score_motion(music, movement, params=params) for name, params in modes.items()}
+        check_signs(files, clip, scores.values())
+        return Scored(clip, music, scores)
 
     with plain_errors():
         if motion is None and is_corpus(song):
@@ -138,7 +232,7 @@ def score(
             raise ValueError(f"{song}: --csv is for a folder of recordings; --json has all numbers of one")
         if plot:
             common.check_place(plot)
-        files = sources(context, song, motion, beats=beats, one=one, dance=dance)
+        files = sources(context, song, motion, judged)
         clip, music, scores = scored(files)
         measures = other_measures(clip, clock=clock) if others else {}
         if plot:
@@ -157,8 +251,7 @@ def score(
     common.print_music(music)
     if judgement is None or measures or is_verbose():
         print_scores(scores, measures)
-    if plot:
-        wrote(plot)
+    wrote(plot)
 
 
 class Scored(NamedTuple):
@@ -169,51 +262,30 @@ class Scored(NamedTuple):
     scores: dict[str, HarmonyScore]
 
 
-def scored_clip(clip: Clip, modes: dict[str, HarmonyParams], clock: float) -> Scored:
-    """The scores of a clip with the settings of each mode."""
-    from harmolab.harmony import music_and_motion, score_motion
-
-    music, movement = music_and_motion(clip, clock=clock)
-    return Scored(clip, music, {name: score_motion(music, movement, params=params) for name, params in modes.items()})
-
-
-def settings(
-    mode: Mode, pattern: Path | None, dance: str, how: How | None, lag: float, clock: float
-) -> dict[str, HarmonyParams]:
+def settings(mode: str, recommended: HarmonyParams, lag: float, clock: float) -> dict[str, HarmonyParams]:
     """The parameters of each mode."""
     from dataclasses import replace
 
     from harmolab.params import HarmonyParams
 
-    recommended = common.recommended(pattern, dance, how)
-    # The patterns that are shipped are of shape speed.
-    room = HarmonyParams.room_speed(recommended.pattern if pattern else None)
-    params = {"paper": HarmonyParams.paper(), "recommended": recommended, "room": room}
-    names = ("paper", "recommended") if mode is Mode.both else (mode.value,)
+    params = {"paper": HarmonyParams.paper(), "recommended": recommended}
+    names = ("paper", "recommended") if mode == "both" else (mode,)
     return {name: replace(params[name], lag=lag, clock=clock) for name in names}
 
 
 def print_scores(scores: dict[str, HarmonyScore], measures: dict[str, float]) -> None:
     """A table with a row a number and a column a mode, and the other measures, if any."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("", *scores, title="harmony of motion and music")
-    for cells in zip(*map(score_rows, scores.values()), strict=True):
-        texts = [text for _, text in cells]
-        if any(texts):
-            table.add_row(cells[0][0], *texts)
-    Console().print(table)
+    columns = [dict(score_rows(score)) for score in scores.values()]
+    rows = ((name, *(column[name] for column in columns)) for name in columns[0])
+    print_table(["", *scores], (row for row in rows if any(row[1:])), "harmony of motion and music")
     if measures:
-        table = Table("", "", title="other measures of the field", show_header=False)
-        for name, value in measures.items():
-            table.add_row(name, show(value))
-        Console().print(table)
+        rows = ((name, show(value)) for name, value in measures.items())
+        print_table(["", ""], rows, "other measures of the field", show_header=False)
 
 
 def score_rows(score: HarmonyScore) -> Iterator[tuple[str, str]]:
     """Name and text of each number of a score: "-" where it does not exist, "" where it is no number of this mode."""
-    from harmolab.verdict.time_test import FEWEST_BEATS
+    from harmolab.verdict.evidence import FEWEST_BEATS
 
     values, above_chance = score.to_dict(), score.above_chance
     has_number = values["n_audio"] >= FEWEST_BEATS and above_chance == above_chance

@@ -109,9 +109,9 @@ def _line(message: str) -> None:
     typer.echo(f"harmolab: {printable(message)}", err=True)
 
 
-def wrote(path: Path, *, err: bool = False) -> None:
-    """The line that a file was written, unless it is to be quiet."""
-    if LEVEL.get() > QUIET:
+def wrote(path: Path | None, *, err: bool = False) -> None:
+    """The line that a file, if any, was written, unless it is to be quiet."""
+    if path is not None and LEVEL.get() > QUIET:
         typer.echo(printable(f"wrote {path}"), err=err)
 
 

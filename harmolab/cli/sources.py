@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from harmolab.cli.checks import is_told
-from harmolab.cli.common import MOTIONS, SOUNDS, note_assumptions
+from harmolab.cli.common import MOTIONS, SOUNDS, JudgeOptions, is_told, note_assumptions
 from harmolab.cli.posing import offer_poses
 from harmolab.cli.screen import detail, finding_beats, note, progress
 
 if TYPE_CHECKING:
-    from harmolab.lab.timing.performance import Performance
+    from harmolab.lab.explain.performance import Performance
+    from harmolab.score import HarmonyScore
     from harmolab.types import Clip, Motion
-    from harmolab.verdict.score import HarmonyScore
 
 ALONE = "the folder of one recording, or a video with its music, may stand alone"
 FOR_FILES = ("fps", "scale", "joints", "smpl", "up")  # options of motion files, of no use for a video
@@ -28,24 +27,23 @@ UNHEARD = 1.0  # seconds of a dance that may go on after its song without a word
 
 
 class Sources(NamedTuple):
-    """A song and a dance to it, which may be one video; the song's annotated beats; and the name of the dance."""
+    """A song and a dance to it, which may be one video; the song's annotated beats, the dance's name, and a "one"."""
 
     song: Path
     motion: Path
-    beats: Path | None
-    dance: str
+    beats: Path | None = None
+    dance: str = ""
+    one: float | None = None
 
     @property
     def is_video(self) -> bool:
         """True where the dance is a video."""
-        from harmolab.io.video import is_video
+        from harmolab.readers.video import is_video
 
         return is_video(self.motion)
 
 
-def sources(
-    context: typer.Context, song: Path, motion: Path | None, *, beats: Path | None, one: float | None, dance: str
-) -> Sources:
+def sources(context: typer.Context, song: Path, motion: Path | None, options: JudgeOptions) -> Sources:
     """The files that a command reads, with what the folder of a recording says beside them; checked before any work.
 
     Raises
@@ -54,13 +52,13 @@ def sources(
         There is no such file, no dance, more than one, or no dance of that name; options of motion files go with a
         video.
     """
-    from harmolab.corpora.files import check_dance
+    from harmolab.clips import check_dance
 
     files = _paired(context, song, motion)
-    files = files._replace(beats=beats or files.beats, dance=dance or files.dance)
-    if context.params.get("pattern") is None:  # a file of patterns has names of its own
+    files = files._replace(beats=options.beats or files.beats, dance=options.dance or files.dance, one=options.one)
+    if options.pattern is None:  # a file of patterns has names of its own
         # A name on the command line is to be one of ours, or it would change nothing beside annotated beats.
-        check_dance(files.dance, None if dance else files.beats, one)
+        check_dance(files.dance, None if options.dance else files.beats, options.one)
     if (misplaced := [name for name in FOR_FILES if is_told(context, name)]) and files.is_video:
         raise ValueError(f"--{misplaced[0]} is for motion files, and {files.motion} is a video; leave it out")
     for word, path in {"song": files.song, "dance": files.motion, "beats": files.beats}.items():
@@ -71,11 +69,11 @@ def sources(
 
 def _paired(context: typer.Context, song: Path, motion: Path | None) -> Sources:
     """The files, before options are looked at."""
-    from harmolab.io.video import is_video
+    from harmolab.readers.video import is_video
 
     if song.is_dir():
         files = _in_folder(song)
-        return files if motion is None else Sources(files.song, motion, files.beats, files.dance)
+        return files if motion is None else files._replace(motion=motion)
     for path in (song, motion):
         if path is not None and not path.exists():
             raise FileNotFoundError(f"{path}: no such file")
@@ -83,9 +81,7 @@ def _paired(context: typer.Context, song: Path, motion: Path | None) -> Sources:
         if not is_video(song):
             raise ValueError(f"{song}: {context.info_name} takes SONG DANCE; {ALONE}")
         motion = song
-    if motion.is_dir():
-        return Sources(song, _only(motion, MOTIONS) or motion, None, "")
-    return Sources(song, motion, None, "")
+    return Sources(song, (_only(motion, MOTIONS) if motion.is_dir() else None) or motion)
 
 
 def _in_folder(folder: Path) -> Sources:
@@ -96,14 +92,14 @@ def _in_folder(folder: Path) -> Sources:
     FileNotFoundError
         For a folder of something else; says what it lacks.
     """
-    from harmolab.corpora.folders import missing_parts, recording_files
-    from harmolab.io import video
+    from harmolab.data.recordings import missing_parts, recording_files
+    from harmolab.readers import video
 
     if missing_parts(folder):
         sound, motion, film = (_only(folder, suffixes) for suffixes in (SOUNDS, MOTIONS, video.SUFFIXES))
         song = sound or film
         if song and (motion or film):
-            return Sources(song, motion or film or song, _only(folder, (".beats",)), "")
+            return Sources(song, motion or film or song, _only(folder, (".beats",)))
     files = recording_files(folder)
     return Sources(files.song, folder, files.beats, files.dance)
 
@@ -117,46 +113,36 @@ def _only(folder: Path, suffixes: tuple[str, ...]) -> Path | None:
     return files[0] if len(files) == 1 and files[0].name not in OWN else None
 
 
-def clip_of(
-    files: Sources,
-    *,
-    offset: float | None,
-    seconds: float | None,
-    one: float | None,
-    track: bool = True,
-    sample_rate: float | None = 22050.0,
-    movement: Motion | None = None,
-    **reading: Any,
-) -> Clip:
+def clip_of(files: Sources, *, offset: float | None = None, movement: Motion | None = None, **options: Any) -> Clip:
     """The song and the dance with the music's beats; the movement of a video is that of its dancer.
 
     Parameters
     ----------
     files : Sources
-    offset, seconds, one, track, sample_rate : as in `load_clip`
+    offset : as in `load_clip`
     movement : Motion in place of that of the file
-    reading : fps, scale, joints, smpl and up, as in `load_clip`
+    options : further ones of `load_clip`
 
     Raises
     ------
     FileNotFoundError, ValueError
         Both name the file; ValueError where it is not clear from its sound where in the song a video begins.
     """
-    from harmolab.corpora.files import load_clip
+    from harmolab.clips import load_clip
 
     if movement is None and files.is_video:
         movement, offset = _of_video(files, offset)
     with finding_beats():
         return load_clip(
-            files.song, movement or files.motion, offset=offset, seconds=seconds, dance=files.dance, beats=files.beats,
-            one=one, track=track, sample_rate=sample_rate, report=note_assumptions, **reading,
+            files.song, movement or files.motion, offset=offset, dance=files.dance, beats=files.beats, one=files.one,
+            report=note_assumptions, **options,
         )  # fmt: skip
 
 
 def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
     """The movement of a video, and the song's time at which it begins, by its sound unless told."""
-    from harmolab.io.video_sound import load_sound
-    from harmolab.lab.timing.sound import find_sound_offset
+    from harmolab.lab.explain.offset import find_sound_offset
+    from harmolab.readers.audio import load_sound
 
     performance = video_performance(files.motion)
     if offset is not None or files.song.resolve() == files.motion.resolve():
@@ -170,7 +156,7 @@ def _of_video(files: Sources, offset: float | None) -> tuple[Motion, float]:
 
 def video_performance(video: Path) -> Performance:
     """The movement of a video and its sound; first the question whether what finds bodies may be fetched."""
-    from harmolab.lab.timing.performance import load_performance
+    from harmolab.lab.explain.performance import load_performance
 
     offer_poses(video)
     performance = load_performance(video, progress=progress)
@@ -181,7 +167,7 @@ def video_performance(video: Path) -> Performance:
 
 def check_signs(files: Sources, clip: Clip, scores: Iterable[HarmonyScore]) -> None:
     """ValueError where a video was read by flow, and no sign of the beat was seen; that is no verdict."""
-    from harmolab.lab.timing.filmed import check_sign
+    from harmolab.lab.explain.filmed import check_sign
 
     for judgement in (score.judgement for score in scores):
         if judgement is not None and clip.motion is not None:

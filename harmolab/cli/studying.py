@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import json
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from harmolab.cli.checks import CheckedCommand, check_folder
-from harmolab.cli.common import AsJson, left_out, serve, show, write_text
+from harmolab.cli.common import (
+    AsJson,
+    CheckedCommand,
+    check_folder,
+    check_pages,
+    left_out,
+    print_table,
+    serve,
+    show,
+    write_text,
+)
 from harmolab.cli.screen import plain_errors, progress
 
 if TYPE_CHECKING:
@@ -70,12 +78,11 @@ def make(
 
     Example: `harmolab data synth demo --clips 40 --seconds 10 && harmolab study make demo my_study --n 20`
     """
+    from harmolab.lab.listening.answers import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
     from harmolab.lab.listening.corpus_study import study_pieces
-    from harmolab.lab.listening.folders import KEY_FILE, PAGES, SCORES_FILE, TRIALS_FILE
 
     with plain_errors():
-        if find_spec("jinja2") is None:
-            raise ValueError("the pages of a study need jinja2; install it with: pip install jinja2")
+        check_pages("harmolab study make")
         if against is not None and kind == "pick":
             raise ValueError("--against compares two dances; it goes with --kind choice or rate")
         if against is None and kind == "rate":
@@ -94,9 +101,9 @@ def make(
 
 def _write_study(out: Path, pieces: Pieces, kind: Kind, n: int, seed: int, truth: str) -> None:
     """Pages and scores of all that is asked, then key and trials."""
-    from harmolab.lab.listening.folders import write_page, write_scores, write_study
+    from harmolab.lab.listening.answers import write_page, write_scores, write_study
     from harmolab.lab.listening.trials import make_key, make_trials
-    from harmolab.lab.widgets.player import blind_page
+    from harmolab.lab.player import blind_page
 
     key = make_key(pieces.items, kind=kind, n=n, seed=seed, truth=truth)
     trials = make_trials(pieces.items, kind=kind, n=n, seed=seed, rater=ANYONE, truth=truth)
@@ -120,9 +127,8 @@ def ask(
 
     Example: `harmolab study ask my_study --rater Ada`
     """
-    from harmolab.lab.listening.answers import SIMULATED
-    from harmolab.lab.listening.folders import TRIALS_FILE, answer_log, read_page, read_trials
-    from harmolab.lab.listening.presenting import StudyServer
+    from harmolab.lab.listening.answers import SIMULATED, TRIALS_FILE, answer_log, read_page, read_trials
+    from harmolab.lab.listening.local_page import StudyServer
 
     with plain_errors():
         if rater.startswith(SIMULATED):
@@ -151,10 +157,9 @@ def analyse(
 
     Example: `harmolab study analyse my_study --out results`
     """
-    from harmolab.io.files import plain
+    from harmolab.files import plain
     from harmolab.lab.listening.analysis import study_tables
-    from harmolab.lab.listening.answers import merge
-    from harmolab.lab.listening.folders import KEY_FILE, SCORES_FILE, answer_files, read_key, read_scores
+    from harmolab.lab.listening.answers import KEY_FILE, SCORES_FILE, answer_files, merge, read_key, read_scores
 
     with plain_errors():
         files = merge(answer_files(study))
@@ -189,8 +194,7 @@ def _save(out: Path, tables: Tables, text: str) -> None:
 
 
 def _print(tables: Tables, answers: Answers, kind: str) -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column
 
     whose = "simulated raters, no people" if answers.simulated else f"{len(answers.raters)} raters"
     titles = {
@@ -202,12 +206,9 @@ def _print(tables: Tables, answers: Answers, kind: str) -> None:
     }
     for name, rows in tables.items():
         printed = [_printed(row) for row in rows]
-        table = Table(title=f"{titles[name]} ({whose})")
-        for number, column in enumerate(printed[0]):
-            table.add_column(column, no_wrap=number == 0)
-        for row in printed:
-            table.add_row(*map(show, row.values()))
-        Console().print(table)
+        first, *others = printed[0]
+        cells = [[show(value) for value in row.values()] for row in printed]
+        print_table([Column(first, no_wrap=True), *others], cells, f"{titles[name]} ({whose})")
 
 
 def _printed(row: dict[str, Any]) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from harmolab.cli.checks import is_told
-from harmolab.cli.common import completed
+from harmolab.cli.common import completed, is_told
 from harmolab.cli.screen import LEVEL, USUAL, note, plain_errors, progress
 
 TRAIN_HINT = "in a copy of harmolab, run: pip install '.[train]'"

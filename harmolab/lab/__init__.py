@@ -1,4 +1,4 @@
-"""The laboratory around the core: comparisons, timing, user studies, pictures, widgets, experiments, the report.
+"""The laboratory around the core: comparisons, evaluation, explanations, labs, pictures, user studies, the report.
 
 The public names stand in ``__init__.pyi`` and are resolved on first use.
 """

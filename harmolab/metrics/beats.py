@@ -130,13 +130,17 @@ def mir_eval_scores(
     return {f"mir_eval_{name}": values[name] for name in only}
 
 
-def other_scores(audio_track: BeatTrack, kinematic_track: BeatTrack) -> dict[str, float]:
-    """All measures of this module for one clip; `kinematic_track` as found with `kinematic_params`."""
+def other_scores(
+    audio_track: BeatTrack, kinematic_track: BeatTrack, *, only: Collection[str] = MIR_EVAL_NAMES
+) -> dict[str, float]:
+    """All measures of this module for one clip, of mir_eval's those in `only`; `kinematic_track` as found with
+    `kinematic_params`.
+    """
     audio, visual = audio_track.times, kinematic_track.times
     return {
         "beat_align_motion": beat_align(visual, audio),
         "beat_align_music": beat_align(audio, visual),
         "beat_coverage": beat_coverage(len(visual), len(audio)),
         "beat_hit_rate": beat_hit_rate(visual, audio),
-        **mir_eval_scores(audio, visual),
+        **mir_eval_scores(audio, visual, only=only),
     }

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harmolab.kinematics import upsample_motion
-from harmolab.skeletons import foot_joints, root_position
+from harmolab.body.kinematics import upsample_motion
+from harmolab.body.skeletons import foot_joints, root_position
 from harmolab.types import BoolArray, FloatArray, Motion
 
 STEP = 1 / 15  # seconds: the rate of the generated motion, the slowest that is compared

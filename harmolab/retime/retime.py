@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from harmolab.beats.visual import visual_beats
-from harmolab.harmony import score_motion
-from harmolab.io.files import PathLike
-from harmolab.io.video import video_frames, write_video
+from harmolab.body.skeletons import tree_order
+from harmolab.files import PathLike
 from harmolab.params import HarmonyParams
-from harmolab.retime.matching import Method, beat_warp
-from harmolab.retime.warps import TimeWarp
-from harmolab.skeletons import tree_order
+from harmolab.readers.video import video_frames, write_video
+from harmolab.retime.warps import Method, TimeWarp, beat_warp
+from harmolab.score import HarmonyScore
 from harmolab.types import Audio, BeatTrack, FloatArray, Motion
-from harmolab.verdict.score import HarmonyScore
+from harmolab.verdict.judge import score_motion
 
 Frame = NDArray[np.uint8]
 
@@ -86,7 +85,7 @@ def retime(
 
     Examples
     --------
-    >>> from harmolab.corpora.synthetic import ClipSettings, planted_clip
+    >>> from harmolab.data.synthetic import ClipSettings, planted_clip
     >>> clip = planted_clip(ClipSettings("rumba", seconds=20.0, jitter=0.15)).clip
     >>> retimed = retime(clip.motion, clip.beats)
     >>> retimed.target_after.hit_rate > retimed.target_before.hit_rate

@@ -18,13 +18,14 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Any, Protocol, Self
 
-from harmolab.io.files import PathLike
-from harmolab.systems.common.about import read_about
+from harmolab.files import PathLike
+from harmolab.systems.training.about import read_about
 from harmolab.types import Audio, BeatTrack, Motion
 
 # Name of a part -> the system that it belongs to; its class stands in the module `parts` there.
 PARTS: Mapping[str, str] = MappingProxyType({"attributes": "music2dance", "feet": "music2dance"})
-PLAYERS = frozenset({"audio2body"})  # systems that play an instrument
+# Systems that play an instrument -> the package that each is.
+PLAYERS: Mapping[str, str] = MappingProxyType({"audio2body": "harmolab.musician"})
 
 
 class Trainable(Protocol):
@@ -78,15 +79,15 @@ class System(Protocol):
     ) -> Self:
         """The system trained on corpora (folders), and saved in `out`, which is new or empty unless `resume`.
 
-        Among the further keywords, ``report`` (`harmolab.systems.common.history.Report`) is called after every epoch.
+        Among the further keywords, ``report`` (`harmolab.systems.training.checkpoints.Report`) is called after every
+        epoch.
         """
 
 
 def names() -> list[str]:
     """Names of harmolab's own systems."""
-    return sorted(
-        module.name for module in iter_modules([str(Path(__file__).parent)]) if module.ispkg and module.name != "common"
-    )
+    packages = (module.name for module in iter_modules([str(Path(__file__).parent)]) if module.ispkg)
+    return sorted({*packages, *PLAYERS} - {"training"})
 
 
 def find(name: str) -> type[System]:
@@ -101,7 +102,7 @@ def find(name: str) -> type[System]:
     module, outside, _ = name.partition(":")
     if not outside and name not in names():
         raise ValueError(f"unknown system {name!r}; there are {', '.join(names())}, and others as package.module:Class")
-    return _class(name, module if outside else f"{__package__}.{name}")
+    return _class(name, module if outside else PLAYERS.get(name, f"{__package__}.{name}"))
 
 
 def trainable(name: str) -> type[Trainable]:

@@ -17,29 +17,57 @@ A dance, or how it is danced, may be told (`pattern`): then its place is asked f
 reading, which the movement's own metre picks: the waltz's curve where it recurs most clearly every three beats, else a
 rest on each beat. Neither half of that choice looks at the phase. Who is at rest on the beat is on it; who is fastest
 on it, or arrives on it and stands, may mean to be there, and hears what was seen.
+
+The doors of scoring: a motion or a clip in, its score by the settings out, with the verdict where they ask for it.
+
+The paper's score stands alone in `harmolab.score`; the verdict stands beside it, and the two meet here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from textwrap import shorten
+from typing import Any, cast
 
+import numpy as np
+
+from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import cycle_of_meter
-from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern
-from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal
-from harmolab.types import BeatTrack
+from harmolab.beats.visual import visual_beats
+from harmolab.metrics.beats import kinematic_params, other_scores
+from harmolab.params import DANCE_PATTERNS, HOW_PATTERNS, BarPattern, HarmonyParams
+from harmolab.score import HarmonyScore, hit_pairs, normalise_strengths, score_harmony, score_of_shares
+from harmolab.shape_speed import ShapeSignal, ShapeSpeed, shape_signal, shape_speed
+from harmolab.types import Audio, BeatTrack, Clip, Display, Motion
 from harmolab.verdict import sentences
-from harmolab.verdict.evidence import NAN, ON_THE_BEAT, STEADY, Evidence, Interval, floor, has_rate
-from harmolab.verdict.place_test import PlaceTest, place_test
-from harmolab.verdict.time_test import ALPHA, FEWEST_BEATS, TimeTest, time_test
+from harmolab.verdict.evidence import (
+    ALPHA,
+    FEWEST_BEATS,
+    NAN,
+    ON_THE_BEAT,
+    STEADY,
+    Evidence,
+    Interval,
+    PlaceTest,
+    TimeTest,
+    floor,
+    has_rate,
+    place_test,
+    time_test,
+)
 
 MOST_PLACES = 0.25  # share of the lags that may do as well: those within an eighth of a beat to either side
+LINE = 90  # characters of a verdict that is printed in one line
 LEVELS = ("cannot tell", "no sign", "in time, no steady place", "in time", "on the beat")  # in a few words
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement(Evidence):
+class Judgement(Evidence, Display):
     """A verdict in words, made from its evidence."""
+
+    def __repr__(self) -> str:
+        return f"Judgement({self.level} of 4: {shorten(self.verdict, LINE, placeholder='...')})"
 
     @property
     def verdict(self) -> str:
@@ -120,3 +148,114 @@ def level_of(time: TimeTest, place: PlaceTest, interval: Interval, lags: Interva
         return 2
     is_near = abs(place.lag) <= ON_THE_BEAT and place.harmony_above_chance > 0 and interval[0] > 0
     return 4 if is_near and place.p_value <= MOST_PLACES and has_rate(time, place.pattern) else 3
+
+
+# The doors of scoring: a motion or a clip in, its score by the settings out, with the verdict where they ask for
+
+
+def score_motion(
+    audio_track: BeatTrack,
+    motion: Motion,
+    *,
+    params: HarmonyParams | None = None,
+    n_rotations: int = 1000,
+    seed: int = 0,
+) -> HarmonyScore:
+    """Harmony of a motion with music beats given on the motion's own time line, by the measure `params` names.
+
+    Cut the beats to the motion first (`Clip.shared` does it for a clip): all of them count. `params` are
+    ``HarmonyParams.recommended()`` when left out. The measure "shape" has its p-value and spread without rotations.
+    """
+    params = params or HarmonyParams.recommended()
+    timed = motion if params.clock == 1 else replace(motion, fps=motion.fps / params.clock)
+    visual = visual_beats(timed, params=params)
+    if params.measure == "hits":
+        return score_harmony(audio_track, visual, params=params, n_rotations=n_rotations, seed=seed)
+    return _judged(audio_track, timed, params, visual, seed)
+
+
+def _judged(track: BeatTrack, motion: Motion, params: HarmonyParams, visual: BeatTrack, seed: int) -> HarmonyScore:
+    """The score of `judge`; in the paper's terms its movements are rests, or hits where hits were told."""
+    track = replace(track, strengths=normalise_strengths(track.strengths, params.normalisation))
+    late = track.times + params.lag
+    music = track.select((late >= 0) & (late <= track.duration))
+    shape = shape_speed(motion, smoothing=params.position_smoothing)
+    judgement = judge(shape, replace(music, times=music.times + params.lag), pattern=params.pattern, seed=seed)
+    pairs = hit_pairs(music.times, visual.times - params.lag, delay=params.reaction_delay, matching=params.matching)
+    place = judgement.place
+    if place is None:
+        score = score_of_shares(params, music, visual, pairs, np.full(len(music), np.nan), np.nan, np.nan)
+        return replace(score, harmony_above_chance=np.nan, judgement=judgement)
+    curve = place.curve
+    score = score_of_shares(params, music, visual, pairs, place.shares(len(music)), float(curve[0]), place.chance)
+    return replace(
+        score, null=curve, p_value=judgement.p_value, interval=judgement.harmony_interval, judgement=judgement,
+        harmony_above_chance=judgement.harmony_above_chance,
+    )  # fmt: skip
+
+
+def score_clip(
+    clip: Clip,
+    params: HarmonyParams | None = None,
+    *,
+    tracker: Callable[[Audio], BeatTrack] | None = None,
+    n_rotations: int = 1000,
+    seed: int = 0,
+) -> HarmonyScore:
+    """Harmony of a clip (Eq. 1, 6), with its annotated beats or else those tracked in the whole recording.
+
+    Only the time that motion and music have in common counts.
+
+    Parameters
+    ----------
+    clip : Clip with a motion
+    params : HarmonyParams, default ``HarmonyParams.recommended()`` with the pattern of the clip's dance, if known
+    tracker : function from Audio to BeatTrack
+        Another beat tracker, or ``lambda audio: load_beats("song.beats")``; for clips without annotated beats.
+    n_rotations : int
+        Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN.
+    seed : int, of the resamplings
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, or motion and music hardly overlap.
+
+    Examples
+    --------
+    >>> from harmolab import score_clip, synthetic_clip
+    >>> score = score_clip(synthetic_clip("jive", seconds=30.0, seed=3))
+    >>> score.harmony_above_chance > 0.5, score.p_value < 0.05, score.judgement.level
+    (True, True, 4)
+    >>> bool(score.music.times[score.hits].size == score.hits.sum())
+    True
+    """
+    params = params or HarmonyParams.recommended(DANCE_PATTERNS.get(clip.dance))
+    if clip.beats is None and tracker is not None:
+        clip = replace(clip, beats=tracker(clip.audio))
+    beats, motion = music_and_motion(clip, clock=params.clock)
+    return score_motion(beats, motion, params=params, n_rotations=n_rotations, seed=seed)
+
+
+def other_measures(clip: Clip, *, clock: float = 1.0) -> dict[str, float]:
+    """The field's other measures of a clip, name -> number: beat alignment, coverage, and those of mir_eval.
+
+    `clock` and the errors are those of `music_and_motion`.
+    """
+    music, motion = music_and_motion(clip, clock=clock)
+    timed = replace(motion, fps=motion.fps / clock)
+    return other_scores(music, visual_beats(timed, params=kinematic_params()))
+
+
+def music_and_motion(clip: Clip, *, clock: float = 1.0) -> tuple[BeatTrack, Motion]:
+    """The `music_beats` of a clip and its motion, both cut to the stretch they share (`Clip.shared`).
+
+    Raises
+    ------
+    ValueError
+        If the clip has no motion, or motion and music hardly overlap.
+    """
+    if clip.beats is None:
+        clip = replace(clip, beats=music_beats(clip))
+    shared = clip.shared(clock=clock)
+    return cast(BeatTrack, shared.beats), cast(Motion, shared.motion)

@@ -10,9 +10,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from harmolab.verdict.course import MOMENTS
-from harmolab.verdict.evidence import Evidence
-from harmolab.verdict.time_test import ALPHA, FEWEST_BEATS
+from harmolab.verdict.evidence import ALPHA, COURSE_MOMENTS, FEWEST_BEATS, Evidence
 
 MOSTLY_TRAVELS, FEW_JOINTS = 0.25, 0.1  # shares below which it is remarked: a hand may drum
 FEW_BEATS = 48  # about half of the recorded dancers pass the time test with so many
@@ -145,7 +143,7 @@ def _steady(evidence: Evidence) -> str:
         return "How steady: your place in the beat moves by more than half a beat."
     if evidence.level < 2 or np.isnan(low):
         return ""
-    width = max(high - low, 1 / MOMENTS) * 60000 / evidence.tempo
+    width = max(high - low, 1 / COURSE_MOMENTS) * 60000 / evidence.tempo
     return f"How steady: from bar to bar your place in the beat moves within {width:.0f} ms."
 
 

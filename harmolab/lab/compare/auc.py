@@ -15,19 +15,24 @@ from typing import Any, Literal
 
 import numpy as np
 
-from harmolab.corpora import folders
-from harmolab.io.files import Progress, plain, silent
-from harmolab.lab.compare.discriminant import DISCRIMINANT, NEAR, discriminant_score, recording_lags
-from harmolab.lab.compare.fits import TENTHS
+from harmolab.data import recordings as folders
+from harmolab.files import Progress, plain, silent
 from harmolab.lab.compare.rows import THIS_PROCESS, Corpus, Processes, RecordingOptions, corpus_scores
-from harmolab.lab.compare.scores import Scores, ScoreTable, other_music, score_table
-from harmolab.lab.compare.verdicts import verdict_summary
-from harmolab.lab.compare.windows import CLIP_SECONDS, FITTED, BeatClip, learn_patterns, usable_clips
+from harmolab.lab.compare.scores import (
+    DISCRIMINANT,
+    NEAR,
+    Scores,
+    ScoreTable,
+    discriminant_score,
+    other_music,
+    recording_lags,
+    score_table,
+    verdict_summary,
+)
+from harmolab.lab.compare.windows import CLIP_SECONDS, OURS, TENTHS, BeatClip, learn_patterns, usable_clips
 from harmolab.params import DANCES, BarPattern
 from harmolab.significance import auc
 from harmolab.types import FloatArray, IntArray
-
-OURS = "recommended"
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +112,12 @@ def compare(
         if not fit_clips:
             raise ValueError("no sequence to fit on")
     usable = usable_clips(clips, fit_clips)
-    patterns = {name: learn_patterns(clips, fit_clips, score=name) for name in FITTED}
+    learnt = learn_patterns(clips, fit_clips)
     music = other_music(clips, seed) if null == "other" else None
-    table = score_table(clips, patterns, usable, fit_clips, music)
+    table = score_table(clips, learnt, usable, fit_clips, music)
     second = {DISCRIMINANT: discriminant_score(clips, fit_clips, music)}
-    table = replace(table, fitted={OURS: table.fitted[OURS]} | second | table.fitted)
+    table = replace(table, fitted=table.fitted | second)
     result = _summarise(clips, table, n_rotations, seed, progress)
-    learnt = patterns[OURS]
     verdicts = [scores.verdict for scores in recorded if scores.verdict is not None]
     summary = {
         "corpus": corpus or (str(recordings) if isinstance(recordings, str | os.PathLike) else ""),
@@ -211,13 +215,8 @@ def _chance_bands(
         rows = [windows.aucs(table.at(origins)) for origins in progress(draws, f"chance band, by {name}")]
         for score in rows[0] if rows else ():
             band = _quantiles([row[score] for row in rows])
-            bands[score] = max(band, bands.get(score, band), key=_width)
+            bands[score] = max(band, bands.get(score, band), key=lambda ends: np.ptp(np.array(ends, np.float64)))
     return bands
-
-
-def _width(band: list[float | None]) -> float:
-    low, high = band
-    return 0.0 if low is None or high is None else high - low
 
 
 def _origins(clips: Sequence[BeatClip], groups: Sequence[str], count: int, seed: int) -> IntArray:

@@ -16,16 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harmolab.beats.saliency import normalise_strengths, strength_steps
 from harmolab.beats.visual import visual_beats
-from harmolab.harmony import EDGE
 from harmolab.params import HarmonyParams
+from harmolab.score import EDGE, normalise_strengths, strength_steps
 from harmolab.shape_speed import shape_signal, shape_speed
 from harmolab.types import BeatTrack, FloatArray, IntArray, Motion
-from harmolab.verdict.evidence import floor
+from harmolab.verdict.evidence import MOMENTS, floor, place_test, time_test
 from harmolab.verdict.judge import cycles_of, own_reading
-from harmolab.verdict.place_test import MOMENTS, place_test
-from harmolab.verdict.time_test import time_test
 
 LONGEST = 3  # beats, of the readings where nothing is told
 
@@ -76,12 +73,6 @@ class BeatBatch:
             durations=durations,
             gap=gap,
         )
-
-    def moved(self, seconds: FloatArray) -> BeatBatch:
-        """The batch with each clip's music moved by `seconds`, (C,), round its end."""
-        origin, length = self.audio_clip * self.gap, self.durations[self.audio_clip]
-        moved = np.mod(self.audio - origin + seconds[self.audio_clip], length)
-        return replace(self, audio=np.asarray(origin + moved, np.float64))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,21 +2,53 @@
 
 Each clip is scored with its own music moved in tenths of a beat over one cycle of its bar pattern. In a null corpus the
 music of each clip begins somewhere else: patterns and lags are learnt on it anew, as they would have been.
+
+The second score of `compare`: a discriminant that is trained on the very null that judges it, never in the verdict.
+
+The features f of a beat are the harmonics of shape speed and of the vertical velocity of the body's centre around it,
+turned to where a cycle begins. On other figures, and on all dances of one cycle together, it learns
+
+    w = (S + tr(S) / n I)^-1 (mean of f at the beats - mean of f 0.3 to 0.7 beat later),
+
+S the mean covariance of f within the two classes, n the number of features (a linear discriminant, shrunk half-way to a
+sphere). A clip's score is how high its beats rank among all its moments by w f: as for a learnt curve, whose w is the
+mean of f at the beats alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from harmolab.data import recordings
+from harmolab.data.recordings import recording_beats
+from harmolab.files import plain
 from harmolab.lab.compare.batch import BeatBatch, rescore
-from harmolab.lab.compare.fits import TENTHS, FitBatch, Lessons, Teacher, coefficients, cycle_curve
-from harmolab.lab.compare.windows import FITTED, BeatClip
-from harmolab.metrics.beats import beat_align, beat_hit_rate, mir_eval_scores
-from harmolab.params import BarPattern, HarmonyParams
+from harmolab.lab.compare.windows import (
+    MOMENTS,
+    OURS,
+    SIGNALS,
+    TENTHS,
+    BeatClip,
+    FitBatch,
+    Lessons,
+    Teacher,
+    coefficients,
+    cycle_curve,
+    signal_batch,
+    turned_signals,
+    usable,
+    usable_clips,
+)
+from harmolab.metrics.beats import other_scores
+from harmolab.params import DANCE_PATTERNS, BarPattern, HarmonyParams
+from harmolab.shape_speed import ShapeSpeed, shape_speed
 from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray
+from harmolab.verdict.bar_pattern import fit_pattern
+from harmolab.verdict.judge import judge, music_and_motion
 
 LAGS = (3, 4, 5, 6, 7)  # tenths of a beat: what "lagged music" means
 N_OTHERS = 5  # stretches of other music for the "other" null
@@ -30,7 +62,7 @@ class ScoredClip(BeatClip):
     Parameters
     ----------
     hits : dict from score name to (10 cycle,) array, at lags of 0, .1, .2 ... beat
-    curves : dict from the names of `FITTED` and "bounce" to its `cycle_curve`
+    curves : dict from `SIGNALS` to its `cycle_curve`
     """
 
     hits: Mapping[str, FloatArray]
@@ -55,7 +87,7 @@ class ScoreTable:
     sizes : (n,) array of int, tenths of a beat in the cycle of each clip
     hits : dict from score name to (n, S) array, at lags of 0, .1, .2 ... beat; 0 behind a clip's cycle
     other_hits : dict from score name to (n, K) array, with other recordings' music; empty for lagged music
-    fitted : dict from the names of `FITTED` and "discriminant" to FittedScore
+    fitted : dict from "recommended" and "discriminant" to FittedScore
     lags : PeakLags, for the row "peaks_lagged"
     """
 
@@ -128,12 +160,6 @@ class FittedScore:
     sequences: IntArray
     is_placed: BoolArray
 
-    @classmethod
-    def of(cls, parts: Sequence[PatternScores], clips: Sequence[BeatClip]) -> FittedScore:
-        """The score of clips whose parts are made."""
-        _, sequences = np.unique([clip.sequence for clip in clips], return_inverse=True)
-        return cls(tuple(parts), sequences, np.array([clip.is_placed for clip in clips]))
-
     def at(self, origins: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """H at lags of 0, .1, .2 ... beat, (n, S), and with other music, (n, K).
 
@@ -199,25 +225,12 @@ def with_one_place(grid: FloatArray, sequences: IntArray) -> FloatArray:
 def hit_scores(clip: BeatClip, tracks: Sequence[BeatTrack]) -> dict[str, FloatArray]:
     """Every score by hits of one clip against each music (on the clip's time line): name -> (len(tracks),) array."""
     paper = rescore(BeatBatch.of([(music, clip.visual["turns"]) for music in tracks]), HarmonyParams.paper())
-    table = {
-        "paper": paper.harmony,
-        "paper_above_chance": paper.harmony_above_chance,
-        "hit_rate": paper.hit_rate,
-    }
+    table = {"paper": paper.harmony, "paper_above_chance": paper.harmony_above_chance, "hit_rate": paper.hit_rate}
     for kind in ("valleys", "peaks"):
         batch = BeatBatch.of([(music, clip.visual[kind]) for music in tracks])
         table[kind] = rescore(batch, HarmonyParams.valleys()).harmony_above_chance
-    moves = clip.visual["kinematic"].times
-    rows = [
-        {
-            "beat_align_motion": beat_align(moves, music.times),
-            "beat_align_music": beat_align(music.times, moves),
-            "beat_hit_rate": beat_hit_rate(moves, music.times),
-            **mir_eval_scores(music.times, moves, only=("f",)),
-        }
-        for music in tracks
-    ]
-    return table | {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    rows = [other_scores(music, clip.visual["kinematic"], only=("f",)) for music in tracks]
+    return table | {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "beat_coverage"}
 
 
 def shifted_music(clip: BeatClip) -> list[BeatTrack]:
@@ -253,49 +266,58 @@ def hit_table(rows: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]
 
 
 def fitted_score(
-    name: str,
+    signals: Sequence[str],
+    clips: Sequence[ScoredClip],
+    others: Sequence[Sequence[BeatTrack]] | None,
+    taught: Callable[[IntArray, int], tuple[FloatArray, Teacher | None]],
+) -> FittedScore:
+    """The score that reads some signals of n clips, by the patterns that were taught.
+
+    Parameters
+    ----------
+    signals : names in `BeatClip.speeds`
+    others : n lists of other music, None for lagged music
+    taught : function of the numbers of clips, and of the cycle that they have, to `PatternScores.fixed` and `lessons`
+    """
+    cycles, parts = np.array([clip.cycle for clip in clips]), []
+    for cycle in np.unique(cycles).tolist():
+        numbers = np.flatnonzero(cycles == cycle)
+        own = [clips[i] for i in numbers.tolist()]
+        wrong = None
+        if others is not None:
+            pairs = [(clips[i].speeds, track) for i in numbers.tolist() for track in others[i]]
+            curves = [{one: cycle_curve(*speeds[one], track, cycle) for one in signals} for speeds, track in pairs]
+            wrong = signal_batch(curves, cycle, signals)
+        batch = signal_batch([clip.curves for clip in own], cycle, signals)
+        parts.append(PatternScores(numbers, batch, wrong, *taught(numbers, cycle)))
+    _, sequences = np.unique([clip.sequence for clip in clips], return_inverse=True)
+    return FittedScore(tuple(parts), sequences, np.array([clip.is_placed for clip in clips]))
+
+
+def pattern_score(
     clips: Sequence[ScoredClip],
     patterns: Sequence[BarPattern],
     usable: BoolArray | None,
     others: Sequence[Sequence[BeatTrack]] | None,
 ) -> FittedScore:
-    """The score of this name in `FITTED`.
+    """The recommended score of clips, by n patterns.
 
-    Parameters
-    ----------
-    patterns : n patterns
-    usable : (n, n) bool array of `usable_clips`; None where the patterns come from another corpus
-    others : n lists of other music, None for lagged music
+    `usable` is the (n, n) bool array of `usable_clips`; None where the patterns come from another corpus.
     """
-    cycles = np.array([clip.cycle for clip in clips])
 
-    def with_others(numbers: list[int], music: Sequence[Sequence[BeatTrack]], cycle: int) -> FitBatch:
-        rows = [(clips[i].speeds[name], track) for i in numbers for track in music[i]]
-        return FitBatch.of([cycle_curve(times, speed, track, cycle) for (times, speed), track in rows], cycle)
+    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, Teacher | None]:
+        weights = np.array([coefficients(patterns[i], cycle) for i in numbers.tolist()])
+        if usable is None:
+            return weights, None
+        sums = [clips[i].sums for i in numbers.tolist()]
+        return weights, Lessons.of(sums, usable[np.ix_(numbers, numbers)], cycle)
 
-    parts = []
-    for cycle in np.unique(cycles).tolist():
-        numbers = np.flatnonzero(cycles == cycle)
-        parts.append(
-            PatternScores(
-                numbers,
-                FitBatch.of([clips[i].curves[name] for i in numbers.tolist()], cycle),
-                None if others is None else with_others(numbers.tolist(), others, cycle),
-                np.array([coefficients(patterns[i], cycle) for i in numbers.tolist()]),
-                None if usable is None else _lessons(name, clips, numbers, usable, cycle),
-            )
-        )
-    return FittedScore.of(parts, clips)
-
-
-def _lessons(name: str, clips: Sequence[BeatClip], numbers: IntArray, usable: BoolArray, cycle: int) -> Lessons:
-    sums = [clips[i].sums.get(name) for i in numbers.tolist()]
-    return Lessons.of(sums, usable[np.ix_(numbers, numbers)], cycle)
+    return fitted_score((OURS,), clips, others, taught)
 
 
 def score_table(
     clips: Sequence[ScoredClip],
-    patterns: dict[str, list[BarPattern]],
+    patterns: Sequence[BarPattern],
     usable: BoolArray,
     fit_clips: Sequence[ScoredClip] | None,
     others: Sequence[Sequence[BeatTrack]] | None,
@@ -305,7 +327,7 @@ def score_table(
     Parameters
     ----------
     clips : n ScoredClips
-    patterns : dict from the names of `FITTED` to n patterns
+    patterns : n patterns
     usable : (n, m) bool array of `usable_clips`
     fit_clips : m ScoredClips of another corpus to fit on, None for the corpus itself
     others : n lists of `other_music`, None for lagged music
@@ -319,6 +341,215 @@ def score_table(
         np.array([TENTHS * clip.cycle for clip in clips]),
         hits,
         {} if others is None else hit_table([hit_scores(*pair) for pair in zip(clips, others, strict=True)]),
-        {name: fitted_score(name, clips, patterns[name], inside, others) for name in FITTED},
+        {OURS: pattern_score(clips, patterns, inside, others)},
         PeakLags(folded, usable, fit_clips is None),
     )
+
+
+# The second score of `compare`: a discriminant that is trained on the very null that judges it, never in the
+
+DISCRIMINANT = "discriminant"
+NEAR = 1 / 8  # beat: as near as "on the beat" is in the verdict
+
+
+def beat_features(fits: FloatArray, cycle: int) -> FloatArray:
+    """(L, B, F) features of B beats at L lags of 0, .1, .2 ... beat over a cycle, turned to where a cycle begins.
+
+    `fits` is an (F, G) array over the moments of whole cycles of beats, one or more, which go round in a circle.
+    """
+    beats = np.arange(fits.shape[1] // MOMENTS)
+    lags = np.arange(TENTHS * cycle)[:, None] * (MOMENTS // TENTHS)
+    harmonics = np.moveaxis(fits[:, (beats * MOMENTS + lags) % fits.shape[1]], 0, -1)
+    return turned_signals(harmonics, cycle, -(beats % cycle)[:, None, None])
+
+
+@dataclass(frozen=True, eq=False)
+class DiscriminantLessons:
+    """Sums over the beats of m clips at the L lags of a cycle, and who may learn from whom.
+
+    Parameters
+    ----------
+    cycle : int, beats
+    counts : (m,) array, beats of each clip
+    sums : (m, L, F) array, features
+    squares : (m, L, F, F) array, their products
+    usable : (n, m) bool array: clip j may be learnt on when clip i is judged
+    """
+
+    cycle: int
+    counts: FloatArray
+    sums: FloatArray
+    squares: FloatArray
+    usable: BoolArray
+
+    @classmethod
+    def of(cls, batch: FitBatch, usable: BoolArray) -> DiscriminantLessons:
+        """The lessons of the m clips of a batch; one without moments teaches nothing."""
+        lags, features = TENTHS * batch.cycle, batch.fits.shape[1]
+        sums = np.zeros((batch.sizes.size, lags, features))
+        squares = np.zeros((batch.sizes.size, lags, features, features))
+        for number in np.flatnonzero(batch.sizes).tolist():
+            rows = beat_features(batch.fits[number, :, : batch.sizes[number]], batch.cycle)
+            sums[number] = rows.sum(axis=1)
+            squares[number] = rows.transpose(0, 2, 1) @ rows
+        counts = batch.sizes / MOMENTS
+        return cls(batch.cycle, counts, sums, squares, usable & (counts > 0))
+
+    def weights(self, origins: FloatArray | float = 0.0) -> FloatArray:
+        """(n, F) coefficients of each judged clip; movements that stop on the beat without a teacher.
+
+        Parameters
+        ----------
+        origins : (m,) array, beats in whole tenths by which the music of each clip is moved
+        """
+        steps = np.round(np.broadcast_to(origins, self.counts.shape) * TENTHS).astype(np.int64)
+        at_beats, true = self._class(steps[:, None])
+        later, wrong = self._class(steps[:, None] + np.array(LAGS))
+        within = (true + wrong) / 2
+        size = at_beats.shape[1]
+        shrunk = within + np.trace(within, axis1=1, axis2=2)[:, None, None] / size * np.eye(size)
+        is_taught = self.usable.any(axis=1) & shrunk.any(axis=(1, 2))
+        shrunk[~is_taught] = np.eye(size)
+        weights: FloatArray = np.linalg.solve(shrunk, (at_beats - later)[..., None])[..., 0]
+        rest = coefficients(BarPattern.stop_on_the_beat(), self.cycle)
+        weights[~is_taught] = np.pad(rest, (0, size - rest.size))
+        return weights
+
+    def _class(self, steps: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Mean (n, F) and covariance (n, F, F) of the features of a class, for each judged clip.
+
+        `steps` (m, K) are the tenths of a beat at which each clip is seen.
+        """
+        clips, lags = np.arange(len(steps))[:, None], steps % self.sums.shape[1]
+        usable = self.usable.astype(np.float64)
+        count = np.maximum(usable @ self.counts * steps.shape[1], 1)[:, None]
+        mean = usable @ self.sums[clips, lags].sum(axis=1) / count
+        squares = self.squares[clips, lags].sum(axis=1)
+        products = (usable @ squares.reshape(len(squares), -1) / count).reshape(-1, *squares.shape[1:])
+        return mean, products - mean[:, :, None] * mean[:, None]
+
+
+def discriminant_score(
+    clips: Sequence[ScoredClip],
+    fit_clips: Sequence[ScoredClip] | None = None,
+    others: Sequence[Sequence[BeatTrack]] | None = None,
+) -> FittedScore:
+    """The discriminant of n clips, learnt on clips of other recordings without their figures.
+
+    Parameters
+    ----------
+    fit_clips : m clips of another corpus to learn on, None for the corpus itself
+    others : n lists of `other_music`, None for lagged music. It learns from lagged music all the same.
+    """
+    source = clips if fit_clips is None else fit_clips
+    usable = usable_clips(clips, fit_clips, any_dance=True)
+    cycles = np.array([clip.cycle for clip in source])
+
+    def taught(numbers: IntArray, cycle: int) -> tuple[FloatArray, Teacher | None]:
+        teachers = np.flatnonzero(cycles == cycle)
+        batch = signal_batch([source[j].lessons for j in teachers.tolist()], cycle, SIGNALS)
+        lessons = DiscriminantLessons.of(batch, usable[np.ix_(numbers, teachers)])
+        return lessons.weights(), lessons if fit_clips is None else None
+
+    return fitted_score(SIGNALS, clips, others, taught)
+
+
+def recording_lags(score: FittedScore, clips: Sequence[BeatClip]) -> FloatArray:
+    """The lag in beats, in tenths and late positive, at which each recording scores highest; NaN where all are alike.
+
+    The mean of its clips' scores is looked at over the cycle of its pattern.
+    """
+    grid, _ = score.at(np.zeros(len(clips)))
+    lags = []
+    for recording in np.unique(score.sequences):
+        members = score.sequences == recording
+        cycle = clips[int(np.flatnonzero(members)[0])].cycle
+        curve = grid[members, : TENTHS * cycle].mean(axis=0)
+        lag = (curve.argmax() / TENTHS + cycle / 2) % cycle - cycle / 2
+        lags.append(lag if np.ptp(curve) > 0 else np.nan)
+    return np.array(lags)
+
+
+# The verdict on each recording of a corpus, and how many reach each level with true and with lagged music.
+
+N_LEVELS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingVerdict:
+    """A recording as `harmolab score` judges it, and what it takes to judge it again.
+
+    Parameters
+    ----------
+    clip : BeatClip, the first clip of the recording, with the figures of all and no movement
+    row : dict, the verdict with true music for JSON
+    shape : ShapeSpeed of the motion; its energy is that of all joints together
+    music : BeatTrack, the true beats
+    """
+
+    clip: BeatClip
+    row: dict[str, Any]
+    shape: ShapeSpeed
+    music: BeatTrack
+
+    def lagged(self, seed: int) -> BeatTrack:
+        """The music one random lag of 0.3-0.7 beat later."""
+        lag = int(np.random.default_rng(seed).choice(LAGS)) / TENTHS
+        return _later(self.music, lag * self.clip.period)
+
+
+def recording_verdict(recording: recordings.Recording, beats: str, clips: Sequence[BeatClip]) -> RecordingVerdict:
+    """The verdict on a whole recording as `score_clip` judges it.
+
+    Parameters
+    ----------
+    recording : Recording with a motion
+    beats : "annotated" or "tracked"
+    clips : its clips
+    """
+    clip = recording.clip
+    if beats == "tracked" or clip.beats is None:
+        clip = replace(clip, beats=recording_beats(recording, beats))
+    music, motion = music_and_motion(clip)
+    shape = shape_speed(motion)
+    judgement = judge(shape, music, pattern=DANCE_PATTERNS.get(clip.dance))
+    numbers = {"harmony_above_chance": judgement.harmony_above_chance, "p_value": judgement.p_value}
+    row = {"name": clip.name, "dance": clip.dance, **judgement.to_dict(), **numbers}
+    figures = frozenset[str]().union(*(one.figures for one in clips))
+    first = replace(clips[0], figures=figures, visual={}, speeds={}, sums=None, lessons={})
+    slim = replace(shape, energy=shape.energy.mean(axis=1, keepdims=True))
+    return RecordingVerdict(first, plain(row), slim, music)
+
+
+def _later(track: BeatTrack, seconds: float) -> BeatTrack:
+    """The beats later by so many seconds, but for those that leave the time line."""
+    times = track.times + seconds
+    inside = times <= track.duration
+    return replace(track.select(inside), times=times[inside])
+
+
+def verdict_summary(
+    verdicts: Sequence[RecordingVerdict], fit_clips: Sequence[BeatClip], is_inside: bool, seed: int
+) -> dict[str, Any]:
+    """ "recordings", one row each, and "levels": how many recordings reach each level.
+
+    The levels "true" and "lagged" are by the patterns that ship, as in `harmolab score`. Those with "learnt" are by a
+    pattern learnt on other figures of `fit_clips`, in other recordings if these are the corpus; recordings for which
+    there is none are left out. Recording i has the lag that `seed` + i draws.
+    """
+    levels: dict[str, list[int]] = {name: [] for name in ("true", "lagged", "true, learnt", "lagged, learnt")}
+    for number, verdict in enumerate(verdicts):
+        lagged = verdict.lagged(seed + number)
+        levels["true"].append(verdict.row["level"])
+        levels["lagged"].append(judge(verdict.shape, lagged, pattern=DANCE_PATTERNS.get(verdict.clip.dance)).level)
+        sums = [
+            clip.sums
+            for clip in fit_clips
+            if clip.sums is not None and usable(clip, verdict.clip, same_corpus=is_inside)
+        ]
+        if sums:
+            pattern = replace(fit_pattern(sums), dance=verdict.clip.dance)
+            for name, track in (("true, learnt", verdict.music), ("lagged, learnt", lagged)):
+                levels[name].append(judge(verdict.shape, track, pattern=pattern).level)
+    counts = {name: np.bincount(np.array(row, np.int64), minlength=N_LEVELS).tolist() for name, row in levels.items()}
+    return {"recordings": [verdict.row for verdict in verdicts], "levels": counts}

@@ -2,35 +2,209 @@
 
 Whatever a score fits (bar patterns, lags) is fitted on another corpus, or inside the corpus on clips of other
 recordings that share no figure with the judged clip.
+
+Clips ranked against patterns, many clips at once, and patterns that are learnt anew: the fitted scores of a corpus.
+
+A clip's H is that of `harmolab.verdict.evidence` with one reading: how high the music's beats rank among all moments
+of the clip by their fit to a pattern. Two facts make thousands of null corpora cheap. The fit is linear in the
+pattern's coefficients, so the correlations with each harmonic are kept and a new pattern is one product; and music that
+begins elsewhere multiplies a clip's Fourier sums by a phase, so patterns are learnt anew by addition.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
-from harmolab.bar_pattern import PatternSums, beat_positions, fit_pattern, normalised_speed, pattern_sums
 from harmolab.beats.meter import cycle_of_meter
 from harmolab.beats.visual import visual_beats
-from harmolab.corpora import folders
-from harmolab.corpora.files import corpus_recordings
-from harmolab.corpora.folders import recording_beats
-from harmolab.io.files import PathLike, Progress, silent
-from harmolab.kinematics import smooth_positions, upsample_motion
-from harmolab.lab.compare.fits import cycle_curve
+from harmolab.body.kinematics import smooth_positions, upsample_motion
+from harmolab.clips import corpus_recordings
+from harmolab.data import recordings as folders
+from harmolab.data.recordings import recording_beats
+from harmolab.files import PathLike, Progress, silent
 from harmolab.metrics.beats import kinematic_params
 from harmolab.params import DANCES, BarPattern, HarmonyParams
 from harmolab.shape_speed import RATE, SMOOTHING, shape_signal, shape_speed
-from harmolab.types import BeatTrack, BoolArray, FloatArray, Motion
+from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray, Motion
+from harmolab.verdict.bar_pattern import (
+    PatternSums,
+    beat_curve,
+    beat_positions,
+    fit_pattern,
+    harmonic_fits,
+    pattern_sums,
+    turned,
+)
 from harmolab.verdict.evidence import floor
 
+# Clips ranked against patterns, many clips at once, and patterns that are learnt anew: the fitted scores of a
+
+MOMENTS = 20  # a beat
+TENTHS = 10  # of a beat: the lags at which a clip is scored
+
+
+def cycle_curve(times: FloatArray, speed: FloatArray, track: BeatTrack, cycle: int) -> FloatArray:
+    """The speed over whole cycles of beats, (G,) with `MOMENTS` samples a beat, turned to begin where a cycle does.
+
+    Empty without two beats, a whole cycle, or any movement.
+
+    Parameters
+    ----------
+    times, speed : (T,) arrays, seconds and normalised speed
+    track : BeatTrack on the same time line
+    cycle : int, beats
+    """
+    if len(track) < 2 or not speed.any():
+        return np.zeros(0)
+    curve, first = beat_curve(times, speed, track, moments=MOMENTS)
+    whole = curve.size // (cycle * MOMENTS) * cycle * MOMENTS
+    return np.roll(curve[:whole], first % max(whole, 1))
+
+
+def coefficients(pattern: BarPattern, cycle: int) -> FloatArray:
+    """(2 H,) cosines and sines in turn of a pattern over a cycle of its own beats, or of a multiple of them."""
+    weights = np.zeros((cycle, 2))
+    step = cycle // pattern.beats
+    weights[step - 1 : step * len(pattern.cosines) : step] = np.array([pattern.cosines, pattern.sines]).T
+    return weights.ravel()
+
+
+def turned_signals(weights: FloatArray, cycle: int, place: float | FloatArray) -> FloatArray:
+    """`turned` coefficients (..., F) of several signals, one after another; a `place` array has the shape (..., 1, 1).
+
+    The harmonics of moments turned by -place are those that the coefficients turned by place see.
+    """
+    signals = weights.reshape(*weights.shape[:-1], -1, 2 * cycle)
+    return turned(signals, cycle, place).reshape(weights.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class FitBatch:
+    """Fits of n clips with one cycle to each harmonic of it.
+
+    Parameters
+    ----------
+    cycle : int, beats
+    fits : (n, F, G) array of `harmonic_fits`, zeros behind the end of a shorter clip: F = 2 cycle for each signal
+    sizes : (n,) array of int, moments of each clip: whole cycles, or 0
+    """
+
+    cycle: int
+    fits: FloatArray
+    sizes: IntArray
+
+    @classmethod
+    def of(cls, curves: Sequence[FloatArray], cycle: int) -> FitBatch:
+        """The batch of n curves of `cycle_curve`, of one signal."""
+        sizes = np.array([curve.size for curve in curves], np.int64)
+        fits = np.zeros((sizes.size, 2 * cycle, max(sizes.max(initial=0), cycle * MOMENTS)))
+        for row, curve in zip(fits, curves, strict=True):
+            if curve.size:
+                row[:, : curve.size] = harmonic_fits(curve, cycle, cycle, moments=MOMENTS)
+        return cls(cycle, fits, sizes)
+
+    def harmony(self, weights: FloatArray) -> FloatArray:
+        """H of every clip at lags of 0, .1, .2 ... beat over its cycle, (n, 10 cycle); 0 for one without moments.
+
+        Parameters
+        ----------
+        weights : (n, F) array, the coefficients of each clip's pattern
+        """
+        outside = np.arange(self.fits.shape[2]) >= self.sizes[:, None]
+        below = np.where(outside, np.inf, 0.0)
+        ranks = np.zeros((self.sizes.size, TENTHS * self.cycle))
+        for place in range(self.cycle):
+            row = turned_signals(weights, self.cycle, place)[:, None] @ self.fits
+            folded = self._cycle_means(_ranks(row[:, 0] + below) * ~outside)
+            ranks += np.roll(folded, -MOMENTS * place, axis=1)[:, :: MOMENTS // TENTHS]
+        sizes = self.sizes[:, None]
+        return np.where(sizes > 0, 2 * (ranks / self.cycle + 0.5) / np.maximum(sizes, 1) - 1, 0.0)
+
+    def _cycle_means(self, values: FloatArray) -> FloatArray:
+        """Mean over the cycles of each clip: (n, G) to (n, moments of a cycle)."""
+        length = self.cycle * MOMENTS
+        folded = values.reshape(self.sizes.size, -1, length).sum(axis=1)
+        return np.asarray(folded / np.maximum(self.sizes[:, None] // length, 1))
+
+
+def signal_batch(curves: Sequence[Mapping[str, FloatArray]], cycle: int, signals: Sequence[str]) -> FitBatch:
+    """Fits of n clips to the harmonics of one signal or several: F = 2 cycle features for each of them.
+
+    Parameters
+    ----------
+    curves : n dicts from `signals` to the `cycle_curve` of a clip; one without the first has no moments, and one that
+        stays level has none of the others
+    cycle : int, beats
+    """
+    first = [row[signals[0]] for row in curves]
+    rows = [
+        [row[name] if row[name].size == own.size else 0 * own for row, own in zip(curves, first, strict=True)]
+        for name in signals
+    ]
+    batches = [FitBatch.of(row, cycle) for row in rows]
+    return FitBatch(cycle, np.concatenate([batch.fits for batch in batches], axis=1), batches[0].sizes)
+
+
+def _ranks(values: FloatArray) -> FloatArray:
+    """(n, G) number of values in the row that lie below each one."""
+    ranks = np.empty(values.shape)
+    np.put_along_axis(ranks, values.argsort(axis=1), np.arange(values.shape[1])[None], axis=1)
+    return ranks
+
+
+class Teacher(Protocol):
+    """Source of the weights of a score: lessons of clips, and who may learn from whom."""
+
+    def weights(self, origins: FloatArray | float = 0.0) -> FloatArray:
+        """(n, F) coefficients for each judged clip where the music of each teaching clip begins so many beats late."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lessons:
+    """Fourier sums of the clips that patterns are learnt on, and who may learn from whom.
+
+    Parameters
+    ----------
+    cycle : int, beats
+    sums : (m, 2 cycle) array, cosine and sine sums in turn
+    usable : (n, m) bool array: clip j may be learnt on when clip i is judged
+    """
+
+    cycle: int
+    sums: FloatArray
+    usable: BoolArray
+
+    @classmethod
+    def of(cls, sums: Sequence[PatternSums | None], usable: BoolArray, cycle: int) -> Lessons:
+        """The lessons of m clips; one without sums teaches nothing."""
+        rows = [np.zeros(cycle, complex) if one is None else one.sums for one in sums]
+        both = np.stack([np.real(rows), -np.imag(rows)], axis=-1)
+        is_timed = np.array([one is not None for one in sums], bool)
+        return cls(cycle, both.reshape(len(rows), -1), usable & is_timed)
+
+    def weights(self, origins: FloatArray | float = 0.0) -> FloatArray:
+        """(n, 2 cycle) coefficients learnt for each judged clip, but for their scale, on which no rank depends.
+
+        Where there is nothing to learn from they are those of movements that stop on the beat.
+
+        Parameters
+        ----------
+        origins : (m,) array, beats by which the music of each clip is moved
+        """
+        moved = turned(self.sums, self.cycle, np.broadcast_to(origins, len(self.sums))[:, None])
+        rest = coefficients(BarPattern.stop_on_the_beat(), self.cycle)
+        weights: FloatArray = self.usable.astype(np.float64) @ moved
+        weights[~self.usable.any(axis=1)] = rest
+        return weights
+
+
 CLIP_SECONDS = 6.0
-# Scores with a pattern to learn: the movement signal of each.
-FITTED = MappingProxyType({"recommended": HarmonyParams.recommended(), "room_speed": HarmonyParams.room_speed()})
-SIGNALS = ("recommended", "bounce")  # what a discriminant reads: shape speed, and how fast the body's centre rises
+OURS = "recommended"  # shape speed, and the score that learns a pattern of it
+SIGNALS = (OURS, "bounce")  # what a discriminant reads: shape speed, and how fast the body's centre rises
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +223,8 @@ class BeatClip:
     cycle : int, beats in a bar pattern's cycle
     is_placed : bool; False where beats are counted from the recording's first, since "one" is not known
     visual : dict from "turns", "valleys", "peaks", "kinematic" to that kind of visual beats
-    speeds : dict from the names of `FITTED` and "bounce" to (times, speed), the normalised movement signal
-    sums : dict from the names of `FITTED` to what it adds to a bar pattern; empty when it has no tempo
+    speeds : dict from `SIGNALS` to (times, speed), the normalised movement signal
+    sums : what its shape speed adds to a bar pattern; None when it has no tempo
     lessons : dict from `SIGNALS` to its `cycle_curve` on the beats that it teaches by: what a discriminant learns from
     """
 
@@ -66,7 +240,7 @@ class BeatClip:
     is_placed: bool
     visual: Mapping[str, BeatTrack]
     speeds: Mapping[str, tuple[FloatArray, FloatArray]]
-    sums: Mapping[str, PatternSums]
+    sums: PatternSums | None
     lessons: Mapping[str, FloatArray]
 
     @property
@@ -130,13 +304,10 @@ def _beat_clip(
     folder, begins = str(recording.folder), recording.clip.offset + start
     units = _units_in(recording, begins, motion.duration)
     longest = max(units, key=units.__getitem__)[1] if units else folder
-    speeds = {name: _speed(motion, params) for name, params in FITTED.items()}
+    times, speed = _shape(motion)
     beats = teacher.span(begins, motion.duration)
-    is_timed = len(beats) > 1
-    sums = {
-        name: pattern_sums(beat_positions(row[0], beats), row[1], cycle) for name, row in speeds.items() if is_timed
-    }
-    speeds["bounce"] = bounce(motion)
+    sums = pattern_sums(beat_positions(times, beats), speed, cycle) if len(beats) > 1 else None
+    speeds = dict(zip(SIGNALS, ((times, speed), bounce(motion)), strict=True))
     lessons = {name: cycle_curve(*speeds[name], beats, cycle) for name in SIGNALS}
     return BeatClip(
         folder, window, recording.clip.dance, frozenset(figure for figure, _ in units), longest, begins,
@@ -144,11 +315,10 @@ def _beat_clip(
     )  # fmt: skip
 
 
-def _speed(motion: Motion, params: HarmonyParams) -> tuple[FloatArray, FloatArray]:
-    """`normalised_speed` of a clip; all 0 where too little moves inside the body to judge its shape."""
-    times, speed = normalised_speed(motion, params)
-    is_judged = params.measure != "shape" or not floor(shape_signal(shape_speed(motion)))
-    return times, speed * is_judged
+def _shape(motion: Motion) -> tuple[FloatArray, FloatArray]:
+    """Seconds and normalised shape speed of a clip; all 0 where too little moves inside the body to judge its shape."""
+    signal = shape_signal(shape_speed(motion))
+    return signal.times, signal.values * (not floor(signal))
 
 
 def bounce(motion: Motion) -> tuple[FloatArray, FloatArray]:
@@ -209,18 +379,15 @@ def usable_clips(
     return np.array(rows, bool).reshape(len(clips), len(source))
 
 
-def learn_patterns(
-    clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None = None, *, score: str = "recommended"
-) -> list[BarPattern]:
+def learn_patterns(clips: Sequence[BeatClip], fit_clips: Sequence[BeatClip] | None = None) -> list[BarPattern]:
     """A bar pattern for each clip, learnt on what `usable` admits; movements that stop on the beat where nothing is.
 
-    `score` is the name in `FITTED` whose movement signal is learnt. Where the place in the bar is unknown to all, that
-    is the curve over one beat.
+    Where the place in the bar is unknown to all, that is the curve over one beat.
     """
     source = clips if fit_clips is None else fit_clips
     patterns = []
     for judged, row in zip(clips, usable_clips(clips, fit_clips), strict=True):
-        rows = [source[index].sums[score] for index in np.flatnonzero(row).tolist() if source[index].sums]
+        rows = [sums for index in np.flatnonzero(row).tolist() if (sums := source[index].sums) is not None]
         label = f"{len(rows)} clips of {judged.dance or 'the corpus'}"
         patterns.append(fit_pattern(rows, source=label) if rows else BarPattern.stop_on_the_beat())
     return patterns
@@ -245,8 +412,8 @@ def dance_patterns(
     rows: dict[str, list[PatternSums]] = {}
     for recording in recordings:
         for clip in cut_clips(recording, "annotated", None):
-            if clip.sums:
-                rows.setdefault(clip.dance, []).append(clip.sums["recommended"])
+            if clip.sums is not None:
+                rows.setdefault(clip.dance, []).append(clip.sums)
     if not rows:
         raise ValueError("no sequence with annotated beats to learn from")
     return {

@@ -1,8 +1,13 @@
 """One measurement for every task, in this process, in several, or on a cluster: the same table from all of them.
 
-Rows are handed to the client in the order of the tasks and stand in Parquet parts (`harmolab.lab.evaluate.parts`), so
+Rows are handed to the client in the order of the tasks and stand in Parquet parts (`harmolab.lab.evaluate.engine`), so
 a run that was stopped goes on where it was. Tasks in flight and rows that wait for an earlier one are bounded, so
 memory does not grow with their number.
+
+Rows of a long run in Parquet parts: row i stands in part i // `PART_ROWS`, and a part is replaced whole as it grows.
+
+So the files are the same however often the run was stopped, whoever measured the rows, and what is done is read off
+them: every row stands there once or not yet. Needs pyarrow (``pip install '.[cluster]'``).
 """
 
 from __future__ import annotations
@@ -10,21 +15,221 @@ from __future__ import annotations
 import hashlib
 import logging
 import platform
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib.metadata import version
+from importlib.util import find_spec
 from itertools import count, islice, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from uuid import uuid4
 
+import numpy as np
 from filelock import FileLock, Timeout
 
-from harmolab.io.files import PathLike, Progress, plain, silent, write_json
-from harmolab.lab.evaluate import parts
-from harmolab.lab.evaluate.parts import ERROR, FORMAT, KEY, MANIFEST, STAMP, PartWriter, Row, check_installed, part_path
+from harmolab.files import PathLike, Progress, atomic_write, plain, read_json, reading, silent, write_json
+from harmolab.systems.training.about import write_synced
+
+# Rows of a long run in Parquet parts: row i stands in part i // `PART_ROWS`, and a part is replaced whole as it
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow
+
+Row = Mapping[str, Any]
+
+FORMAT = "harmolab rows 1"
+MANIFEST = "run.json"
+KEY, ERROR = "key", "error"  # the first two columns of every row
+STAMP = "inputs"  # column of the parts, not of the table: the state of the files that a row was measured from
+PART_ROWS = 1024
+FLUSH_SECONDS = 5.0  # the most that a kill costs, but for the rows that are being measured
+_WHAT = "a part of a table"
+
+
+def check_installed(*packages: str) -> None:
+    """ValueError unless these packages, which not every harmolab needs, are installed."""
+    for name in packages:
+        if find_spec(name) is None:
+            raise ValueError(f"this needs {name}; in a copy of harmolab, run: pip install '.[cluster]'")
+
+
+def part_path(folder: Path, number: int) -> Path:
+    """The file of one part of the run in `folder`."""
+    return folder / f"part-{number:07d}.parquet"
+
+
+def cell(value: Any) -> Any:
+    """A value as a Parquet column holds it: text, a number, None, or a list of numbers; ValueError for another.
+
+    >>> cell(np.float64(0.5)), cell(np.arange(2))
+    (0.5, [0, 1])
+    """
+    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(plain, list | tuple) and all(isinstance(one, int | float) for one in plain):
+        return list(plain)
+    if plain is None or isinstance(plain, str | int | float):
+        return plain
+    raise ValueError(f"a table holds text, numbers and lists of numbers, not {type(value).__name__}")
+
+
+def write_part(path: Path, rows: Sequence[Row]) -> None:
+    """Write the rows of a part, whole or not at all, and on disk when this returns.
+
+    Columns stand in the order in which they first appear; what a row does not have is missing there.
+
+    Raises
+    ------
+    ValueError
+        For text and numbers in one column; names the file and the column.
+    """
+    import pyarrow.parquet
+
+    columns = {name: [row.get(name) for row in rows] for name in dict.fromkeys(name for row in rows for name in row)}
+    table = pyarrow.table({name: _column(path, name, values) for name, values in columns.items()})
+    buffer = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(table, buffer, compression="zstd", write_page_checksum=True)
+    with atomic_write(path) as part:
+        write_synced(part, buffer.getvalue().to_pybytes())
+
+
+def _column(path: Path, name: str, values: list[Any]) -> pyarrow.Array[Any]:
+    import pyarrow
+
+    try:
+        return pyarrow.array(values)
+    except (pyarrow.ArrowInvalid, pyarrow.ArrowTypeError) as error:
+        raise ValueError(f"{path}: values of several kinds in the column {name!r} ({error})") from None
+
+
+def part_rows(path: Path) -> list[dict[str, Any]]:
+    """The rows of a part, as they were written; ValueError for a damaged file."""
+    with reading(path, _WHAT):
+        return _table(path).to_pylist()
+
+
+def part_keys(path: Path) -> list[str]:
+    """The keys of a part's rows; none where there is no part, or half of one."""
+    return part_texts(path, KEY)
+
+
+def part_texts(path: Path, column: str) -> list[str]:
+    """A column of a part's rows; empty where there is no part, half of one, or no such column."""
+    try:
+        with reading(path, _WHAT):
+            return _table(path, [column])[column].to_pylist()
+    except (ValueError, FileNotFoundError):
+        return []
+
+
+def _table(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
+    import pyarrow.parquet
+
+    with pyarrow.parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        return file.read(columns, use_threads=False)
+
+
+def read_manifest(folder: PathLike) -> dict[str, Any]:
+    """The manifest of a run beside its parts: number of rows, digest of their keys, versions, settings.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Without a run in the folder.
+    """
+    with reading(Path(folder) / MANIFEST, "the manifest of a run") as file:
+        manifest = read_json(file)
+        if not isinstance(manifest, dict) or manifest.get("format") != FORMAT or not isinstance(manifest["rows"], int):
+            raise ValueError(f"is no manifest of {FORMAT!r}")
+        return manifest
+
+
+def read_rows(folder: PathLike) -> Iterator[pd.DataFrame]:
+    """The table of a finished run, a part at a time, in the order of the keys.
+
+    Every part has all columns, of the same types: the first is "key", the second "error" (empty text where there was
+    none, else what stood in the way; the other columns are then missing).
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Without a run in the folder, for a damaged part, and for a run that is not finished.
+    """
+    check_installed("pyarrow")
+    folder = Path(folder)
+    count = read_manifest(folder)["rows"]
+    paths = sorted(folder.glob("part-*.parquet"))
+    schema = _common_schema(folder, paths, count)
+    return (_frame(path, schema) for path in paths)
+
+
+def _common_schema(folder: Path, paths: Sequence[Path], count: int) -> pyarrow.Schema:
+    """All columns of the parts with types that hold them, read from their footers alone."""
+    import pyarrow.parquet
+
+    schema, rows = pyarrow.schema([]), 0
+    for path in paths:
+        with reading(path, _WHAT), pyarrow.parquet.ParquetFile(path) as file:
+            schema = pyarrow.unify_schemas([schema, file.schema_arrow], promote_options="permissive")
+            rows += file.metadata.num_rows
+    if rows != count:
+        raise ValueError(f"{folder}: holds {rows} of {count} rows; go on with --resume, or begin anew with --force")
+    return pyarrow.schema([column for column in schema if column.name != STAMP])
+
+
+def _frame(path: Path, schema: pyarrow.Schema) -> pd.DataFrame:
+    import pyarrow
+
+    with reading(path, _WHAT):
+        table = _table(path)
+        columns = {
+            field.name: table[field.name].cast(field.type)
+            if field.name in table.column_names
+            else pyarrow.nulls(len(table), field.type)
+            for field in schema
+        }
+        return pyarrow.table(columns, schema=schema).to_pandas(use_threads=False)
+
+
+class PartWriter:
+    """Writes rows that come in their order into the parts of a folder; some may be there already.
+
+    A part is written when it is full, every `FLUSH_SECONDS`, and at the end of the block, be it by an error.
+    """
+
+    def __init__(self, folder: Path, part_rows: int) -> None:
+        self._folder, self._size = folder, part_rows
+        self._number = -1
+        self._rows: list[Row] = []
+        self._pending = 0
+        self._last = time.monotonic()
+
+    def __enter__(self) -> PartWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._flush()
+
+    def add(self, index: int, row: Row) -> None:
+        """Add row number `index`; those before it in its part have been added, or are on disk."""
+        number, place = divmod(index, self._size)
+        if number != self._number:
+            self._flush()
+            self._number = number
+            self._rows = [*part_rows(part_path(self._folder, number))[:place]] if place else []
+        self._rows.append(row)
+        self._pending += 1
+        if len(self._rows) == self._size or time.monotonic() - self._last >= FLUSH_SECONDS:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._pending:
+            write_part(part_path(self._folder, self._number), self._rows)
+        self._pending, self._last = 0, time.monotonic()
+
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,7 +266,7 @@ class Measurement(NamedTuple):
         """The key of a task, an empty "error", and what is measured; or its key and what stood in the way."""
         row = self.failed_row(task, "")  # the state of the inputs before they are read: they may change meanwhile
         try:
-            return row | {name: parts.cell(value) for name, value in self.measure(task).items()}
+            return row | {name: cell(value) for name, value in self.measure(task).items()}
         except Exception as error:  # noqa: BLE001  # whatever one clip of a million raises, the others are measured
             return row | {ERROR: f"{type(error).__name__}: {' '.join(str(error).split())[:400]}"}
 
@@ -116,7 +321,7 @@ def run_rows(
     Returns
     -------
     iterator of DataFrame
-        As `harmolab.lab.evaluate.parts.read_rows`.
+        As `harmolab.lab.evaluate.engine.read_rows`.
 
     Raises
     ------
@@ -129,7 +334,7 @@ def run_rows(
     check_engine_installed(jobs, scheduler)
     if jobs < 0:
         raise ValueError(f"--jobs must be 0 (this process) or a number of processes, got {jobs}")
-    out, size = Path(out), part_rows or parts.PART_ROWS
+    out, size = Path(out), part_rows or PART_ROWS
     with _open_folder(out, _manifest(tasks, settings or {}), resume=resume, force=force):
         places = [range(len(tasks))[first : first + size] for first in range(0, len(tasks), size)]
         done = [_rows_done(part_path(out, number), tasks, place, stamp) for number, place in enumerate(places)]
@@ -140,7 +345,7 @@ def run_rows(
             with _rows(tasks, measurement, indices, jobs, scheduler) as rows, PartWriter(out, size) as writer:
                 for _, (index, row) in zip(progress(range(missing), "measured"), rows, strict=True):
                     writer.add(index, row)
-    return parts.read_rows(out)
+    return read_rows(out)
 
 
 def _manifest(tasks: Sequence[Task], settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -168,7 +373,7 @@ def _open_folder(out: Path, manifest: Mapping[str, Any], *, resume: bool, force:
     try:
         with FileLock(out / LOCK, timeout=0):
             if is_run and not force:
-                _check_same(out / MANIFEST, parts.read_manifest(out), manifest)
+                _check_same(out / MANIFEST, read_manifest(out), manifest)
             old = [*out.glob(".*.tmp"), *(out.glob("part-*.parquet") if force else ())]
             for path in old:
                 path.unlink()
@@ -219,13 +424,13 @@ def _leaves(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 def _rows_done(path: Path, tasks: Sequence[Task], place: range, stamp: Stamp | None) -> int:
     """Rows of a part that are there, up to the first of changed inputs; 0 for half a file, or rows of other tasks."""
-    keys = parts.part_keys(path)
+    keys = part_keys(path)
     own = [tasks[index] for index in place[: len(keys)]]
     if keys != [task.key for task in own]:
         return 0
     if stamp is None:
         return len(keys)
-    former = parts.part_texts(path, STAMP)
+    former = part_texts(path, STAMP)
     same = takewhile(lambda pair: stamp(pair[0]) == pair[1], zip(own, former, strict=False))  # older parts have none
     return sum(1 for _ in same)
 

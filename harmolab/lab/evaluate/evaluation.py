@@ -10,15 +10,13 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pandas as pd
 
-from harmolab.io.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
-from harmolab.io.smpl import load_body
-from harmolab.lab.evaluate.collecting import Collected, collect, written_parts
-from harmolab.lab.evaluate.controls import CONTROLS, control_pairs, recorded_limits
-from harmolab.lab.evaluate.engine import check_engine_installed, run_rows
+from harmolab.files import MissingFrameRate, PathLike, Progress, check_output, plain, silent, write_json
+from harmolab.lab.evaluate.engine import MANIFEST, check_engine_installed, read_manifest, read_rows, run_rows
+from harmolab.lab.evaluate.measured import MEASURES
 from harmolab.lab.evaluate.pairing import (
     RECORDED,
     Pair,
@@ -29,18 +27,79 @@ from harmolab.lab.evaluate.pairing import (
     songs_in,
     unused_songs,
 )
-from harmolab.lab.evaluate.parts import MANIFEST, read_manifest, read_rows
-from harmolab.lab.evaluate.rows import MEASURES, RowOptions, clip_row, pair_motion
-from harmolab.lab.evaluate.sets import SetNumber, protocol_sets, set_numbers
-from harmolab.lab.evaluate.settings import EvaluationSettings
+from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.rows import CONTROLS, RowOptions, clip_row, control_pairs, pair_motion, recorded_limits
+from harmolab.lab.evaluate.sets import Collected, SetNumber, collect, protocol_sets, set_numbers, written_parts
 from harmolab.lab.evaluate.summary import (
+    RESAMPLES,
     Difference,
     Mean,
     measure_of,
     ranks,
+    song_interval,
     system_differences,
     system_means,
 )
+from harmolab.readers.motion_file import ReadingOptions
+from harmolab.readers.smpl import load_body
+
+# Settings of an evaluation: which folders, read how.
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """Settings of an evaluation.
+
+    Parameters
+    ----------
+    systems : name -> folder of its dances (str or path, as all that follow; they are kept as Paths)
+    music : folder of songs
+    reference : folder of recorded dances
+    pairs : file of a list of pairs, or None
+    protocol : str, name of a protocol, "" for none
+    fps, scale, smpl, up : as in `RowOptions`
+    pose_net : weights of a pose network, or None for the shipped one
+    resamples, seed : of the intervals
+    """
+
+    systems: Mapping[str, PathLike]
+    music: PathLike
+    reference: PathLike
+    pairs: PathLike | None = None
+    protocol: str = ""
+    fps: float | None = None
+    scale: float | None = None
+    pose_net: PathLike | None = None
+    resamples: int = RESAMPLES
+    seed: int = 0
+    smpl: PathLike | None = None
+    up: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "systems", {name: Path(folder) for name, folder in self.systems.items()})
+        for name in ("music", "reference", "pairs", "pose_net", "smpl"):
+            path = getattr(self, name)
+            object.__setattr__(self, name, None if path is None else Path(path))
+        if taken := set(self.systems) & set(CONTROLS):
+            raise ValueError(f"{min(taken)!r} is the name of a row that every table has; call the system otherwise")
+        if not self.systems and self.pairs is None:
+            raise ValueError("there is nothing to evaluate: name a folder of dances, or --system NAME=FOLDER")
+        ReadingOptions(up=self.up)  # an error for another axis
+        if self.protocol:
+            protocol_of(self.protocol)
+
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """All files and folders that are read."""
+        more = (self.pairs, self.pose_net, self.smpl)
+        paths = (*self.systems.values(), self.music, self.reference, *more)
+        return tuple(Path(path) for path in paths if path is not None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The settings as JSON holds them."""
+        named = {name: str(value) if isinstance(value, Path) else value for name, value in vars(self).items()}
+        return {**named, "systems": {name: str(folder) for name, folder in self.systems.items()}}
+
 
 MARK = "evaluation.json"  # settings of an evaluation; a folder without it is not ours
 CLIPS, ROWS = "clips.csv", "rows"
@@ -76,7 +135,7 @@ class Evaluation:
     means, differences, sets : as `system_means`, `system_differences` and `set_numbers` return them
     ranks : measure -> system -> its rank; systems without one are left out
     counts : system -> how many dances, songs and seeds were measured
-    facts : system -> each of `harmolab.lab.evaluate.collecting.FACTS` -> how many dances have which value
+    facts : system -> each of `harmolab.lab.evaluate.sets.FACTS` -> how many dances have which value
     extremes : system -> (worst, best)
     unpaired : files that have no part in the table, with the reason
     errors : dances that could not be measured, with the reason
@@ -220,7 +279,7 @@ def _pose_net(settings: EvaluationSettings) -> Path | None:
     if find_spec("torch") is None:
         return None
     if settings.pose_net is not None:
-        from harmolab.systems.common.pose_network import load_pose_net
+        from harmolab.systems.training.pose_network import load_pose_net
 
         load_pose_net(settings.pose_net)  # a damaged file is an error now, not in every row
         return Path(settings.pose_net)
@@ -260,7 +319,8 @@ def _evaluation(
         raise ValueError(f"no dance of {lost[0]!r} could be measured: {first}")
     systems = tuple(name for name in names if name not in CONTROLS)
     songs = collected.song_means
-    differences = system_differences(songs, names, count=settings.resamples, seed=settings.seed)
+    interval = partial(song_interval, count=settings.resamples, seed=settings.seed)
+    differences = system_differences(songs, names, interval=interval)
     sets = set_numbers(collected.features, seed=settings.seed)
     if settings.protocol:
         sets |= protocol_sets(collected.features, settings.protocol)
@@ -270,7 +330,7 @@ def _evaluation(
         systems,
         tuple(name for name in names if name in CONTROLS),
         songs,
-        system_means(songs, count=settings.resamples, seed=settings.seed),
+        system_means(songs, interval=interval),
         differences,
         sets,
         {name: ranks(differences, systems, name, better=measure_of(name).better) for name in map(str, songs.columns)},

@@ -14,15 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from harmolab.corpora.folders import natural, recording_files
-from harmolab.corpora.tang2018 import find_audio
-from harmolab.io.files import PathLike, reading
-from harmolab.io.keypoints import FRAME_ENDS
-from harmolab.io.tables import read_columns
+from harmolab.data.recordings import find_audio, natural, recording_files
+from harmolab.files import PathLike, read_columns, reading
+from harmolab.readers.keypoints import FRAME_ENDS
 
 SONGS = (".wav", ".flac", ".ogg", ".mp3")
 MOTIONS = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".json", ".jsonl", ".c3d")
 GENERATED, RECORDED = "generated", "recorded"
+FROZEN, OTHER_SONG = "frozen pose", "recorded, other song"
 _MUSIC_ID = re.compile(r"(?:^|_)(m[A-Z]{2}\d)(?=_|$)")  # of AIST++, as in gBR_sBM_cAll_d04_mBR0_ch01
 
 
@@ -43,7 +42,7 @@ class Pair:
     seed : str, name of the subfolder it lies in, "" without one
     song : str, name of the song: intervals are drawn over songs
     motion, music : Path
-    kind : str, "generated", or the name of a control (`harmolab.lab.evaluate.controls`)
+    kind : str, "generated", or the name of a control (`harmolab.lab.evaluate.rows`)
     """
 
     system: str

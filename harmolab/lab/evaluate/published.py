@@ -1,4 +1,6 @@
-"""Measures as published codes compute them, their faults included: in frames, whatever the frame rate.
+"""Named presets of published evaluation codes: their conventions and faults, to put both numbers side by side.
+
+Measures as published codes compute them, their faults included: in frames, whatever the frame rate.
 
 Written from the definitions, to put a number beside one that a paper printed. `harmolab.metrics` has the same measures
 in seconds and without the faults. Published codes compute partly in single precision; all here is double.
@@ -6,7 +8,12 @@ in seconds and without the faults. Published codes compute partly in single prec
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -14,14 +21,23 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import argrelextrema
 
-from harmolab.io.layouts import COCO_17
+from harmolab.beats.audio import HOP, librosa_beats
+from harmolab.body.skeletons import Skeleton, joint_part, joint_side, named_joints, skeleton_part
 from harmolab.metrics.beats import beat_align
-from harmolab.metrics.body_points import point_joints
-from harmolab.metrics.frechet import diversity, frechet_distance
-from harmolab.metrics.geometric import geometric_features
-from harmolab.metrics.kinetic import AIST_FPS, kinetic_features
-from harmolab.skeletons import joint_part, joint_side, named_joints, skeleton_part
-from harmolab.types import BeatTrack, FloatArray, Motion, Skeleton
+from harmolab.metrics.features import (
+    AIST_FPS,
+    diversity,
+    frechet_distance,
+    geometric_features,
+    kinetic_features,
+    point_joints,
+)
+from harmolab.readers.audio import load_sound
+from harmolab.readers.keypoints import COCO_17
+from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.verdict.judge import music_and_motion
+
+# Measures as published codes compute them, their faults included: in frames, whatever the frame rate.
 
 SIGMA_FRAMES = 3.0  # of the kernel of both beat scores
 MINIMUM_FRAMES = 10  # aist++: a beat is slower than so many frames on either side
@@ -238,3 +254,269 @@ def _distance_and_diversity(values: FloatArray, model: FloatArray) -> tuple[floa
     mean, spread = model.mean(axis=0), model.std(axis=0) + LEAST_SPREAD
     values, model = (values - mean) / spread, (model - mean) / spread
     return frechet_distance(values, model, correct_bias=False).raw, diversity(values)
+
+
+# Music beats as published evaluation codes take them: librosa's, on the frames of the motion, faults included.
+
+MusicBeats = Callable[[Audio, str], BeatTrack]  # sound of `HOP` samples a frame, name of the song -> its beats
+
+FRAME_RATES = (10.0, 250.0)  # hertz, of motions on the frames of which beats are tracked
+MOST_FRAMES = 54_000  # of a song: 15 minutes at 60 a second take 5 GB, which Bailando's way of tracking holds at once
+TRACKS_KEPT = 2  # songs of which a process holds the beats, as dances to one song come in a row
+OTHER_TEMPO = 120.0  # beats per minute, librosa's own, for songs that are not of AIST
+_AIST_SONG = re.compile(r"(?:^|_)m(BR|PO|LO|MH|LH|WA|KR|JS|JB|HO)(\d)(?=_|$)")
+
+
+def aist_tempo(song: str) -> float:
+    """Tempo of a song of AIST by its name, beats per minute; that of `OTHER_TEMPO` for any other.
+
+    >>> aist_tempo("mBR2"), aist_tempo("gHO_sBM_cAll_d19_mHO3_ch01"), aist_tempo("waltz")
+    (100.0, 125.0, 120.0)
+    """
+    name = _AIST_SONG.search(song)
+    if name is None:
+        return OTHER_TEMPO
+    return 110.0 + 5 * int(name[2]) if name[1] == "HO" else 80.0 + 10 * int(name[2])
+
+
+def aist_beats(audio: Audio, song: str) -> BeatTrack:
+    """Music beats of mint's `tools/preprocessing.py`: mean onset strength, the tempo in the song's name as a prior."""
+    return librosa_beats(audio, start_tempo=aist_tempo(song))
+
+
+def bailando_beats(audio: Audio, song: str) -> BeatTrack:
+    """Music beats of Bailando's `extractor.py`: median onset strength of the percussive part, prior of 120 a minute."""
+    return librosa_beats(audio, percussive=True)
+
+
+def published_music_and_motion(
+    clip: Clip, music: Path, song: str, music_beats: MusicBeats | None
+) -> tuple[BeatTrack, Motion]:
+    """As `music_and_motion`, with beats that a published code tracks in the file of the song.
+
+    Parameters
+    ----------
+    clip : Clip with a motion
+    music : Path of its song
+    song : str, name of the song
+    music_beats : function of the published code; the clip's own beats without one
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `load_sound` and `music_and_motion`; also for a frame rate beyond `FRAME_RATES`, and a song of more than
+        `MOST_FRAMES`.
+    """
+    if clip.motion is None or music_beats is None:
+        return music_and_motion(clip)
+    fps = clip.motion.fps
+    if not FRAME_RATES[0] <= fps <= FRAME_RATES[1]:
+        low, high = FRAME_RATES
+        raise ValueError(
+            f"the published code tracks beats on the motion's frames, {low:g} to {high:g} a second: {fps:g}"
+        )
+    if (frames := round(clip.audio.duration * fps)) > MOST_FRAMES:
+        raise ValueError(f"{music} has {frames} frames, more than the {MOST_FRAMES} that are tracked at once; cut it")
+    beats = _song_beats(music, music.stat().st_mtime_ns, song, fps, music_beats)
+    return music_and_motion(replace(clip, beats=beats))
+
+
+@lru_cache(maxsize=TRACKS_KEPT)
+def _song_beats(music: Path, _: int, song: str, fps: float, music_beats: MusicBeats) -> BeatTrack:
+    """The beats of a song; the second argument, its time of change, keeps them up to date."""
+    return music_beats(load_sound(music, sample_rate=HOP * fps), song)
+
+
+SAME_RATE = 1e-3  # relative; a rate nearer to the published one than this is the published one
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """The conventions by which a published code evaluates dances.
+
+    Parameters
+    ----------
+    source : str
+        The paper and its code.
+    fps : float, hertz
+        The rate that its numbers of frames are meant for. Motions of other rates are not resampled, as they are not
+        there: `remarks` says so.
+    music_beats : (sound of `HOP` samples a frame of the motion, name of the song) -> its beats; None where the code
+        takes none
+    clip : (Motion, BeatTrack on its time line) -> name -> number of one dance
+    features : Motion -> "kinetic" and "geometric" -> array of one dance, all that `sets` needs of it
+    sets : (features, reference), arrays of one row a dance -> FID_k, FID_g, Div_k, Div_g
+        `clip` and `features` raise ValueError that names the joints where a skeleton lacks some that the published code
+        takes. Dicts are empty where the code has no such measure.
+    notes : tuple of str
+        Conventions and known faults, a sentence each.
+
+    Examples
+    --------
+    >>> PROTOCOLS["edge"].fps
+    30.0
+    """
+
+    source: str
+    fps: float
+    music_beats: MusicBeats | None
+    clip: Callable[[Motion, BeatTrack], dict[str, float]]
+    features: Callable[[Motion], dict[str, FloatArray]]
+    sets: Callable[[Mapping[str, ArrayLike], Mapping[str, ArrayLike]], dict[str, float]]
+    notes: tuple[str, ...]
+
+    def remarks(self, motion: Motion, scores: Mapping[str, float]) -> tuple[str, ...]:
+        """Sentences on one dance: another frame rate, other joints, filler frames, numbers that are NaN.
+
+        Parameters
+        ----------
+        motion : Motion
+        scores : dict of `clip` of it
+        """
+        lines = {
+            f"The motion has {motion.fps:g} frames per second, the published constants are for {self.fps:g}; "
+            "frames were taken as they are.": not math.isclose(motion.fps, self.fps, rel_tol=SAME_RATE),
+            "The 17 joints of COCO were taken, where published scores are of SMPL's 24.": (
+                "BeatAlign" in scores and bool(coco_joints(motion.skeleton))
+            ),
+            "Frames that are not valid were taken for motion; the published code knows none.": not motion.valid.all(),
+        }
+        nan = [f"{name} is NaN: {_UNDEFINED[name]}" for name, value in scores.items() if math.isnan(value)]
+        return (*(line for line, holds in lines.items() if holds), *nan)
+
+
+def _beat_align(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"BeatAlign": beat_align_frames(motion, music)}
+
+
+def _bas(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"BAS": bas_frames(motion, music)}
+
+
+def _pfc(motion: Motion, music: BeatTrack) -> dict[str, float]:
+    return {"PFC": pfc_frames(motion)}
+
+
+def _no_features(motion: Motion) -> dict[str, FloatArray]:
+    return {}
+
+
+def _no_sets(features: Mapping[str, ArrayLike], reference: Mapping[str, ArrayLike]) -> dict[str, float]:
+    return {}
+
+
+_UNDEFINED = MappingProxyType(
+    {
+        "BeatAlign": "there are no music beats, where the published code stops with an error.",
+        "BAS": "there are no beats of the music or of the motion, where the published code stops with an error.",
+        "PFC": "the root does not accelerate; the published code divides 0 by 0, and its mean over all dances is NaN.",
+    }
+)
+_FRAMES = "Frames are counted, not seconds, so the score depends on the frame rate."
+_MEANS = "Published means are over dances; here a song counts once, however many dances there are to it."
+_MUSIC_BEATS = (
+    "Music beats are librosa's as they come, tracked in the whole song with a frame of 512 samples for each of the "
+    "motion ({strength}; prior of the tempo: {prior}), and not those of this table, be these annotated or tracked."
+)
+_OF_SETS = (
+    "Kinetic features (72) take frames for sixtieths of a second and misplace a bracket: a third of them measure the "
+    "place of a joint, 3540 times its metres, where an acceleration is meant.",
+    "Geometric features (32) divide by 1/120 s, so speeds are doubled; some velocities and planes are of the wrong "
+    "points or sides; thresholds are lengths of SMPL's mean body; the lowest joint is the floor.",
+    "Features are standardised by mean and SD + 1e-10 of the reference, so one in which the whole reference agrees "
+    "outweighs all others where a dance differs in it.",
+    "FID_k and FID_g are not corrected for small samples: the fewer dances, the larger they are.",
+    "Div_k and Div_g are mean distances between dances, of features standardised by the reference.",
+    "Published tables take all motions of AIST++ for the reference, training included; here it is the one of the "
+    "table. Fewer than two dances on a side give NaN.",
+    "Versions differ: FID_g and Div_g in the paper of AIST++ are of earlier geometric features, with one more fault; "
+    "copies in which the bracket is mended have other FID_k and Div_k.",
+)
+PROTOCOLS: Mapping[str, Protocol] = MappingProxyType(
+    {
+        "aist++": Protocol(
+            "Li et al. 2021, google-research/mint with its author's fork, google/aistplusplus_api",
+            60.0,
+            aist_beats,
+            _beat_align,
+            smpl_features,
+            set_scores,
+            (
+                "BeatAlign is the mean over motion beats of exp(-d^2 / 18), d frames to the nearest music beat: music "
+                "beats without a motion beat cost nothing.",
+                "Motion beats are frames whose summed joint speed is below that of ten frames on either side, "
+                "unsmoothed; the first frame has speed 0, so none lies in the ten after it.",
+                "A dance without motion beats scores 0; without music beats the published code stops, here NaN.",
+                "Music beats after the end of a dance do not count; the published script counts them for generated "
+                "dances, and not for recorded ones.",
+                _FRAMES,
+                _MEANS,
+                _MUSIC_BEATS.format(
+                    strength="mean onset strength",
+                    prior="that in the name of a song of AIST, 120 beats a minute for others, where the code stops",
+                ),
+                *_OF_SETS,
+                "Features depend on where in the room a dancer is, by the bracket.",
+                "The published script leaves out the first 120 frames, which FACT is given; here all frames count.",
+            ),
+        ),
+        "edge": Protocol(
+            "Tseng et al. 2023, Stanford-TML/EDGE",
+            30.0,
+            None,
+            _pfc,
+            _no_features,
+            _no_sets,
+            (
+                "PFC is the mean over frames of (slower of left ankle and toes) x (slower of the right ones) x "
+                "(acceleration of the root, downward part left out) / (its largest in the clip), times 10^4.",
+                "Foot speeds are horizontal metres a frame, not divided by the time step: at another frame rate the "
+                "same dance has another score.",
+                "The largest acceleration is that of each clip: one jump of the root makes the rest of a dance good.",
+                "A root that does not accelerate gives 0 / 0, which makes the published mean NaN; here only the clip.",
+                "PFC takes no music beats: it is the same with any song.",
+                _MEANS,
+                "The code takes z for up; motions here have y up, and axes are taken accordingly.",
+                "The code stops where there are more than 1,000 dances (it draws 1,000 without importing `random`); "
+                "here all count.",
+                "No code for beat alignment, FID or diversity is public (issues 11, 27 and 46), so there is none here.",
+            ),
+        ),
+        "bailando": Protocol(
+            "Li Siyao et al. 2022, lisiyao21/Bailando",
+            60.0,
+            bailando_beats,
+            _bas,
+            smpl_features_from_start,
+            set_scores,
+            (
+                "BAS is the mean over music beats of exp(-d^2 / 18), d frames to the nearest motion beat: the other "
+                "way round than BeatAlign, so a dance that comes to rest all the time scores high.",
+                "Motion beats are all minima, however shallow, of the mean joint speed smoothed by a Gaussian of five "
+                "frames; speeds lie on the earlier of two frames, so a beat is one frame earlier than in aist++.",
+                "Without beats of music or motion, as in a frozen clip, the published code stops; here NaN.",
+                _FRAMES,
+                _MEANS,
+                _MUSIC_BEATS.format(
+                    strength="median onset strength of the percussive part", prior="120 beats a minute"
+                ),
+                *_OF_SETS,
+                "Features are of the first 1,200 frames, seen from where the root starts: by the bracket they measure "
+                "how far a dancer goes from there.",
+            ),
+        ),
+    }
+)
+
+
+def protocol_of(name: str) -> Protocol:
+    """A protocol of `PROTOCOLS` by its name.
+
+    Raises
+    ------
+    ValueError
+        There is no such protocol; names those that there are.
+    """
+    if name not in PROTOCOLS:
+        raise ValueError(f"no protocol is called {name!r}; there are: {', '.join(PROTOCOLS)}")
+    return PROTOCOLS[name]

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Sequence
-from types import MappingProxyType
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy.special import ndtr, stdtrit
 
-from harmolab.lab.evaluate.rows import FEATURES, MEASURES, Measure
-from harmolab.significance import LEVEL, bootstrap_interval
+from harmolab.lab.evaluate.measured import MEASURES, Measure
+from harmolab.lab.evaluate.sets import FEATURES, SETS
+from harmolab.significance import LEVEL, bootstrap_interval, mean_interval
 from harmolab.types import FloatArray
 
 RESAMPLES = 4000
-SETS = MappingProxyType({"fid": "Fréchet distance", "diversity": "diversity", "multimodality": "multimodality"})
 FEWEST_SONGS = 6  # of five, all differences have one sign in one case of sixteen, by luck
+BESIDE = ("difference", "difference_low", "difference_high", "common")  # columns of a difference from the base
+Interval = Callable[[FloatArray], tuple[float, float]]
 
 
 def song_interval(values: FloatArray, *, count: int = RESAMPLES, seed: int = 0) -> tuple[float, float]:
@@ -41,6 +42,71 @@ def song_interval(values: FloatArray, *, count: int = RESAMPLES, seed: int = 0) 
         return math.nan, math.nan
     reach = math.sqrt(n / (n - 1)) * float(stdtrit(n - 1, (1 + LEVEL) / 2))
     return bootstrap_interval(values, count=count, seed=seed, level=1 - 2 * float(ndtr(-reach)))
+
+
+def training_interval(values: FloatArray) -> tuple[float, float]:
+    """95 % interval of the mean of (n,) values of n trainings, by Student's t; both NaN with fewer than two."""
+    return mean_interval(values)[1:]
+
+
+def summary(
+    table: pd.DataFrame,
+    row: str = "system",
+    *,
+    by: Sequence[str] = (),
+    over: str = "song",
+    within: Sequence[str] = ("seed",),
+    base: str = "",
+    interval: Interval = song_interval,
+    fewest: int = FEWEST_SONGS,
+) -> pd.DataFrame:
+    """Means, intervals, differences and ranks of the rows of a long table.
+
+    Parameters
+    ----------
+    table : DataFrame with the columns `row`, `by`, `over`, `within`, measure and value, as `measure_dances` returns it
+    row : column whose values are compared: a system, a variant, a trick
+    by : columns whose values are kept apart, such as corpus or dance
+    over : column of what the interval is over, "song" or "training"
+    within : columns of which the mean is taken before, the last one first: first over what one of it has several of
+    base : value of `row` with which the others are compared
+    interval : function of (n,) values to (low, high): `song_interval`, `training_interval`, or another of the mean
+    fewest : number of songs (or trainings) in common below which no rank is given
+
+    Returns
+    -------
+    DataFrame with the columns of `by`, `row`, measure, mean, low, high, n (songs or trainings); with a base difference,
+    difference_low, difference_high and common, paired by song or training; rank: one more than the number of rows that
+    are better beyond luck (`ranks`), missing where none is, and for measures without a direction (`measure_of`)
+
+    Examples
+    --------
+    >>> songs = range(8)
+    >>> lines = [("ours", song, "", "harmony", 0.5 + song % 2 / 10) for song in songs]
+    >>> lines += [("theirs", song, "", "harmony", 0.1 + song % 2 / 10) for song in songs]
+    >>> table = pd.DataFrame(lines, columns=["system", "song", "seed", "measure", "value"])
+    >>> summary(table, base="theirs")[["system", "mean", "difference", "common", "rank"]].round(2)
+       system  mean  difference  common  rank
+    0    ours  0.55         0.4     8.0     1
+    1  theirs  0.15         NaN     NaN     2
+    """
+    keys = [*by, "measure"]
+    values = table.groupby(levels := [*keys, row, over, *within], sort=False)["value"].mean()
+    for _ in within:
+        values = values.groupby(levels := levels[:-1], sort=False).mean()
+    lines: list[dict[str, Any]] = []
+    for names, part in values.reset_index().groupby(keys, sort=False):
+        about: dict[str, Any] = dict(zip(keys, names, strict=True))
+        units = part.set_index([row, over])[["value"]].set_axis([about["measure"]], axis=1)
+        order = sorted(dict.fromkeys(part[row]), key=lambda name: name == base)  # the base is the second of each pair
+        differences = system_differences(units, order, interval=interval)
+        places = ranks(differences, order, about["measure"], better=measure_of(about["measure"]).better, fewest=fewest)
+        beside = {one.a: dict(zip(BESIDE, one[3:], strict=True)) for one in differences if base and one.b == base}
+        for (name, _), mean in system_means(units, interval=interval).items():
+            line = about | {row: name} | dict(zip(("mean", "low", "high", "n"), mean, strict=True))
+            lines.append(line | beside.get(name, {}) | {"rank": places.get(name)})
+    columns = [*by, row, "measure", "mean", "low", "high", "n", *(BESIDE if base else ()), "rank"]
+    return pd.DataFrame(lines, columns=columns).astype({"rank": "Int64"})
 
 
 class Mean(NamedTuple):
@@ -66,36 +132,34 @@ class Difference(NamedTuple):
     @property
     def is_clear(self) -> bool:
         """True where the interval excludes 0, over `FEWEST_SONGS` songs at least."""
-        return self.songs >= FEWEST_SONGS and (self.low > 0 or self.high < 0)
+        return self.is_clear_over(FEWEST_SONGS)
+
+    def is_clear_over(self, fewest: int) -> bool:
+        """True where the interval excludes 0, over so many songs at least."""
+        return self.songs >= fewest and (self.low > 0 or self.high < 0)
 
 
-def _mean(values: pd.Series[float], count: int, seed: int) -> Mean | None:
+def _mean(values: pd.Series[float], interval: Interval) -> Mean | None:
     """Mean of the values that there are; None of nothing."""
     numbers = np.asarray(values.dropna(), np.float64)
-    if not numbers.size:
-        return None
-    return Mean(float(numbers.mean()), *song_interval(numbers, count=count, seed=seed), numbers.size)
+    return Mean(float(numbers.mean()), *interval(numbers), numbers.size) if numbers.size else None
 
 
-def system_means(songs: pd.DataFrame, *, count: int = RESAMPLES, seed: int = 0) -> dict[tuple[str, str], Mean]:
+def system_means(songs: pd.DataFrame, *, interval: Interval = song_interval) -> dict[tuple[str, str], Mean]:
     """(system, measure) -> its mean; what no song has is left out.
 
     Parameters
     ----------
     songs : DataFrame with the index system, song, and a column for each measure: `Collected.song_means`
-    count, seed : of the resampling
+    interval : as in `summary`
     """
-    means = {}
-    for measure in map(str, songs.columns):
-        table = songs[measure].unstack("system")
-        for system in map(str, table.columns):
-            if (mean := _mean(table[system], count, seed)) is not None:
-                means[system, measure] = mean
-    return means
+    tables = ((measure, songs[measure].unstack(0)) for measure in map(str, songs.columns))
+    means = {(system, measure): _mean(table[system], interval) for measure, table in tables for system in table.columns}
+    return {key: mean for key, mean in means.items() if mean is not None}
 
 
 def system_differences(
-    songs: pd.DataFrame, systems: Sequence[str], *, count: int = RESAMPLES, seed: int = 0
+    songs: pd.DataFrame, systems: Sequence[str], *, interval: Interval = song_interval
 ) -> list[Difference]:
     """The differences of every measure over the songs that two systems both danced to.
 
@@ -103,18 +167,20 @@ def system_differences(
     """
     differences = []
     for measure in map(str, songs.columns):
-        table = songs[measure].unstack("system")  # NaN where a system has no dance to a song
+        table = songs[measure].unstack(0)  # NaN where a system has no dance to a song
         for first, second in itertools.combinations(systems, 2):
-            if (mean := _mean(table[first] - table[second], count, seed)) is not None:
+            if (mean := _mean(table[first] - table[second], interval)) is not None:
                 differences.append(Difference(measure, first, second, *mean))
     return differences
 
 
-def ranks(differences: Iterable[Difference], systems: Iterable[str], measure: str, *, better: int) -> dict[str, int]:
+def ranks(
+    differences: Iterable[Difference], systems: Iterable[str], measure: str, *, better: int, fewest: int = FEWEST_SONGS
+) -> dict[str, int]:
     """Rank of the systems by a measure: one more than the number of systems that are better beyond luck.
 
-    Better beyond luck: the paired difference `is_clear`. A system that differs from no other one in this way has no
-    rank, and is left out.
+    Better beyond luck: the paired difference is clear over so many songs. A system that differs from no other one in
+    this way has no rank, and is left out.
 
     Parameters
     ----------
@@ -122,11 +188,12 @@ def ranks(differences: Iterable[Difference], systems: Iterable[str], measure: st
     systems : names that are ranked
     measure : name of the measure
     better : 1 where more is better, -1 where less is, 0 for no ranks at all
+    fewest : songs in common that a rank needs
     """
     names = set(systems)
     beaten: dict[str, list[str]] = {}
     for one in differences:
-        if better and one.measure == measure and one.is_clear and {one.a, one.b} <= names:
+        if better and one.measure == measure and one.is_clear_over(fewest) and {one.a, one.b} <= names:
             winner, loser = (one.a, one.b) if (one.low > 0) == (better > 0) else (one.b, one.a)
             beaten.setdefault(loser, []).append(winner)
             beaten.setdefault(winner, [])

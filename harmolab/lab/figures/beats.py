@@ -6,7 +6,9 @@ points down; a hit is a green circle, a miss a red cross.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import base64
+import io
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 from types import MappingProxyType
 from typing import Any
@@ -21,8 +23,8 @@ from numpy.typing import ArrayLike
 from harmolab.beats.visual import curve_delay, motion_curve
 from harmolab.lab.figures.style import COLOURS, MARKERS, styled_axes
 from harmolab.params import HarmonyParams
+from harmolab.score import HarmonyScore
 from harmolab.types import BeatTrack, FloatArray, Motion
-from harmolab.verdict.score import HarmonyScore
 
 SIDES = MappingProxyType({"audio": 1.0, "visual": -1.0})
 NAMES = MappingProxyType({"audio": "music beat", "visual": "visual beat"})
@@ -200,7 +202,7 @@ def draw_marks(
 
 
 def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float) -> Axes:
-    """Percentile rank of each music beat among all moments of the clip (measure "pattern", or "shape" with one).
+    """Percentile rank of each music beat among all moments of the clip (measure "shape" with a pattern).
 
     Parameters
     ----------
@@ -272,7 +274,23 @@ def draw_tolerances(
     return ax
 
 
-def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figure:
+def beat_strip(track: BeatTrack, *, longest: float = np.inf) -> Figure:
+    """A stem at each beat, its height the strength as a share of the strongest, and a triangle at each downbeat.
+
+    The first `longest` seconds at most are drawn.
+    """
+    with styled_axes((9.0, 0.9)) as (figure, [ax]):
+        part = track.span(0.0, min(track.duration, longest))
+        draw_stems(ax, part, kind="audio", heights=part.strengths / max(part.strengths.max(initial=0.0), 1e-12))
+        if part.bar_places is not None:
+            downbeats = part.times[part.bar_places == 0]
+            ax.plot(downbeats, np.full(downbeats.size, 1.15), "v", color=COLOURS["ink"], markersize=4, gid="downbeat")
+        ax.set(xlim=(0.0, part.duration), ylim=(0.0, 1.3), yticks=[], xlabel="time (s)")
+        ax.spines["left"].set_visible(False)
+    return figure
+
+
+def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "", longest: float = np.inf) -> Figure:
     """Rows of 15 s for each mode: hits and misses with tolerance fields, or ranks where the mode is a pattern's.
 
     Above the rows of each mode stands its verdict in words, with its number.
@@ -281,8 +299,9 @@ def score_figure(scores: Mapping[str, HarmonyScore], *, title: str = "") -> Figu
     ----------
     scores : mode -> the score of one motion with its music
     title : str, above the first row
+    longest : float, seconds that are drawn at most
     """
-    duration = max(score.music.duration for score in scores.values())
+    duration = min(max(score.music.duration for score in scores.values()), longest)
     rows = max(int(np.ceil(duration / ROW_SECONDS)), 1)
     across = min(duration, ROW_SECONDS)
     size = (9.0, (1.25 * rows + 1.0) * len(scores) + 0.3)
@@ -323,9 +342,8 @@ def draw_score(ax: Axes, score: HarmonyScore) -> Axes:
 
 def is_ranked(score: HarmonyScore) -> bool:
     """True where the shares of a score are ranks of its beats by the fit to a pattern."""
-    if score.judgement is None:
-        return score.params.measure == "pattern"
-    return score.judgement.place is not None and score.judgement.pattern is not None
+    judgement = score.judgement
+    return judgement is not None and judgement.place is not None and judgement.pattern is not None
 
 
 def headline(score: HarmonyScore) -> str:
@@ -343,3 +361,135 @@ def headline(score: HarmonyScore) -> str:
     if score.judgement is not None:
         return number
     return f"{number};  h = {score.harmony:.2f}"
+
+
+# The distance from each music beat to the dancer's nearest rest or hit, along time.
+
+Mean = tuple[float, float, float, tuple[float, float]]  # start, end, mean, interval: all in seconds
+
+DPI = 150
+LEAST_ROOM = 1.6  # tolerances that the y axis shows at least
+
+
+def offset_figure(lags: FloatArray, curve: FloatArray, *, best: float, others: Sequence[float] = ()) -> Figure:
+    """Fit of a motion to its music by the place of its first frame; the best place and its rivals are named.
+
+    Parameters
+    ----------
+    lags, curve : (L,) arrays, seconds and evidence, as in `harmolab.lab.explain.offset.Offset`
+    best, others : seconds, the place that fits best and those that fit nearly as well
+    """
+    with styled_axes((9.0, 3.2)) as (figure, (ax,)):
+        ax.plot(lags, curve, color=COLOURS["visual"])
+        ax.axvline(best, color=COLOURS["ink"], linestyle="--", label=f"found: {best:.2f} s")
+        for number, other in enumerate(others):
+            label = "or some beats earlier or later" if number == 0 else None
+            ax.axvline(other, color=COLOURS["chance"], linestyle=":", label=label)
+        title = f"The dance fits best when it begins {best:.2f} s into the song"
+        ax.set_title(f"{title}; {len(others)} other places fit nearly as well" if others else title)
+        ax.set(xlabel="song time of the first frame (s)", ylabel="slowness on beats (SD)")
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def signed_offsets(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
+    """Offset of the visual beat nearest to each music beat: (N,) seconds, early is negative; NaN without any.
+
+    >>> signed_offsets(np.array([1.0, 2.0]), np.array([1.1, 1.75]))
+    array([ 0.1 , -0.25])
+    """
+    if visual_times.size == 0:
+        return np.full(audio_times.size, np.nan)
+    differences = visual_times[None, :] - audio_times[:, None]
+    offsets: FloatArray = differences[np.arange(audio_times.size), np.abs(differences).argmin(axis=1)]
+    return offsets
+
+
+def event_name(score: HarmonyScore) -> str:
+    """Name of the events that a score's visual beats are: "rest", "hit", or "visual beat" where they are both."""
+    if score.judgement is not None and score.judgement.reading == "hit":
+        return "hit"
+    return {"valleys": "rest", "peaks": "hit"}.get(score.params.detector, "visual beat")
+
+
+def draw_timing(ax: Axes, score: HarmonyScore, *, event: str = "") -> Axes:
+    """Each music beat's distance to the visual beat that hits it, in milliseconds; below zero before it, above after.
+
+    A green circle is a hit of the score; a red cross a miss, at its nearest visual beat. Without visual beats only the
+    band of the tolerance is drawn. An event before the beat is not yet a dancer who is early: that is for the verdict.
+    `event` names the visual beats, `event_name` where it is left out.
+    """
+    music, times = score.music, score.visual.times - score.params.lag
+    hits = score.pairs >= 0
+    offsets = 1000 * signed_offsets(music.times, times)
+    offsets[hits] = 1000 * (times[score.pairs[hits]] - music.times[hits])
+    delay = 1000 * score.params.reaction_delay
+    ax.axhspan(-delay, delay, color=COLOURS["audio"], alpha=0.13, linewidth=0, zorder=0, label="tolerance field")
+    ax.axhline(0.0, color=COLOURS["ink"], linewidth=0.8, zorder=1)
+    finite = np.isfinite(offsets)
+    draw_marks(ax, music.times[finite], offsets[finite], hits[finite], labels=("hit", "missed"))
+    room = 1.15 * max(float(np.abs(offsets[finite]).max(initial=0.0)), LEAST_ROOM * delay, 1.0)
+    label = f"{event or event_name(score)} before  |  after (ms)"
+    ax.set(xlim=(0.0, music.duration), ylim=(-room, room), xlabel="time (s)", ylabel=label)
+    return ax
+
+
+def draw_means(ax: Axes, means: Sequence[Mean]) -> Axes:
+    """The lag of each segment as an orange line, with a pale field for its spread.
+
+    Parameters
+    ----------
+    ax : Axes with milliseconds on the y axis
+    means : (start, end, mean, (low, high)) for each segment, seconds
+    """
+    for place, (start, end, mean, (low, high)) in enumerate(means):
+        field = "lag and spread from bar to bar" if place == 0 else None
+        ax.plot([start, end], [1000 * mean] * 2, color=COLOURS["visual"], linewidth=2.2, zorder=4, label=field)
+        if np.isfinite([low, high]).all():
+            ax.fill_between([start, end], 1000 * low, 1000 * high, color=COLOURS["visual"], alpha=0.35, lw=0, zorder=3)
+    return ax
+
+
+def ranks_figure(score: HarmonyScore, *, size: tuple[float, float] = (9.0, 3.6)) -> Figure:
+    """The rank of each music beat by the fit to a dance's pattern (`is_ranked`), with a legend; `size` in inches."""
+    with styled_axes(size) as (figure, (ax,)):
+        draw_shares(ax, score.music, score.shares, chance=score.chance).set_ylabel("rank of the fit")
+        _add_legend(ax, size)
+    return figure
+
+
+def timing_figure(
+    score: HarmonyScore,
+    *,
+    means: Sequence[Mean] = (),
+    title: str = "The rest or hit nearest to each music beat",
+    event: str = "",
+    size: tuple[float, float] = (9.0, 3.6),
+) -> Figure:
+    """`draw_timing` and `draw_means` as one picture with a legend.
+
+    Parameters
+    ----------
+    score : HarmonyScore
+    means : as in `draw_means`, such as the halves of an explanation
+    title : str
+    event : str, as in `draw_timing`
+    size : (float, float), inches
+    """
+    with styled_axes(size) as (figure, (ax,)):
+        draw_means(draw_timing(ax, score, event=event), means)
+        ax.set_title(title)
+        _add_legend(ax, size)
+    return figure
+
+
+def png_text(figure: Figure) -> str:
+    """A figure as base64 of PNG, to stand in a page."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=DPI, bbox_inches="tight")
+    return base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def _add_legend(ax: Axes, size: tuple[float, float]) -> None:
+    """A legend below the axes, folded in a narrow figure."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.72 / size[1]), ncols=4 if size[0] > 6 else 2)

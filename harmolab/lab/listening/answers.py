@@ -2,21 +2,45 @@
 
 The file is only ever appended to. A program that dies while it writes leaves at most one half line; the next answer
 starts a line of its own, and reading leaves the half line out and says so.
+
+A study on disk, in a folder that needs no corpus any more.
+
+=====================  ============================================================
+trials.json            the blind trials
+pages/TRIAL.html       the page of each of them: a blind player
+answers/RATER.jsonl    the answers, a file for each rater
+key.json, scores.json  the truth about the trials, and their scores; not for raters
+=====================  ============================================================
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote
 
+import numpy as np
 from filelock import FileLock
 
-from harmolab.io.files import MAX_TEXT_BYTES, PathLike, reading
-from harmolab.lab.listening.trials import CHOICES, QUESTIONS, Trial, TrialSet, is_answer
+from harmolab.files import MAX_TEXT_BYTES, PathLike, read_json, read_text, reading, write_json, write_text
+from harmolab.lab.listening.trials import (
+    CHOICES,
+    MARKED,
+    MOST,
+    MOST_TRIALS,
+    QUESTIONS,
+    Key,
+    KeyEntry,
+    Trial,
+    TrialSet,
+    is_answer,
+)
 
 SIMULATED = "simulated-"
 START = b'{"study"'  # of every line
@@ -246,3 +270,215 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+# A study on disk, in a folder that needs no corpus any more.
+
+TRIALS_FILE, KEY_FILE, SCORES_FILE = "trials.json", "key.json", "scores.json"
+PAGES, ANSWERS = "pages", "answers"
+
+
+def write_study(folder: PathLike, trials: TrialSet, key: Key) -> Path:
+    """The folder, with the blind ``trials.json`` and, not to be shown to a rater, ``key.json``.
+
+    Raises
+    ------
+    ValueError
+        If the key is of another study.
+    """
+    if trials.study != key.study:
+        raise ValueError(f"trials of study {trials.study} do not go with the key of study {key.study}")
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / KEY_FILE, key)
+    write_json(folder / TRIALS_FILE, trials)  # last: a study that has it is whole
+    return folder
+
+
+def read_trials(path: PathLike) -> TrialSet:
+    """The trials in a ``trials.json``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Naming the file, if it is missing or was not written by `write_study`.
+    """
+    with reading(path, "the trials of a study", max_bytes=MAX_TEXT_BYTES) as file:
+        content = _fields(read_json(file), "study", "kind", "rater", "trials")
+        if not isinstance(content["trials"], list) or len(content["trials"]) > MOST_TRIALS:
+            raise ValueError(f"trials must be a list of at most {MOST_TRIALS}")
+        rows = [_fields(row, "id", "stimuli") for row in content["trials"]]
+        trials = tuple(Trial(row["id"], _texts(row["stimuli"])) for row in rows)
+        return TrialSet(content["study"], content["kind"], _texts([content["rater"]])[0], trials)
+
+
+def read_key(path: PathLike) -> Key:
+    """The key in a ``key.json``; raises as `read_trials` does."""
+    with reading(path, "the key of a study", max_bytes=MAX_TEXT_BYTES) as file:
+        content = _fields(read_json(file), "study", "kind", "trials")
+        if not isinstance(content["trials"], dict):
+            raise ValueError("trials must be an object from trial to what it asks")
+        trials = {name: _key_entry(row) for name, row in content["trials"].items()}
+        return Key(content["study"], content["kind"], trials)
+
+
+def write_page(folder: PathLike, trial: str, page: str) -> None:
+    """Write the page of a trial; `trial` is its id."""
+    path = _page_path(folder, trial)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, page)
+
+
+def read_page(folder: PathLike, trial: str) -> str:
+    """The page of a trial, HTML.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Naming the file.
+    """
+    with reading(_page_path(folder, trial), "the page of a trial", max_bytes=MAX_TEXT_BYTES) as file:
+        return read_text(file)
+
+
+def _page_path(folder: PathLike, trial: str) -> Path:
+    return Path(folder) / PAGES / f"{trial}.html"
+
+
+def answer_log(folder: PathLike, rater: str) -> AnswerLog:
+    """The log of one rater, in a file named after them."""
+    answers = Path(folder) / ANSWERS
+    answers.mkdir(exist_ok=True)
+    return AnswerLog(answers / f"{quote(rater, safe=' ')[:200]}.jsonl")
+
+
+def answer_files(folder: PathLike) -> list[Path]:
+    """The answer files of all raters.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there are no answers yet.
+    """
+    files = sorted((Path(folder) / ANSWERS).glob("*.jsonl"))
+    if not files:
+        raise FileNotFoundError(f"{Path(folder) / ANSWERS}: nobody has answered yet")
+    return files
+
+
+def write_scores(folder: PathLike, scores: Mapping[str, Mapping[str, float]]) -> None:
+    """Writes the value of every score for every source: ``{score: {source: value}}``, null where there is none."""
+    write_json(Path(folder) / SCORES_FILE, scores)
+
+
+def read_scores(path: PathLike) -> dict[str, dict[str, float]]:
+    """The scores in a ``scores.json``, NaN where there is none; raises as `read_trials` does."""
+    with reading(path, "the scores of a study", max_bytes=MAX_TEXT_BYTES) as file:
+        content = read_json(file)
+        if not isinstance(content, dict) or not all(isinstance(values, dict) for values in content.values()):
+            raise ValueError("must be an object from score to source to number")
+        return {name: {source: _number(value) for source, value in row.items()} for name, row in content.items()}
+
+
+def _number(value: Any) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"a score must be a number or null, got {value!r:.60}")
+    return float(value)
+
+
+def _key_entry(content: Any) -> KeyEntry:
+    row = _fields(content, "item", "versions", "sources", "right")
+    return KeyEntry(_texts([row["item"]])[0], _texts(row["versions"]), _texts(row["sources"]), row["right"])
+
+
+def _fields(content: Any, *names: str) -> dict[str, Any]:
+    """`content`, if it is an object with just these fields: any other might tell the rater something."""
+    if not isinstance(content, dict) or set(content) != set(names):
+        content_names = sorted(content) if isinstance(content, dict) else type(content).__name__
+        raise ValueError(f"must have the fields {', '.join(names)} and no other, got {content_names!s:.200}")
+    return content
+
+
+def _texts(content: Any) -> tuple[str, ...]:
+    if not isinstance(content, list) or not all(isinstance(text, str) and text for text in content):
+        raise ValueError(f"must be texts that are not empty, got {content!r:.120}")
+    return tuple(content)
+
+
+# Raters that are not people, of known skill: they test the analysis and are called simulated wherever they
+
+
+@dataclass(frozen=True)
+class SimulatedRater:
+    """A rater that is right with a known probability.
+
+    Parameters
+    ----------
+    skill : float in [0, 1], probability of a right answer; 0.5 is guessing
+    seed : int
+    prefers : str, optional
+        The version that it takes for right in trials whose key knows no right answer (two models). Marks of its dances
+        are higher, the more so the more skill.
+
+    Examples
+    --------
+    >>> SimulatedRater(0.8, seed=3).name
+    'simulated-3'
+    """
+
+    skill: float
+    seed: int
+    prefers: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.skill <= 1.0:
+            raise ValueError(f"skill must be between 0 and 1, got {self.skill}")
+        if self.seed < 0:
+            raise ValueError(f"seed must not be negative, got {self.seed}")
+
+    @property
+    def name(self) -> str:
+        """The rater's name, for `make_trials` too."""
+        return f"{SIMULATED}{self.seed}"
+
+    def answers(self, trials: TrialSet, key: Key) -> tuple[Answer, ...]:
+        """An answer to every trial; unlike a person, it looks at the key.
+
+        Raises
+        ------
+        ValueError
+            If the trials are another rater's or another study's, or a trial has no right answer and the rater prefers
+            neither of the two.
+        """
+        if trials.study != key.study or trials.rater != self.name:
+            raise ValueError(f"{self.name} was given trials of {trials.rater}, study {trials.study}")
+        successes = np.random.default_rng([self.seed, int(trials.study, 16)]).random(len(trials)) < self.skill
+        if trials.kind == "rate":
+            return tuple(self._marked(trials, key))
+        rows = []
+        for trial, is_right in zip(trials.trials, successes, strict=True):
+            right = self._right(key, trial.id)
+            choice = right if is_right else trials.choices[1 - trials.choices.index(right)]
+            rows.append(Answer(trials.study, self.name, trial.id, choice, simulated=True))
+        return tuple(rows)
+
+    def _marked(self, trials: TrialSet, key: Key) -> list[Answer]:
+        """Four marks for every dance: 5, two more or less by skill and version, and chance."""
+        rng = np.random.default_rng([self.seed, int(trials.study, 16)])
+        answers = []
+        for trial in trials.trials:
+            is_liked = key.trials[trial.id].versions[0] == self.prefers
+            centre = MOST / 2 + (2 if is_liked else -2) * (2 * self.skill - 1)
+            marks = np.clip(np.round(rng.normal(centre, 1.0, len(MARKED))), 0, MOST).astype(int)
+            answers.append(Answer(trials.study, self.name, trial.id, " ".join(map(str, marks)), simulated=True))
+        return answers
+
+    def _right(self, key: Key, trial: str) -> str:
+        entry = key.trials[trial]
+        if entry.right is not None:
+            return entry.right
+        if self.prefers not in entry.versions:
+            raise ValueError(f"no answer is right between {entry.versions}; give prefers= one of them")
+        return ("left", "right")[entry.versions.index(self.prefers)]

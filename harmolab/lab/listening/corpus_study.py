@@ -18,15 +18,15 @@ import numpy as np
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.visual import visual_beats
-from harmolab.corpora.files import corpus_recordings
-from harmolab.corpora.folders import Problem, load_any_motion
-from harmolab.harmony import music_and_motion, score_clip
-from harmolab.io.files import PathLike, Progress, silent
-from harmolab.kinematics import resample_motion, upsample_motion
+from harmolab.body.kinematics import resample_motion, upsample_motion
+from harmolab.clips import corpus_recordings
+from harmolab.data.recordings import Problem, load_any_motion
+from harmolab.files import PathLike, Progress, silent
 from harmolab.lab.listening.trials import Item, KeyEntry
 from harmolab.metrics.beats import kinematic_params, other_scores
 from harmolab.params import HarmonyParams
 from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.verdict.judge import music_and_motion, score_clip
 
 FPS = 60.0  # of every motion shown, so that its rate does not tell where it comes from
 FADE = 0.05  # seconds, at both ends of the sound
@@ -224,11 +224,11 @@ def _counterparts(
 
 
 def clip_scores(clip: Clip) -> dict[str, float]:
-    """The scores of one clip: ours above chance in four settings, the paper's h (Eq. 20), and those of others.
+    """The scores of one clip: ours above chance in three settings, the paper's h (Eq. 20), and those of others.
 
     The recommended score is NaN where it does not judge: most pieces are shorter than its 16 beats.
     """
-    names = ("paper", "valleys", "room_speed", "recommended")
+    names = ("paper", "valleys", "recommended")
     scores = {name: score_clip(clip, getattr(HarmonyParams, name)(), n_rotations=0) for name in names}
     above = {f"{name}_above_chance": score.harmony_above_chance for name, score in scores.items()}
     beats, motion = music_and_motion(clip)

@@ -7,18 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from harmolab.corpora.folders import ReadingReport, load_any_motion
-from harmolab.io.files import PathLike
-from harmolab.io.keypoints import load_keypoints
-from harmolab.io.layouts import COCO_17, OPENPOSE_18, OPENPOSE_25
-from harmolab.io.player_points import joint_widths, limb_widths
-from harmolab.io.video import VideoFrames
-from harmolab.kinematics import resample_motion
-from harmolab.lab.render.marks import BeatMarks
-from harmolab.lab.render.stick import FRACTION_BITS, Frame, Stroke, check_positive, draw_strokes, fixed
-from harmolab.skeletons import skull_and_limbs
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import skull_and_limbs
+from harmolab.data.recordings import ReadingReport, load_any_motion
+from harmolab.files import PathLike
+from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, Stroke, check_positive, draw_strokes, fixed
+from harmolab.readers.keypoints import COCO_17, OPENPOSE_18, OPENPOSE_25, load_keypoints
+from harmolab.readers.player_points import joint_widths, limb_widths
+from harmolab.readers.video import VideoFrames
+from harmolab.score import HarmonyScore
 from harmolab.types import Motion
-from harmolab.verdict.score import HarmonyScore
 
 CORE, RIM = (255, 255, 255), (20, 20, 20)  # a light line in a dark one is seen on any picture
 THICKNESS = 1 / 110  # of a limb, in picture heights
@@ -95,11 +93,7 @@ def points_in_picture(motion: Motion, video: VideoFrames) -> Motion:
 
 
 def overlay_skeleton(
-    frames: Iterable[Frame],
-    fps: float,
-    motion: Motion,
-    *,
-    score: HarmonyScore | None = None,
+    frames: Iterable[Frame], fps: float, motion: Motion, *, score: HarmonyScore | None = None
 ) -> Iterator[Frame]:
     """The frames with the skeleton over them, as long as both last; the motion's first frame lies on the first frame.
 

@@ -14,13 +14,11 @@ from itertools import repeat
 import cv2
 import numpy as np
 
-from harmolab.kinematics import resample_motion, upsample_motion
-from harmolab.lab.person.camera import Camera, Stage, stage_of
-from harmolab.lab.person.shapes import Shape, person_shapes, shadow_outline
-from harmolab.lab.render.marks import BeatMarks
-from harmolab.lab.render.stick import FRACTION_BITS, Frame, check_positive, fixed
+from harmolab.body.kinematics import resample_motion, upsample_motion
+from harmolab.lab.person import Camera, Shape, Stage, person_shapes, shadow_outline, stage_of
+from harmolab.lab.render.stick import FRACTION_BITS, BeatMarks, Frame, check_positive, fixed
+from harmolab.score import HarmonyScore
 from harmolab.types import BoolArray, IntArray, Motion
-from harmolab.verdict.score import HarmonyScore
 
 WALL, FLOOR, LINE, SHADOW = (246, 246, 246), (232, 232, 228), (196, 196, 192), (205, 205, 200)
 GRID = 0.5  # metres between lines of the floor
@@ -53,7 +51,7 @@ def render_dance(
         Rate of the pictures; a slower motion is interpolated by cubic splines.
     score : HarmonyScore, optional
         Of the motion with its music: each beat lights its mark in the corner, and a ring shows where two meet
-        (`harmolab.lab.render.marks`).
+        (`harmolab.lab.render.stick`).
     follow : bool
         True to keep the hips in the middle of the picture; the camera goes along smoothly when left out.
 

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
 from harmolab.beats.audio import music_beats
-from harmolab.corpora.files import load_clip
-from harmolab.harmony import score_clip, score_motion
-from harmolab.io.files import PathLike, Progress, check_output, silent
-from harmolab.io.gif import write_gif
-from harmolab.io.motion import save_motion
-from harmolab.io.video import CODINGS, VideoFrames, is_video, video_frames, write_video
+from harmolab.clips import load_clip
+from harmolab.files import PathLike, Progress, check_output, silent
+from harmolab.lab.explain.filmed import filmed_motion, has_body
 from harmolab.lab.render.overlay import overlay_skeleton, points_in_picture
 from harmolab.lab.render.scene import render_dance
-from harmolab.lab.timing.filmed import filmed_motion, has_body
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
-from harmolab.retime.matching import Method
+from harmolab.readers.motion import save_motion
+from harmolab.readers.motion_file import ReadingKeywords
+from harmolab.readers.video import CODINGS, VideoFrames, is_video, video_frames, write_gif, write_video
 from harmolab.retime.retime import Retimed, retime, warp_video
+from harmolab.retime.warps import Method
+from harmolab.score import HarmonyScore
 from harmolab.types import Audio, Clip, Motion
-from harmolab.verdict.score import HarmonyScore
+from harmolab.verdict.judge import score_clip, score_motion
 
 RATE = 30.0  # pictures a second where nothing else is asked for
 
@@ -96,8 +97,6 @@ def retime_files(
     dance: str = "",
     beats: PathLike | None = None,
     one: float | None = None,
-    fps: float | None = None,
-    scale: float | None = None,
     params: HarmonyParams | None = None,
     strength: float = 1.0,
     phase: float = 0.0,
@@ -105,17 +104,19 @@ def retime_files(
     fastest: float = 1.4,
     method: Method = "dp",
     progress: Progress = silent,
+    **reading: Unpack[ReadingKeywords],
 ) -> Retimed:
     """Write a motion, or a video, whose time is bent until its beats meet those of the song; the `Retimed` motion.
 
     Parameters
     ----------
-    song, motion, offset, dance, beats, one, fps, scale : as in `load_clip`; `motion` may also be a video
-        A video moves as its dancer does (`harmolab.lab.timing.filmed.filmed_motion`).
+    song, motion, offset, dance, beats, one : as in `load_clip`; `motion` may also be a video
+        A video moves as its dancer does (`harmolab.lab.explain.filmed.filmed_motion`).
     out : str or path that ends in .npz, .bvh, .mp4 or .webm; of a video .mp4 or .webm
-    params : HarmonyParams of the number before and after, as in `harmolab.harmony.score_clip`
+    params : HarmonyParams of the number before and after, as in `harmolab.verdict.judge.score_clip`
     strength, phase, slowest, fastest, method : as in `harmolab.retime.retime`
     progress : Progress over reading, beat tracking and drawing
+    reading : fps, scale, joints, smpl, up, as in `load_clip`
 
     Raises
     ------
@@ -126,9 +127,7 @@ def retime_files(
     video = Path(motion) if is_video(motion) else None
     movement = filmed_motion(video, progress=progress).motion if video else motion
     for path in progress([song], "finding the beats"):
-        clip = load_clip(
-            path, movement, offset=offset, dance=dance, beats=beats, one=one, fps=fps, scale=scale, sample_rate=None
-        )
+        clip = load_clip(path, movement, offset=offset, dance=dance, beats=beats, one=one, sample_rate=None, **reading)
     moves = _motion(clip)
     music = music_beats(clip).span(clip.offset, moves.duration)
     retimed = retime(

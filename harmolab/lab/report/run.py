@@ -19,10 +19,8 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from nbconvert.filters.ansi import strip_ansi
 from tqdm import tqdm
 
-from harmolab.io.files import atomic_folder, atomic_write
-from harmolab.lab.figures.style import MANIFEST
-from harmolab.lab.report.pages import MARK, NotebookRun, write_pages
-from harmolab.lab.report.pictures import SAVED, manifest_of
+from harmolab.files import atomic_folder, atomic_write
+from harmolab.lab.report.pages import MANIFEST, MARK, SAVED, NotebookRun, manifest_of, write_pages
 
 TIMEOUTS = {"quick": 900.0, "full": 21600.0}  # seconds a cell may take, by profile
 

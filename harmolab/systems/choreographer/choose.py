@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harmolab.io.files import Progress, silent
-from harmolab.systems.choreographer.moves import Float32, Moves
-from harmolab.systems.choreographer.params import TOO_LONG, TOO_SHORT, USUAL_METER, ChoreographerParams
+from harmolab.files import Progress, silent
+from harmolab.systems.choreographer.moves import TOO_LONG, TOO_SHORT, USUAL_METER, ChoreographerParams, Float32, Moves
 from harmolab.types import BeatTrack, BoolArray, FloatArray, IntArray
 
 LONGEST_INTERVAL = 1.75  # in usual intervals; beats are put into longer ones

@@ -2,37 +2,197 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import hashlib
+import shutil
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from harmolab.beats.audio import music_beats
-from harmolab.io.files import PathLike, Progress, silent
-from harmolab.metrics.body_measures import SHORTEST
-from harmolab.metrics.likeness import LikenessLimits
-from harmolab.params import DANCES
+from harmolab.body.skeletons import Skeleton
+from harmolab.files import PathLike, Progress, cache_folder, silent
+from harmolab.metrics.likeness import SHORTEST, LikenessLimits
 from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
-from harmolab.skeletons import Skeleton
-from harmolab.systems.choreographer import choreography as report
-from harmolab.systems.choreographer.choose import beats_between, choose
-from harmolab.systems.choreographer.choreography import Choreography
-from harmolab.systems.choreographer.lay import Ending, beat_numbers, danced, runs_of
-from harmolab.systems.choreographer.moves import Course, Moves, moves_of, pattern_shares
-from harmolab.systems.choreographer.params import ChoreographerParams
-from harmolab.systems.choreographer.pulse import pulse
-from harmolab.systems.choreographer.store import Kept, load_takes, save_takes
-from harmolab.systems.choreographer.takes import Item, Take, meter_of, read_takes, same_skeleton, take_of
-from harmolab.systems.common.about import json_file, weights_stem
-from harmolab.systems.common.length import n_frames
-from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.systems.choreographer.choose import MusicBeats, beats_between, choose
+from harmolab.systems.choreographer.lay import Ending, Run, beat_numbers, danced, runs_of
+from harmolab.systems.choreographer.moves import ChoreographerParams, Course, Moves, moves_of, pattern_shares, pulse
+from harmolab.systems.choreographer.takes import (
+    Item,
+    Kept,
+    Take,
+    load_takes,
+    meter_of,
+    read_takes,
+    same_skeleton,
+    save_takes,
+    take_of,
+)
+from harmolab.systems.training.about import json_file, weights_stem
+from harmolab.systems.training.requests import DanceRequest, DanceSystem, check_initial
+from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, IntArray, Motion
+
+# A dance and what it is made of: which recordings, what seams, how much of it is new, what to be warned of.
+
+VISIBLE_SEAM = 18.0  # centimetres above which a faded seam can be seen
+LEAST_MINUTES, ENOUGH_MINUTES = 1.0, 2.0
+OTHER_TEMPO = 0.2  # share by which a tempo may be another before the dance suffers
+TOO_LITTLE = "too little motion for this song"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Beats of one recording that are danced in a row.
+
+    Parameters
+    ----------
+    recording : str, its name
+    first_beat, last_beat : beats of the recording, its first counted as 0; it is danced from one to the other
+    source_start, source_end : seconds of them in the recording's motion
+    seam_cm : size of the seam it begins with; 0 for the first
+    start : seconds in the dance; negative where the first beat lies before it
+    """
+
+    recording: str
+    first_beat: int
+    last_beat: int
+    source_start: float
+    source_end: float
+    seam_cm: float
+    start: float
+
+
+@dataclass(frozen=True, eq=False)
+class Choreography:
+    """A dance, and what it is made of.
+
+    Parameters
+    ----------
+    motion : Motion; frame 0 belongs to the audio time `start`
+    start : float, seconds
+    pieces : tuple of Piece
+    mean_seam_cm, worst_seam_cm : float
+        Seams below 1.5 cm, to the same figure in another recording, are left out of the mean; 0 without seams.
+    distinct_minutes : float, minutes of the corpus without beats that look like earlier ones
+    longest_stretch : int, beats in a row that one recording also has
+    seen_before : float in [0, 1], share of the beats that look like an earlier beat of this dance
+    shares : share of the beats that each recording gave, by its name, largest first
+    stretch : float, mean |log| of the tempo changes: .03 is 3 %
+    warnings : sentences that its maker should read
+    """
+
+    motion: Motion
+    start: float
+    pieces: tuple[Piece, ...]
+    mean_seam_cm: float
+    worst_seam_cm: float
+    distinct_minutes: float
+    longest_stretch: int
+    seen_before: float
+    shares: Mapping[str, float]
+    stretch: float
+    warnings: tuple[str, ...]
+
+
+def pieces_of(moves: Moves, runs: list[Run], music: MusicBeats, start: float) -> tuple[Piece, ...]:
+    """The runs of a dance, by name and time."""
+    pieces = []
+    for run in runs:
+        course, last = moves.courses[run.course], run.beat + run.last - run.first
+        begins, ends = course.beats[[run.beat, last]].tolist()
+        begin = float(music.times[run.first]) - start
+        pieces.append(Piece(course.take.name, run.beat, last, begins, ends, run.seam, begin))
+    return tuple(pieces)
+
+
+def seam_sizes(runs: list[Run], params: ChoreographerParams) -> tuple[float, float]:
+    """Mean and worst seam, centimetres; those below a twin's are left out of the mean."""
+    seams = np.array([run.seam for run in runs[1:]])
+    real = seams[seams >= params.twin]
+    return float(real.mean()) if real.size else 0.0, float(seams.max(initial=0.0))
+
+
+def distinct_minutes(moves: Moves, params: ChoreographerParams) -> float:
+    """Minutes of the beats that no earlier beat looks like."""
+    is_new = np.ones(len(moves), bool)
+    for first in range(0, len(moves), 500):
+        rows = np.arange(first, min(first + 500, len(moves)))
+        is_new[rows] = ~(_twins(moves, rows, params) & (np.arange(len(moves)) < rows[:, None])).any(axis=1)
+    return float(moves.lengths[is_new].sum()) / 60
+
+
+def _twins(moves: Moves, nodes: IntArray, params: ChoreographerParams) -> BoolArray:
+    """Which nodes look like each of `nodes`, (P, N); each like itself."""
+    twins = moves.alike.rows(nodes) < params.twin
+    twins[np.arange(nodes.size), nodes] = True
+    return twins
+
+
+def repetition(moves: Moves, path: IntArray, params: ChoreographerParams) -> tuple[int, float]:
+    """The longest stretch of beats that one recording also has, and the share of beats that look like earlier ones."""
+    twins = _twins(moves, path, params)
+    is_repeated = np.triu(twins[:, path].T, k=1).any(axis=0)
+    before = np.full(len(moves), -1)
+    before[moves.following[moves.following >= 0]] = np.flatnonzero(moves.following >= 0)
+    stretch, longest = np.zeros(len(moves), np.int64), 0
+    for row in twins:
+        stretch = np.where(row, np.where(before >= 0, stretch[before], 0) + 1, 0)
+        longest = max(longest, int(stretch.max()))
+    return longest, float(is_repeated.mean())
+
+
+def recording_shares(moves: Moves, path: IntArray) -> dict[str, float]:
+    """Share of the beats by recording, largest first."""
+    counts = np.bincount(moves.course[path], minlength=len(moves.courses)) / path.size
+    order = np.argsort(-counts, kind="stable")
+    return {moves.courses[number].take.name: float(counts[number]) for number in order.tolist() if counts[number]}
+
+
+def stretches(moves: Moves, path: IntArray, music: MusicBeats) -> FloatArray:
+    """Logarithm (M,) of how much longer each beat is danced than it was recorded."""
+    return np.log(np.diff(music.times) / moves.lengths[path])
+
+
+def warnings_of(
+    moves: Moves, music: MusicBeats, *, worst: float, minutes: float, is_own_pulse: bool, has_beats: bool
+) -> tuple[str, ...]:
+    """Sentences about what this corpus cannot do for this song."""
+    lines = []
+    if not has_beats:
+        lines.append("no beats are heard in this music: the dance keeps a tempo of its own")
+    if worst > VISIBLE_SEAM or minutes < LEAST_MINUTES:
+        reason = f"{minutes:.1f} distinct minutes" if minutes < LEAST_MINUTES else f"a seam of {worst:.0f} cm shows"
+        rule = f": {ENOUGH_MINUTES:g} distinct minutes of a dance do, {LEAST_MINUTES:g} is the least"
+        lines.append(f"{TOO_LITTLE} ({reason}){rule if minutes < ENOUGH_MINUTES else ''}")
+    ratio = float(np.median(moves.lengths)) / music.period
+    if not is_own_pulse and has_beats and abs(ratio - 1) > OTHER_TEMPO:
+        pace = "faster" if ratio > 1 else "slower"
+        lines.append(
+            f"the music ({60 / music.period:.0f} bpm) is {100 * abs(ratio - 1):.0f} % {pace} than the recorded dancing "
+            f"({60 / float(np.median(moves.lengths)):.0f} bpm)"
+        )
+    return (*lines, *_bar_warning(moves, music, is_own_pulse))
+
+
+def _bar_warning(moves: Moves, music: MusicBeats, is_own_pulse: bool) -> tuple[str, ...]:
+    """A sentence where the bar is not danced, and why."""
+    meter = moves.meter
+    if is_own_pulse or meter == 0:
+        return ("the bar is not danced: where it begins in these recordings is not known",)
+    if music.meter == 0:
+        return ('"one" of this music is not known, so the bar is not danced; say where a bar begins (--one SECONDS)',)
+    if not (moves.meters == music.meter).any():
+        return (f"the bar is not danced: the music has {music.meter} beats in a bar, these recordings {meter}",)
+    return ()
+
 
 LEAST_FPS, MOST_FPS = 25.0, 120.0
 DEFAULT_PERIOD = 0.5  # seconds between beats where neither the music nor the recordings have any
 
 
-class Choreographer:
+class Choreographer(DanceSystem):
     """Dances to any music, of recorded beats.
 
     Parameters
@@ -102,7 +262,7 @@ class Choreographer:
         """A choreographer of corpora: folders of recordings, or of bare motion files, or such files; errors name them.
 
         The music of recordings is not listened to: one without annotated beats is cut at its own rests. `scale` is
-        metres in one unit of the files, if they do not say (`harmolab.io.motion.load_motion`).
+        metres in one unit of the files, if they do not say (`harmolab.readers.motion.load_motion`).
         """
         corpus = read_takes(data, scale=scale, progress=progress)
         return cls(corpus.takes, params=params, notes=corpus.notes)
@@ -158,38 +318,11 @@ class Choreographer:
         """Names of the dances that were recorded."""
         return tuple(sorted({take.dance for take in self.takes} - {""}))
 
-    def generate(
-        self,
-        audio: Audio,
-        beats: BeatTrack | None = None,
-        *,
-        start: float = 0.0,
-        seconds: float | None = None,
-        seed: int = 0,
-        initial: Motion | None = None,
-        dance: str = "",
-        plant_feet: bool = True,
-        progress: Progress = silent,
-    ) -> Motion:
-        """The motion of `choreograph` (`harmolab.systems.System`)."""
-        return self.choreograph(
-            audio, beats, start=start, seconds=seconds, seed=seed, initial=initial, dance=dance, plant_feet=plant_feet,
-            progress=progress,
-        ).motion  # fmt: skip
+    def respond(self, request: DanceRequest) -> Motion:
+        """The motion of `composed`."""
+        return self.composed(request).motion
 
-    def choreograph(
-        self,
-        audio: Audio,
-        beats: BeatTrack | None = None,
-        *,
-        start: float = 0.0,
-        seconds: float | None = None,
-        seed: int = 0,
-        initial: Motion | None = None,
-        dance: str = "",
-        plant_feet: bool = True,
-        progress: Progress = silent,
-    ) -> Choreography:
+    def choreograph(self, audio: Audio, beats: BeatTrack | None = None, **options: Any) -> Choreography:
         """A dance to music, and what it is made of; its frame 0 belongs to the audio time `start`.
 
         Parameters
@@ -197,13 +330,9 @@ class Choreographer:
         audio : Audio, the whole recording
         beats : BeatTrack on the audio time line; tracked when left out, with the tempo of `dance` as prior
             Where it knows "one" (`bar_places`), recorded bars are laid on its bars.
-        start, seconds : float, seconds; to the end of the music when `seconds` is left out or longer
-        seed : int; with the beats it draws what else would be as good: another seed, or song, another dance
-        initial : Motion of the same joints that the dance goes on from, in place and pose
-        dance : name of the dance to take from a corpus of several
-        plant_feet : bool
-            Keep feet that carry from sliding (`harmolab.systems.common.grounding`).
-        progress : function(iterable, label) -> iterable
+        options : ``start``, ``seconds``, ``seed``, ``initial``, ``dance``, ``plant_feet`` and ``progress``
+            As of `generate`. With the beats the seed draws what else would be as good: another seed, or song, another
+            dance. ``dance`` is the one to take from a corpus of several.
 
         Raises
         ------
@@ -211,10 +340,17 @@ class Choreographer:
             If `start` or `seconds` lies outside the music, `dance` is unknown to both the corpus and the tempo table,
             or `initial` is of other joints or two-dimensional.
         """
-        frames = n_frames(audio, start, seconds, self.fps)
-        self._check_initial(initial)
+        return self.composed(DanceRequest(audio, beats, **options))
+
+    def composed(self, request: DanceRequest) -> Choreography:
+        """`choreograph` of a request."""
+        start, initial, dance = request.start, request.initial, request.dance or ""
+        frames = request.n_frames(self.fps)
+        if initial is not None:
+            check_initial(initial, self.skeleton, "the recordings")
+        request.check_dance(self.dances)
         takes, notes = self._of_dance(dance)
-        track = music_beats(Clip("", audio, beats=beats, dance=dance))
+        track = request.track()
         is_own_pulse = not takes[0].beats.size
         period = DEFAULT_PERIOD if is_own_pulse else float(np.median(np.concatenate([np.diff(t.beats) for t in takes])))
         end = start + (frames - 1) / self.fps
@@ -225,42 +361,33 @@ class Choreographer:
         if initial is not None:
             ending = Ending(initial, lead, float(music.times[1] - music.times[0]), moves, self.params)
         costs = None if ending is None else ending.costs()
-        path = choose(moves, music, self.params, seed=seed, first=costs, progress=progress)
+        path = choose(moves, music, self.params, seed=request.seed, first=costs, progress=request.progress)
         turn, shift = (1.0, 0.0) if ending is None else ending.fit(int(path[0]))
         runs = runs_of(moves, path, self.params, turn=turn, shift=shift)
         numbers = beat_numbers(music, start + np.arange(frames) / self.fps)
-        positions = danced(moves, runs, numbers, self.fps, plant_feet=plant_feet, initial=initial)
-        mean, worst = report.seam_sizes(runs, self.params)
-        minutes = report.distinct_minutes(moves, self.params)
-        stretch, repeated = report.repetition(moves, path, self.params)
-        about = report.warnings_of(
+        positions = danced(moves, runs, numbers, self.fps, plant_feet=request.plant_feet, initial=initial)
+        mean, worst = seam_sizes(runs, self.params)
+        minutes = distinct_minutes(moves, self.params)
+        stretch, repeated = repetition(moves, path, self.params)
+        about = warnings_of(
             moves, music, worst=worst, minutes=minutes, is_own_pulse=is_own_pulse, has_beats=len(track) > 1
         )
         return Choreography(
             motion=Motion(positions, self.fps, self.skeleton),
             start=start,
-            pieces=report.pieces_of(moves, runs, music, start),
+            pieces=pieces_of(moves, runs, music, start),
             mean_seam_cm=mean,
             worst_seam_cm=worst,
             distinct_minutes=minutes,
             longest_stretch=stretch,
             seen_before=repeated,
-            shares=report.recording_shares(moves, path),
-            stretch=float(np.abs(report.stretches(moves, path, music)).mean()),
+            shares=recording_shares(moves, path),
+            stretch=float(np.abs(stretches(moves, path, music)).mean()),
             warnings=(*notes, *about),
         )
 
-    def _check_initial(self, initial: Motion | None) -> None:
-        if initial is not None and initial.skeleton.joints != self.skeleton.joints:
-            joints = f"({len(initial.skeleton.joints)}) than the recordings ({len(self.skeleton.joints)})"
-            raise ValueError(f"initial has other joints {joints}; retarget it first")
-        if initial is not None and initial.positions.shape[2] != 3:
-            raise ValueError("initial is two-dimensional; the recordings are in three dimensions")
-
     def _of_dance(self, dance: str) -> tuple[tuple[Take, ...], list[str]]:
         """The takes to dance from: of the asked dance if there are any, with beats or all without; and what to say."""
-        if dance and dance not in {*DANCES, *self.dances}:
-            raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted({*DANCES, *self.dances}))}")
         notes, takes = [], tuple(take for take in self.takes if take.dance == dance) if dance else self.takes
         if not takes:
             takes = self.takes
@@ -297,3 +424,67 @@ class Choreographer:
 
 def _seconds(takes: Iterable[Take]) -> float:
     return sum(take.seconds for take in takes)
+
+
+# Corpora that were read before: the second dance from the same files does not read and measure them again.
+
+SIGNATURE = 1  # raise it when the same files give another choreographer than before
+MOST_FILES = 50_000  # below a folder that holds more nothing is kept
+
+
+def load_corpus(corpus: PathLike, *, scale: float | None = None, progress: Progress = silent) -> Choreographer:
+    """The choreographer of a corpus, a saved model or a motion file, with its limits of likeness.
+
+    What was read once is kept in the user's cache (`harmolab.files.cache_folder`), as long as no file below the
+    folder changes in name, size or time. `scale` is as in `Choreographer.read`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `Choreographer.read`; both name the file or folder.
+    """
+    if (Path(corpus) / "model.json").is_file():
+        return Choreographer.load(corpus)
+    place = _place(Path(corpus), scale)
+    if place is not None:
+        with suppress(OSError, ValueError):
+            return Choreographer.load(place)
+    choreographer = Choreographer.read([corpus], scale=scale, progress=progress)
+    return choreographer if place is None else _keep(choreographer, place)
+
+
+def _place(corpus: Path, scale: float | None) -> Path | None:
+    """The folder in the cache for a corpus as it is now; None where nothing is kept."""
+    folder = cache_folder()
+    files = [] if folder is None else list(_files(corpus))
+    if folder is None or not files or len(files) > MOST_FILES:
+        return None
+    lines = [f"{path.relative_to(corpus)} {path.stat().st_size} {path.stat().st_mtime_ns}" for path in files]
+    return folder / "corpora" / f"{_digest(str(corpus.resolve()))}_{_digest(f'{SIGNATURE} {scale} {sorted(lines)}')}"
+
+
+def _files(corpus: Path) -> Iterator[Path]:
+    """The corpus itself, or the files below it, as many as are looked at."""
+    paths = [corpus] if corpus.is_file() else corpus.rglob("*")
+    for number, path in enumerate(path for path in paths if path.is_file()):
+        if number > MOST_FILES:
+            return
+        yield path
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:24]
+
+
+def _keep(choreographer: Choreographer, place: Path) -> Choreographer:
+    """Keep a choreographer in place of what was kept of the same folder; it comes back as it will be read.
+
+    A cache that cannot be written is no error.
+    """
+    with suppress(OSError):
+        choreographer.save(place)
+        for older in place.parent.glob(f"{place.name.partition('_')[0]}_*"):
+            if older != place:
+                shutil.rmtree(older, ignore_errors=True)
+        return Choreographer.load(place)
+    return choreographer

@@ -7,14 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from harmolab.kinematics import resample_motion
-from harmolab.skeletons import Skeleton, heading, root_position
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import Skeleton, heading, root_position
 from harmolab.systems.choreographer.choose import MusicBeats
-from harmolab.systems.choreographer.moves import CENTIMETRES, Clouds, Course, Moves, around, clouds_of, distances
-from harmolab.systems.choreographer.params import ChoreographerParams
-from harmolab.systems.common.borders import continued
-from harmolab.systems.common.grounding import on_floor, planted_feet
-from harmolab.systems.common.motion_code import bone_lengths, fixed_bones
+from harmolab.systems.choreographer.moves import (
+    CENTIMETRES,
+    ChoreographerParams,
+    Clouds,
+    Course,
+    Moves,
+    around,
+    clouds_of,
+    distances,
+)
+from harmolab.systems.training.feet import on_floor, planted_feet
+from harmolab.systems.training.motion_code import bone_lengths, continued, fixed_bones
 from harmolab.types import FloatArray, IntArray, Motion
 
 FADE = 0.5  # beats to either side of a seam

@@ -14,28 +14,136 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
-from harmolab.bar_pattern import (
-    GRID,
-    beat_curve,
-    beat_positions,
-    fit_pattern,
-    moment_ranks,
-    normalised_speed,
-    pattern_sums,
-)
 from harmolab.beats.meter import cycle_of_meter
-from harmolab.params import HarmonyParams
-from harmolab.skeletons import Skeleton, foot_joints
-from harmolab.systems.choreographer.params import TOO_LONG, ChoreographerParams
+from harmolab.body.kinematics import peak_frames
+from harmolab.body.skeletons import Skeleton, foot_joints
+from harmolab.shape_speed import ShapeSignal, shape_signal, shape_speed
 from harmolab.systems.choreographer.takes import Take
 from harmolab.types import BoolArray, FloatArray, IntArray
+from harmolab.verdict.bar_pattern import beat_positions, beat_ranks, fit_pattern, harmonic_fits, pattern_sums
+
+# The numbers of the choreographer: what a seam, another tempo, a beat out of place and a repetition cost.
+
+# Costs of a choice that is to be avoided, in centimetres of seam. Never infinite: a small corpus must still dance.
+TOO_SHORT, TOO_LONG = 60.0, 80.0
+USUAL_METER = 4  # beats in a bar where none is known
+
+
+@dataclass(frozen=True)
+class ChoreographerParams:
+    """Costs are in centimetres: what a seam of that size costs.
+
+    Parameters
+    ----------
+    seam : float, for any seam beside its size D
+    tempo : float
+        For |log(interval of the music / interval of the recorded beat)|, divided by the beats in a bar.
+    harmony : float, for a beat that fits the bar pattern of its dance worst
+    variety : float, for a beat that looks like the one just danced, divided by the beats in a bar
+    alike : float, centimetres; beats this far apart look alike by 1 / e
+    forgetting : float, beats after which a repetition costs 1 / e
+    noise : float
+        How much the seed has to say: each recorded beat costs .3 times this, times a Gumbel number, less.
+    longest_run : int, beats that are taken from one recording in a row
+    unplaced_run : int, shortest run where bars are unknown; else it is one bar
+    twin : float, centimetres; a seam below is none: the same figure in another recording
+    edge : float, for a seam that reaches beyond the end of a recording, or into frames that are filler
+    foot_weight : float, of ankles, heels and toes in a seam; other joints weigh 1
+    samples : int, in the beat around a seam
+    dense : int, nodes up to which all distances are kept; of more, only those to the `nearest`
+    nearest : int
+    paths : int, the best of which are followed from beat to beat
+    """
+
+    seam: float = 3.0
+    tempo: float = 40.0
+    harmony: float = 6.0
+    variety: float = 30.0
+    alike: float = 6.0
+    forgetting: float = 32.0
+    noise: float = 3.0
+    longest_run: int = 8
+    unplaced_run: int = 4
+    twin: float = 1.5
+    edge: float = 15.0
+    foot_weight: float = 2.0
+    samples: int = 7
+    dense: int = 3000
+    nearest: int = 200
+    paths: int = 500
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value, is_count = getattr(self, field.name), isinstance(field.default, int)
+            if not int(is_count) <= value < 1e9 or (is_count and not isinstance(value, int)):
+                least = "a whole number from 1" if is_count else "zero or more"
+                raise ValueError(f"{field.name} must be {least}, got {value}")
+        if min(self.alike, self.forgetting, self.foot_weight) == 0:
+            raise ValueError("alike, forgetting and foot_weight must be positive")
+
+
+# The pulse of a motion without beats: its own rests, chosen so that they come about as often as a song's beats.
+
+STEP = 0.1  # seconds between moments that may be taken where no rest is near
+SHORTEST, LONGEST = 0.6, 1.6  # of the song's beat
+STRETCH = 20.0  # standard deviations of rest that a squared logarithm of 1 costs
+
+
+def rest(signal: ShapeSignal, period: float) -> FloatArray:
+    """Rest of a body at each sample (T,), beside half a `period` (seconds) before and after, in SDs of itself.
+
+    The fit of the speed of its shape to one turn of a cosine: least at the moment, most half a beat to either side.
+    """
+    if signal.times.size < 2 or not signal.values.any():
+        return np.zeros(signal.times.size)
+    step = float(signal.times[1] - signal.times[0])
+    half = max(1, round(period / 2 / step))
+    fit = -harmonic_fits(np.pad(signal.values, half, mode="edge"), 1, 1, moments=2 * half)[0, half:-half]
+    return fit / max(float(fit.std()), 1e-12)
+
+
+def pulse(signal: ShapeSignal, period: float) -> FloatArray:
+    """The beats (B,), seconds, that rest most and lie nearest to `period` seconds apart; empty if there are not two.
+
+    Dynamic programming over the rests and over moments every tenth of a second: a beat is worth its `rest`, less
+    `STRETCH` times the squared logarithm of its distance from the beat before over the period; that distance lies
+    between .6 and 1.6 periods. The signal is the one that our score reads: that a dance made of these beats scores well
+    says that the cut is good, not that the dancer heard any music.
+    """
+    depth = rest(signal, period)
+    if depth.size < 2:
+        return np.zeros(0)
+    every = max(1, round(STEP / float(signal.times[1] - signal.times[0])))
+    frames = np.union1d(peak_frames(depth), np.arange(0, depth.size, every))
+    moments, worth = signal.times[frames], depth[frames]
+    before = np.full(moments.size, -1)
+    first = np.searchsorted(moments, moments - LONGEST * period)
+    last = np.searchsorted(moments, moments - SHORTEST * period, side="right")
+    for number in np.flatnonzero(last > first).tolist():
+        earlier = slice(first[number], last[number])
+        gain = worth[earlier] - STRETCH * np.log((moments[number] - moments[earlier]) / period) ** 2
+        best = int(gain.argmax())
+        worth[number] += gain[best]
+        before[number] = first[number] + best
+    at_end = moments >= moments[-1] - LONGEST * period
+    return _traced(moments, before, int(np.where(at_end, worth, -np.inf).argmax()))
+
+
+def _traced(moments: FloatArray, before: np.ndarray, number: int) -> FloatArray:
+    """The beats up to one of the moments, by the moment before each."""
+    beats = []
+    while number >= 0:
+        beats.append(float(moments[number]))
+        number = int(before[number])
+    return np.array(beats[::-1]) if len(beats) > 1 else np.zeros(0)
+
 
 Complex64 = NDArray[np.complex64]
 Float32 = NDArray[np.float32]
@@ -265,22 +373,17 @@ def pattern_shares(takes: Sequence[Take]) -> list[FloatArray]:
 
     The pattern is learnt on these takes, of the speed of the body's shape; (B,) arrays in (0, 1).
     """
-    params = HarmonyParams.recommended()
-    speeds = [normalised_speed(take.motion, params) for take in takes]
+    signals = [shape_signal(shape_speed(take.motion)) for take in takes]
     groups: dict[tuple[str, int], list[int]] = {}
     for number, take in enumerate(takes):
         groups.setdefault((take.dance, cycle_of_meter(take.meter or None)), []).append(number)
     shares = [np.full(take.beats.size, UNKNOWN_SHARE) for take in takes]
     for (_, cycle), numbers in groups.items():
-        moving = [number for number in numbers if speeds[number][1].any() and takes[number].beats.size > 1]
+        moving = [n for n in numbers if signals[n].values.any() and takes[n].beats.size > 1]
         if not moving:
             continue
-        sums = [pattern_sums(beat_positions(speeds[n][0], takes[n].track), speeds[n][1], cycle) for n in moving]
-        pattern = fit_pattern(sums)
-        for number in moving:
-            track = takes[number].track
-            curve, first = beat_curve(*speeds[number], track)
-            beats = np.arange(track.times.size) + (0 if track.bar_places is None else int(track.bar_places[0]))
-            moments = np.clip(beats * GRID - first, 0, curve.size - 1)
-            shares[number] = moment_ranks(curve, pattern)[beats % cycle, moments]
+        positions = {n: beat_positions(signals[n].times, takes[n].track) for n in moving}
+        pattern = fit_pattern(pattern_sums(positions[n], signals[n].values, cycle) for n in moving)
+        for n in moving:
+            shares[n] = beat_ranks(signals[n].times, signals[n].values, takes[n].track, pattern)
     return shares

@@ -2,35 +2,93 @@
 
 All of them take the motion code of `common.motion_code` as it is, in metres and seconds, and normalise it with the
 training split's mean and standard deviation, which they keep as buffers.
+
+Dances of any length: meter by meter, each from the end of the last (paper Sec. 4.1, Fig. 7b).
+
+For every meter the generator is given its music and the beats before it, and as initial poses what was danced in those
+beats (Eq. 23). Its output for the beats before (TI = 1) is thrown away; its meter is continued from the end of the
+last one. The first meter follows a movement from the bank of poses, brought to the music's tempo.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Protocol, Self
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from harmolab.io.files import PathLike
-from harmolab.systems.common.dancer_network import DancerNetwork
-from harmolab.systems.common.dancing import DanceInput
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.layers import (
+from harmolab.body.skeletons import Skeleton
+from harmolab.files import PathLike
+from harmolab.systems.harmogan.params import ModelParams
+from harmolab.systems.training.dancing import DanceInput, DancerNetwork
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.layers import (
+    PATH_CHANNELS,
     SLOPE,
     MaskedConvolution,
     MotionBranch,
     Normalised,
     Normaliser,
+    decode,
+    fix_bones,
+    local_joints,
     mean_over_time,
     parameter_count,
     perceptron,
 )
-from harmolab.systems.common.torch_code import PATH_CHANNELS, decode, fix_bones, local_joints
-from harmolab.systems.common.weights import MOST_LAYERS, load_weights, renamed, whole
-from harmolab.systems.harmogan.generate import danced_meters
-from harmolab.systems.harmogan.params import ModelParams
-from harmolab.types import FloatArray, Skeleton
+from harmolab.systems.training.motion_code import continued
+from harmolab.systems.training.units import UnitSet, collate, initial_poses, temporal_index
+from harmolab.systems.training.weights import MOST_LAYERS, load_weights, renamed, whole
+from harmolab.types import FloatArray, Motion
+
+# Dances of any length: meter by meter, each from the end of the last (paper Sec. 4.1, Fig. 7b).
+
+
+class MeterDancer(Protocol):
+    """A generator of units: music (N, T, F) and initial poses (N, T, C) in, an output with their ``motion`` out."""
+
+    fps: float
+    n_motion: int
+    bone_lengths: Tensor
+
+    def __call__(self, audio: Tensor, initial: Tensor) -> Any:
+        """The output of both tensors."""
+
+
+@torch.inference_mode()
+def danced_meters(generator: MeterDancer, source: DanceInput) -> FloatArray:
+    """The motion code (n_frames, C) of all meters, one after the other, from the end of the movement before."""
+    origin, prior = source.first, source.prior
+    code = np.zeros((source.meters[-1].end - origin, generator.n_motion))
+    code[: len(prior)] = prior
+    for meter in source.progress(source.meters, "dancing"):
+        begin, now, end = (frame - origin for frame in (meter.begin, meter.meter, meter.end))
+        motion = _meter(generator, source.audio[begin:end], code[begin:end], now - begin)
+        new = max(now, len(prior))
+        code[new:end] = continued(code[:new], motion[new - now :], generator.fps)
+    return code[-origin : source.n_frames - origin]
+
+
+def _meter(generator: MeterDancer, music: NDArray[np.float32], code: FloatArray, n_prior: int) -> FloatArray:
+    """Motion code of one meter, (T - n_prior, C), from its music (T, F) and the code (T, C) danced so far."""
+    initial = initial_poses(code.astype(np.float32), temporal_index(len(code), n_prior))
+    device = generator.bone_lengths.device
+    motion = generator(torch.from_numpy(music[None]).to(device), torch.from_numpy(initial[None]).to(device)).motion
+    code_of_meter: FloatArray = motion[0, n_prior:].double().cpu().numpy()
+    return code_of_meter
+
+
+@torch.no_grad()
+def generate_units(generator: torch.nn.Module, units: UnitSet) -> list[Motion]:
+    """A dance to each whole unit, from its music and the poses before the meter; one batch through the generator."""
+    batch = collate(units.units)
+    codes = generator.eval()(torch.from_numpy(batch.audio), torch.from_numpy(batch.initial)).motion
+    pairs = zip(codes, units.units, strict=True)
+    return [units.decoded(code[: unit.n_frames].double().numpy()) for code, unit in pairs]
+
 
 # Parts in time that the spatial-temporal discriminator looks at (Sec. 4.2).
 SEGMENTS = 5
@@ -143,7 +201,7 @@ class Generator(DancerNetwork):
 
 
 def load_generator(path: PathLike) -> Generator:
-    """The generator stored at `path`; errors as of `harmolab.systems.common.weights.load_weights`."""
+    """The generator stored at `path`; errors as of `harmolab.systems.training.weights.load_weights`."""
     return load_weights(path, Generator)
 
 

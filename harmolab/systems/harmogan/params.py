@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal
 
-from harmolab.systems.common.feature_params import check_numbers
+from harmolab.systems.training.features import check_numbers
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class TrainParams:
         recorded; 0 in paper mode.
     path_weight, spread_weight : float
         More turning or travelling than the recorded batch; less (or more) variety of poses, and other places of the
-        joints. See `harmolab.systems.harmogan.natural_terms`; 0 in paper mode.
+        joints. See `harmolab.systems.harmogan.losses`; 0 in paper mode.
     harmony : "paper" or "above_chance"
         -h_s + sqrt|M - N| (Eq. 27), relaxed; or the chance-corrected score with a penalty on the count of beats.
     harmony_frame : "room" or "body"

@@ -20,29 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from lightning_fabric import Fabric
 
-from harmolab.io.files import PathLike, plain
+from harmolab.files import PathLike, plain
 from harmolab.params import HarmonyParams
-from harmolab.systems.common.checkpoints import check_pretrained
-from harmolab.systems.common.history import Report
-from harmolab.systems.common.layers import Statistics
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.pose_network import PoseNet, load_pose_net, train_pose_net
-from harmolab.systems.common.runs import finish_run, open_run
-from harmolab.systems.common.shards import Batching, Tensors, check_shards
-from harmolab.systems.common.soft_harmony import anneal
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.units import UnitSet
-from harmolab.systems.common.weights import save_weights
-from harmolab.systems.harmogan.networks import (
-    CrossDomainDiscriminator,
-    Generator,
-    SpatialTemporalDiscriminator,
-    load_generator,
-)
-from harmolab.systems.harmogan.params import ModelParams, TrainParams
-from harmolab.systems.harmogan.steps import (
+from harmolab.soft_score import anneal
+from harmolab.systems.harmogan.losses import (
     Networks,
     body_joints,
     danced,
@@ -53,6 +35,21 @@ from harmolab.systems.harmogan.steps import (
     pose_terms,
     score_batch,
 )
+from harmolab.systems.harmogan.networks import (
+    CrossDomainDiscriminator,
+    Generator,
+    SpatialTemporalDiscriminator,
+    load_generator,
+)
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.training.checkpoints import Report, TrainOptions, check_pretrained
+from harmolab.systems.training.layers import Statistics, drawn_by
+from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, make_fabric
+from harmolab.systems.training.pose_network import PoseNet, load_pose_net, train_pose_net
+from harmolab.systems.training.runs import open_run, pose_bank
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import UnitSet
+from harmolab.systems.training.weights import save_weights
 
 POSE_NET, PRETRAINED = "pose_net", "pretrained"
 VALIDATE_EVERY = 5  # pretraining epochs; adversarial epochs are all validated
@@ -61,81 +58,67 @@ HARD = 1e-8  # softness at which the relaxed score is the hard one
 
 def train_harmogan(
     split: Split,
-    folder: PathLike,
+    options: TrainOptions,
     *,
     model: ModelParams,
     params: TrainParams,
-    resume: bool = False,
     pretrained: PathLike | None = None,
-    fabric: Fabric | None = None,
-    report: Report = lambda row, end: None,
 ) -> Generator:
-    """Train a generator and keep everything about it in `folder`.
+    """Train a generator and keep everything about it in the folder of `options`.
 
     Parameters
     ----------
     split : Split of units by motion group
-    folder : created; must be new or empty unless `resume`
+    options : TrainOptions; before the epochs of the history it reports those of the pose network: phase ("pose
+        network"), epoch, train, validation
     model : sizes
     params : schedule and loss weights
-    resume : go on where the run in `folder` stopped; start it when there is none
     pretrained : folder of another run on the same data, whose pretraining and pose network are taken over
-    fabric : from `make_fabric`
-    report : called with each epoch's row of the history and the epoch that its phase ends at; before them with those of
-        the pose network: phase ("pose network"), epoch, train, validation
 
     Raises
     ------
     ValueError
-        If `folder` holds something and `resume` is off, holds a run with other settings or a damaged one, or another
-        process trains in it; if `pretrained` is a run on other data; if a batch cannot be shared by so many processes.
+        As `open_run`; if `pretrained` is a run on other data.
     """
-    fabric, folder = fabric or make_fabric(), Path(folder)
+    before = None if pretrained is None else Path(pretrained)
+    if before is not None:
+        params = replace(params, pretrain_epochs=0)
+    fabric, units = make_fabric(accelerator=options.accelerator), split.train
+    records = {"model": model, "train": params, "features": units.features, "data": units.source}
+    settings = plain(records | {"pretrained": before is not None})
+    if before is not None:
+        check_pretrained(before, settings, split)
     batching = Batching(params.batch_size, params.shards, params.seed)
-    check_shards(len(split.train), batching, fabric.world_size)
-    if pretrained is not None:
-        pretrained, params = Path(pretrained), replace(params, pretrain_epochs=0)
-    records = {"model": model, "train": params, "features": split.train.features, "data": split.train.source}
-    settings = plain(records | {"pretrained": pretrained is not None})
-    if pretrained is not None:
-        check_pretrained(pretrained, settings, split)
-    with open_run(fabric, split, folder, settings, seed=params.seed, resume=resume):
-        pose_net = _pose_net(fabric, split, folder, params, pretrained, report)
-        train, validation = (Tensors.of(units, fabric.device) for units in (split.train, split.validation))
-        networks = _networks(split.train, train, model, pose_net, params.seed)
-        if pretrained is not None:
-            networks.generator.load_state_dict(load_generator(pretrained / PRETRAINED).state_dict())
+    with open_run(fabric, options, split, settings, batching, len(units)) as run:
+        run.save_movements(lambda: pose_bank(units, seed=params.seed))
+        stem = run.train_once(POSE_NET, lambda: _pose_net(split, params, before, options.report), params.seed)
+        pose_net = load_pose_net(stem).requires_grad_(False)
+        train, validation = (Tensors.of(side, fabric.device) for side in (units, split.validation))
+        networks = _networks(units, train, model, pose_net, params.seed)
+        if before is not None:
+            networks.generator.load_state_dict(load_generator(before / PRETRAINED).state_dict())
         for part in (*networks.modules().values(), pose_net):
             fabric.to_device(part)
-        steps = phases(networks, validation, params, folder, settings)
-        fit(fabric, steps, train, batching, folder, settings=settings, resume=resume, report=report)
-        finish_run(fabric, split, folder, settings, networks.generator)
+        run.fit(phases(networks, validation, params, run.folder, run.settings), train)
+        run.save(networks.generator, {"settings": run.settings, "source": units.source, "units": len(units)})
     return networks.generator
 
 
-def _pose_net(
-    fabric: Fabric, split: Split, folder: Path, params: TrainParams, pretrained: Path | None, report: Report
-) -> PoseNet:
-    """The pose network, from `pretrained` or trained once by the first process."""
-    if fabric.is_global_zero and not (folder / f"{POSE_NET}.json").is_file():
-        if pretrained is None:
-            net = train_pose_net(
-                split.train, split.validation, seed=params.seed, epochs=params.pose_epochs,
-                progress=lambda row: report({"phase": "pose network", **row}, params.pose_epochs),
-            )  # fmt: skip
-        else:
-            net = load_pose_net(pretrained / POSE_NET)
-        save_weights(folder / POSE_NET, net, {"seed": params.seed})
-    fabric.barrier()
-    return load_pose_net(folder / POSE_NET).requires_grad_(False)
+def _pose_net(split: Split, params: TrainParams, pretrained: Path | None, report: Report) -> PoseNet:
+    """The pose network, from `pretrained` or trained now."""
+    if pretrained is not None:
+        return load_pose_net(pretrained / POSE_NET)
+    return train_pose_net(
+        split.train, split.validation, seed=params.seed, epochs=params.pose_epochs,
+        progress=lambda row: report({"phase": "pose network", **row}, params.pose_epochs),
+    )  # fmt: skip
 
 
 def _networks(units: UnitSet, train: Tensors, model: ModelParams, pose_net: PoseNet, seed: int) -> Networks:
     """Fresh networks that know the training split's statistics; the same for the same seed."""
     n_audio, skeleton = units.features.n_audio, units.skeleton
     lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
+    with drawn_by(seed):
         generator = Generator(model, n_audio, skeleton, lengths, fps=units.features.fps, features=units.features)
         cross = CrossDomainDiscriminator(model, n_audio, skeleton)
         temporal = SpatialTemporalDiscriminator(model, skeleton)

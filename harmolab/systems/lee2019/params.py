@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Literal
 
-from harmolab.systems.common.feature_params import check_numbers
+from harmolab.systems.training.features import check_numbers
 
 Beats = Literal["kinematic", "music"]
 
@@ -61,7 +61,7 @@ class LeeParams:
     still : float, standard deviations
         Mean step of a number from frame to frame under which a sequence is drawn again.
     redraws : int, times that a sequence is drawn again at most
-    fade : float, seconds, of the difference at the border of two units (`systems.common.borders.continued`)
+    fade : float, seconds, of the difference at the border of two units (`systems.training.motion_code.continued`)
     seed : int
     """
 

@@ -6,83 +6,346 @@ pretrained weights.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+import zlib
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from lightning_fabric import Fabric
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor, nn
+from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy, l1_loss, mse_loss
 
-from harmolab.io.files import PathLike, plain
-from harmolab.systems.common.history import Report
-from harmolab.systems.common.layers import Statistics, channel_statistics
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.runs import finish_run, open_run
-from harmolab.systems.common.shards import Batching, Tensors, check_shards
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.units import UnitSet
-from harmolab.systems.lee2019.measures import code_error, critic_accuracy, rebuilt, speed, style_accuracy
-from harmolab.systems.lee2019.networks import DancingToMusic, from_root
+from harmolab.systems.lee2019.networks import Code, DancingToMusic, from_root, piece_set
 from harmolab.systems.lee2019.params import LeeParams
-from harmolab.systems.lee2019.pieces import piece_set
-from harmolab.systems.lee2019.terms import (
-    Pieces,
-    coded_units,
-    composed,
-    composition_terms,
-    critic_terms,
-    piece_tensors,
-    ramp,
-    style_terms,
-    unit_terms,
-)
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.layers import Statistics, channel_statistics, drawn_by
+from harmolab.systems.training.loop import Batching, Phase, Player, Tensors, Terms, make_fabric
+from harmolab.systems.training.network_system import PresetSystem
+from harmolab.systems.training.runs import open_run, pose_bank
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import UnitSet, collate
+
+# Lee et al. 2019 as a system: trained networks, and the movements that their dances start from.
+
+
+class Lee2019(PresetSystem):
+    """The rival "Dancing to Music": dances composed of learnt four-beat units, warped to the music's beats.
+
+    Ours, written from facts about the public code and trained on our units; not the authors' model.
+
+    Parameters
+    ----------
+    generator : DancingToMusic
+    poses : PoseBank, optional
+        Movements to start from. Without: the mean pose at rest.
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    network = DancingToMusic
+    settings = LeeParams
+
+    @classmethod
+    def train_network(cls, split: Split, options: TrainOptions, params: Any) -> object:
+        """`harmolab.systems.lee2019.train.train_lee2019`, which says what is in the folder."""
+
+        return train_lee2019(split, options, params)
+
+
+# Batches of Lee et al. 2019: the networks' output for one in each phase of the training, and its loss terms.
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Training sequences on a device (`harmolab.systems.training.loop.Units`).
+
+    Parameters
+    ----------
+    poses : (N, S, 32, C) tensor, standardised as the networks take them
+    audio, mask : (N, T, F) standardised, and (N, T), 1 where real
+    dance : (N,) tensor, number of the dance; -1 for one that the networks do not know
+    draw : int, of the noise of this batch: drawn by its units and their order, so that a run that resumes repeats it
+    """
+
+    poses: Tensor
+    audio: Tensor
+    mask: Tensor
+    dance: Tensor
+    draw: int = 0
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Pieces:
+        """The sequences at `indices` that fall to process `rank` of `world`."""
+        rows = indices[rank::world].to(self.poses.device)
+        draw = zlib.crc32(np.append(indices.cpu().numpy(), rank).astype("<i8").tobytes())
+        return Pieces(self.poses[rows], self.audio[rows], self.mask[rows], self.dance[rows], draw)
+
+    @property
+    def generator(self) -> torch.Generator:
+        """Source of this batch's noise, from its beginning."""
+        return torch.Generator().manual_seed(self.draw)
+
+    @property
+    def mean_audio(self) -> Tensor:
+        """(N, F)."""
+        return (self.audio * self.mask[..., None]).sum(dim=1) / self.mask.sum(dim=1, keepdim=True)
+
+
+def piece_tensors(network: DancingToMusic, units: UnitSet, codes: np.ndarray, device: torch.device | str) -> Pieces:
+    """Units, and the codes (N, S, 32, C) of their pieces, as the networks take them."""
+    batch = collate(units.units)
+    numbers = [network.dances.index(unit.dance) if unit.dance in network.dances else -1 for unit in units.units]
+    with torch.no_grad():
+        poses = network.standardised(torch.from_numpy(codes).to(device))
+        audio = network.audio_scale(torch.from_numpy(batch.audio).to(device))
+    return Pieces(poses, audio, torch.from_numpy(batch.mask).to(device), torch.tensor(numbers, device=device))
+
+
+def divergence(code: Code) -> Tensor:
+    """Divergence (nats) from the standard normal: summed over a code's numbers, mean over everything else."""
+    mean, logvar = code
+    return 0.5 * (mean.square() + logvar.exp() - 1 - logvar).sum(dim=-1).mean()
+
+
+def ramp(epoch: int, params: LeeParams) -> float:
+    """Weight of the divergences in epoch `epoch` of the units' phase: a logistic ramp over shares of its epochs.
+
+    >>> round(ramp(80, LeeParams(unit_epochs=270)) / 0.01, 2)
+    0.49
+    """
+    share = (epoch + 0.5) / max(params.unit_epochs, 1)
+    return params.kl_weight / (1 + float(np.exp((params.ramp_midpoint - share) / params.ramp_width)))
+
+
+# Style
+
+
+def style_terms(network: DancingToMusic, style: Tensor, batch: Pieces) -> Terms:
+    """Cross-entropy of the dance by the style (N, 30) of its music."""
+    return {"dance": cross_entropy(network.music.verdict(style), batch.dance)}
+
+
+# Units
+
+
+class CodedUnits(NamedTuple):
+    """Units (2 N, 32, C) under two shifts, first all under one, and what the coder makes of them.
+
+    `own` and `cross` are decoded with the z_move of the same shift and of the other one; `single` are the poses
+    (2 N, 4, C) at `frames`, coded alone.
+    """
+
+    poses: Tensor
+    z_init: Code
+    z_move: Code
+    drawn: Tensor
+    own: Tensor
+    cross: Tensor
+    frames: Tensor
+    single: Tensor
+
+
+def shifted(network: DancingToMusic, poses: Tensor, generator: torch.Generator) -> Tensor:
+    """Poses (N, 32, C), each moved to the side and up by one random offset for all joints: that of the root."""
+    params, root = network.params, 3 * network.root
+    offsets = 2 * torch.rand(len(poses), 1, 2, generator=generator) - 1
+    metres = offsets * torch.tensor([params.shift_x, params.shift_y])
+    moved = poses.clone()
+    moved[..., root : root + 2] += metres.to(poses) / network.pose_scale.std[root : root + 2]
+    return moved
+
+
+def coded_units(network: DancingToMusic, batch: Pieces) -> CodedUnits:
+    """Every unit under two shifts through the coder, and decoded with either's movement, in one call each."""
+    generator, units = batch.generator, batch.poses.flatten(0, 1)
+    poses = torch.cat([shifted(network, units, generator), shifted(network, units, generator)])
+    frames = torch.randint(poses.shape[1], (network.params.pose_frames,), generator=generator).to(poses.device)
+    z_init, z_move = network.poses(poses[:, 0]), network.movements(poses)
+    drawn_init, drawn_move = z_init.drawn(generator), z_move.drawn(generator)
+    other = drawn_move.roll(len(units), dims=0)
+    own, cross = network.unit_decoder(drawn_init.repeat(2, 1), torch.cat([drawn_move, other])).chunk(2)
+    single = network.poses.decoded(network.poses(poses[:, frames]).drawn(generator))
+    return CodedUnits(poses, z_init, z_move, drawn_move, own, cross, frames, single)
+
+
+def unit_terms(output: CodedUnits, weight: float) -> Terms:
+    """Errors of both shifts added up; `weight` times the divergences; those of z_move alone in nats ("nats")."""
+    one, other = output.drawn.chunk(2)
+    move = divergence(output.z_move)
+    return {
+        "own": 2 * l1_loss(output.own, output.poses),
+        "cross": 2 * l1_loss(output.cross, output.poses),
+        "single": 2 * l1_loss(output.single, output.poses[:, output.frames]),
+        "same": l1_loss(one, other),
+        "kl": weight * (divergence(output.z_init) + move),
+        "nats": move.detach(),
+    }
+
+
+# Composition
+
+
+class Composed(NamedTuple):
+    """Dances of a batch as codes: recorded ones rebuilt, and ones from music.
+
+    Parameters
+    ----------
+    units : Code (N, S, Z), of the recorded units, as the frozen coder has them
+    poses : (N, S, 32, C), decoded from the rebuilt units
+    real, fake : Code (N, Z) of z_dance, from the recorded units and from music
+    real_drawn, fake_drawn : (N, Z)
+    real_units, fake_units : Code (N, S, Z), composed of either
+    style : (N, 30)
+    """
+
+    units: Code
+    poses: Tensor
+    real: Code
+    fake: Code
+    real_drawn: Tensor
+    fake_drawn: Tensor
+    real_units: Code
+    fake_units: Code
+    style: Tensor
+
+
+def composed(network: DancingToMusic, batch: Pieces) -> Composed:
+    """Recorded sequences through both coders and back, and sequences to the same music."""
+    generator, (count, sequence) = batch.generator, batch.poses.shape[:2]
+    pieces = batch.poses.flatten(0, 1)
+    with torch.no_grad():  # coders of the earlier phases are frozen
+        flat, z_init = network.movements(pieces), network.poses(pieces[:, 0]).mean
+        style = network.music(batch.audio, batch.mask)
+    units = Code(*(part.unflatten(0, (count, sequence)) for part in flat))
+    real = network.dance_coder(units)
+    noise = torch.randn(count, network.params.noise, generator=generator).to(style)
+    fake = network.style_coder(style, noise)
+    real_drawn, fake_drawn = real.drawn(generator), fake.drawn(generator)
+    both = network.dance_decoder(torch.cat([real_drawn, fake_drawn]), sequence)
+    real_units, fake_units = (Code(*parts) for parts in zip(*(part.chunk(2) for part in both), strict=True))
+    poses = network.unit_decoder(z_init, real_units.drawn(generator).flatten(0, 1)).unflatten(0, (count, sequence))
+    return Composed(units, poses, real, fake, real_drawn, fake_drawn, real_units, fake_units, style)
+
+
+def verdicts(network: DancingToMusic, output: Composed, batch: Pieces) -> dict[str, tuple[Tensor, Tensor]]:
+    """Logits (N,) of each critic, of rebuilt dances and of those from music; no gradient through either."""
+    audio = batch.mean_audio
+    codes = {"units": (output.real_units, output.fake_units), "dance": (output.real, output.fake)}
+    critics = {"units": network.unit_critic, "dance": network.dance_critic}
+    return {
+        name: (critics[name](real.both.detach().flatten(1), audio), critics[name](fake.both.detach().flatten(1), audio))
+        for name, (real, fake) in codes.items()
+    }
+
+
+def critic_terms(network: DancingToMusic, output: Composed, batch: Pieces) -> Terms:
+    """Binary cross-entropy of each critic, of real and of fake codes."""
+    return {
+        f"critic_{name}": _entropy(real, 1.0) + _entropy(fake, 0.0)
+        for name, (real, fake) in verdicts(network, output, batch).items()
+    }
+
+
+def composition_terms(network: DancingToMusic, output: Composed, batch: Pieces) -> Terms:
+    """The composer's terms: rebuilding, divergences, what both critics say of dances from music, style."""
+    audio, units, rebuilt = batch.mean_audio, output.units, output.real_units
+    flat = network.unit_critic(output.fake_units.both.flatten(1), audio)
+    style = [network.regressor(code) for code in (output.real_drawn, output.fake_drawn)]
+    return {
+        "kl": divergence(output.real) + divergence(rebuilt),
+        "means": l1_loss(rebuilt.mean, units.mean),
+        "logvars": l1_loss(rebuilt.logvar, units.logvar),
+        "poses": l1_loss(output.poses, batch.poses),
+        "gan": _entropy(flat, 1.0) + _entropy(network.dance_critic(output.fake.both, audio), 1.0),
+        "style": mse_loss(style[0], output.style) + mse_loss(style[1], output.style),
+    }
+
+
+def _entropy(logits: Tensor, target: float) -> Tensor:
+    """Binary cross-entropy of logits whose answer is `target` throughout."""
+    return binary_cross_entropy_with_logits(logits, torch.full_like(logits, target))
+
+
+# Measures of how much the networks of Lee et al. 2019 have learnt: on known figures, held-out music and codes.
+
+CHUNK = 128  # pieces at a time
+
+
+@torch.no_grad()
+def rebuilt(network: DancingToMusic, pieces: Tensor) -> Tensor:
+    """Pieces (N, 32, C) coded and decoded, by the means of their codes."""
+    parts = [network.unit_decoder(network.poses(part[:, 0]).mean, network.movements(part).mean)
+             for part in pieces.split(CHUNK)]  # fmt: skip
+    return torch.cat(parts)
+
+
+@torch.no_grad()
+def drawn_movements(network: DancingToMusic, pieces: Tensor, seed: int = 0) -> Tensor:
+    """Units (N, 32, C) from the first poses of pieces and movements drawn from the standard normal."""
+    generator = torch.Generator().manual_seed(seed)
+    z_move = torch.randn(len(pieces), network.params.latent, generator=generator).to(pieces)
+    pairs = zip(pieces.split(CHUNK), z_move.split(CHUNK), strict=True)
+    return torch.cat([network.unit_decoder(network.poses(part[:, 0]).mean, code) for part, code in pairs])
+
+
+def code_error(network: DancingToMusic, poses: Tensor, pieces: Tensor) -> float:
+    """Mean absolute difference of units and pieces (N, 32, C), in standard deviations of the motion code."""
+    scale = network.motion_scale
+    return float((scale(network.motion(poses)) - scale(network.motion(pieces))).abs().mean())
+
+
+def speed(network: DancingToMusic, poses: Tensor) -> float:
+    """Mean joint speed of units (N, 32, C), metres per canonical frame."""
+    positions = network.positions(network.motion(poses))
+    return float(torch.linalg.vector_norm(positions.diff(dim=1), dim=-1).mean())
+
+
+@torch.no_grad()
+def movement_nats(network: DancingToMusic, pieces: Tensor) -> float:
+    """Mean divergence of z_move from the standard normal, nats a piece."""
+    codes = [network.movements(part) for part in pieces.split(CHUNK)]
+    return float(divergence(Code(*(torch.cat(parts) for parts in zip(*codes, strict=True)))))
+
+
+@torch.no_grad()
+def style_accuracy(network: DancingToMusic, batch: Pieces) -> float:
+    """Share of sequences whose dance the style of their music tells."""
+    logits = network.music.verdict(network.music(batch.audio, batch.mask))
+    return float((logits.argmax(dim=1) == batch.dance).float().mean())
+
+
+@torch.no_grad()
+def critic_accuracy(network: DancingToMusic, batch: Pieces) -> dict[str, float]:
+    """Share of codes, half real and half from music, that each critic ("units", "dance") takes for what they are."""
+    pairs = verdicts(network, composed(network, batch), batch)
+    return {name: float(torch.cat([real > 0, fake < 0]).float().mean()) for name, (real, fake) in pairs.items()}
+
 
 VALIDATE_EVERY = 10  # epochs
 LEAST_STD = 1e-3  # of a number of a pose: the root of a body never moves to the side
 
 
-def train_lee2019(
-    split: Split,
-    folder: PathLike,
-    *,
-    params: LeeParams,
-    resume: bool = False,
-    fabric: Fabric | None = None,
-    report: Report = lambda row, end: None,
-) -> DancingToMusic:
-    """Train the networks of Lee et al. 2019 and keep everything about it in `folder`.
-
-    Parameters
-    ----------
-    split : Split of units by motion group
-    folder : created; must be new or empty unless `resume`
-    params : LeeParams
-    resume : go on where the run in `folder` stopped; start it when there is none
-    fabric : from `make_fabric`
-    report : called with each epoch's row of the history and the epoch that its phase ends at
+def train_lee2019(split: Split, options: TrainOptions, params: LeeParams) -> DancingToMusic:
+    """Train the networks of Lee et al. 2019 on units and keep everything about it in the folder of `options`.
 
     Raises
     ------
     ValueError
-        If `folder` holds something and `resume` is off, holds a run with other settings or a damaged one, or another
-        process trains in it; if units have too few beats for `params.sequence` pieces; if a batch cannot be shared by
-        so many processes.
+        As `open_run`; if units have too few beats for `params.sequence` pieces.
     """
-    fabric, folder = fabric or make_fabric(), Path(folder)
+    fabric, units = make_fabric(accelerator=options.accelerator), split.train
     batching = Batching(max(1, params.batch_size // params.sequence), params.shards, params.seed)
-    check_shards(len(split.train), batching, fabric.world_size)
-    settings = plain({"lee2019": params, "features": split.train.features, "data": split.train.source})
-    with open_run(fabric, split, folder, settings, seed=params.seed, resume=resume):
-        codes = piece_set(split.train, beats=params.beats, sequence=params.sequence)
-        network = initial_network(split.train, codes, params)
+    settings = {"lee2019": params, "features": units.features, "data": units.source}
+    with open_run(fabric, options, split, settings, batching, len(units)) as run:
+        run.save_movements(lambda: pose_bank(units, seed=params.seed))
+        codes = piece_set(units, beats=params.beats, sequence=params.sequence)
+        network = initial_network(units, codes, params)
         fabric.to_device(network)
-        train = piece_tensors(network, split.train, codes, fabric.device)
-        validation = split_pieces(network, split.validation, fabric.device)
-        steps = phases(network, validation, params)
-        fit(fabric, steps, train, batching, folder, settings=settings, resume=resume, report=report)
-        finish_run(fabric, split, folder, settings, network)
+        train = piece_tensors(network, units, codes, fabric.device)
+        run.fit(phases(network, split_pieces(network, split.validation, fabric.device), params), train)
+        run.save(network, {"settings": run.settings, "source": units.source, "units": len(units)})
     return network
 
 
@@ -94,8 +357,7 @@ def split_pieces(network: DancingToMusic, units: UnitSet, device: torch.device |
 
 def initial_network(units: UnitSet, codes: NDArray[np.float32], params: LeeParams) -> DancingToMusic:
     """Untrained networks of the run's seed that normalise by the training units and their pieces (N, S, 32, C)."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(params.seed)
+    with drawn_by(params.seed):
         network = DancingToMusic(
             params, units.skeleton, torch.as_tensor(units.bone_lengths, dtype=torch.float32),
             features=units.features, dances=sorted({unit.dance for unit in units.units}),

@@ -5,29 +5,36 @@ Its classes are dances, or groups of dances: no one sorted songs by mood.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import torch
-from lightning_fabric import Fabric
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 from torch import Tensor, nn
 from torch.nn.functional import cross_entropy
 
-from harmolab.io.files import PathLike, plain
-from harmolab.systems.common.about import DEFAULT_STEM
-from harmolab.systems.common.feature_params import check_numbers
-from harmolab.systems.common.history import Report
-from harmolab.systems.common.layers import Normaliser, channel_statistics
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.runs import locked_run
-from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
-from harmolab.systems.common.song_layers import FrameLayers, SongEncoder, TemporalConvolution
-from harmolab.systems.common.weights import save_weights, stored_record
+from harmolab.data.recordings import recording_files
+from harmolab.files import PathLike, Progress, silent
+from harmolab.readers.audio import load_audio
+from harmolab.systems.music2dance.music_features import CHANNELS, blind_features
 from harmolab.systems.music2dance.params import MOST_RATE, MOST_SECONDS
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.layers import (
+    FrameLayers,
+    Normaliser,
+    SongEncoder,
+    TemporalConvolution,
+    channel_statistics,
+    drawn_by,
+)
+from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
+from harmolab.systems.training.runs import open_run
+from harmolab.systems.training.units import recording_folders
+from harmolab.systems.training.weights import stored_record
 from harmolab.types import FloatArray
 
 Front = Literal["convolution", "frames"]
@@ -182,7 +189,7 @@ def window_starts(cells: int, params: AttributeParams) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class SongWindows:
-    """Windows of songs and their classes (`harmolab.systems.common.shards.Units`)."""
+    """Windows of songs and their classes (`harmolab.systems.training.loop.Units`)."""
 
     music: Tensor
     label: Tensor
@@ -220,42 +227,30 @@ class SongSplit:
 
 
 def train_attributes(
-    songs: Sequence[Song],
-    classes: Sequence[str],
-    split: SongSplit,
-    folder: PathLike,
-    params: AttributeParams,
-    *,
-    resume: bool = False,
-    fabric: Fabric | None = None,
-    report: Report = lambda row, end: None,
+    songs: Sequence[Song], classes: Sequence[str], split: SongSplit, options: TrainOptions, params: AttributeParams
 ) -> AttributeClassifier:
-    """Train a classifier on the songs of a split's training side, and keep everything about it in `folder`.
+    """Train a classifier on the songs of a split's training side, and keep everything about it in `options.out`.
 
     "meta" of its weights has the outcome on the songs of the test side (`Outcome`).
 
     Raises
     ------
     ValueError
-        If the split has no song to train on, a song of the test side is trained on under another name, two songs have
-        one name, or `folder` holds something else.
+        As `open_run`; if the split has no song to train on, a song of the test side is trained on under another name,
+        or two songs have one name.
     """
     selected, held_out = side_songs(songs, split)
-    fabric, folder = fabric or make_fabric(), Path(folder)
-    settings = plain({"attributes": params, "classes": list(classes)})
+    fabric = make_fabric(accelerator=options.accelerator)
     windows = SongWindows.of(selected, params, fabric.device)
     batching = Batching(params.batch_size, 1, params.seed)
-    check_shards(len(windows), batching, fabric.world_size)
-    with locked_run(fabric, split, folder, settings, resume=resume) as first:
+    settings = {"attributes": params, "classes": list(classes)}
+    with open_run(fabric, options, split, settings, batching, len(windows)) as run:
         classifier = _initial(windows, params, classes).to(fabric.device)
-        phase = _phase(classifier, params)
-        fit(fabric, [phase], windows, batching, folder, settings=settings, resume=resume, report=report)
+        run.fit([_phase(classifier, params)], windows)
         rows = torch.linspace(0, len(windows) - 1, min(SETTLED, len(windows))).long()
         classifier.encoder.settle(classifier.audio_scale(windows.music[rows]))
-        if first:
-            test = outcome(classifier, selected, held_out)._asdict()
-            about = {"songs": len(selected), "windows": len(windows), "test": test}
-            save_weights(folder / DEFAULT_STEM, classifier.eval(), about)
+        test = outcome(classifier, selected, held_out)._asdict()
+        run.save(classifier.eval(), {"songs": len(selected), "windows": len(windows), "test": test})
     return classifier
 
 
@@ -288,8 +283,7 @@ def outcome(classifier: AttributeClassifier, train: Sequence[Song], test: Sequen
 
 
 def _initial(windows: SongWindows, params: AttributeParams, classes: Sequence[str]) -> AttributeClassifier:
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(params.seed)
+    with drawn_by(params.seed):
         classifier = AttributeClassifier(params, classes)
     classifier.audio_scale.set(*channel_statistics(windows.music.cpu(), torch.ones(windows.music.shape[:2])))
     return classifier
@@ -321,3 +315,101 @@ def _terms(logits: Tensor, shard: Shard, row: object) -> Terms:
         "entropy": cross_entropy(logits, label),
         "right": (logits.argmax(dim=1) == label).float().mean().detach(),
     }
+
+
+# The songs of corpora, each once, with the dance that was danced to it: what the attribute classifier learns
+
+TEST_SHARE = 0.2  # of the songs of each dance
+EXCERPT = 200  # moments (20 s) by which songs are compared
+# Least correlation of two encodings of one song: in the recorded corpora these have .98 and more, other songs .29 at
+# most, synthetic songs of one dance .68.
+SAME = 0.9
+SOUND = [number for number, name in enumerate(CHANNELS) if name not in ("beat", "downbeat")]  # tracked beats may differ
+
+
+class SongSet(NamedTuple):
+    """Songs, the names of their classes, and a note for each recording whose song is not among them."""
+
+    songs: tuple[Song, ...]
+    classes: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def load_songs(roots: Sequence[PathLike], *, progress: Progress = silent) -> SongSet:
+    """The songs of corpora; a song that several recordings have, be it cut or encoded anew, is there once.
+
+    Parameters
+    ----------
+    roots : folders of recordings
+    progress : function(iterable, label) -> iterable
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        A root is missing, or there are no two songs of two dances.
+    """
+    folders, notes = recording_folders(roots)
+    labelled: list[tuple[str, NDArray[np.float32], str]] = []
+    for folder in progress(folders, "reading songs"):
+        name = f"{folder.resolve().parent.name}/{folder.name}"
+        try:
+            files = recording_files(folder)
+            if not files.dance:
+                raise ValueError(f"{folder}: no dance is named in beats.json")
+            music = blind_features(load_audio(files.song))
+        except (ValueError, FileNotFoundError) as error:
+            notes.append(str(error))
+            continue
+        if same := next((other for other, earlier, _ in labelled if is_same_song(music, earlier)), None):
+            notes.append(f"{folder}: has the song of {same}")
+            continue
+        labelled.append((name, music, files.dance))
+    classes = tuple(sorted({dance for _, _, dance in labelled}))
+    if len(classes) < 2:
+        place, of = ", ".join(map(str, roots)), f", of {classes[0]}" if classes else ""
+        raise ValueError(
+            f"{place}: a classifier needs songs of two dances or more; songs here: {len(labelled)}{of}"
+            + (f" (left out: {notes[0]})" if notes else "")
+        )
+    songs = [Song(name, music, classes.index(dance)) for name, music, dance in labelled]
+    return SongSet(tuple(songs), classes, tuple(notes))
+
+
+def is_same_song(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    """True where the middle of one song's features (M, 15) is somewhere in the other's, or the other way round."""
+    return max(_likeness(one, other), _likeness(other, one)) > SAME
+
+
+def _likeness(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
+    """Highest correlation of the middle 20 s of one song's onsets and chroma with as long a stretch of another's."""
+    parts = [part[:, SOUND].astype(np.float64) for part in (one, other)]
+    query, song = (part - part.mean(axis=0) for part in parts)
+    first = max(0, (len(query) - EXCERPT) // 2)
+    query = query[first : first + EXCERPT]
+    if len(song) < len(query):
+        return 0.0
+    products = fftconvolve(song, query[::-1], mode="valid", axes=0).sum(axis=1)
+    energy = np.concatenate([[0.0], np.cumsum((song**2).sum(axis=1))])
+    norms = np.sqrt(np.maximum((energy[len(query) :] - energy[: -len(query)]) * (query**2).sum(), 0.0))
+    return float((products / np.maximum(norms, 1e-6)).max())
+
+
+def split_songs(songs: Iterable[Song], *, seed: int = 0) -> SongSplit:
+    """Songs drawn dance by dance: a fifth of each dance is tested on (R12), one song of two to seven, none of a single.
+
+    Raises
+    ------
+    ValueError
+        If every dance has a single song, so that none could be tested on.
+    """
+    labels = {song.name: song.label for song in songs}
+    test: set[str] = set()
+    for label in sorted({*labels.values()}):
+        names = sorted(name for name, own in labels.items() if own == label)
+        count = min(max(1, round(TEST_SHARE * len(names))), len(names) - 1)
+        test |= {*np.random.default_rng([seed, label]).permutation(names)[:count].tolist()}
+    if not test:
+        raise ValueError(
+            f"{len(labels)} songs, each of another dance: none can be tested on; two of a dance are needed"
+        )
+    return SongSplit(tuple(name for name in labels if name not in test), tuple(name for name in labels if name in test))

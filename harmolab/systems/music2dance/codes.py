@@ -1,6 +1,11 @@
 """Motion as the networks of Music2Dance take it: positions (our mode) or rotations (the paper's, Sec. 4.4.1).
 
 A code turns positions into channels and back, frame by frame but for the root's path, whose channels are rates.
+
+Twenty points of a body, each a joint or the middle of joints: what rotations can be fitted to.
+
+Markers are not joints: two on the head, none at pelvis and neck. Forearm markers are left out, since they turn about
+the arm and make it jump.
 """
 
 from __future__ import annotations
@@ -14,12 +19,67 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from harmolab.rotations import Body, fit_body, forward_kinematics, joint_rotations
-from harmolab.skeletons import ancestors, children, heading, turned
-from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.motion_code import bone_lengths, decode_motion, encode_motion, fixed_bones, n_channels
-from harmolab.systems.music2dance.points import POINTS, body_points
-from harmolab.types import FloatArray, Motion, Skeleton
+from harmolab.body.rotations import Body, fit_body, forward_kinematics, joint_rotations
+from harmolab.body.skeletons import Skeleton, ancestors, children, heading, joint_part, joint_side, turned
+from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.motion_code import bone_lengths, decode_motion, encode_motion, fixed_bones, n_channels
+from harmolab.types import FloatArray, Motion
+
+# Twenty points of a body, each a joint or the middle of joints: what rotations can be fitted to.
+
+_SIDES = (("L", "left"), ("R", "right"))
+_ARM, _LEG = ("shoulder", "elbow", "hand"), ("hip", "knee", "ankle", "toe", "heel")
+POINTS = Skeleton(
+    (
+        "pelvis", "torso", "neck", "head",
+        *(f"{part} {letter}" for letter, _ in _SIDES for part in _ARM),
+        *(f"{part} {letter}" for letter, _ in _SIDES for part in _LEG),
+    ),
+    (-1, 0, 1, 2, 2, 4, 5, 2, 7, 8, 0, 10, 11, 12, 12, 0, 15, 16, 17, 17),
+)  # fmt: skip
+# Names of a hand: its marker, not that of a finger.
+_HANDS = ("hand", "wrist", "finger")
+
+
+def body_points(motion: Motion) -> Motion:
+    """The points of `POINTS` of a motion whose joints have the names that they need.
+
+    Raises
+    ------
+    ValueError
+        If a joint is missing: torso, head, and on both sides shoulder, elbow, hand (or wrist, finger), hip, knee,
+        ankle, toe and heel.
+    """
+    if motion.skeleton == POINTS:
+        return motion
+    places = sources(motion.skeleton)
+    positions = np.stack([motion.positions[:, places[name]].mean(axis=1) for name in POINTS.joints], axis=1)
+    return Motion(positions, motion.fps, POINTS, motion.valid)
+
+
+def sources(skeleton: Skeleton) -> Mapping[str, list[int]]:
+    """Point -> the joints that it is the middle of; ValueError for a skeleton that lacks one."""
+    named: dict[tuple[str, str], list[int]] = {}
+    for joint, name in enumerate(skeleton.joints):
+        named.setdefault((joint_side(name), joint_part(name)), []).append(joint)
+    joints = {
+        f"{part} {letter}": _first(named, side, _HANDS if part == "hand" else (part,))
+        for letter, side in _SIDES
+        for part in (*_ARM, *_LEG)
+    }
+    joints["pelvis"] = joints["hip L"] + joints["hip R"]
+    joints["neck"] = joints["shoulder L"] + joints["shoulder R"]
+    joints["torso"] = named.get(("", "torso"), [])
+    joints["head"] = [joint for (_, part), members in named.items() if part == "head" for joint in members]
+    if missing := [name for name in POINTS.joints if not joints[name]]:
+        raise ValueError(f"no joint for {', '.join(missing)}; joints are {', '.join(skeleton.joints)}")
+    return joints
+
+
+def _first(named: Mapping[tuple[str, str], list[int]], side: str, parts: tuple[str, ...]) -> list[int]:
+    """The joints of the first of some parts that there is."""
+    return next((named[side, part] for part in parts if (side, part) in named), [])
+
 
 ROOT = 7  # channels of the root in the code of rotations
 END_EFFECTORS = ("toe L", "toe R", "head", "hand L", "hand R")
@@ -54,7 +114,7 @@ class MotionCode(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PositionCode:
-    """The motion code of `harmolab.systems.common.motion_code`; bones get their lengths after decoding."""
+    """The motion code of `harmolab.systems.training.motion_code`; bones get their lengths after decoding."""
 
     skeleton: Skeleton
     lengths: FloatArray

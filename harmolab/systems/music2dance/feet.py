@@ -8,31 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import torch
-from lightning_fabric import Fabric
 from torch import Tensor, nn
 from torch.nn.functional import conv1d, pad
 
-from harmolab.io.files import PathLike, plain
-from harmolab.skeletons import foot_joints, joint_part
-from harmolab.systems.common.about import DEFAULT_STEM
-from harmolab.systems.common.feature_params import check_numbers
-from harmolab.systems.common.history import Report
-from harmolab.systems.common.layers import Normaliser
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.runs import locked_run
-from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by, epoch_order
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.torch_code import PATH_CHANNELS, decode
-from harmolab.systems.common.weights import save_weights, stored_record
+from harmolab.body.skeletons import foot_joints, joint_part
 from harmolab.systems.music2dance.codes import END_EFFECTORS, ROOT, PositionCode, RotationCode, stored_code
 from harmolab.systems.music2dance.params import MOST_REACH, Representation
-from harmolab.systems.music2dance.sequences import SequenceSet
-from harmolab.systems.music2dance.windows import LEAST_STD, Windows, training_windows
+from harmolab.systems.music2dance.sequences import LEAST_STD, SequenceSet, Windows, training_windows
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.features import check_numbers
+from harmolab.systems.training.layers import PATH_CHANNELS, Normaliser, decode, drawn_by
+from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, epoch_order, make_fabric
+from harmolab.systems.training.runs import open_run
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.weights import stored_record
 from harmolab.types import FloatArray
 
 Kind = Literal["convolution", "lstm"]
@@ -217,41 +210,28 @@ def smoothed(values: Tensor, widths: Tensor) -> Tensor:
     return filtered.reshape(n, c, t).transpose(1, 2)
 
 
-def train_feet(
-    split: Split,
-    sequences: SequenceSet,
-    folder: PathLike,
-    params: FootParams,
-    *,
-    resume: bool = False,
-    fabric: Fabric | None = None,
-    report: Report = lambda row, end: None,
-) -> FootModel:
-    """Train a foot model on the windows of a split's training side, and keep everything about it in `folder`.
+def train_feet(split: Split, sequences: SequenceSet, options: TrainOptions, params: FootParams) -> FootModel:
+    """Train a foot model on the windows of a split's training side, and keep everything about it in `options.out`.
 
     Raises
     ------
     ValueError
-        If `folder` holds something else, a side of the split has no window, a training window a figure of another
-        side, or a velocity weight is asked for a code of rotations.
+        As `open_run`; if a side of the split has no window, a training window a figure of another side, or a velocity
+        weight is asked for a code of rotations.
     """
     check_velocity(params, sequences.params.representation)
-    fabric, folder = fabric or make_fabric(), Path(folder)
+    fabric = make_fabric(accelerator=options.accelerator)
     source = training_windows(split, sequences, fabric.device)
     batching = Batching(params.batch_size, 1, params.seed)
-    check_shards(len(source), batching, fabric.world_size)
-    settings = plain({"feet": params, "data": sequences.source, "code": sequences.params})
-    with locked_run(fabric, split, folder, settings, resume=resume) as first:
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(params.seed)
+    settings = {"feet": params, "data": sequences.source, "code": sequences.params}
+    with open_run(fabric, options, split, settings, batching, len(source)) as run:
+        with drawn_by(params.seed):
             model = FootModel(params, sequences.code)
         model.motion_scale.set(*source.statistics[2:])
         model.to(fabric.device)
-        phase = _phase(model, sequences.params.fps)
-        fit(fabric, [phase], source, batching, folder, settings=settings, resume=resume, report=report)
-        if first:
-            updates = params.epochs * len(epoch_order(len(source), 0, batching))
-            save_weights(folder / DEFAULT_STEM, model.eval(), {"source": sequences.source, "updates": updates})
+        run.fit([_phase(model, sequences.params.fps)], source)
+        updates = params.epochs * len(epoch_order(len(source), 0, batching))
+        run.save(model.eval(), {"source": sequences.source, "updates": updates})
     return model
 
 

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from harmolab.io.files import Progress
-from harmolab.systems.common.grounding import grounded
-from harmolab.systems.common.layers import Normaliser
+from harmolab.files import Progress
 from harmolab.systems.music2dance.codes import RotationCode
 from harmolab.systems.music2dance.feet import FootModel
 from harmolab.systems.music2dance.networks import CONTACTS, DanceNetwork
 from harmolab.systems.music2dance.sampler import Sampler, sampler
-from harmolab.systems.music2dance.windows import LEAST_STD, cells_from, n_cells
+from harmolab.systems.music2dance.sequences import LEAST_STD, cells_from, n_cells
+from harmolab.systems.training.feet import grounded
+from harmolab.systems.training.layers import Normaliser
 from harmolab.types import FloatArray
 
 Feet = Literal["planted", "model", "none"]

@@ -14,7 +14,7 @@ import soxr
 from numpy.typing import NDArray
 
 from harmolab.beats.audio import HOP, LATENESS, audio_beats
-from harmolab.io.files import cache_folder, cached_arrays, keep_arrays
+from harmolab.files import cache_folder, cached_arrays, keep_arrays
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, FloatArray
 

@@ -14,12 +14,18 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad, relu, softplus
 
-from harmolab.systems.common.layers import Normalised, Normaliser, parameter_count
-from harmolab.systems.common.song_layers import SongEncoder, TemporalConvolution, between
-from harmolab.systems.common.weights import MOST_LAYERS, stored_record
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode, stored_code
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
-from harmolab.systems.music2dance.windows import Windows
+from harmolab.systems.music2dance.sequences import Windows
+from harmolab.systems.training.layers import (
+    Normalised,
+    Normaliser,
+    SongEncoder,
+    TemporalConvolution,
+    between,
+    parameter_count,
+)
+from harmolab.systems.training.weights import MOST_LAYERS, stored_record
 
 KERNEL = 2  # frames of a dilated convolution
 CONTACTS = 2  # left and right foot

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
-from harmolab.systems.common.feature_params import check_numbers
+from harmolab.systems.training.features import check_numbers
 
 Representation = Literal["positions", "rotations"]
 Features = Literal["attributes", "mel"]

@@ -6,125 +6,92 @@ it.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from harmolab.io.files import PathLike, Progress, silent
-from harmolab.systems.common.about import read_about
-from harmolab.systems.common.checkpoints import check_folder
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.history import Report
-from harmolab.systems.common.network_system import Notice, changed, check_choice, training_material
-from harmolab.systems.common.phases import make_fabric
-from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams, train_attributes
+from harmolab.files import PathLike
+from harmolab.systems.music2dance.attributes import (
+    AttributeClassifier,
+    AttributeParams,
+    load_songs,
+    split_songs,
+    train_attributes,
+)
 from harmolab.systems.music2dance.feet import FootModel, FootParams, check_velocity, train_feet
 from harmolab.systems.music2dance.params import Music2DanceParams, Representation
 from harmolab.systems.music2dance.sequences import load_sequences
-from harmolab.systems.music2dance.songs import load_songs, split_songs
+from harmolab.systems.music2dance.system import PRESETS
+from harmolab.systems.training.about import read_about
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.network_system import Learner, changed, noticed_split, preset_settings
+from harmolab.systems.training.weights import load_weights
 
-PRESETS = ("recommended", "paper")
 
-
-class Feet:
+class Feet(Learner):
     """The foot constraint model (`FootModel`), as a thing to train."""
 
     @classmethod
-    def train(
+    def load(cls, folder: PathLike) -> FootModel:
+        """The model in the folder of its run."""
+        return load_weights(folder, FootModel)
+
+    @classmethod
+    def learn(
         cls,
-        data: Sequence[PathLike],
-        out: PathLike,
+        data: list[PathLike],
+        options: TrainOptions,
         *,
         representation: Representation = "positions",
         step: int = 2,
         split_seed: int = 0,
-        resume: bool = False,
-        accelerator: str = "auto",
-        report: Report = lambda row, end: None,
-        notice: Notice = lambda line: None,
-        progress: Progress = silent,
         **changes: Any,
-    ) -> FootModel:
-        """The model trained on the figures of the training side, in a folder of its own.
+    ) -> None:
+        """`train`, on the figures of the training side; its own keywords:
 
-        Parameters
-        ----------
         representation : "positions" or "rotations", as the dancer's that it serves
-        data, out, step, split_seed, resume, accelerator, report, notice, progress
-            As in `harmolab.systems.common.network_system.PresetSystem.train`.
+        step, split_seed : as of `harmolab.systems.training.network_system.PresetSystem.learn`
         changes : other values for fields of `FootParams`, such as ``epochs`` and ``velocity_weight``
-
-        Raises
-        ------
-        ValueError
-            For an unknown name or value, a folder that holds something else, or too few recordings.
         """
         params = changed(FootParams(), changes)
         coding = replace(Music2DanceParams.recommended(), representation=representation)
         check_velocity(params, representation)
-        split = training_material(
-            data, out, FeatureParams.paper(), step=step, split_seed=split_seed, resume=resume, notice=notice,
-            progress=progress,
-        )  # fmt: skip
-        sequences = load_sequences(data, coding, progress=progress)
-        fabric = make_fabric(accelerator=accelerator)
-        model = train_feet(split, sequences, out, params, resume=resume, fabric=fabric, report=report)
-        fabric.barrier()
-        return model
+        sequences = load_sequences(data, coding, step=step, progress=options.progress)
+        train_feet(noticed_split(sequences.units, split_seed, options.notice), sequences, options, params)
 
 
-class Attributes:
+class Attributes(Learner):
     """The attribute classifier (`AttributeClassifier`), as a thing to train."""
 
     @classmethod
-    def train(
-        cls,
-        data: Sequence[PathLike],
-        out: PathLike,
-        *,
-        preset: str = "recommended",
-        split_seed: int = 0,
-        resume: bool = False,
-        accelerator: str = "auto",
-        report: Report = lambda row, end: None,
-        notice: Notice = lambda line: None,
-        progress: Progress = silent,
-        **changes: Any,
-    ) -> AttributeClassifier:
-        """The classifier of the dances of recorded songs, of which a fifth is tested on, in a folder of its own.
+    def load(cls, folder: PathLike) -> AttributeClassifier:
+        """The classifier in the folder of its run."""
+        return load_weights(folder, AttributeClassifier)
 
-        Parameters
-        ----------
+    @classmethod
+    def learn(
+        cls,
+        data: list[PathLike],
+        options: TrainOptions,
+        *,
+        preset: str = PRESETS[0],
+        split_seed: int = 0,
+        **changes: Any,
+    ) -> None:
+        """`train`, on recorded songs, of which a fifth is tested on; the outcome is noticed, too. Its own keywords:
+
         preset : "recommended" or "paper", of `AttributeParams`
         split_seed : int, of the songs that are tested on
-        data, out, resume, accelerator, report, notice, progress
-            As in `harmolab.systems.common.network_system.PresetSystem.train`; `notice` is told the outcome, too.
         changes : other values for fields of `AttributeParams`, such as ``epochs``
-
-        Raises
-        ------
-        ValueError
-            For an unknown name or value, a folder that holds something else, or too few songs.
         """
-        check_choice("preset", preset, PRESETS)
-        params = changed(getattr(AttributeParams, preset)(), changes)
-        if int(os.environ.get("RANK", 0)) == 0:
-            check_folder(Path(out), resume=resume)
-        songs = load_songs(data, progress=progress)
+        params, notice = preset_settings(AttributeParams, preset, PRESETS, changes), options.notice
+        songs = load_songs(data, progress=options.progress)
         split = split_songs(songs.songs, seed=split_seed)
         for line in songs.notes:
             notice(f"left out: {line}")
         notice(f"songs: {len(split.train)} train, {len(split.test)} test; dances: {', '.join(songs.classes)}")
-        fabric = make_fabric(accelerator=accelerator)
-        classifier = train_attributes(
-            songs.songs, songs.classes, split, out, params, resume=resume, fabric=fabric, report=report
-        )
-        fabric.barrier()
-        test = read_about(out)["meta"]["test"]
+        train_attributes(songs.songs, songs.classes, split, options, params)
+        test = read_about(options.out)["meta"]["test"]
         notice(
             f"test songs: {test['right']} of {test['songs']} dances are right; {test['majority']} would be by always "
             "naming the most frequent dance of the training songs"
         )
-        return classifier

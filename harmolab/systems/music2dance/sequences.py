@@ -5,25 +5,33 @@ Sequences are kept whole; training windows are cut out of them (`windows`).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+import warnings
+import zlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple, Self
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
+from torch import Tensor
 
-from harmolab.corpora.folders import Recording, load_recording, recording_beats
-from harmolab.io.files import PathLike, Progress, silent
-from harmolab.kinematics import resample_motion
-from harmolab.systems.common.contacts import foot_contacts
-from harmolab.systems.common.groups import Outline, Segment, group_outlines, motion_in_space, outline
-from harmolab.systems.common.motion_code import encode_motion
-from harmolab.systems.common.torch_code import PATH_CHANNELS
-from harmolab.systems.common.unit_corpus import recording_folders
+from harmolab.body.kinematics import resample_motion
+from harmolab.data.recordings import Recording
+from harmolab.files import PathLike, Progress, silent
 from harmolab.systems.music2dance.codes import PositionCode, RotationCode
 from harmolab.systems.music2dance.music_features import mel_features, music_features, usual_meter
 from harmolab.systems.music2dance.params import Music2DanceParams, SongParams
-from harmolab.types import Audio, BeatTrack, BoolArray, Motion
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.feet import foot_contacts
+from harmolab.systems.training.groups import Segment, motion_in_space
+from harmolab.systems.training.layers import PATH_CHANNELS, Statistics, channel_statistics
+from harmolab.systems.training.motion_code import encode_motion
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import CutRecording, UnitSet, cut_recording, grouped_units, read_recordings
+from harmolab.types import Audio, BeatTrack, BoolArray, FloatArray, Motion
 
 SingleArray = NDArray[np.float32]
 VALID_SHARE = 0.9  # of a window's frames must be recorded movement
@@ -71,15 +79,18 @@ class SequenceSet:
     sequences : tuple of DanceSequence
     code : of their motion
     params : Music2DanceParams that they were read by
-    source : str, names of the corpora
-    notes : tuple of str, one for each recording left out, with the reason
+    units : UnitSet without features and motion: the spans of time that a split deals out, by motion group
     """
 
     sequences: tuple[DanceSequence, ...]
     code: PositionCode | RotationCode
     params: Music2DanceParams
-    source: str = ""
-    notes: tuple[str, ...] = ()
+    units: UnitSet
+
+    @property
+    def source(self) -> str:
+        """Names of the corpora."""
+        return self.units.source
 
     @property
     def dances(self) -> tuple[str, ...]:
@@ -97,7 +108,7 @@ def song_features(audio: Audio, beats: BeatTrack, params: SongParams, dance: str
 class _Read(NamedTuple):
     """A recording until all are read, without its sound."""
 
-    about: Outline
+    cut: CutRecording
     start: float
     music: SingleArray
     motion: Motion  # at the rate of the parameters
@@ -108,39 +119,30 @@ def load_sequences(
     roots: Sequence[PathLike],
     params: Music2DanceParams,
     *,
+    step: int = 2,
     progress: Progress = silent,
 ) -> SequenceSet:
-    """All recordings of corpora, coded.
+    """All recordings of corpora, coded, and the spans of time that a split deals out; each is read once.
 
     Parameters
     ----------
     roots : folders of recordings
-        Those that cannot be read are left out; `SequenceSet.notes` names them, with the reason.
+        Those that cannot be read are left out; `units.notes` names them, with the reason.
     params : Music2DanceParams
+    step : int, beats between the starts of additional spans, as in `load_units`
     progress : function(iterable, label) -> iterable
 
     Raises
     ------
     FileNotFoundError, ValueError
-        A root is missing, recordings have different skeletons or bodies that cannot be coded, or there is none.
+        A root is missing, recordings have different skeletons or bodies that cannot be coded, or no span is long
+        enough to be dealt out.
     """
-    folders, notes = recording_folders(roots)
-    read: list[_Read] = []
-    for folder in progress(folders, "reading sequences"):
-        try:
-            read.append(_read(load_recording(folder), params))
-        except (ValueError, FileNotFoundError) as error:
-            notes.append(str(error))
-    if not read:
-        raise ValueError(
-            f"no sequence to train on below {', '.join(map(str, roots))}: {(notes or ['none is there'])[0]}"
-        )
-    motions = [item.motion for item in read]
-    code = motion_code(motions, params)
-    segments = group_outlines([item.about for item in read])
+    read, notes = read_recordings(roots, lambda recording: _read(recording, params, step), progress)
+    units, segments = grouped_units([item.cut for item in read], FeatureParams.paper(), roots, notes)
+    code = motion_code([item.motion for item in read], params)
     sequences = [_coded(item, code, tuple(spans)) for item, spans in zip(read, segments, strict=True)]
-    source = ", ".join(dict.fromkeys(item.about.name.rpartition("/")[0] for item in read))
-    return SequenceSet(tuple(sequences), code, params, source, tuple(notes))
+    return SequenceSet(tuple(sequences), code, params, units)
 
 
 def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> PositionCode | RotationCode:
@@ -153,23 +155,22 @@ def motion_code(motions: Sequence[Motion], params: Music2DanceParams) -> Positio
     return RotationCode.of(motions, end_effectors=params.end_effectors)
 
 
-def _read(recording: Recording, params: Music2DanceParams) -> _Read:
+def _read(recording: Recording, params: Music2DanceParams, step: int) -> _Read:
     clip = recording.clip
     motion = resample_motion(motion_in_space(recording), params.fps)
     try:
         contacts = foot_contacts(motion.positions, motion.fps, motion.skeleton)
     except ValueError as error:
         raise ValueError(f"{recording.folder}: it must be known which foot stands, but {error}") from None
-    kind = "annotated" if recording.annotation is not None and recording.annotation.times.size else "tracked"
-    music = song_features(clip.audio, recording_beats(recording, kind), params.song, clip.dance)
-    return _Read(outline(recording), clip.offset, music, motion, contacts)
+    cut = cut_recording(recording, FeatureParams.paper(), step=step, bare=True)
+    return _Read(cut, clip.offset, song_features(clip.audio, cut.track, params.song, clip.dance), motion, contacts)
 
 
 def _coded(item: _Read, code: PositionCode | RotationCode, segments: tuple[Segment, ...]) -> DanceSequence:
-    motion = item.motion
+    motion, about = item.motion, item.cut.outline
     poses = encode_motion(motion.positions, motion.fps, motion.skeleton)[:, :-PATH_CHANNELS]
     return DanceSequence(
-        item.about.name, item.about.dance, item.start, segments, item.music, code.encode(motion).astype(np.float32),
+        about.name, about.dance, item.start, segments, item.music, code.encode(motion).astype(np.float32),
         item.contacts.astype(np.float32), poses, motion.valid,
     )  # fmt: skip
 
@@ -199,3 +200,227 @@ def frames_from(mask: BoolArray, length: int) -> NDArray[np.int64]:
     """Number of ones among `length` entries of a mask (T,) from each on, (T - length + 1,)."""
     total = np.concatenate([[0], np.cumsum(mask)])
     return total[length:] - total[:-length]
+
+
+# Training windows of Music2Dance: eight seconds of music and motion, drawn so that rare movement comes up as
+
+N_POSES, N_COMPONENTS = 10, 30  # of a window, by which windows are clustered
+LEAST_STD = 1e-3  # of a channel: the root never moves to the side
+FITTED = 4000  # windows that the clusters are found from, at most
+
+
+class Windows(NamedTuple):
+    """A batch of windows as the networks take it.
+
+    Parameters
+    ----------
+    motion : (N, T, C), standardised
+    contacts : (N, T, 2), 1 where a foot stands
+    music : (N, M, F), standardised features, from the moment of frame 0 or up to one before it
+    moments : (N, T), place of every frame in `music`, between its moments too
+    dance : (N,), number of the dance
+    valid : (N, T), 1 where the motion was recorded, and is of the side of the split that is asked about
+    """
+
+    motion: Tensor
+    contacts: Tensor
+    music: Tensor
+    moments: Tensor
+    dance: Tensor
+    valid: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class WindowSource:
+    """The windows of one side of a split; a batch draws from all of them (`harmolab.systems.training.loop.Units`).
+
+    Parameters
+    ----------
+    sequences : SequenceSet
+    dances : names of the dances that the network knows
+    statistics : Statistics that everything is standardised by
+    places : (W, 2) array: number of a sequence, first frame
+    weights : (W,) array, how likely each window is drawn; adds up to 1
+    counted : of each sequence a (T,) mask: recorded frames of the side
+    device : where batches are needed
+    """
+
+    sequences: SequenceSet
+    dances: tuple[str, ...]
+    statistics: Statistics
+    places: NDArray[np.int64]
+    weights: FloatArray
+    counted: tuple[BoolArray, ...]
+    device: torch.device | str = "cpu"
+
+    @classmethod
+    def of(
+        cls,
+        sequences: SequenceSet,
+        groups: Sequence[str],
+        *,
+        dances: tuple[str, ...],
+        statistics: Statistics,
+        share: float = 1.0,
+        device: torch.device | str = "cpu",
+    ) -> Self:
+        """The windows of which a share lies in some motion groups; ValueError where there is none."""
+        params = sequences.params
+        places = np.array(
+            [
+                (number, start)
+                for number, sequence in enumerate(sequences.sequences)
+                for start in window_starts(sequence, groups, params, share=share)
+            ],
+            np.int64,
+        ).reshape(-1, 2)
+        if not len(places):
+            longest = max(sequence.n_frames for sequence in sequences.sequences) / params.fps
+            raise ValueError(
+                f"{sequences.source}: a side of the split has no {params.window:g} s of recorded movement in a row; "
+                f"the longest of {len(sequences.sequences)} recordings lasts {longest:.1f} s. Add longer ones, or try "
+                "another --split-seed"
+            )
+        weights = cluster_weights(sequences.sequences, places, params if share == 1 else replace(params, clusters=0))
+        counted = tuple(each.valid & side_frames(each, groups, params.fps) for each in sequences.sequences)
+        return cls(sequences, dances, statistics, places, weights, counted, device)
+
+    def __len__(self) -> int:
+        """Windows of an epoch: as many as fit into the recordings without overlap."""
+        length = self.sequences.params.n_frames
+        covered = 0
+        for number in np.unique(self.places[:, 0]):
+            mask = np.zeros(self.sequences.sequences[number].n_frames + 1, np.int64)
+            starts = self.places[self.places[:, 0] == number, 1]
+            np.add.at(mask, starts, 1)
+            np.add.at(mask, np.minimum(starts + length, mask.size - 1), -1)
+            covered += int((np.cumsum(mask) > 0).sum())
+        return max(1, covered // length)
+
+    def take(self, indices: Tensor, rank: int = 0, world: int = 1) -> Windows:
+        """A batch of as many windows as there are `indices` for process `rank`, drawn anew for these indices.
+
+        The order of an epoch's indices is the epoch's own, so every epoch draws other windows, and a run that resumes
+        draws the same ones again.
+        """
+        seed = zlib.crc32(indices.cpu().numpy().astype("<i8").tobytes())
+        drawn = np.random.default_rng(seed).choice(len(self.places), size=len(indices), p=self.weights)
+        return self.batch(drawn[rank::world])
+
+    def batch(self, rows: NDArray[np.int64]) -> Windows:
+        """The windows of some rows of `places`."""
+        parts = [self._window(*self.places[row]) for row in rows]
+        motion, contacts, music, moments, dance, valid = (
+            torch.from_numpy(np.stack(values)).to(self.device) for values in zip(*parts, strict=True)
+        )
+        scale = [values.to(self.device) for values in self.statistics]
+        motion, music = (motion - scale[2]) / scale[3], (music - scale[0]) / scale[1]
+        return Windows(motion, contacts, music, moments, dance, valid)
+
+    def raw(self, row: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Motion (T, C), not standardised, and contacts (T, 2) of the window of a row of `places`."""
+        number, start = self.places[row]
+        frames = slice(start, start + self.sequences.params.n_frames)
+        return self.sequences.sequences[number].motion[frames], self.sequences.sequences[number].contacts[frames]
+
+    def _window(self, number: int, start: int) -> tuple[NDArray[np.generic], ...]:
+        """The arrays of one window."""
+        sequence, params = self.sequences.sequences[number], self.sequences.params
+        frames = slice(start, start + params.n_frames)
+        first = (sequence.start + start / params.fps) * params.song.rate
+        cell, moments = int(np.floor(first)), first + np.arange(params.n_frames) * params.song.rate / params.fps
+        return (
+            sequence.motion[frames],
+            sequence.contacts[frames],
+            cells_from(sequence.music, cell, n_cells(params.song)),
+            (moments - cell).astype(np.float32),
+            np.array(self.dances.index(sequence.dance)),
+            self.counted[number][frames].astype(np.float32),
+        )
+
+
+def n_cells(params: SongParams) -> int:
+    """Moments of music that a window needs, wherever it begins."""
+    return int(np.ceil(params.window * params.rate)) + 2
+
+
+def cells_from(music: NDArray[np.float32], first: int, count: int) -> NDArray[np.float32]:
+    """`count` moments of music (M, F) from number `first` on; before the start and after the end its ends hold."""
+    return music[np.clip(np.arange(first, first + count), 0, len(music) - 1)]
+
+
+def training_windows(split: Split, sequences: SequenceSet, device: torch.device | str = "cpu") -> WindowSource:
+    """The windows of the training side, and the statistics of that side.
+
+    Raises
+    ------
+    ValueError
+        If the side has no window, or one holds a frame of a figure of another side.
+    """
+    groups = split.groups["train"]
+    statistics = training_statistics(sequences, groups)
+    source = WindowSource.of(sequences, groups, dances=sequences.dances, statistics=statistics, device=device)
+    check_leaks(source, split.groups)
+    return source
+
+
+def check_leaks(source: WindowSource, groups: Mapping[str, Sequence[str]]) -> None:
+    """ValueError where a training window holds a frame of a figure that is validated or tested on.
+
+    Parameters
+    ----------
+    source : WindowSource of the training side
+    groups : motion groups of each side, as of `Split`
+    """
+    params = source.sequences.params
+    for side, number in product(("validation", "test"), np.unique(source.places[:, 0])):
+        sequence = source.sequences.sequences[number]
+        starts = source.places[source.places[:, 0] == number, 1]
+        held_out = side_frames(sequence, groups[side], params.fps)
+        if (leaking := starts[frames_from(held_out, params.n_frames)[starts] > 0]).size:
+            frame = leaking[0] + int(held_out[leaking[0] :].argmax())
+            raise ValueError(
+                f"{sequence.name}: the training window at frame {leaking[0]} holds frame {frame}, which is in a "
+                f"figure of the {side} side"
+            )
+
+
+def training_statistics(sequences: SequenceSet, groups: Sequence[str]) -> Statistics:
+    """Mean and standard deviation of music and motion over the frames of some motion groups; least deviation 1e-3."""
+    params = sequences.params
+    motion, music = [], []
+    for sequence in sequences.sequences:
+        frames = np.flatnonzero(side_frames(sequence, groups, params.fps) & sequence.valid)
+        cells = np.round((sequence.start + frames / params.fps) * params.song.rate).astype(np.int64)
+        motion.append(sequence.motion[frames])
+        music.append(sequence.music[np.clip(cells, 0, len(sequence.music) - 1)])
+    tables = [torch.from_numpy(np.concatenate(parts))[None] for parts in (music, motion)]
+    pairs = [channel_statistics(table, torch.ones(table.shape[:2])) for table in tables]
+    return Statistics(*(part for mean, std in pairs for part in (mean, std.clamp(min=LEAST_STD))))
+
+
+def cluster_weights(
+    sequences: Sequence[DanceSequence], places: NDArray[np.int64], params: Music2DanceParams
+) -> FloatArray:
+    """Probability of each window, (W,): each cluster of windows with like poses as often as the others (R27)."""
+    count = min(params.clusters, len(places))
+    if count < 2:
+        return np.full(len(places), 1 / len(places))
+    at = np.linspace(0, params.n_frames - 1, N_POSES).round().astype(np.int64)
+    rng = np.random.default_rng(params.seed)
+
+    def poses(rows: NDArray[np.int64]) -> NDArray[np.float32]:
+        return np.stack([sequences[number].poses[start + at].ravel() for number, start in rows])
+
+    sample = poses(places[rng.permutation(len(places))[:FITTED]]).astype(np.float64)
+    mean = sample.mean(axis=0)
+    axes = np.linalg.svd(sample - mean, full_matrices=False)[2][:N_COMPONENTS].T
+    reduced = np.concatenate(
+        [(poses(part) - mean) @ axes for part in np.array_split(places, -(-len(places) // FITTED))]
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a cluster may be empty
+        _, labels = kmeans2(reduced, count, minit="++", seed=rng)
+    sizes = np.bincount(labels, minlength=count)
+    weights = 1 / sizes[labels]
+    return weights / weights.sum()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -11,34 +11,33 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from harmolab.beats.audio import music_beats
-from harmolab.io.files import PathLike, Progress, reading, silent
-from harmolab.kinematics import resample_motion
-from harmolab.params import DANCES
-from harmolab.systems.common.about import DEFAULT_STEM, json_file, read_about, weights_stem
-from harmolab.systems.common.contacts import foot_contacts
-from harmolab.systems.common.length import n_frames
-from harmolab.systems.common.network_system import PresetSystem, check_choice
-from harmolab.systems.common.poses_bank import PoseBank
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import load_weights, save_weights
+from harmolab.body.kinematics import resample_motion
+from harmolab.files import PathLike, Progress, reading, silent
 from harmolab.systems.music2dance.attributes import AttributeClassifier
-from harmolab.systems.music2dance.codes import PositionCode, check_same_channels
+from harmolab.systems.music2dance.codes import PositionCode, body_points, check_same_channels
 from harmolab.systems.music2dance.feet import FootModel
 from harmolab.systems.music2dance.generate import FEET, Danced, Feet, dance_positions, danced
 from harmolab.systems.music2dance.music_features import blind_features
 from harmolab.systems.music2dance.networks import DanceNetwork
 from harmolab.systems.music2dance.params import Music2DanceParams
-from harmolab.systems.music2dance.points import body_points
 from harmolab.systems.music2dance.sequences import load_sequences, song_features
-from harmolab.types import Audio, BeatTrack, Clip, FloatArray, Motion
+from harmolab.systems.training.about import DEFAULT_STEM, json_file, read_about, weights_stem
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.feet import foot_contacts
+from harmolab.systems.training.network_system import NetworkSystem, check_choice, noticed_split, preset_settings
+from harmolab.systems.training.requests import DanceRequest, check_initial
+from harmolab.systems.training.runs import PoseBank
+from harmolab.systems.training.weights import load_weights, save_weights
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion
 
 ATTRIBUTES, FOOT_MODEL = "attributes", "feet"  # folders beside the weights, and systems that are trained
 TRAIN = "train one: harmolab train DATA --system {0} --out RUN/{0}, where RUN is the folder of these weights"
+PRESETS = ("recommended", "paper")
+SHORT_NAMES = MappingProxyType({"phase1": "first_epochs", "phase2": "second_epochs"})
 Part = TypeVar("Part", AttributeClassifier, FootModel)
 
 
-class Music2Dance(PresetSystem):
+class Music2Dance(NetworkSystem):
     """A trained network that dances; another seed draws another movement to go on from, and other chances.
 
     Parameters
@@ -58,9 +57,7 @@ class Music2Dance(PresetSystem):
         If the foot model takes another motion code than the generator's.
     """
 
-    network, settings = DanceNetwork, Music2DanceParams
-    presets = ("recommended", "paper")
-    short_names = MappingProxyType({"phase1": "first_epochs", "phase2": "second_epochs"})
+    network = DanceNetwork
 
     def __init__(
         self,
@@ -86,63 +83,43 @@ class Music2Dance(PresetSystem):
         audio: Audio,
         beats: BeatTrack | None = None,
         *,
-        start: float = 0.0,
-        seconds: float | None = None,
-        seed: int = 0,
-        initial: Motion | None = None,
-        dance: str | None = None,
-        plant_feet: bool = True,
         feet: Feet = "planted",
         temperature: float | None = None,
         progress: Progress = silent,
+        **options: Any,
     ) -> Motion:
         """A dance to music (`harmolab.systems.System`).
 
         Parameters
         ----------
-        dance : name of a dance; one that was not danced in training, or none, is danced as one that `seed` draws
-        plant_feet : False is ``feet="none"``
         feet : "planted", "model" or "none"
             Feet that carry are kept from sliding by `planted_feet`, or by the foot model (Sec. 4.5), or not at all. The
             dancer is put on the floor in any case.
         temperature : share of the predicted spread that is drawn, 0 to 4; that of the training's settings when left out
+        options : of `harmolab.systems.training.requests.DanceRequest`
+            A dance that was not danced in training, or none, is danced as one that the seed draws; ``plant_feet=False``
+            is ``feet="none"``.
         """
-        feet = self._feet(feet, plant_feet=plant_feet)
-        code = self.dance_code(
-            audio, beats, start=start, seconds=seconds, seed=seed, initial=initial, dance=dance,
-            temperature=temperature, progress=progress,
-        )  # fmt: skip
-        network: DanceNetwork = self.generator
+        request = DanceRequest(audio, beats, progress=progress, **options)
+        feet = self._feet(feet, plant_feet=request.plant_feet)
+        code, network = self.dance_code(request, temperature=temperature), self.generator
         positions = dance_positions(network, code, feet, self.feet)
         return Motion(positions, network.params.fps, network.motion_code.skeleton)
 
-    def dance_code(
-        self,
-        audio: Audio,
-        beats: BeatTrack | None = None,
-        *,
-        start: float = 0.0,
-        seconds: float | None = None,
-        seed: int = 0,
-        initial: Motion | None = None,
-        dance: str | None = None,
-        temperature: float | None = None,
-        progress: Progress = silent,
-    ) -> Danced:
-        """A dance as the network makes it, before the feet and the floor; parameters as of `generate`."""
+    def dance_code(self, request: DanceRequest, *, temperature: float | None = None) -> Danced:
+        """A dance as the network makes it, before the feet and the floor; `temperature` as of `generate`."""
         network: DanceNetwork = (
             self.generator if temperature is None else drawn_with(self.generator, temperature=temperature)
         )
-        if dance and dance not in {*DANCES, *network.dances}:
-            raise ValueError(f"unknown dance {dance!r}; known: {', '.join(sorted({*DANCES, *network.dances} - {''}))}")
-        params = network.params
-        frames = n_frames(audio, start, seconds, params.fps)
-        name = dance if dance in network.dances else network.dances[seed % len(network.dances)]
-        prior = self._movement(name, seed) if initial is None else self.coded(initial)
-        track = music_beats(Clip("", audio, beats=beats, dance=dance or ""))
+        request.check_dance(network.dances)
+        params, seed = network.params, request.seed
+        frames = request.n_frames(params.fps)
+        name = request.dance if request.dance in network.dances else network.dances[seed % len(network.dances)]
+        prior = self._movement(name, seed) if request.initial is None else self.coded(request.initial)
+        music = song_features(request.audio, request.track(), params.song, name)
         return danced(
-            network, song_features(audio, track, params.song, name), start=start, frames=frames,
-            dance=network.dances.index(name), seed=seed, prior=prior, progress=progress,
+            network, music, start=request.start, frames=frames, dance=network.dances.index(name), seed=seed,
+            prior=prior, progress=request.progress,
         )  # fmt: skip
 
     def dance_probabilities(self, audio: Audio) -> dict[str, float]:
@@ -178,24 +155,18 @@ class Music2Dance(PresetSystem):
         if self.poses is None:
             mean: FloatArray = self.generator.motion_scale.mean.cpu().double().numpy()
             return np.append(mean, [1.0, 1.0])[None]
-        clips = self.poses.of(dance)
-        return clips[np.random.default_rng(0).permutation(len(clips))[seed % len(clips)]]
+        return self.poses.drawn(dance, seed)
 
     def coded(self, initial: Motion) -> FloatArray:
         """Motion and contacts of a motion to go on from; ValueError for one of other joints, or in two dimensions."""
         code, params = self.generator.motion_code, self.generator.params
-        if (axes := initial.positions.shape[2]) != 3:
-            raise ValueError(f"initial must be a motion in three dimensions, got {axes}")
-        if not isinstance(code, PositionCode):
+        places = isinstance(code, PositionCode)
+        check_initial(initial, code.skeleton if places else initial.skeleton, "the network")
+        if not places:
             try:
                 initial = body_points(initial)
             except ValueError as error:
                 raise ValueError(f"initial has {error}") from None
-        elif initial.skeleton.joints != code.skeleton.joints:
-            joints = len(initial.skeleton.joints), len(code.skeleton.joints)
-            raise ValueError(
-                f"initial has other joints ({joints[0]}) than the network ({joints[1]}); retarget it first"
-            )
         motion = resample_motion(initial, params.fps)
         contacts = foot_contacts(motion.positions, motion.fps, motion.skeleton)
         return np.column_stack([code.encode(motion), contacts])
@@ -219,17 +190,27 @@ class Music2Dance(PresetSystem):
         return cls(system.generator, system.poses, system.meta, attributes=attributes, feet=feet)
 
     @classmethod
-    def material(cls, data: Sequence[PathLike], params: Music2DanceParams, progress: Progress) -> dict[str, Any]:
-        """The recordings as a whole: windows are longer than units."""
-        return {"sequences": load_sequences(list(data), params, progress=progress)}
+    def learn(
+        cls,
+        data: list[PathLike],
+        options: TrainOptions,
+        *,
+        preset: str = PRESETS[0],
+        step: int = 2,
+        split_seed: int = 0,
+        **changes: Any,
+    ) -> None:
+        """`train`; its own keywords as of `PresetSystem.learn`, but for
 
-    @classmethod
-    def train_network(cls, split: Split, folder: PathLike, **options: Any) -> None:
-        """`harmolab.systems.music2dance.train.train_music2dance`, which says what is in the folder."""
+        preset : "recommended" or "paper", of `Music2DanceParams`
+        changes : ``phase1`` and ``phase2`` are other names of ``first_epochs`` and ``second_epochs``
+        """
         from harmolab.systems.music2dance.train import train_music2dance
 
-        del options["params"]  # `sequences` were read by them, and hold them
-        train_music2dance(split, folder=folder, **options)
+        changes = {SHORT_NAMES.get(name, name): value for name, value in changes.items()}
+        params = preset_settings(Music2DanceParams, preset, PRESETS, changes)
+        sequences = load_sequences(data, params, step=step, progress=options.progress)
+        train_music2dance(noticed_split(sequences.units, split_seed, options.notice), sequences, options)
 
 
 def stored_part(folder: Path, network: type[Part]) -> Part | None:

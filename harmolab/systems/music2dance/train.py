@@ -6,36 +6,72 @@ trained weights ``model``, and movements that a dance may go on from.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from lightning_fabric import Fabric
 from torch import Tensor
+from torch.nn.functional import binary_cross_entropy_with_logits
 
-from harmolab.io.files import PathLike, plain
-from harmolab.systems.common.about import DEFAULT_STEM
-from harmolab.systems.common.history import Report
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.poses_bank import PoseBank, save_poses, spread
-from harmolab.systems.common.runs import locked_run
-from harmolab.systems.common.shards import Batching, Shard, Terms, check_shards, drawn_by
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.weights import save_weights
 from harmolab.systems.music2dance.networks import DanceNetwork, Prediction
 from harmolab.systems.music2dance.params import Music2DanceParams
-from harmolab.systems.music2dance.sequences import SequenceSet
-from harmolab.systems.music2dance.terms import (
-    contact_accuracy,
-    contact_loss,
-    likelihood_loss,
-    majority_contacts,
-    squared_error,
-    unchanged_contacts,
-)
-from harmolab.systems.music2dance.windows import Windows, WindowSource, training_windows
+from harmolab.systems.music2dance.sequences import SequenceSet, Windows, WindowSource, training_windows
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.layers import drawn_by
+from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
+from harmolab.systems.training.runs import PoseBank, open_run, spread
+from harmolab.systems.training.splits import Split
+
+# Loss terms of Music2Dance (Eq. 7-11): how likely the recorded frame was, and whether the right feet stand.
+
+HALF_LOG_TAU = 0.5 * math.log(2 * math.pi)
+
+
+def likelihood_loss(prediction: Prediction, target: Tensor, valid: Tensor) -> Tensor:
+    """Negative logarithm of the likelihood of frames (N, T, C): nats a frame, mean over those that are valid (N, T).
+
+    Summed over channels. A Gaussian for each channel; a mixture of one, which is what the paper uses, is no mixture.
+    """
+    away = (target - prediction.mean) * (-prediction.log_sigma).exp()
+    nats = (0.5 * away.square() + prediction.log_sigma + HALF_LOG_TAU).sum(dim=-1)
+    return _mean(nats, valid)
+
+
+def contact_loss(prediction: Prediction, contacts: Tensor, valid: Tensor) -> Tensor:
+    """Binary cross-entropy of the contacts (N, T, 2) (Eq. 10), mean over both feet and the valid frames (N, T)."""
+    entropy = binary_cross_entropy_with_logits(prediction.contacts, contacts, reduction="none")
+    return _mean(entropy.mean(dim=-1), valid)
+
+
+def squared_error(prediction: Prediction, target: Tensor, valid: Tensor) -> Tensor:
+    """Mean square of what the mean misses, squared standard deviations a channel."""
+    return _mean((target - prediction.mean).square().mean(dim=-1), valid)
+
+
+def contact_accuracy(prediction: Prediction, contacts: Tensor, valid: Tensor) -> Tensor:
+    """Share of feet that are said rightly to stand or not to, from the second frame on."""
+    right = ((prediction.contacts > 0) == (contacts > 0.5)).float().mean(dim=-1)
+    return _mean(right[:, 1:], valid[:, 1:])
+
+
+def majority_contacts(contacts: Tensor, valid: Tensor) -> Tensor:
+    """The share of whoever says the more frequent of the two, always."""
+    share = _mean(contacts[:, 1:].mean(dim=-1), valid[:, 1:])
+    return torch.maximum(share, 1 - share)
+
+
+def unchanged_contacts(contacts: Tensor, valid: Tensor) -> Tensor:
+    """The same share of whoever says "as in the frame before"."""
+    same = (contacts[:, 1:] == contacts[:, :-1]).float().mean(dim=-1)
+    return _mean(same, valid[:, 1:])
+
+
+def _mean(values: Tensor, valid: Tensor) -> Tensor:
+    """Mean of (N, T) where `valid` is 1."""
+    return (values * valid).sum() / valid.sum().clamp(min=1.0)
+
 
 VALIDATE_EVERY = 10  # epochs
 VALIDATED = 64  # windows at most
@@ -53,60 +89,38 @@ class Predicted(NamedTuple):
     target: Tensor
 
 
-def train_music2dance(
-    split: Split,
-    sequences: SequenceSet,
-    folder: PathLike,
-    *,
-    resume: bool = False,
-    fabric: Fabric | None = None,
-    report: Report = lambda row, end: None,
-) -> DanceNetwork:
-    """Train the network on whole recordings and keep everything about it in `folder`.
+def train_music2dance(split: Split, sequences: SequenceSet, options: TrainOptions) -> DanceNetwork:
+    """Train the network on whole recordings and keep everything about it in the folder of `options`.
 
     Parameters
     ----------
-    split : Split by motion group, whose groups decide on which side a window is
-    sequences : SequenceSet of the same recordings; its `params` are those of the training
-    folder : created; must be new or empty unless `resume`
-    resume : go on where the run in `folder` stopped; start it when there is none
-    fabric : from `make_fabric`
-    report : called with each epoch's row of the history and the epoch that its phase ends at
+    split : Split of the `units` of `sequences`, whose groups decide on which side a window is
+    sequences : SequenceSet; its `params` are those of the training
+    options : TrainOptions
 
     Raises
     ------
     ValueError
-        If `folder` holds something and `resume` is off, holds a run with other settings or a damaged one, or another
-        process trains in it; if a side of the split has no window, or a training window a figure of another side; if
-        a batch cannot be shared by so many processes.
+        As `open_run`; if a side of the split has no window, or a training window a figure of another side.
     """
-    fabric, folder, params = fabric or make_fabric(), Path(folder), sequences.params
+    fabric, params = make_fabric(accelerator=options.accelerator), sequences.params
     source = training_windows(split, sequences, fabric.device)
     held_out = WindowSource.of(
         sequences, split.groups["validation"], dances=sequences.dances, statistics=source.statistics, share=HELD_OUT,
         device=fabric.device,
     )  # fmt: skip
     batching = Batching(params.batch_size, params.shards, params.seed)
-    check_shards(len(source), batching, fabric.world_size)
-    settings = plain({"music2dance": params, "data": sequences.source})
-    with locked_run(fabric, split, folder, settings, resume=resume) as first:
-        network = initial_network(sequences, params)
+    settings = {"music2dance": params, "data": sequences.source}
+    with open_run(fabric, options, split, settings, batching, len(source)) as run:
+        run.save_movements(lambda: movements(source, seed=params.seed))
+        with drawn_by(params.seed):
+            network = DanceNetwork(params, sequences.code, sequences.dances)
         network.set_statistics(source.statistics)
         fabric.to_device(network)
-        phases = [_phase(network, source, held_out, params, second=second) for second in (False, True)]
-        fit(fabric, phases, source, batching, folder, settings=settings, resume=resume, report=report)
+        run.fit([_phase(network, source, held_out, params, second=second) for second in (False, True)], source)
         settle(network, source)
-        if first:
-            save_weights(folder / DEFAULT_STEM, network, {"settings": settings, "source": sequences.source})
-            save_poses(folder / DEFAULT_STEM, movements(source, seed=params.seed))
+        run.save(network, {"settings": run.settings, "source": sequences.source})
     return network
-
-
-def initial_network(sequences: SequenceSet, params: Music2DanceParams) -> DanceNetwork:
-    """An untrained network of the run's seed."""
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(params.seed)
-        return DanceNetwork(params, sequences.code, sequences.dances)
 
 
 def _phase(

@@ -1,5 +1,5 @@
 """Ren et al. 2020, "Self-supervised Dance Video Synthesis Conditioned on Music", re-implemented."""
 
-from harmolab.systems.ren2020.system import Ren2020
+from harmolab.systems.ren2020.train import Ren2020
 
 __all__ = ["Ren2020"]

@@ -13,15 +13,36 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
-from harmolab.systems.common.batch_norm import BatchNorm
-from harmolab.systems.common.dancer_network import DancerNetwork
-from harmolab.systems.common.dancing import DanceInput
-from harmolab.systems.common.feature_params import FeatureParams
-from harmolab.systems.common.layers import MotionBranch, mean_over_time, perceptron
-from harmolab.systems.common.weights import MOST_LAYERS, stored_record
-from harmolab.systems.ren2020.generate import danced_song
+from harmolab.body.skeletons import Skeleton
 from harmolab.systems.ren2020.params import RenParams
-from harmolab.types import FloatArray, Skeleton
+from harmolab.systems.training.dancing import DanceInput, DancerNetwork
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.layers import BatchNorm, MotionBranch, drawn_by, mean_over_time, perceptron
+from harmolab.systems.training.motion_code import continued
+from harmolab.systems.training.weights import MOST_LAYERS, stored_record
+from harmolab.types import FloatArray
+
+# A song danced in one pass: its music and one draw of noise in, all frames out.
+
+
+@torch.inference_mode()
+def danced_song(generator: Any, source: DanceInput, seed: int) -> FloatArray:
+    """The motion code (n_frames, C) of a dance by a `RenGenerator`, in evaluation mode, with noise drawn by `seed`.
+
+    The generator knows no movement before the dance. Where `source` has one, the first moments go on from its end, as
+    at the borders of every other system.
+    """
+    was_training = generator.training
+    with drawn_by(seed):
+        noise = generator.noise(1, len(source.audio))
+    audio = torch.from_numpy(source.audio)[None].to(noise.device)
+    scaled = generator.eval()(audio, audio.new_ones(audio.shape[:2]), noise)[0]
+    generator.train(was_training)
+    scale = generator.motion_scale
+    code: FloatArray = (scaled * scale.std + scale.mean).double().cpu().numpy()
+    begin, past = -source.first, source.prior[: -source.first]
+    dance = code[begin : begin + source.n_frames]
+    return continued(past, dance, generator.fps) if len(past) else dance
 
 
 class MusicEncoder(nn.Module):
@@ -128,8 +149,7 @@ def settle(generator: RenGenerator, audio: Tensor, mask: Tensor, *, seed: int) -
     audio, mask : (N, T, F) music and (N, T) mask of the training units
     seed : int, of the noise
     """
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
+    with drawn_by(seed):
         generator.train()(audio, mask, generator.noise(*mask.shape))
     generator.eval()
 

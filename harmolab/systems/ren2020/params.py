@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from harmolab.systems.common.feature_params import check_numbers
+from harmolab.systems.training.features import check_numbers
 
 BLOCKS = 10  # of the ST-GCN, whose maps the perceptual loss compares
 
@@ -44,7 +44,7 @@ class RenParams:
     generator_rate, local_rate, global_rate : float, learning rates of Adam
     epochs : int, all with these rates, and the last one is kept
     batch_size : int, over all processes together
-    shards : int, parts that each batch is computed in (`harmolab.systems.common.shards`)
+    shards : int, parts that each batch is computed in (`harmolab.systems.training.loop`)
     seed : int
     """
 

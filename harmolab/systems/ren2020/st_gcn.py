@@ -15,14 +15,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import relu
 
-from harmolab.skeletons import ancestors
-from harmolab.systems.common.about import stored_skeleton
-from harmolab.systems.common.batch_norm import BatchNorm
-from harmolab.systems.common.layers import Normaliser
-from harmolab.systems.common.pose_network import EMBEDDING, resample
-from harmolab.systems.common.torch_code import PATH_CHANNELS
-from harmolab.systems.common.weights import whole
-from harmolab.types import Skeleton
+from harmolab.body.skeletons import Skeleton, ancestors
+from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.layers import PATH_CHANNELS, BatchNorm, Normaliser
+from harmolab.systems.training.pose_network import EMBEDDING, resample
+from harmolab.systems.training.weights import whole
 
 PARTITIONS = 3  # of a joint's neighbours: itself, those nearer to the root, those farther from it
 TEMPORAL = 9  # frames that a convolution over time spans

@@ -8,106 +8,276 @@ history.csv, events.*       losses and validation, epoch by epoch (a table; Tens
 state.safetensors           everything needed to go on after a kill
 model.safetensors/.json     the generator; `harmolab dance --weights RUN` takes it
 ==========================  ==================================================================
+
+Loss terms of Ren et al.'s generator and of its two discriminators; each is a mean over clips. Padding never counts.
+
+Codes are motion codes in standard deviations; masks are 1 at real frames.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import torch
-from lightning_fabric import Fabric
+from torch import Tensor, nn
+from torch.nn.functional import softplus
 
-from harmolab.io.files import PathLike, plain
-from harmolab.systems.common.history import Report
-from harmolab.systems.common.layers import Statistics
-from harmolab.systems.common.phases import Phase, Player, fit, make_fabric
-from harmolab.systems.common.pose_network import train_on_lesson
-from harmolab.systems.common.runs import finish_run, open_run
-from harmolab.systems.common.shards import Batching, Tensors, check_shards
-from harmolab.systems.common.splits import Split
-from harmolab.systems.common.units import UnitSet
-from harmolab.systems.common.weights import load_weights, save_weights
 from harmolab.systems.ren2020.networks import GlobalDiscriminator, LocalDiscriminator, RenGenerator, settle
 from harmolab.systems.ren2020.params import RenParams
 from harmolab.systems.ren2020.st_gcn import STGCN
-from harmolab.systems.ren2020.steps import (
-    Networks,
-    danced,
-    danced_units,
-    generator_terms,
-    global_terms,
-    local_terms,
-    speed_ratio,
-)
-from harmolab.systems.ren2020.terms import pose_loss
+from harmolab.systems.training.checkpoints import Report, TrainOptions
+from harmolab.systems.training.layers import Statistics, decode, drawn_by
+from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Tensors, Terms, make_fabric
+from harmolab.systems.training.network_system import PresetSystem
+from harmolab.systems.training.pose_network import train_on_lesson
+from harmolab.systems.training.runs import open_run, pose_bank
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.units import UnitSet
+from harmolab.systems.training.weights import load_weights
+
+# Ren et al. 2020 as a system: a generator that makes a whole dance from music and noise in one pass.
+
+
+class Ren2020(PresetSystem):
+    """A trained generator that dances; another seed is other noise, and another movement to go on from.
+
+    Parameters
+    ----------
+    generator : RenGenerator that knows its audio features
+    poses : PoseBank, optional
+        Movements to go on from. Without: the mean pose at rest.
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    network = RenGenerator
+    settings = RenParams
+
+    @classmethod
+    def train_network(cls, split: Split, options: TrainOptions, params: Any) -> object:
+        """`harmolab.systems.ren2020.train.train_ren2020`, which says what is in the folder."""
+
+        return train_ren2020(split, options, params)
+
+
+# Loss terms of Ren et al.'s generator and of its two discriminators; each is a mean over clips. Padding never
+
+Map = tuple[Tensor, Tensor]  # (N, channels, T) and its mask (N, T)
+
+
+def pose_loss(code: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    """L1 of the poses: the mean difference of codes (N, T, C) over real frames and channels."""
+    return _over_frames((code.float() - target).abs().mean(dim=-1), mask).mean()
+
+
+def perceptual_loss(maps: Sequence[Tensor], targets: Sequence[Tensor], weights: Sequence[float]) -> Tensor:
+    """Weighted sum of the mean differences between the ST-GCN's maps of danced and recorded clips.
+
+    Parameters
+    ----------
+    maps, targets : a tensor (N, channels, frames, J) for each block
+    weights : of the blocks
+    """
+    differences = [(ours - theirs).abs().mean() for ours, theirs in zip(maps, targets, strict=True)]
+    return torch.stack([weight * each for weight, each in zip(weights, differences, strict=True)]).sum()
+
+
+def matching_loss(maps: Sequence[Map], targets: Sequence[Map]) -> Tensor:
+    """Feature matching: the sum over a discriminator's maps of their mean difference on danced and recorded clips."""
+    pairs = zip(maps, targets, strict=True)
+    return torch.stack([_over_frames((a - b).abs().mean(dim=1), mask).mean() for (a, mask), (b, _) in pairs]).sum()
+
+
+def deceiving_loss(logits: Tensor, counted: Tensor | None = None) -> Tensor:
+    """Cross-entropy of a discriminator's verdicts on danced clips with "recorded", which the generator lowers.
+
+    Parameters
+    ----------
+    logits : (N,) tensor, or (N, W) for every window of a clip
+    counted : (N, W) tensor, 1 for windows that count
+    """
+    return _verdicts(softplus(-logits), counted)
+
+
+def discriminator_loss(real: Tensor, fake: Tensor, counted: Tensor | None = None) -> Tensor:
+    """Cross-entropy of the verdicts on recorded clips with "recorded", and of those on danced clips with "danced"."""
+    return _verdicts(softplus(-real), counted) + _verdicts(softplus(fake), counted)
+
+
+def gradient_penalty(judge: Callable[[Tensor], Tensor], real: Tensor, fake: Tensor, mask: Tensor) -> Tensor:
+    """The squared distance from one of a discriminator's slope, at poses between recorded and danced ones.
+
+    As in Gulrajani et al. 2017; the music is not mixed. Torch's generator of random numbers draws where in between.
+
+    Parameters
+    ----------
+    judge : function(codes (N, T, C)) -> logits (N,)
+    real, fake : (N, T, C) codes, in single precision
+    mask : (N, T)
+    """
+    share = torch.rand(len(real), 1, 1).to(real.device)
+    mixed = torch.lerp(fake, real, share).detach().requires_grad_()
+    (slope,) = torch.autograd.grad(judge(mixed).sum(), mixed, create_graph=True)
+    length = torch.linalg.vector_norm((slope * mask[..., None]).flatten(1), dim=1)
+    return (length - 1).square().mean()
+
+
+def _verdicts(losses: Tensor, counted: Tensor | None) -> Tensor:
+    """Mean over clips of losses (N,), or of their means over the windows (N, W) that count."""
+    return losses.mean() if counted is None else _over_frames(losses, counted).mean()
+
+
+def _over_frames(values: Tensor, mask: Tensor) -> Tensor:
+    """(N,): means of (N, T) where the mask is 1; 0 for a clip where nothing counts."""
+    return (values * mask).sum(dim=1) / mask.sum(dim=1).clamp(min=1.0)
+
+
+# One step of training on a part of a batch: the dance, and the terms of each player's loss.
+
+
+@dataclass(frozen=True, eq=False)
+class Networks:
+    """A generator, those that judge it half a second at a time and as a whole, and the frozen ST-GCN."""
+
+    generator: RenGenerator
+    local: LocalDiscriminator
+    overall: GlobalDiscriminator
+    st_gcn: STGCN
+
+    def modules(self) -> dict[str, nn.Module]:
+        """The networks that training changes, by name."""
+        return {"generator": self.generator, "local": self.local, "overall": self.overall}
+
+
+class Danced(NamedTuple):
+    """Codes (N, T, C) danced and recorded, and the music (N, T, F), all in standard deviations; mask (N, T); a seed."""
+
+    code: Tensor
+    target: Tensor
+    audio: Tensor
+    mask: Tensor
+    seed: int
+
+
+def danced(generator: RenGenerator, shard: Shard) -> Danced:
+    """A dance to each clip's music, with noise and dropout drawn by the shard's seed."""
+    units: Tensors = shard.own
+    with drawn_by(shard.seed, units.mask.device):
+        code = generator(units.audio, units.mask, generator.noise(*units.mask.shape))
+    scaled = generator.motion_scale(units.motion), generator.audio_scale(units.audio)
+    return Danced(code, *scaled, units.mask, shard.seed)
+
+
+def generator_terms(networks: Networks, dance: Danced, params: RenParams) -> Terms:
+    """The terms that the generator lowers."""
+    overall, mask = networks.overall, dance.mask
+    with torch.no_grad():
+        music = overall.music(dance.audio, mask)
+        recorded_maps, recorded_features = (
+            overall.maps(dance.target, mask),
+            networks.st_gcn.features(dance.target, mask),
+        )
+    maps = overall.maps(dance.code, mask)
+    features = networks.st_gcn.features(dance.code, mask)
+    return {
+        "pose": pose_loss(dance.code, dance.target, mask),
+        "perceptual": perceptual_loss(features, recorded_features, params.block_weights),
+        "feature": matching_loss(maps, recorded_maps),
+        "local": deceiving_loss(*networks.local(dance.code, mask)),
+        "global": deceiving_loss(overall.judge(music, maps[-1])),
+    }
+
+
+def local_terms(networks: Networks, dance: Danced) -> Terms:
+    """The loss of the local discriminator."""
+    both = torch.cat([dance.target, dance.code.detach()])
+    (real, fake), (counted, _) = (each.chunk(2) for each in networks.local(both, dance.mask.repeat(2, 1)))
+    return {"critic_local": discriminator_loss(real, fake, counted)}
+
+
+def global_terms(networks: Networks, dance: Danced) -> Terms:
+    """The loss of the global discriminator, and its gradient penalty in single precision."""
+    overall, mask, fake = networks.overall, dance.mask, dance.code.detach()
+    music = overall.music(dance.audio, mask)
+    last = overall.maps(torch.cat([dance.target, fake]), mask.repeat(2, 1))[-1]
+    verdicts = overall.judge(music.repeat(2, 1), last).chunk(2)
+    with drawn_by(dance.seed, mask.device), torch.autocast(mask.device.type, enabled=False):
+        fixed_music = music.detach().float()
+        penalty = gradient_penalty(
+            lambda code: overall.judge(fixed_music, overall.maps(code, mask)[-1]),
+            dance.target.float(),
+            fake.float(),
+            mask,
+        )
+    return {"critic_global": discriminator_loss(*verdicts), "penalty": penalty}
+
+
+@torch.no_grad()
+def danced_units(generator: RenGenerator, units: Tensors, *, seed: int) -> Tensor:
+    """Codes (N, T, C) in standard deviations of dances to units' music, as a song is danced: nothing left out."""
+    was_training = generator.training
+    with drawn_by(seed, units.mask.device):
+        code: Tensor = generator.eval()(units.audio, units.mask, generator.noise(*units.mask.shape))
+    generator.train(was_training)
+    return code
+
+
+@torch.no_grad()
+def speed_ratio(generator: RenGenerator, code: Tensor, units: Tensors) -> float:
+    """Mean speed of the joints in codes (N, T, C, in standard deviations) over that of the recorded units."""
+    scale = generator.motion_scale
+    pairs = ((units.mask[:, 1:] * units.mask[:, :-1])[..., None], code * scale.std + scale.mean, units.motion)
+    steps = [decode(each, generator.fps).diff(dim=1).norm(dim=-1) * pairs[0] for each in pairs[1:]]
+    return float(steps[0].sum() / steps[1].sum())
+
 
 ST_GCN = "st_gcn"
 VALIDATE_EVERY = 10  # epochs
 
 
-def train_ren2020(
-    split: Split,
-    folder: PathLike,
-    *,
-    params: RenParams,
-    resume: bool = False,
-    fabric: Fabric | None = None,
-    report: Report = lambda row, end: None,
-) -> RenGenerator:
-    """Train a generator and keep everything about it in `folder`.
+def train_ren2020(split: Split, options: TrainOptions, params: RenParams) -> RenGenerator:
+    """Train a generator on units and keep everything about it in the folder of `options`.
 
-    Parameters
-    ----------
-    split : Split of units by motion group
-    folder : created; must be new or empty unless `resume`
-    params : sizes, losses and schedule
-    resume : go on where the run in `folder` stopped; start it when there is none
-    fabric : from `make_fabric`
-    report : called with each epoch's row of the history and the epoch that its phase ends at; before them with those of
-        the ST-GCN: phase ("ST-GCN"), epoch, train, validation
+    Before the epochs of the history those of the ST-GCN are reported: phase ("ST-GCN"), epoch, train, validation.
 
     Raises
     ------
     ValueError
-        If `folder` holds something and `resume` is off, holds a run with other settings or a damaged one, or another
-        process trains in it; if a batch cannot be shared by so many processes.
+        As `open_run`.
     """
-    fabric, folder = fabric or make_fabric(), Path(folder)
+    fabric, units = make_fabric(accelerator=options.accelerator), split.train
     batching = Batching(params.batch_size, params.shards, params.seed)
-    check_shards(len(split.train), batching, fabric.world_size)
-    settings = plain({"train": params, "features": split.train.features, "data": split.train.source})
-    with open_run(fabric, split, folder, settings, seed=params.seed, resume=resume):
-        st_gcn = _st_gcn(fabric, split, folder, params, report)
-        train, validation = (Tensors.of(units, fabric.device) for units in (split.train, split.validation))
-        networks = _networks(split.train, train, st_gcn, params)
+    settings = {"train": params, "features": units.features, "data": units.source}
+    with open_run(fabric, options, split, settings, batching, len(units)) as run:
+        run.save_movements(lambda: pose_bank(units, seed=params.seed))
+        stem = run.train_once(ST_GCN, lambda: _st_gcn(split, params, options.report), params.seed)
+        st_gcn = load_weights(stem, STGCN).requires_grad_(False)
+        train, validation = (Tensors.of(side, fabric.device) for side in (units, split.validation))
+        networks = _networks(units, train, st_gcn, params)
         for part in (*networks.modules().values(), st_gcn):
             fabric.to_device(part)
-        phase = adversarial(networks, train, validation, params)
-        fit(fabric, [phase], train, batching, folder, settings=settings, resume=resume, report=report)
-        finish_run(fabric, split, folder, settings, networks.generator.eval())
+        run.fit([adversarial(networks, train, validation, params)], train)
+        about = {"settings": run.settings, "source": units.source, "units": len(units)}
+        run.save(networks.generator.eval(), about)
     return networks.generator
 
 
-def _st_gcn(fabric: Fabric, split: Split, folder: Path, params: RenParams, report: Report) -> STGCN:
-    """The ST-GCN, trained once by the first process."""
-    if fabric.is_global_zero and not (folder / f"{ST_GCN}.json").is_file():
-        units = split.train
-        net = train_on_lesson(
-            lambda: STGCN(units.skeleton, params.graph, fps=units.features.fps, frames=params.graph_frames),
-            units, split.validation, seed=params.seed, epochs=params.graph_epochs,
-            progress=lambda row: report({"phase": "ST-GCN", **row}, params.graph_epochs),
-        )  # fmt: skip
-        save_weights(folder / ST_GCN, net, {"seed": params.seed})
-    fabric.barrier()
-    return load_weights(folder / ST_GCN, STGCN).requires_grad_(False)
+def _st_gcn(split: Split, params: RenParams, report: Report) -> STGCN:
+    """The trained ST-GCN."""
+    units = split.train
+    return train_on_lesson(
+        lambda: STGCN(units.skeleton, params.graph, fps=units.features.fps, frames=params.graph_frames),
+        units, split.validation, seed=params.seed, epochs=params.graph_epochs,
+        progress=lambda row: report({"phase": "ST-GCN", **row}, params.graph_epochs),
+    )  # fmt: skip
 
 
 def _networks(units: UnitSet, train: Tensors, st_gcn: STGCN, params: RenParams) -> Networks:
     """Fresh networks that know the training split's statistics; the same for the same seed."""
     features = units.features
     lengths = torch.as_tensor(units.bone_lengths, dtype=torch.float32)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(params.seed)
+    with drawn_by(params.seed):
         generator = RenGenerator(params, features.n_audio, units.skeleton, lengths, fps=features.fps, features=features)
         local = LocalDiscriminator(params, generator.n_motion)
         overall = GlobalDiscriminator(params, features.n_audio, generator.n_motion)

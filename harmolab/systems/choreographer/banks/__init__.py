@@ -20,10 +20,10 @@ from types import MappingProxyType
 import numpy as np
 from scipy.ndimage import binary_opening
 
-from harmolab.corpora.synthetic import ClipSettings, planted_clip
-from harmolab.io.files import PathLike
-from harmolab.io.motion import load_motion
-from harmolab.kinematics import joint_speed, smooth
+from harmolab.body.kinematics import joint_speed, smooth
+from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.files import PathLike
+from harmolab.readers.motion import load_motion
 from harmolab.systems.choreographer.generate import Choreographer
 from harmolab.systems.choreographer.takes import Take, take_of
 from harmolab.types import Clip, Motion

@@ -1,0 +1,1 @@
+"""The body: its joints, its movement, its rotations."""

@@ -1,0 +1,314 @@
+"""Summaries of files and corpora, with all that is odd about them: the rows of `harmolab data check PATH`.
+
+Nothing here fails on a file: one that cannot be read becomes a row that says why.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harmolab.data import recordings as tang2018
+from harmolab.data.recordings import find_recordings, load_recording, read_any_motion
+from harmolab.files import MissingFrameRate, PathLike
+from harmolab.musician.performances import (
+    ABOUT,
+    Performance,
+    find_performances,
+    load_performance,
+    named_instrument,
+    performance_files,
+)
+from harmolab.readers.audio import audio_info, load_audio
+from harmolab.readers.beats import load_annotation
+from harmolab.readers.keypoints import FRAME_ENDS
+from harmolab.readers.player_points import BODY, SIDES, hand_joints
+from harmolab.types import Audio, Motion
+
+MAX_SPEED = 10.0
+FROZEN_SECONDS = 0.5
+LEAST_DETECTED = 0.8  # share of frames
+_STILL_METRES = 1e-4
+_HEIGHTS = (0.8, 2.5)
+_MAX_FILES = 10_000
+
+_SOUND = (".wav", ".flac", ".ogg", ".mp3")
+_BEATS = (".beats", ".csv", ".txt")
+_MOTION = (".npz", ".npy", ".bvh", ".pkl", ".pickle", ".jsonl", ".c3d")
+_KNOWN = (*_SOUND, *_BEATS, *_MOTION)
+_JSON = ("beats.json", "skeletons.json", "config.json")
+_HEAD = 100_000  # bytes
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """Content of one file or one folder of a recording: a row of the table.
+
+    Parameters
+    ----------
+    path : str
+    kind : "sequence", "performance", "audio", "motion", "beats" or "unreadable"
+    frames : int or None
+        Frames of motion, samples of audio, or number of beats.
+    rate : float or None
+        Frames or samples a second; None where the file does not tell.
+    joints : int or None
+    seconds : float or None
+    offset : float or None, seconds
+        Audio time of motion frame 0.
+    note : str
+        Further content: dimensions, format, dance, tempo.
+    odd : tuple of str
+        One sentence for each odd thing, missing part, or the reason why it cannot be read.
+    how : tuple of str
+        How a motion was read, one sentence each: body, unit, axis that points up, rate, and what of it is guessed.
+    """
+
+    path: str
+    kind: str
+    frames: int | None = None
+    rate: float | None = None
+    joints: int | None = None
+    seconds: float | None = None
+    offset: float | None = None
+    note: str = ""
+    odd: tuple[str, ...] = ()
+    how: tuple[str, ...] = ()
+
+
+def check(path: PathLike) -> list[FileSummary]:
+    """One row for a file, or one for each recording, performance and loose file of a folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is nothing at `path`. Whatever is there gives rows, never an error.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file or folder")
+    if not path.is_dir():
+        return [_guarded(_file, path)]
+    players, faults = find_performances(path)
+    playing = {folder for folder in (*players, *(fault.folder for fault in faults)) if _has_musician(folder)}
+    folders, problems = find_recordings(path)
+    dancing = [folder for folder in folders if not _inside(folder, playing)]
+    problems = (*(p for p in faults if p.folder in playing), *(p for p in problems if not _inside(p.folder, playing)))
+    rows = [_guarded(_recording, folder) for folder in dancing]
+    rows += [_guarded(_performance, folder) for folder in players if folder in playing]
+    rows += [FileSummary(str(folder), "unreadable", odd=(message,)) for folder, message in problems]
+    taken = {*dancing, *(folder for folder, _ in problems)}
+    rows += [_guarded(_file, file) for file in _loose(path, taken) if not _inside(file, playing)]
+    return rows or [FileSummary(str(path), "unreadable", odd=(f"{path}: holds no file that is known",))]
+
+
+def _has_musician(folder: Path) -> bool:
+    """True where a folder says that it holds a musician's performance, by performance.json or by its name."""
+    return (folder / ABOUT).is_file() or bool(named_instrument(folder))
+
+
+def _inside(path: Path, folders: set[Path]) -> bool:
+    """True for one of the folders and for all that is in it."""
+    return not folders.isdisjoint((path, *path.parents))
+
+
+def _guarded(summary: Callable[[Path], FileSummary], path: Path) -> FileSummary:
+    """The `summary` of a path, or a row with the error that it raises."""
+    try:
+        return summary(path)
+    except (ValueError, OSError) as error:
+        return FileSummary(str(path), "unreadable", odd=(str(error),))
+
+
+def _loose(root: Path, recordings: set[Path]) -> list[Path]:
+    """Files that can be read below `root`, outside of the folders of recordings, and folders of frames."""
+    loose: list[Path] = []
+    for name, below, files in os.walk(root):
+        folder = Path(name)
+        below[:] = sorted(child for child in below if not child.startswith("."))
+        if folder in recordings:
+            continue
+        if any(file.endswith(FRAME_ENDS) for file in files):
+            loose.append(folder)
+        loose += [folder / file for file in sorted(files) if file in _JSON or Path(file).suffix.lower() in _KNOWN]
+        if len(loose) > _MAX_FILES:
+            break
+    return loose[:_MAX_FILES]
+
+
+def _file(path: Path) -> FileSummary:
+    """The row of one file, or of a folder of frames."""
+    suffix = "" if path.is_dir() else path.suffix.lower()
+    if suffix in _SOUND:
+        return _sound(path)
+    if path.name == "config.json":
+        span = tang2018.load_config(path)
+        return FileSummary(str(path), "sequence", span.end - span.start, tang2018.FPS, offset=span.start / tang2018.FPS)
+    if suffix in _BEATS or (suffix == ".json" and _is_annotation(path)):
+        return _beats(path)
+    return _motion(path)
+
+
+def _is_annotation(path: Path) -> bool:
+    """True for a JSON file of beats, by its name or by the one field that those must have."""
+    with path.open("rb") as file:
+        return path.name == "beats.json" or b'"beats_s"' in file.read(_HEAD)
+
+
+def _sound(path: Path) -> FileSummary:
+    """The row of a sound file; the samples of up to an hour are read."""
+    info = audio_info(path)
+    samples = round(info.seconds * info.sample_rate)
+    note = f"{info.format}, mono" if info.channels == 1 else f"{info.format}, {info.channels} channels"
+    odd: tuple[str, ...] = ("longer than an hour: read spans of it; its samples were not looked at",)
+    if info.seconds <= 3600:
+        odd = _odd_sound(load_audio(path, sample_rate=None))
+    return FileSummary(str(path), "audio", samples, info.sample_rate, seconds=info.seconds, note=note, odd=odd)
+
+
+def _odd_sound(audio: Audio) -> tuple[str, ...]:
+    """Odd things in samples."""
+    peak = float(np.abs(audio.samples).max())
+    if peak == 0:
+        return ("silent from beginning to end",)
+    return (f"amplitudes reach {peak:.3g}; full scale is 1",) if peak > 2 else ()
+
+
+def _beats(path: Path) -> FileSummary:
+    """The row of a beat annotation."""
+    annotation = load_annotation(path)
+    track = annotation.track()
+    facts = [annotation.dance] if annotation.dance else []
+    facts += [] if annotation.bpm is None else [f"{annotation.bpm:.1f} beats a minute"]
+    facts += [] if annotation.meter is None else [f"{annotation.meter} beats a bar"]
+    facts += [f"{len(annotation.units)} units"] if annotation.units else []
+    steps = np.diff(annotation.times)
+    odd = []
+    if steps.size and steps.max() > 2.5 * np.median(steps):
+        last = annotation.times[int(np.argmax(steps))]
+        odd.append(f"no beat for {steps.max():.2f} s after {last:.2f} s, others are {np.median(steps):.2f} s apart")
+    return FileSummary(str(path), "beats", len(track), seconds=track.duration, note=", ".join(facts), odd=tuple(odd))
+
+
+def _motion(path: Path) -> FileSummary:
+    """The row of a motion; one whose file holds no rate is read with a rate that is not shown."""
+    try:
+        file, has_rate = read_any_motion(path), True
+    except MissingFrameRate:
+        file, has_rate = read_any_motion(path, fps=25.0), False
+    row = _motion_row(path, file.motion)
+    row = replace(row, note=f"{row.note}, {file.kind}", how=file.notes)
+    odd = ("holds no frame rate: pass fps", *_shape_oddities(file.motion))
+    return row if has_rate else replace(row, rate=None, seconds=None, odd=odd)
+
+
+def _motion_row(path: Path, motion: Motion) -> FileSummary:
+    """The row that describes a motion."""
+    frames, joints, dimensions = motion.positions.shape
+    odd = (*_shape_oddities(motion), *_frozen(motion), *_too_fast(motion))
+    note = f"{dimensions}-D"
+    return FileSummary(str(path), "motion", frames, motion.fps, joints, motion.duration, note=note, odd=odd)
+
+
+def _recording(folder: Path) -> FileSummary:
+    """The row of a folder with a recording."""
+    recording = load_recording(folder, sample_rate=None)
+    clip, motion, annotation = recording.clip, recording.clip.motion, recording.annotation
+    if motion is None:
+        raise ValueError(f"{folder}: has no motion")
+    facts = [clip.dance or "dance not told", f"{clip.audio.duration:.2f} s of audio"]
+    if annotation is not None:
+        facts += [f"{annotation.times.size} beats", *([f"{len(annotation.units)} units"] if annotation.units else [])]
+    row = _motion_row(folder, motion)
+    beyond = clip.offset + motion.duration - clip.audio.duration
+    late = (f"the motion ends {beyond:.2f} s after the audio",) if beyond > 0.1 else ()
+    odd = (*_odd_span(folder, motion), *_odd_sound(clip.audio), *row.odd, *late)
+    return replace(row, kind="sequence", offset=clip.offset, note=", ".join(facts), odd=odd)
+
+
+def _performance(folder: Path) -> FileSummary:
+    """The row of a folder with a musician's performance."""
+    try:
+        performance, has_rate = load_performance(folder, sample_rate=None), True
+    except MissingFrameRate:
+        performance, has_rate = load_performance(folder, sample_rate=None, fps=25.0), False
+    files, row = performance_files(folder), _motion_row(folder, performance.motion)
+    facts = [performance.instrument, f"points of {', '.join(file.name for file in files.points)}"]
+    audio, notes = performance.audio, performance.notes
+    facts += [] if audio is None else [f"{audio.duration:.2f} s of {'rendered ' if performance.rendered else ''}audio"]
+    facts += [] if notes is None else [f"{len(notes)} notes"]
+    odd = [*(("no sound",) if audio is None else _odd_sound(audio)), *row.odd, *_odd_hands(performance)]
+    if not has_rate:
+        row, odd = replace(row, rate=None, seconds=None), ["holds no frame rate: pass fps", *odd]
+    return replace(row, kind="performance", offset=performance.offset, note=", ".join(facts), odd=tuple(odd))
+
+
+def _odd_hands(performance: Performance) -> Iterator[str]:
+    """One sentence for each hand, and for the body, that is missing or not detected in a fifth of the frames."""
+    names = performance.motion.skeleton.joints
+    groups = {"body": BODY, **{f"{side} hand": hand_joints(side) for side in SIDES}}
+    for group, points in groups.items():
+        columns = [names.index(point) for point in points if point in names]
+        share = performance.detected[:, columns].all(axis=1).mean()
+        if not columns:
+            yield f"no point of the {group}"
+        elif share < LEAST_DETECTED:
+            yield f"all its points of the {group} are detected in {share:.0%} of the frames only"
+
+
+def _odd_span(folder: Path, motion: Motion) -> list[str]:
+    """One sentence where the length of a motion differs from its config.json; none where they agree."""
+    if not (folder / "config.json").is_file() or (folder / "motion.npz").is_file():
+        return []
+    span = tang2018.load_config(folder / "config.json")
+    frames = span.end - span.start
+    short = frames - motion.n_frames
+    relation = "shorter" if short > 0 else "longer"
+    return [f"{_frames(abs(short))} {relation} than config.json says ({frames})"] if short else []
+
+
+def _shape_oddities(motion: Motion) -> list[str]:
+    """Odd things at any frame rate: frames that are not valid, a body of unlikely size."""
+    odd = []
+    if filler := int((~motion.valid).sum()):
+        odd.append(f"{filler} of {motion.n_frames} frames are filler (splices, unseen joints)")
+    if motion.positions.shape[2] == 3:
+        extent = float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
+        if not _HEIGHTS[0] <= extent <= _HEIGHTS[1]:
+            odd.append(f"the body extends over {extent:.3g} m: other units? pass scale (--scale)")
+    return odd
+
+
+def _frozen(motion: Motion) -> list[str]:
+    """Stretches of half a second and more in which no joint moves."""
+    size = 1.0 if motion.positions.shape[2] == 3 else float(np.median(np.ptp(motion.positions, axis=1).max(axis=1)))
+    still = np.abs(np.diff(motion.positions, axis=0)).max(axis=(1, 2)) <= _STILL_METRES * size
+    runs = [run for run in tang2018.true_runs(still) if (run[1] - run[0]) / motion.fps >= FROZEN_SECONDS]
+    if not runs:
+        return []
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    times = "once" if len(runs) == 1 else f"{len(runs)} times"
+    return [f"frozen {times}, longest {(last - first) / motion.fps:.2f} s at {first / motion.fps:.2f} s"]
+
+
+def _too_fast(motion: Motion) -> list[str]:
+    """Valid frames in which a joint of a 3-D motion is faster than 10 m/s."""
+    if motion.positions.shape[2] != 3:
+        return []
+    speed = np.linalg.norm(np.diff(motion.positions, axis=0), axis=2) * motion.fps
+    speed[~motion.valid[1:]] = 0.0
+    if speed.max() <= MAX_SPEED:
+        return []
+    frames = _frames(int((speed.max(axis=1) > MAX_SPEED).sum()))
+    frame, joint = divmod(int(np.argmax(speed)), speed.shape[1])
+    peak = f"{speed.max():.1f} m/s ({motion.skeleton.joints[joint]}, {(frame + 1) / motion.fps:.2f} s)"
+    return [f"faster than {MAX_SPEED:g} m/s in {frames}, up to {peak}"]
+
+
+def _frames(count: int) -> str:
+    """A number of frames in words."""
+    return "1 frame" if count == 1 else f"{count} frames"

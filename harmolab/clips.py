@@ -1,0 +1,239 @@
+"""From files to a clip and its score: the first step of the ladder files, clip, beat tracks, arrays."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from contextlib import suppress
+from dataclasses import replace
+from difflib import get_close_matches
+from math import inf
+from pathlib import Path
+
+from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import with_one
+from harmolab.data import recordings
+from harmolab.data.recordings import (
+    Problem,
+    ReadingReport,
+    RecordingFolders,
+    find_recordings,
+    iter_recordings,
+    load_any_motion,
+    recorded_offset,
+)
+from harmolab.files import PathLike, Progress, named_faults, silent
+from harmolab.params import DANCES, HarmonyParams
+from harmolab.readers.audio import load_sound, resampled
+from harmolab.readers.beats import load_annotation
+from harmolab.readers.video import is_video
+from harmolab.score import HarmonyScore
+from harmolab.types import Audio, BeatTrack, Clip, Motion
+from harmolab.verdict.judge import score_clip
+
+TRACKED_AT = 22050.0  # hertz: beats are always tracked in sound of this rate
+
+
+def score_files(
+    song: PathLike,
+    motion: PathLike,
+    *,
+    offset: float | None = None,
+    seconds: float | None = None,
+    dance: str = "",
+    beats: PathLike | None = None,
+    one: float | None = None,
+    fps: float | None = None,
+    params: HarmonyParams | None = None,
+    n_rotations: int = 1000,
+    seed: int = 0,
+) -> HarmonyScore:
+    """Harmony of a motion file with a song file.
+
+    Parameters
+    ----------
+    song, motion, offset, seconds, dance, beats, one, fps : as in `load_clip`
+    params, n_rotations, seed : as in `score_clip`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `load_clip` and `score_clip`; of a file, they name it.
+
+    Examples
+    --------
+    >>> score_files("song.mp3", "dance.bvh", offset=12.4, dance="waltz").harmony_above_chance  # doctest: +SKIP
+    0.61
+    """
+    clip = load_clip(song, motion, offset=offset, seconds=seconds, dance=dance, beats=beats, one=one, fps=fps)
+    return score_clip(clip, params, n_rotations=n_rotations, seed=seed)
+
+
+def load_clip(
+    song: PathLike,
+    motion: PathLike | Motion,
+    *,
+    offset: float | None = None,
+    seconds: float | None = None,
+    dance: str = "",
+    beats: PathLike | None = None,
+    one: float | None = None,
+    track: bool = True,
+    fps: float | None = None,
+    scale: float | None = None,
+    joints: Sequence[str] | None = None,
+    smpl: PathLike | None = None,
+    up: str = "",
+    sample_rate: float | None = TRACKED_AT,
+    report: ReadingReport = lambda path, file: None,
+) -> Clip:
+    """A song and a motion as a clip with its music beats, read or tracked once.
+
+    Parameters
+    ----------
+    song : str or path: wav, flac, ogg or mp3, or a video with sound
+    motion : str or path: anything that `load_motion` reads, or a folder of a corpus; or a Motion
+    offset : float, seconds, audio time of motion frame 0; left out, what the motion's folder says, else 0
+    seconds : float, length of the motion that is taken; all of it when left out
+    dance : str, a prior of the tempo where it is one of `DANCES`
+    beats : str or path of an annotation (.beats, csv, beats.json) in place of beat tracking
+    one : float, seconds, audio time of any beat on which a bar begins; the dance tells how long the bars are
+    track : bool; False leaves the clip without beats where none are annotated
+    fps, scale, joints, smpl, up : as in `load_motion`, for a motion that is read
+    sample_rate : float or None, hertz, of the clip's sound; None keeps the file's
+        The beats are the same at every rate. A sound file is decoded once; a video's sound twice unless the rate is
+        22,050 Hz, since another resampler brings it there.
+    report : function(path, MotionFile), called with how a motion file was read
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file. ValueError also for an unknown dance without annotated beats or with `one`, and where no
+        beat is near `one`.
+    """
+    check_dance(dance, beats, one)
+    if seconds is not None and not 0 < seconds < inf:
+        raise ValueError(f"seconds must be positive and finite, got {seconds:g}")
+    path, name = (song, song) if isinstance(motion, Motion) else (motion, f"{song} and {motion}")
+    if offset is None:
+        offset = (None if isinstance(motion, Motion) else recorded_offset(motion)) or 0.0
+    movement = (
+        motion
+        if isinstance(motion, Motion)
+        else load_any_motion(motion, fps=fps, scale=scale, joints=joints, smpl=smpl, up=up, report=report)
+    )
+    if seconds is not None:
+        movement = movement.span(0.0, seconds)
+    audio = load_sound(song, sample_rate=sample_rate)
+    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
+    with named_faults(name):
+        clip = Clip(Path(path).stem or Path(path).name, audio, movement, offset, beats=annotated, dance=dance)
+    if track and annotated is None:
+        tracked = clip if sample_rate == TRACKED_AT else replace(clip, audio=tracked_sound(song, audio))
+        clip = replace(clip, beats=music_beats(tracked))
+    if one is None or clip.beats is None:
+        return clip
+    return replace(clip, beats=with_one(clip.beats, one, DANCES[dance].meter))
+
+
+def check_dance(dance: str, beats: PathLike | None = None, one: float | None = None) -> None:
+    """ValueError for an unknown dance where its tempo or its bars are needed; names the one that was meant."""
+    if dance and beats is None and dance not in DANCES:
+        raise unknown_dance(dance, DANCES)
+    if one is not None and dance not in DANCES:
+        raise ValueError(f"to count from --one, say how long the bars are with --dance: {', '.join(DANCES)}")
+
+
+def unknown_dance(dance: str, names: Iterable[str]) -> ValueError:
+    """The error that a dance is none of `names`, with the likeliest of them."""
+    alphabetical = sorted(names)
+    nearest = get_close_matches(dance.casefold(), alphabetical, 1)
+    hint = f" did you mean {nearest[0]!r}?" if nearest else ""
+    return ValueError(f"unknown dance {dance!r};{hint} known: {', '.join(alphabetical)}")
+
+
+def song_beats(audio: Audio, *, dance: str = "", beats: PathLike | None = None, one: float | None = None) -> BeatTrack:
+    """The beats of a whole song: annotated ones of a file, else tracked ones; with bar places where "one" is told.
+
+    Parameters
+    ----------
+    audio : Audio, of `TRACKED_AT` hertz where beats are tracked
+    dance, beats, one : as in `load_clip`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As in `load_clip`.
+    """
+    check_dance(dance, beats, one)
+    annotated = None if beats is None else load_annotation(beats).track(audio.duration)
+    track = music_beats(Clip("", audio, beats=annotated, dance=dance))
+    return track if one is None else with_one(track, one, DANCES[dance].meter)
+
+
+def tracked_sound(song: PathLike, sound: Audio) -> Audio:
+    """The sound of a song at `TRACKED_AT`; a video is read again, since another resampler brings it there."""
+    return load_sound(song) if is_video(song) else resampled(sound, TRACKED_AT)
+
+
+def corpus_recordings(
+    corpus: PathLike | Iterable[recordings.Recording],
+    dances: Sequence[str] = (),
+    *,
+    progress: Progress = silent,
+    report: Callable[[Problem], object] = lambda problem: None,
+) -> Iterator[recordings.Recording]:
+    """The recordings at or below a folder that can be read, one in memory at a time.
+
+    Parameters
+    ----------
+    corpus : str or path; recordings in its place are handed on
+    dances : names; only recordings of these, of all when empty
+    progress : Progress over the folders
+    report : function(Problem), called for each recording that cannot be read
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the folder; ValueError where it holds no recording, or none of these dances.
+    """
+    if not isinstance(corpus, str | os.PathLike):
+        yield from (recording for recording in corpus if not dances or recording.clip.dance in dances)
+        return
+    recording_folders(corpus)
+    names = set()
+    for item in progress(iter_recordings(corpus), Path(corpus).name):
+        if isinstance(item, Problem):
+            report(item)
+        else:
+            names.add(item.clip.dance)
+            if not dances or item.clip.dance in dances:
+                yield item
+    check_dances(corpus, dances, names)
+
+
+def recording_folders(corpus: PathLike) -> RecordingFolders:
+    """The folders of recordings at or below a folder; ValueError without one, else errors as `find_recordings`."""
+    complete = find_recordings(corpus)
+    if not complete.folders:
+        raise ValueError(f"{corpus}: holds no sequence folder; see `harmolab data check {corpus}`")
+    return complete
+
+
+def corpus_dances(corpus: PathLike) -> set[str]:
+    """Names of the dances in a corpus, "" among them for recordings that name none; errors as `recording_folders`.
+
+    Neither sound nor movement is read. Recordings whose annotation is damaged are left out.
+    """
+    names = set()
+    for folder in recording_folders(corpus).folders:
+        with suppress(ValueError, OSError):
+            names.add(recordings.recording_files(folder).dance)
+    return names
+
+
+def check_dances(corpus: PathLike, dances: Sequence[str], names: Set[str]) -> None:
+    """ValueError where dances are asked for, and none of them is among the names of a corpus's dances."""
+    if dances and names.isdisjoint(dances):
+        others = ", ".join(sorted(name or "unknown" for name in names)) or "none"
+        raise ValueError(f"{corpus}: holds no {' or '.join(dances)}; its dances: {others}")

@@ -1,1 +1,0 @@
-"""Folders of recordings, and synthetic ones."""

@@ -1,0 +1,3 @@
+"""Folders of recordings, and synthetic ones."""
+
+from __future__ import annotations

@@ -1,0 +1,369 @@
+"""Files: one clear error for every damaged one, whole or no new ones, JSON, the cache, and progress over many.
+
+Nothing in a file is trusted: its size is looked at before it is read, and a loader raises ValueError or
+FileNotFoundError only, with the file's name first.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import pickle
+import re
+import shutil
+import stat
+import struct
+import tempfile
+import threading
+import time
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PathLike = str | os.PathLike[str]
+Arrays = dict[str, NDArray[Any]]
+
+# function(items, label) -> items, such as ``lambda items, label: tqdm(items, desc=label)``
+Progress = Callable[[Iterable[Any], str], Iterable[Any]]
+
+MAX_BYTES = 512 * 2**20
+# Parsed text takes many times its room.
+MAX_JSON_BYTES = 256 * 2**20
+MAX_TEXT_BYTES = 16 * 2**20
+LEFTOVER_SECONDS = 86_400.0  # a file that is written for a day was left by a killed process
+_LEFTOVER = re.compile(r"\..+\.npz\.\d+\.\d+\.tmp")
+WRITTEN_BY = "written by harmolab"  # stands at the begin or the end of files whose format has room for it
+_ENDS = 65_536  # bytes at either end of a file that are searched for it
+# What it is in an .npz and on a page; bar patterns, a BVH and a table of recordings are known by what ours alone have.
+_OWN = re.compile(
+    rb"""written by harmolab|written_by_harmolab|<meta name="generator" content="harmolab">|"cosines": \["""
+    rb"""|\Aname,dance,error,|End Site\n\t+\{\n\t+OFFSET 0 0 0\n\t+\}"""
+)
+UNFINISHED = ".writing_"  # begins the name of a folder that is being filled
+
+# RuntimeError stands for RecursionError, NotImplementedError and the errors of libsndfile.
+_FAULTS = (
+    ValueError, OSError, EOFError, RuntimeError, ArithmeticError, LookupError, TypeError, AttributeError, SyntaxError,
+    tokenize.TokenError, struct.error, zlib.error, zipfile.BadZipFile, pickle.UnpicklingError,
+)  # fmt: skip
+
+
+def silent(items: Iterable[Any], label: str) -> Iterable[Any]:
+    """The items as they are: the `Progress` that shows nothing."""
+    return items
+
+
+class MissingFrameRate(ValueError):
+    """A motion file holds no frame rate, and none was passed; with a rate it may be read."""
+
+
+@contextmanager
+def reading(path: PathLike, what: str, *, max_bytes: int | None = MAX_BYTES) -> Iterator[Path]:
+    """The path, checked to be an ordinary file with bytes in it; faults inside the block name the file.
+
+    Parameters
+    ----------
+    path : str or path
+    what : str
+        What the file ought to be, such as "a BVH motion".
+    max_bytes : int or None
+        Larger files are refused unread. None: any size (the reader bounds itself).
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    ValueError
+        It is a folder, a device, empty or too large, or the block failed on its content; a `MissingFrameRate` of the
+        block stays one.
+    """
+    try:
+        _check_file(Path(path), max_bytes)
+        yield Path(path)
+    except FileNotFoundError as error:
+        if error.errno is None:  # of another file that the block read, which it names
+            raise
+        raise FileNotFoundError(f"{path}: no such file") from None
+    except MemoryError as error:
+        raise ValueError(f"{path}: needs more memory than this machine has; read a part of it") from error
+    except _FAULTS as error:
+        kind = MissingFrameRate if isinstance(error, MissingFrameRate) else ValueError
+        raise kind(_message(str(path), what, error)) from error
+
+
+@contextmanager
+def named_faults(name: object) -> Iterator[None]:
+    """ValueErrors of the block begin with a name, mostly that of a file."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from None
+
+
+def _check_file(path: Path, max_bytes: int | None) -> None:
+    """ValueError unless `path` is an ordinary file of 1 to `max_bytes` bytes."""
+    status = path.stat()
+    if stat.S_ISDIR(status.st_mode):
+        raise ValueError("is a folder, not a file")
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError("is a device or a pipe, not a file; copy it to a file first")
+    if status.st_size == 0:
+        raise ValueError("the file is empty")
+    if max_bytes is not None and status.st_size > max_bytes:
+        raise ValueError(f"has {status.st_size} bytes, more than the {max_bytes} allowed; cut it into parts")
+
+
+def _message(path: str, what: str, error: Exception) -> str:
+    """`error` in one line behind the file's name; an error that is none of ours says what was expected."""
+    text = " ".join(str(error).removeprefix(path).split())[:400]  # a name may hold new lines itself
+    if str(error).startswith(path):
+        return path + text
+    if type(error) in (ValueError, MissingFrameRate):
+        return f"{path}: {text}"
+    return f"{path}: cannot be read as {what} ({text or type(error).__name__})"
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, without a byte order mark."""
+    return path.read_bytes().decode("utf-8-sig")
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file; call it inside `reading`, which bounds its size and words its errors."""
+    return json.loads(path.read_bytes())
+
+
+def check_output(out: PathLike, inputs: Iterable[PathLike]) -> None:
+    """Checks that what is read is not written over.
+
+    Parameters
+    ----------
+    out : str or path of a file or folder to be written
+    inputs : the files and folders that it is made from
+
+    Raises
+    ------
+    ValueError
+        `out` is one of them, be it through a link, or a file that is there already inside of one; names both.
+    """
+    out = Path(out)
+    if not out.exists():
+        return
+    places = set() if out.is_dir() else {out.resolve(), out.parent.resolve() / out.name}
+    for path in filter(Path.exists, map(Path, inputs)):
+        if out.samefile(path):
+            raise ValueError(f"{out}: is an input here ({path}); choose another name for the output")
+        if any(path.resolve() in place.parents for place in places):
+            raise ValueError(f"{out}: is there already, inside an input ({path}); choose another name for the output")
+
+
+def is_own_file(path: PathLike) -> bool:
+    """True where a file was written by this package, and not by its user or another program; False without one."""
+    if not Path(path).is_file():
+        return False
+    with Path(path).open("rb") as stream:
+        first = stream.read(_ENDS)
+        stream.seek(max(stream.seek(0, os.SEEK_END) - _ENDS, 0))
+        return bool(_OWN.search(first) or _OWN.search(stream.read()))
+
+
+@contextmanager
+def atomic_write(path: PathLike) -> Iterator[Path]:
+    """A hidden neighbour of `path` to write to; it takes the place of `path` at the end, or is removed after an error.
+
+    A reader of `path` meanwhile gets the former content.
+
+    Raises
+    ------
+    OSError
+        It cannot be written; names `path`.
+    """
+    path = Path(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_native_id()}.tmp")
+    with _naming(path, part):
+        try:
+            yield part
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _naming(path: Path, part: Path) -> Iterator[None]:
+    """OSErrors of the block name `path`, where they name nothing or the hidden `part` in its place."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None:
+            name = str(error.filename or part).removeprefix("file:").replace(str(part), str(path))
+            raise OSError(error.errno, os.strerror(error.errno), name) from error
+        if type(error) is OSError:  # of numpy: so many values requested, so many written
+            raise OSError(f"{path}: {error}") from error
+        raise
+
+
+@contextmanager
+def atomic_folder(path: PathLike) -> Iterator[Path]:
+    """A hidden neighbour of the folder `path` to fill; as `atomic_write`, what `path` held goes as a whole."""
+    path = Path(path)
+    part = Path(tempfile.mkdtemp(prefix=f"{UNFINISHED}{path.name}_", dir=path.parent))
+    try:
+        part.chmod(0o755)
+        with _naming(path, part):
+            yield part
+            if path.exists():
+                shutil.rmtree(path)
+            part.replace(path)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def write_text(path: PathLike, text: str) -> None:
+    """Write a file of text, UTF-8, whole or not at all."""
+    with atomic_write(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def write_json(path: PathLike, content: Any) -> None:
+    """Write `plain(content)` as a JSON file, whole or not at all."""
+    write_text(path, json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def plain(content: Any) -> Any:
+    """`content` as JSON holds it: records as objects, tuples and arrays as lists, null for a number not finite.
+
+    >>> plain({"interval": (0.5, float("nan")), "hits": np.arange(3)})
+    {'interval': [0.5, None], 'hits': [0, 1, 2]}
+    """
+    if is_dataclass(content) and not isinstance(content, type):
+        content = {field.name: getattr(content, field.name) for field in fields(content)}
+    if isinstance(content, np.ndarray | np.generic):
+        content = content.tolist()
+    if isinstance(content, Mapping):
+        return {name: plain(one) for name, one in content.items()}
+    if isinstance(content, list | tuple):
+        return [plain(one) for one in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def cache_folder() -> Path | None:
+    """Folder of kept analyses: ``HARMOLAB_CACHE``, else the user's cache folder; None when the variable is "off"."""
+    named = os.environ.get("HARMOLAB_CACHE")
+    if named == "off":
+        return None
+    if named:
+        return Path(named)
+    from platformdirs import user_cache_path
+
+    return user_cache_path("harmolab")
+
+
+def cached_arrays(name: str) -> Arrays | None:
+    """Arrays kept under a name; None when there are none, the file is damaged, or nothing is kept."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    try:
+        # numpy itself leaves a damaged file open.
+        with (folder / f"{name}.npz").open("rb") as file, np.load(file, allow_pickle=False) as content:
+            return dict(content)
+    # A zip file with a flipped bit may claim any compression or encryption, a lone array is no context manager.
+    except (OSError, KeyError, TypeError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        return None
+
+
+@cache
+def remove_leftovers(folder: Path) -> None:
+    """Remove the files that killed processes left half written in the cache; once a process, and not its folders."""
+    for file in folder.glob(".*.tmp"):
+        with suppress(OSError):  # another process may have removed it first
+            if _LEFTOVER.fullmatch(file.name) and time.time() - file.lstat().st_mtime > LEFTOVER_SECONDS:
+                file.unlink()
+
+
+def keep_arrays(name: str, arrays: Arrays) -> None:
+    """Keep arrays under a name; a cache that cannot be written is no error."""
+    folder = cache_folder()
+    if folder is None:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(folder)
+        with atomic_write(folder / f"{name}.npz") as part, part.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+    except OSError:
+        return
+
+
+# Small tables of text: a line of names, then a line for each row, with commas, semicolons or tabs between.
+
+MAX_ROWS = 1_000_000
+
+
+def read_columns(path: Path, needed: Sequence[str]) -> dict[str, list[str]]:
+    """The columns of a table by name; call it inside `harmolab.files.reading`.
+
+    Lines that are empty or begin with # are left out. A word with the mark between words in it stands in quotation
+    marks; no word goes over two lines.
+
+    Parameters
+    ----------
+    path : Path
+    needed : names of columns that must be there
+
+    Raises
+    ------
+    ValueError
+        A needed column is missing, a name is there twice, or a line has another number of words than the first.
+    """
+    lines = [(place, line) for place, line in enumerate(read_text(path).splitlines(), 1) if line.strip()]
+    lines = [(place, line) for place, line in lines if not line.lstrip().startswith("#")]
+    if not lines:
+        raise ValueError(f"has no line of names; the first line must be {','.join(needed)}")
+    mark = max(",;\t", key=lines[0][1].count)
+    rows = [(place, _words(line, mark)) for place, line in lines]
+    names = rows[0][1]
+    if missing := [name for name in needed if name not in names]:
+        raise ValueError(f"has no column {' and no '.join(missing)} in its first line, {lines[0][1][:80]!r}")
+    if len(set(names)) < len(names):
+        raise ValueError(f"has a name twice in its first line, {lines[0][1][:80]!r}")
+    if len(rows) > MAX_ROWS:
+        raise ValueError(f"has {len(rows)} lines, more than the {MAX_ROWS} allowed")
+    for place, words in rows:
+        if len(words) != len(names):
+            raise ValueError(f"line {place} has {len(words)} values, the first line {len(names)} names")
+    return {name: [words[number] for _, words in rows[1:]] for number, name in enumerate(names)}
+
+
+def _words(line: str, mark: str) -> list[str]:
+    """The words of a line.
+
+    >>> _words('a.npz, "one, two" ', ",")
+    ['a.npz', 'one, two']
+    """
+    try:
+        return [word.strip() for word in next(csv.reader([line], delimiter=mark, skipinitialspace=True))]
+    except csv.Error as error:
+        raise ValueError(f"has a line that is no row of a table ({error}): {line[:80]!r}") from None
+
+
+def number_column(columns: dict[str, list[str]], name: str) -> list[float]:
+    """A column as numbers; ValueError with its name and the word that is none."""
+    numbers = []
+    for word in columns[name]:
+        try:
+            numbers.append(float(word))
+        except ValueError:
+            raise ValueError(f"{name} must be numbers, got {word[:30]!r}") from None
+    return numbers

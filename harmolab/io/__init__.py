@@ -1,1 +1,0 @@
-"""Reading what people have: sound, movement, beats. Errors start with the file's name."""

@@ -1,0 +1,447 @@
+"""Numbers of dances from any source, in one long table: a line for each system, song, seed and measure.
+
+Every table of dances is made of these: `harmolab evaluate` for files, `measure_dances` for motions in memory. A measure
+is a function of one dance here, with its words in `MEASURES` where it stands in the table of an evaluation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, cast
+
+import numpy as np
+import pandas as pd
+
+from harmolab.beats.visual import visual_beats
+from harmolab.body.kinematics import NANOMETRE, in_body, joint_speed
+from harmolab.body.skeletons import HIPS, body_frame, heading, turned
+from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.sets import FEATURES, SETS, feature_cells, set_numbers
+from harmolab.metrics.beats import kinematic_params, other_scores
+from harmolab.metrics.features import geometric_features, kinetic_features
+from harmolab.metrics.likeness import MEASURES as BODY_MEASURES
+from harmolab.metrics.likeness import MEASURES as LIKENESS_MEASURES
+from harmolab.metrics.likeness import Likeness, LikenessLimits, likeness
+from harmolab.metrics.quality import foot_skating, freezing, jerk, or_nan, pfc, relative_jerk
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
+from harmolab.score import HarmonyScore, harmony_from_hits
+from harmolab.types import BeatTrack, FloatArray, Motion
+from harmolab.verdict.judge import Judgement, score_motion
+
+# Does the body come to rest on the beats? The plainest number of a dance, beside that of half a beat later.
+
+
+def rests_on_beat(
+    motion: Motion, music: BeatTrack, *, late: float = 0.0, frame: Literal["body", "room"] = "body"
+) -> float:
+    """Harmony above chance of the moments at which the joints are slowest in the body (`HarmonyParams.valleys`).
+
+    The body's way through the room and its turns are taken out before. 0 is what chance reaches, 1 a rest on every
+    beat; NaN where nothing moves in the body. Recorded ballroom dancers have about .06: they do not dance that plainly.
+
+    Parameters
+    ----------
+    motion : Motion
+    music : BeatTrack on its time line
+    late : float, beats by which the music is taken to be later: at .5 a dancer who rests on the beat is below chance
+    frame : "body", or "room" to leave the way and the turns in, which alone may come to rest
+    """
+    if len(music) < 2:
+        return float("nan")
+    music, motion = later(music, late) if late else music, in_body(motion) if frame == "body" else motion
+    score = score_motion(music, motion, params=HarmonyParams.valleys(), n_rotations=0)
+    return score.harmony_above_chance if score.n_visual else float("nan")
+
+
+def later(music: BeatTrack, beats: float) -> BeatTrack:
+    """Music of which every beat comes so many beats later; those beyond its end are left out."""
+    steps = np.diff(music.times)
+    times = music.times + beats * np.append(steps, steps[-1:])
+    return replace(music, times=times, duration=max(music.duration, times[-1])).span(0.0, music.duration)
+
+
+PIECE = 2.0  # seconds of a dance that the pose network sees at once; a dance is the mean of its pieces
+ALPHA = 0.05  # a dance whose p-value is at most this is in harmony beyond luck
+# Motion beats of AIST++ between frames: on frames they lie half a frame late, and slow frame rates lower the scores.
+MOTION_BEATS = replace(kinematic_params(), subframe=True)
+BODY = ("hands", "steps", "turns", "nearest")  # measures of likeness that are columns of their own
+
+
+class Dance(NamedTuple):
+    """One dance to one song, ready to be measured.
+
+    Parameters
+    ----------
+    system, song : str
+    motion : Motion
+    music : BeatTrack on its time line
+    seed : str or int, of the draw or the training
+    dance : str, such as "waltz", "" where unknown
+    limits : LikenessLimits of the recorded dancers; the shipped ones when left out
+    """
+
+    system: str
+    song: str
+    motion: Motion
+    music: BeatTrack
+    seed: str | int = ""
+    dance: str = ""
+    limits: LikenessLimits | None = None
+
+
+class Measure(NamedTuple):
+    """A measure of the table: its words, and 1 where more is better, -1 where less is, 0 where neither."""
+
+    words: str
+    better: int
+
+
+MEASURES: Mapping[str, Measure] = {
+    "harmony": Measure("harmony above chance", 1),
+    "harmony_dance": Measure("harmony above chance, by the song's dance", 1),
+    "significant": Measure(f"share of dances with p <= {ALPHA:g}", 1),
+    "paper_harmony": Measure("harmony h (paper)", 1),
+    "paper_harmony_chance": Measure("h of as many beats at random moments", 0),
+    "paper_hit_rate": Measure("hit rate (paper)", 1),
+    "paper_hit_rate_chance": Measure("hit rate by chance", 0),
+    "beat_align_motion": Measure("beat alignment, over motion beats (AIST++)", 1),
+    "beat_align_music": Measure("beat alignment, over music beats (Bailando)", 1),
+    "beat_coverage": Measure("beat coverage", 0),
+    "beat_hit_rate": Measure("beat hit rate", 1),
+    "mir_eval_f": Measure("F-measure of mir_eval", 1),
+    "pfc": Measure("physical foot contact, m²/s²", -1),
+    "foot_skating": Measure("foot skating, m/s", -1),
+    "freezing": Measure("freezing, share of windows", -1),
+    "jerk": Measure("jerk, m/s³", 0),
+    "likeness": Measure("share that moves like the recorded dancers", 1),
+    **{name: Measure(BODY_MEASURES[name], 0) for name in BODY},
+    "seconds": Measure("length of a dance, s", 0),
+}
+
+
+def dance_numbers(dance: Dance, measures: Iterable[str]) -> dict[str, float]:
+    """The numbers of these names of one dance, NaN for those that it does not have; ValueError for another name."""
+    names = tuple(measures)
+    if unknown := [name for name in names if name not in SOURCES]:
+        raise ValueError(f"no measure of a dance is called {unknown[0]!r}; there are: {', '.join(SOURCES)}")
+    numbers: dict[str, float] = {}
+    for source in dict.fromkeys(SOURCES[name] for name in names):
+        numbers |= source(dance)
+    return {name: numbers[name] for name in names}
+
+
+def measure_dances(
+    dances: Iterable[Dance],
+    measures: Sequence[str],
+    *,
+    others: Mapping[str, Callable[[Dance], float]] = MappingProxyType({}),
+    of_sets: Mapping[str, Callable[[Sequence[Dance], Sequence[Dance]], float]] = MappingProxyType({}),
+    pose_net: Path | None = None,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """The long table of some dances, which `harmolab.lab.evaluate.summary.summary` sums up.
+
+    Parameters
+    ----------
+    dances : Dances; pieces of a dance may stand for it
+    measures : names in `SOURCES`, of single dances, in `RATIOS`, in multiples of the mean of the system "recorded", and
+        of sets of dances: "fid_", "diversity_" or "multimodality_" with "kinetic", "geometric" or "pose" behind
+        (`harmolab.lab.evaluate.sets.set_numbers`: from the recorded dances, the bias of small samples taken off)
+    others : name -> function of a Dance to a number, for measures of one's own
+    of_sets : name -> function of the dances of a system and seed, and of all recorded ones, to a number
+    pose_net : Path of the weights that "pose" needs
+    seed : int, of the splits behind the correction of distances
+
+    Returns
+    -------
+    DataFrame with the columns system, song, seed, measure, value, dance by dance; of a set of dances the song is "",
+    and the seed too where all of a system are one set. What cannot be measured is NaN, of a set it is left out.
+
+    Raises
+    ------
+    ValueError
+        For another name of a measure; and without recorded dances, where a measure needs them.
+
+    Examples
+    --------
+    >>> from harmolab import synthetic_clip
+    >>> clips = [synthetic_clip("waltz", seconds=12.0, seed=seed) for seed in (1, 2)]
+    >>> dances = [Dance("recorded", f"song {place}", one.motion, one.beats) for place, one in enumerate(clips)]
+    >>> dances += [one._replace(system="statue", motion=statue(one.motion)) for one in dances]
+    >>> table = measure_dances(dances, ["harmony", "jerk_ratio"])
+    >>> table[table["measure"] == "harmony"].groupby("system")["value"].mean().round(1).to_dict()
+    {'recorded': 0.8, 'statue': 0.0}
+    """
+    kinds = {name.partition("_")[2] for name in measures if name in SET_MEASURES}
+    ratios = [name for name in measures if name in RATIOS]
+    single = [RATIOS.get(name, name) for name in measures if name not in SET_MEASURES]
+    dances = list(dances)
+    recorded = [one for one in dances if one.system == RECORDED]
+    if not recorded and (kinds or ratios or of_sets):
+        raise ValueError(f"distances and ratios need dances of the system {RECORDED!r}")
+    lines: list[tuple[Any, ...]] = []
+    for one in dances:
+        numbers = dance_numbers(one, single) | {name: measure(one) for name, measure in others.items()}
+        lines += [(one.system, one.song, one.seed, name, value) for name, value in numbers.items()]
+    for name in ratios:
+        lines += _ratios(lines, name)
+    lines = [line for line in lines if line[3] in {*measures, *others}]
+    sets: dict[tuple[str, str | int], list[Dance]] = {}
+    for one in dances:
+        sets.setdefault((one.system, one.seed), []).append(one)
+    for (system, each), own in sets.items():
+        lines += [(system, "", each, name, measure(own, recorded)) for name, measure in of_sets.items()]
+    numbers_of = set_numbers(_feature_tables(dances, kinds, pose_net), seed=seed) if kinds else {}
+    lines += [(system, "", "", name, one.value) for (system, name), one in numbers_of.items() if name in measures]
+    return pd.DataFrame(lines, columns=["system", "song", "seed", "measure", "value"])
+
+
+def _ratios(lines: Sequence[tuple[Any, ...]], name: str) -> list[tuple[Any, ...]]:
+    """The lines of one of `RATIOS`."""
+    own = [line for line in lines if line[3] == RATIOS[name]]
+    mean = np.nanmean([line[4] for line in own if line[0] == RECORDED])
+    return [(*line[:3], name, line[4] / mean) for line in own]
+
+
+def _feature_tables(dances: Iterable[Dance], kinds: Collection[str], pose_net: Path | None) -> dict[str, pd.DataFrame]:
+    """The features of dances by system, as `Collected.features` has them."""
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for one in dances:
+        about = {"song": one.song, "seed": one.seed, "skeleton": " ".join(one.motion.skeleton.joints)}
+        cells = feature_cells(motion_features(one.motion, pose_net, kinds))
+        rows.setdefault(one.system, []).append({**about, **cells})
+    return {system: pd.DataFrame(each) for system, each in rows.items()}
+
+
+def statue(motion: Motion) -> Motion:
+    """The mean pose of a dancer on the dancer's own path, turning as the dancer turns: what it keeps is no dance."""
+    body = body_frame(motion.positions, motion.fps, motion.skeleton)
+    angles = heading(motion.positions, motion.fps, motion.skeleton, parts=HIPS, smoothing=0.0)[:, None]
+    torso = (motion.positions - turned(body, angles))[:, :1]
+    pose = np.repeat(body.mean(axis=0, keepdims=True), len(body), axis=0)
+    # To the nanometre: the valleys of rounding errors would be the beats of a statue that stands.
+    return replace(motion, positions=(turned(pose, angles) + torso).round(NANOMETRE))
+
+
+def harmony_numbers(dance: Dance) -> dict[str, float]:
+    """The recommended score without a pattern, and by the bar pattern of the dance where there is one."""
+    values = _recommended(dance, HarmonyParams.recommended())
+    p = values["p_value"]
+    numbers = values | {"significant": float(p <= ALPHA) if p == p else p}
+    if dance.dance not in DANCE_PATTERNS:
+        return numbers | {"harmony_dance": float("nan"), "p_value_dance": float("nan")}
+    by_bar = _recommended(dance, HarmonyParams.recommended(DANCE_PATTERNS[dance.dance]))
+    return numbers | {"harmony_dance": by_bar["harmony"], "p_value_dance": by_bar["p_value"]}
+
+
+def _recommended(dance: Dance, params: HarmonyParams) -> dict[str, float]:
+    """A recommended score. A body in which nothing moves has a harmony of 0 and a p-value of 1, not none."""
+    judgement = cast(Judgement, score_motion(dance.music, dance.motion, params=params).judgement)
+    (low, high), level = judgement.interval, float(judgement.level)
+    if judgement.floor:
+        return {"harmony": 0.0, "p_value": 1.0, "harmony_low": 0.0, "harmony_high": 0.0, "level": level}
+    values = {"harmony": judgement.place_harmony, "p_value": judgement.p_harmony}
+    return values | {"harmony_low": low, "harmony_high": high, "level": level}
+
+
+def paper_numbers(music: BeatTrack, motion: Motion) -> dict[str, float]:
+    """Harmony and hit rate in paper mode, each with what as many visual beats at random moments reach, and M."""
+    params = HarmonyParams.paper()
+    paper = score_motion(music, motion, params=params, n_rotations=0)
+    expected = paper.chance * float(paper.music.strengths.sum())
+    return {
+        "paper_harmony": paper.harmony,
+        "paper_harmony_chance": harmony_from_hits(expected, paper.n_audio, paper.n_visual, params.beta),
+        "paper_hit_rate": paper.hit_rate,
+        "paper_hit_rate_chance": paper.chance,
+        "paper_visual_beats": paper.n_visual,
+    }
+
+
+def beat_numbers(music: BeatTrack, motion: Motion) -> dict[str, float]:
+    """The field's measures of music beats and of the motion beats of AIST++, which need not lie on frames here."""
+    return other_scores(music, visual_beats(motion, params=MOTION_BEATS), only=("f",))
+
+
+def rest_numbers(dance: Dance) -> dict[str, float]:
+    """Harmony above chance of rests: in the body, with the music half a beat late, in the room, and of the statue.
+
+    A dance that is no better than its statue has danced with its path.
+    """
+    motion, music = dance.motion, dance.music
+    return {
+        "rests": rests_on_beat(motion, music),
+        "rests_late": rests_on_beat(motion, music, late=0.5),
+        "room_rests": rests_on_beat(motion, music, frame="room"),
+        "statue_rests": rests_on_beat(statue(motion), music, frame="room"),
+    }
+
+
+def quality_numbers(dance: Dance) -> dict[str, float]:
+    """Foot contact, skating, freezing, jerk, jerk for the speed, and the mean speed of a joint in m/s."""
+    motion = dance.motion
+    speed = float(joint_speed(motion.positions, motion.fps).mean() / len(motion.skeleton.joints))
+    return {name: or_nan(measure, motion) for name, measure in QUALITY.items()} | {"speed": speed}
+
+
+def guard_numbers(dance: Dance) -> dict[str, float]:
+    """1 where the dance moves like the recorded dancers, 0 where not, the share of its measures within, and each."""
+    judged = likeness(dance.motion, dance=dance.dance, limits=dance.limits)
+    values = {name: judged.values.get(name, float("nan")) for name in BODY_MEASURES}
+    return {
+        "likeness": float("nan") if judged.passed is None else float(judged.passed),
+        "likeness_within": 1 - len(judged.fails) / max(len(judged.values), 1),
+        **{name: values[name] for name in BODY},
+        **{f"likeness_{name}": value for name, value in values.items()},
+    }
+
+
+QUALITY: Mapping[str, Callable[[Motion], float]] = MappingProxyType(
+    {"pfc": pfc, "foot_skating": foot_skating, "freezing": freezing, "jerk": jerk, "relative_jerk": relative_jerk}
+)
+HARMONY = (
+    "harmony",
+    "p_value",
+    "harmony_low",
+    "harmony_high",
+    "level",
+    "significant",
+    "harmony_dance",
+    "p_value_dance",
+)
+PAPER = ("paper_harmony", "paper_harmony_chance", "paper_hit_rate", "paper_hit_rate_chance")
+BEATS = ("beat_align_motion", "beat_align_music", "beat_coverage", "beat_hit_rate", "mir_eval_f")
+# Name of a measure -> the function of a dance that gives it, with others.
+SOURCES: Mapping[str, Callable[[Dance], Mapping[str, float]]] = MappingProxyType(
+    {"seconds": lambda dance: {"seconds": dance.motion.duration}}
+    | dict.fromkeys(HARMONY, harmony_numbers)
+    | dict.fromkeys((*PAPER, "paper_visual_beats"), lambda dance: paper_numbers(dance.music, dance.motion))
+    | dict.fromkeys(BEATS, lambda dance: beat_numbers(dance.music, dance.motion))
+    | dict.fromkeys(("rests", "rests_late", "room_rests", "statue_rests"), rest_numbers)
+    | dict.fromkeys((*QUALITY, "speed"), quality_numbers)
+    | dict.fromkeys(
+        ("likeness", "likeness_within", *BODY, *(f"likeness_{name}" for name in BODY_MEASURES)), guard_numbers
+    )
+)
+# Measures in multiples of the mean of the recorded dances.
+RATIOS = MappingProxyType({"jerk_ratio": "jerk", "skating_ratio": "foot_skating", "speed_ratio": "speed"})
+SET_MEASURES = tuple(f"{kind}_{name}" for kind in SETS for name in FEATURES)
+
+
+def motion_features(motion: Motion, pose_net: Path | None, kinds: Collection[str] = FEATURES) -> dict[str, FloatArray]:
+    """The features of these kinds of a motion as a whole; without those it cannot have."""
+    features: dict[str, FloatArray] = {}
+    for name, measure in (("kinetic", kinetic_features), ("geometric", geometric_features)):
+        try:
+            features |= {name: measure(motion)} if name in kinds else {}
+        except ValueError:
+            continue
+    pose = pose_features(motion, pose_net) if pose_net is not None and "pose" in kinds else None
+    return features if pose is None else features | {"pose": pose}
+
+
+def pose_features(motion: Motion, weights: Path) -> FloatArray | None:
+    """Mean features of the pieces of a motion by a pose network, (D,); None where joints or length do not fit.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        torch is not installed.
+    """
+    from harmolab.systems.training.layers import one_thread
+    from harmolab.systems.training.pose_network import embed_windows
+
+    net = _pose_net(weights)
+    if motion.skeleton.joints != net.skeleton.joints or motion.positions.shape[2] != 3 or motion.duration < PIECE:
+        return None
+    with one_thread():
+        features: FloatArray = embed_windows([motion], net, seconds=PIECE).mean(axis=0)
+    return features
+
+
+@cache
+def _pose_net(weights: Path):  # type: ignore[no-untyped-def]
+    from harmolab.systems.training.pose_network import load_pose_net
+
+    return load_pose_net(weights)
+
+
+# Scores of a generated dance, for a table beside it: harmony, beats, jerk, skating, likeness to recorded dancers.
+
+Entry = float | int | str | None
+ABOVE_CHANCE = "harmony above chance"
+# What speaks of harmony: of a dance that fails by likeness none is told.
+OF_HARMONY = (ABOVE_CHANCE, "level, 0 to 4", "p in time", "paper: harmony", "paper: hit rate", "paper: chance")
+MEANINGLESS = "not meaningful"
+# Measure of `dance_numbers` -> its words.
+WORDS: Mapping[str, str] = MappingProxyType(
+    {
+        "paper_harmony": "paper: harmony",
+        "paper_hit_rate": "paper: hit rate",
+        "paper_hit_rate_chance": "paper: chance",
+        "paper_visual_beats": "paper: visual beats M",
+        "jerk": "jerk, m/s³",
+        "foot_skating": "foot skating, m/s",
+    }
+)
+
+
+def dance_scores(
+    motion: Motion, music: BeatTrack, score: HarmonyScore | None = None, *, likeness: Likeness | None = None
+) -> dict[str, Entry]:
+    """Name -> number of every score of a dance; None where it is too short for that, or has no feet to judge.
+
+    With a likeness "looks like dancing" says how many measures pass, and every measure stands there with the range that
+    recorded dancers had; of a dance that fails all that speaks of harmony (`OF_HARMONY`) is "not meaningful".
+
+    Parameters
+    ----------
+    motion : Motion
+    music : BeatTrack on the motion's time line
+    score : HarmonyScore of the two by the recommended settings, computed without a dance's pattern when left out
+    likeness : Likeness of the motion (`harmolab.likeness`)
+    """
+    score = score or score_motion(music, motion)
+    numbers = dance_numbers(Dance("", "", motion, music), WORDS)
+    measured = {WORDS[name]: None if math.isnan(value) else value for name, value in numbers.items()}
+    scores: dict[str, Entry] = {**_judged(score), **measured}
+    return scores if likeness is None else _guarded(scores, likeness)
+
+
+def _guarded(scores: dict[str, Entry], likeness: Likeness) -> dict[str, Entry]:
+    """The scores with those of likeness after harmony, which says nothing where they fail."""
+    if likeness.passed is False:
+        scores |= dict.fromkeys(OF_HARMONY, MEANINGLESS)
+    first = {ABOVE_CHANCE: scores[ABOVE_CHANCE], "looks like dancing": likeness.cannot or likeness.count}
+    return (
+        first
+        | scores
+        | {f"like dancing: {LIKENESS_MEASURES[name]}": _measured(likeness, name) for name in LIKENESS_MEASURES}
+    )
+
+
+def _measured(likeness: Likeness, name: str) -> str | None:
+    """A measure, the range that recorded dancers had, and "fails" where it is too far from it."""
+    if name not in likeness.values:
+        return None
+    low, _, high = likeness.recorded[name]
+    fails = " fails" if name in likeness.fails else ""
+    return f"{likeness.values[name]:.3g} ({low:.3g} to {high:.3g}){fails}"
+
+
+def _judged(score: HarmonyScore) -> dict[str, Entry]:
+    """The numbers of the recommended score, beginning with the one to read."""
+    verdict = score.judgement.to_dict() if score.judgement else {}
+    return {
+        ABOVE_CHANCE: score.above_chance,
+        "level, 0 to 4": verdict.get("level"),
+        "p in time": verdict.get("p_time"),
+        "pulse, 1/s": verdict.get("pulse"),
+        "share inside the body": verdict.get("share"),
+        "music beats N": score.n_audio,
+    }

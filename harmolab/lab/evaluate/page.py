@@ -1,0 +1,184 @@
+"""The page of an evaluation, and all its files written in one go."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from textwrap import fill
+from typing import Any, NamedTuple
+
+from harmolab.files import PathLike, plain, write_text
+from harmolab.lab.evaluate.evaluation import CLIPS, Evaluation, Extreme
+from harmolab.lab.evaluate.pairing import RECORDED
+from harmolab.lab.evaluate.rows import pair_clip
+from harmolab.lab.evaluate.summary import measure_of
+from harmolab.lab.evaluate.tables import (
+    Note,
+    methods_paragraph,
+    number_text,
+    table_content,
+    table_csv,
+    table_notes,
+    table_records,
+    table_tex,
+)
+from harmolab.lab.figures.beats import png_text
+from harmolab.lab.figures.evaluation import distributions_figure
+from harmolab.lab.player import player_of
+from harmolab.lab.report.templates import rendered
+from harmolab.params import HarmonyParams
+
+SHOWN_SECONDS = 20.0  # of a dance in the page's players
+DRAWN = (
+    *("harmony", "harmony_dance", "paper_harmony", "beat_align_motion", "beat_align_music", "mir_eval_f", "likeness"),
+    *("pfc", "foot_skating", "freezing", "jerk"),
+)
+TITLE = 40  # letters in a line of a panel's title
+LISTED = 200  # files that the page names as left out; table.json has them all
+WIDE, NARROW = (3, 4.0), (1, 4.4)  # panels in a row, inches of each
+
+
+class Shown(NamedTuple):
+    """A dance in a player: its heading, the page of the player, and the reason where there is none."""
+
+    title: str
+    player: str
+    reason: str
+
+
+def write_evaluation(out: PathLike, evaluation: Evaluation) -> dict[str, Path]:
+    """Write table.csv, table.json, table.tex and index.html into a folder, each whole; nothing unless all can be made.
+
+    Returns
+    -------
+    name -> path of every file of the table, with that of clips.csv, which `evaluate_dances` wrote
+    """
+    texts = {
+        "index.html": evaluation_page(evaluation),
+        "table.csv": table_csv(evaluation),
+        "table.json": json.dumps(plain(table_content(evaluation)), indent=1, ensure_ascii=False, allow_nan=False),
+        "table.tex": table_tex(evaluation),
+    }
+    paths = {name: Path(out) / name for name in texts}
+    for name, text in texts.items():
+        write_text(paths[name], text)
+    return paths | {CLIPS: Path(out) / CLIPS}
+
+
+def evaluation_page(evaluation: Evaluation) -> str:
+    """One HTML page with table, distributions, best and worst dances, and the methods; it needs no network."""
+    records = table_records(evaluation)
+    panels = [_panel(evaluation, name) for name in DRAWN if name in evaluation.measures]
+    left_out = [*evaluation.errors, *evaluation.unpaired]
+    notes = list(table_notes(evaluation))
+    return rendered(
+        "evaluation.html.j2",
+        title=f"{', '.join(evaluation.systems)}: harmony and movement",
+        findings=list(findings(evaluation)),
+        records=[{**record, "marks": _marks(notes, record["system"])} for record in records],
+        groups=[
+            [_line(records, name, notes) for name in names] for names in (evaluation.measures, evaluation.set_measures)
+        ],
+        wide=png_text(distributions_figure(panels, columns=WIDE[0], width=WIDE[1])),
+        narrow=png_text(distributions_figure(panels, columns=NARROW[0], width=NARROW[1])),
+        differences=list(_differences(evaluation)),
+        compared=len(evaluation.systems) > 1,
+        dances=list(_players(evaluation)),
+        shown_seconds=SHOWN_SECONDS,
+        notes=notes,
+        methods=methods_paragraph(evaluation),
+        left_out=[(str(one.file), one.reason) for one in left_out[:LISTED]],
+        more=max(0, len(left_out) - LISTED),
+        version=version("harmolab"),
+    )
+
+
+def _line(records: list[dict[str, Any]], name: str, notes: Sequence[Note]) -> dict[str, Any]:
+    """A line of the page's table: a measure in words, its direction, remarks, and a cell for each row of the table."""
+    measure = measure_of(name)
+    cells = [_cell(record, name) for record in records]
+    return {"words": measure.words, "better": measure.better, "cells": cells, "marks": _marks(notes, name)}
+
+
+def _marks(notes: Sequence[Note], name: str) -> list[int]:
+    """Numbers of the remarks that concern a row or a measure, from 1."""
+    return [number for number, note in enumerate(notes, 1) if name in note.about]
+
+
+def findings(evaluation: Evaluation) -> Iterator[str]:
+    """A sentence for each system: its harmony above chance beside that of the recorded dances, and its likeness."""
+    clear = {frozenset((one.a, one.b)): one.is_clear for one in evaluation.differences if one.measure == "harmony"}
+    recorded = evaluation.means.get((RECORDED, "harmony"))
+    for system in evaluation.systems:
+        mean = evaluation.means.get((system, "harmony"))
+        if mean is None or recorded is None:
+            yield f"{system}: no harmony above chance could be measured."
+            continue
+        if not clear.get(frozenset((system, RECORDED))):
+            relation = "cannot be told from the recorded dances by its harmony with the music"
+        else:
+            relation = f"goes with its music {'more' if mean.mean > recorded.mean else 'less'} than the recorded dances"
+        likeness = evaluation.means.get((system, "likeness"))
+        likely = "" if likeness is None else f" {likeness.mean:.0%} of its dances move like recorded dancers."
+        numbers = f"{number_text(mean.mean)} above chance, theirs {number_text(recorded.mean)}"
+        yield f"{system} {relation} ({numbers}).{likely}"
+
+
+def _cell(record: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The texts of a number, of its interval or its sample sizes, and its rank."""
+    low, high = (record.get(f"{name}_{end}", math.nan) for end in ("low", "high"))
+    sizes = [record.get(f"{name}_{each}", math.nan) for each in ("n", "n_recorded")]
+    beside = "" if math.isnan(low) else f"{number_text(low)} to {number_text(high)}"
+    if sizes[0] > 0:
+        beside = f"{' and '.join(f'{size:.0f}' for size in sizes if size == size)} dances"
+    return {"value": number_text(record[name]), "beside": beside, "rank": record.get(f"{name}_rank")}
+
+
+def _panel(evaluation: Evaluation, name: str) -> dict[str, Any]:
+    """A panel of the figure."""
+    values = evaluation.songs[name].dropna()
+    rows = [row for row in evaluation.rows if (row, name) in evaluation.means]
+    return {
+        "title": fill(measure_of(name).words, TITLE),
+        "songs": {row: values.loc[row] for row in rows},
+        "means": {row: evaluation.means[row, name] for row in rows},
+        "controls": evaluation.controls,
+    }
+
+
+def _differences(evaluation: Evaluation) -> Iterator[dict[str, str]]:
+    """The differences between two systems that exclude 0, in measures that have a direction."""
+    for one in evaluation.differences:
+        if one.is_clear and {one.a, one.b} <= evaluation.ranks[one.measure].keys():
+            yield {
+                "measure": measure_of(one.measure).words,
+                "a": one.a,
+                "b": one.b,
+                "difference": f"{number_text(one.mean)} ({number_text(one.low)} to {number_text(one.high)})",
+                "songs": str(one.songs),
+            }
+
+
+def _players(evaluation: Evaluation) -> Iterator[Shown]:
+    """The best and the worst dance of each system and of the recorded ones."""
+    for system, (worst, best) in evaluation.extremes.items():
+        yield _in_player(evaluation, best, f"{system}: best")
+        if worst.pair != best.pair:
+            yield _in_player(evaluation, worst, f"{system}: worst")
+
+
+def _in_player(evaluation: Evaluation, extreme: Extreme, words: str) -> Shown:
+    pair = extreme.pair
+    seed = f", {pair.seed}" if pair.seed else ""
+    title = f"{words}, {pair.song}{seed} ({number_text(extreme.harmony)} above chance)"
+    try:
+        clip = pair_clip(pair, evaluation.options)
+        seconds = min(SHOWN_SECONDS, clip.audio.duration)
+        return Shown(
+            title, player_of([clip], seconds=seconds, title=title, params=HarmonyParams.recommended()).page, ""
+        )
+    except (ValueError, OSError) as error:
+        return Shown(title, "", str(error))

@@ -1,0 +1,427 @@
+"""The table of an evaluation as text: CSV, JSON and LaTeX."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from types import MappingProxyType
+from typing import Any
+
+import pandas as pd
+
+from harmolab.lab.evaluate.evaluation import Evaluation
+from harmolab.lab.evaluate.measured import PIECE
+from harmolab.lab.evaluate.pairing import OTHER_SONG, RECORDED
+from harmolab.lab.evaluate.published import protocol_of
+from harmolab.lab.evaluate.rows import LIMIT_DANCES
+from harmolab.lab.evaluate.sets import FEATURE_DANCES, FEATURES, MOST_SONGS, SetNumber
+from harmolab.lab.evaluate.summary import FEWEST_SONGS, Mean, measure_of
+from harmolab.params import DANCE_PATTERNS, HarmonyParams
+
+# Words about a table: remarks on this one, and the paragraph on how it was made, to paste into a paper.
+
+MUSICAL = (  # of which more must be reached with the own song than with another
+    *("harmony", "harmony_dance", "paper_harmony", "paper_hit_rate"),
+    *("beat_align_motion", "beat_align_music", "beat_hit_rate", "mir_eval_f"),
+)
+FEW = 100  # dances below which a distance of features says little
+ENOUGH = 12  # recorded dances from which on limits let pass nine in ten of the others, among 23 of ballroom
+_NARROW = (
+    " Those of so few are narrow: of 23 recordings of ballroom dances the limits of four let pass two thirds of the "
+    "others, those of one a tenth."
+)
+LARGER = 10.0  # times the reach of the recorded dancers' hands: no body, but another unit
+
+
+class Note(str):
+    """A remark on a table, and `about`: the names of the rows and measures that it concerns; none where it is on all.
+
+    >>> Note("ours has 2 songs", "ours").about
+    ('ours',)
+    """
+
+    __slots__ = ("about",)
+    about: tuple[str, ...]
+
+    def __new__(cls, text: str, *about: str) -> Note:
+        self = super().__new__(cls, text)
+        self.about = about
+        return self
+
+
+def table_notes(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks that a reader needs beside this table: small samples, missing columns and controls, doubtful harmony."""
+    counts, protocol = evaluation.counts, evaluation.settings.protocol
+    columns = (*evaluation.measures, *evaluation.set_measures)
+    if protocol and not any(name.startswith(f"{protocol} ") for name in columns):
+        yield Note(f"No dance has numbers of {protocol}: they are of joints that these bodies do not have by name.")
+    if OTHER_SONG not in evaluation.controls:
+        yield Note(
+            "The recorded dances have one song only, so there is no row of recorded dances with another song.", RECORDED
+        )
+    if len(evaluation.systems) > 1 and not any(evaluation.ranks.values()):
+        yield Note(f"No system has a rank: no difference excludes 0 over {FEWEST_SONGS} common songs or more.")
+    yield from _doubtful_inputs(evaluation)
+    if deaf := list(_deaf_measures(evaluation)):
+        yield Note(
+            "These measures do not tell the recorded dances from the same with another song, so that a rank by them "
+            f"may say nothing about the music: {'; '.join(measure_of(name).words for name in deaf)}.",
+            *deaf,
+        )
+    for name in FEATURES:
+        if missing := [row for row in evaluation.systems if (row, f"fid_{name}") not in evaluation.sets]:
+            yield Note(f"No FID on {name} features for {', '.join(missing)}: {_reason(evaluation, name)}.", *missing)
+    frechet = [name for name in evaluation.set_measures if name.startswith("fid_")]
+    distances = [one for (row, name), one in evaluation.sets.items() if name in frechet and row != RECORDED]
+    if distances and min(one.n for one in distances) < FEW:
+        yield Note(
+            f"Fréchet distances rest on {min(one.n for one in distances)} dances at the least. The bias of small "
+            "samples is estimated and taken off, but some stays below twice as many dances as features (144 for "
+            "kinetic ones), the more the fewer they are, so that systems with other numbers of dances do not compare. "
+            "Chance stays too: below "
+            f"about {FEW} dances small differences mean nothing.",
+            *frechet,
+        )
+    if below := dict.fromkeys(name for (_, name), one in evaluation.sets.items() if name in frechet and one.value < 0):
+        yield Note(
+            "A Fréchet distance below 0 is chance, as two samples of one distribution have it in every second case.",
+            *below,
+        )
+    for row in evaluation.systems:
+        if (row, "likeness") in evaluation.means and (likely := evaluation.means[row, "likeness"].mean) < 0.5:
+            yield Note(
+                f"Only {likely:.0%} of the dances of {row} move like the recorded dancers: its harmony means little, "
+                "as that of a statue on a turntable does.",
+                row,
+            )
+        if len(evaluation.systems) > 1 and counts[row].songs < FEWEST_SONGS:
+            yield Note(f"{row} has {counts[row].songs} songs; no rank is given below {FEWEST_SONGS}.", row)
+    if "likeness" in evaluation.measures and evaluation.options.limits is None:
+        yield Note(
+            "The recorded dances gave no limits of likeness; those of four ballroom dances that are shipped stand in.",
+            "likeness",
+        )
+    elif "likeness" in evaluation.measures:
+        yield Note(
+            "The limits of likeness are the recorded dances' own, so that it is no finding that these pass."
+            + (_NARROW if counts[RECORDED].dances < ENOUGH else ""),
+            "likeness",
+        )
+    yield from _assumptions(evaluation)
+    if evaluation.errors:
+        yield Note(f"{len(evaluation.errors)} dances could not be measured and are in no number.")
+
+
+def _doubtful_inputs(evaluation: Evaluation) -> Iterator[Note]:
+    """Remarks on means over fewer songs than others, on frame rates that differ, and on bodies of no human size."""
+    means, rows = evaluation.means, (*evaluation.systems, RECORDED)
+    rates = {row: _listed(evaluation.facts[row]["fps"]) for row in rows}
+    for name, reason in (
+        ("harmony", "too short, or with too few beats, to be judged"),
+        ("likeness", "shorter than 10 s, two-dimensional, or without names of joints"),
+    ):
+        songs = evaluation.songs[name].groupby(level="system").agg(["count", "size"])
+        if few := [f"{row} ({one['count']} of {one['size']})" for row, one in songs.iterrows() if one.nunique() > 1]:
+            yield Note(
+                f'No number "{measure_of(name).words}" for some songs of {", ".join(few)}: {reason}. Means over '
+                "different songs do not compare; the differences are over common songs.",
+                name,
+            )
+    if len(set(rates.values())) > 1:
+        listed = "; ".join(f"{row}: {rate}" for row, rate in rates.items())
+        yield Note(
+            f"The frame rates differ ({listed}). Harmony and the beat measures hardly change with them; physical foot "
+            "contact, jerk and Fréchet distances may by some per cent: bring all to one rate before you rank by these.",
+            *("pfc", "jerk"),
+            *(name for name in evaluation.set_measures if name.startswith("fid_")),
+        )
+    hands = {row: means[row, "hands"].mean for row in evaluation.rows if (row, "hands") in means}
+    for row in evaluation.systems:
+        if hands.get(row, 0.0) > LARGER * hands.get(RECORDED, math.inf):
+            yield Note(
+                f"The hands of {row} range over {hands[row]:.0f} m, those of the recorded dancers over "
+                f"{hands[RECORDED]:.1f} m: the files are hardly in metres; bring them there by `harmolab convert "
+                "--scale`.",
+                row,
+            )
+
+
+def _deaf_measures(evaluation: Evaluation) -> Iterator[str]:
+    """The `MUSICAL` measures that are not clearly higher for recorded dances with their own songs."""
+    for one in evaluation.differences:
+        if {one.a, one.b} == {RECORDED, OTHER_SONG} and one.measure in MUSICAL:
+            low = one.low if one.a == RECORDED else -one.high
+            if one.songs >= FEWEST_SONGS and not low > 0:
+                yield one.measure
+
+
+def _reason(evaluation: Evaluation, name: str) -> str:
+    if name == "pose" and evaluation.options.pose_net is None:
+        return "torch is not installed"
+    if name == "pose":
+        return "the pose network knows other joints (--pose-net names another), or the dances are too few or too short"
+    if name == "kinetic":
+        return "the joints are not those of the recorded dances, or there are fewer than four dances"
+    return "they need joints by name that the body does not have, or there are fewer than four dances"
+
+
+def methods_paragraph(evaluation: Evaluation) -> str:
+    """The way the table was made: data, frame rates, beats, settings, statistics, and the protocol's remarks."""
+    return " ".join([*_data(evaluation), *_measurement(evaluation), *_statistics(evaluation), *_protocol(evaluation)])
+
+
+def _data(evaluation: Evaluation) -> Iterator[str]:
+    counts, facts = evaluation.counts, evaluation.facts
+    yield f"All numbers were computed with harmolab {version('harmolab')}."
+    for row in (*evaluation.systems, RECORDED):
+        seeds = f", {counts[row].seeds} seeds" if counts[row].seeds > 1 else ""
+        yield (
+            f"{row}: {counts[row].dances} dances to {counts[row].songs} songs{seeds}, "
+            f"{_listed(facts[row]['fps'])} frames per second, {_listed(facts[row]['joints'])} joints."
+        )
+    beats, dances = (
+        sum((facts[row][name] for row in (*evaluation.systems, RECORDED)), Counter[str]())
+        for name in ("beats", "dance")
+    )
+    yield from _assumptions(evaluation)
+    yield f"Music beats were annotated for {beats['annotated']} of these dances and tracked for {beats['tracked']}."
+    if patterns := {dance: count for dance, count in dances.items() if dance in DANCE_PATTERNS}:
+        yield (
+            f"Harmony by the bar pattern of the song's dance is that of {_listed(patterns)}; the patterns were learnt "
+            "on recorded dancers, and judge those that they were learnt on too kindly."
+        )
+
+
+def _assumptions(evaluation: Evaluation) -> Iterator[Note]:
+    """A sentence for each row on what was guessed or assumed when its dances were read; none where nothing was."""
+    for row in (*evaluation.systems, RECORDED):
+        if counts := {text: count for text, count in evaluation.facts[row]["assumptions"].items() if text}:
+            dances = "; ".join(f"{text} ({count})" for text, count in sorted(counts.items()))
+            yield Note(f"Assumptions in reading {row} (dances): {dances}.", row)
+
+
+def _listed(values: Mapping[str, int]) -> str:
+    """The values of a count, the most frequent first; the numbers beside them where they differ."""
+    ordered = sorted(values.items(), key=lambda item: (-item[1], item[0]))
+    if len(ordered) == 1:
+        return ordered[0][0]
+    return ", ".join(f"{value} ({count})" for value, count in ordered)
+
+
+def _measurement(evaluation: Evaluation) -> Iterator[str]:
+    paper, limits = HarmonyParams.paper(), evaluation.options.limits
+    yield (
+        "Harmony above chance is the recommended score (the percentile rank of the music beats among all moments of "
+        "the movement's shape, expected to rest on the beats or to hit them; 0 is chance, 1 the most there is); a "
+        "dance in which nothing moves has 0. Harmony h and "
+        f"hit rate are in paper mode (reaction delay {paper.reaction_delay:g} s, beta {paper.beta:g}, "
+        f"{paper.fps:g} frames per second, thresholds {paper.audio_threshold:g} and {paper.visual_threshold:g}), each "
+        "beside what as many visual beats at random moments reach."
+    )
+    yield (
+        "Beat alignment, coverage, hit rate and F-measure take the minima of the smoothed joint speed as motion beats, "
+        "with the widths of AIST++ in seconds, between frames, so that they do not change with the frame rate."
+    )
+    yield (
+        "Fréchet distances are from the recorded dances, on kinetic and geometric features (those of AIST++, their "
+        f"faults mended) and on the mean features of {PIECE:g} s pieces by a pose network"
+        + (f" ({evaluation.options.pose_net.name})" if evaluation.options.pose_net else "")
+        + ", in units of the recorded dances; the bias of small samples, estimated from halves of each set as if its "
+        "dances were independent, is taken off, and sample sizes stand beside. The "
+        "distance of the recorded dances is that between halves of their songs."
+    )
+    source = "the shipped recordings" if limits is None else f"the recorded dances, {LIMIT_DANCES} of them at most"
+    yield f"A dance moves like recorded dancers where thirteen measures lie within the limits of {source}."
+
+
+def _statistics(evaluation: Evaluation) -> Iterator[str]:
+    settings = evaluation.settings
+    yield (
+        f"Intervals are 95 % by {settings.resamples} resamplings of the songs (seed {settings.seed}), expanded for "
+        "small samples (Hesterberg 2015), with dances to one song and seeds averaged within the song. Differences "
+        "between systems are paired by song; a rank is given only where the interval of a difference excludes 0 over "
+        f"{FEWEST_SONGS} songs or more. The intervals are not corrected for the number of comparisons: of systems that "
+        "are equal, one pair in twenty differs by luck, in each measure."
+    )
+    # The songs of all systems are counted together, so that none needs to have so many itself.
+    if any(len(evaluation.songs.loc[row]) < count.songs for row, count in evaluation.counts.items()):
+        yield f"Here {MOST_SONGS} groups of songs, drawn by name, stand for the songs, since there are more of them."
+    if max(count.dances for count in evaluation.counts.values()) > FEATURE_DANCES:
+        yield f"Distances and diversity are of {FEATURE_DANCES} dances of a system at most, drawn by name."
+
+
+def _protocol(evaluation: Evaluation) -> Iterator[str]:
+    name = evaluation.settings.protocol
+    if name:
+        yield f"Columns called {name} follow the published code of that protocol: {' '.join(protocol_of(name).notes)}"
+        for row in (*evaluation.systems, RECORDED):
+            remarks = {text: count for text, count in evaluation.facts[row]["remarks"].items() if text}
+            yield from (f"{row}, {count} dances: {text}" for text, count in remarks.items())
+
+
+# Columns of the LaTeX table, those that were measured: name -> heading. The others are in the CSV file.
+COLUMNS: Mapping[str, str] = MappingProxyType(
+    {
+        "harmony": "Harmony",
+        "harmony_dance": "H. of dance",
+        "paper_harmony": r"$h$",
+        "paper_harmony_chance": r"$h$ by chance",
+        "beat_align_motion": r"BA$_\mathrm{motion}$",
+        "beat_align_music": r"BA$_\mathrm{music}$",
+        "mir_eval_f": "Beat $F$",
+        "fid_kinetic": r"FID$_k$",
+        "fid_geometric": r"FID$_g$",
+        "fid_pose": r"FID$_\mathrm{pose}$",
+        "diversity_kinetic": r"Div$_k$",
+        "diversity_geometric": r"Div$_g$",
+        "pfc": "PFC",
+        "foot_skating": "Skating",
+        "freezing": "Freezing",
+        "likeness": "Likeness",
+    }
+)
+ARROWS = MappingProxyType({1: r" $\uparrow$", -1: r" $\downarrow$", 0: ""})
+NO_MEAN, NO_NUMBER = Mean(math.nan, math.nan, math.nan, 0), SetNumber(math.nan, 0)
+# Below so much, so many digits; rounding must not lead over the edge.
+_DIGITS = ((0.00005, 2), (0.00995, 4), (0.0995, 3), (9.995, 2), (99.95, 1))
+_LATEX = MappingProxyType(
+    {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    | {"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}"}
+    | {"[": "{[}", "*": "{*}"}  # at the begin of a row, the end of the row before would take them for its own
+    | {mark: f"\\{mark}" for mark in "&%$#_{}"}
+)
+
+
+def number_text(value: float) -> str:
+    """A number with two digits or three, "-" where there is none; never -0.
+
+    >>> [number_text(value) for value in (0.1234, 0.00123, -0.00001, 12.34, 123.4, float("nan"))]
+    ['0.12', '0.0012', '0.00', '12.3', '123', '-']
+    """
+    if not math.isfinite(value):
+        return "-"
+    digits = next((digits for most, digits in _DIGITS if abs(value) < most), 0)
+    return f"{round(value, digits) + 0.0:.{digits}f}"
+
+
+def table_records(evaluation: Evaluation) -> list[dict[str, Any]]:
+    """A record for each row of the table: counts, then every measure with low, high and rank, then those of sets."""
+    records = []
+    for name in evaluation.rows:
+        record: dict[str, Any] = {"system": name, "control": name in evaluation.controls}
+        record |= evaluation.counts[name]._asdict()
+        for measure in evaluation.measures:
+            mean = evaluation.means.get((name, measure), NO_MEAN)
+            record |= {measure: mean.mean, f"{measure}_low": mean.low, f"{measure}_high": mean.high}
+            record[f"{measure}_rank"] = evaluation.ranks.get(measure, {}).get(name)
+        for measure in evaluation.set_measures:
+            number = evaluation.sets.get((name, measure), NO_NUMBER)
+            record |= {measure: number.value, f"{measure}_n": number.n}
+            if measure.startswith("fid_"):
+                record |= {f"{measure}_raw": number.raw, f"{measure}_n_recorded": number.n_recorded}
+        records.append(record)
+    return records
+
+
+def table_csv(evaluation: Evaluation) -> str:
+    """One line a row of the table; empty where there is no number."""
+    frame = pd.DataFrame(table_records(evaluation))
+    ranked = [name for name in map(str, frame) if name.endswith("_rank")]
+    return str(frame.astype(dict.fromkeys(ranked, "Int64")).to_csv(index=False))
+
+
+def table_content(evaluation: Evaluation) -> dict[str, Any]:
+    """Everything there is to say about the table, for JSON: rows, differences, remarks, methods, what was left out."""
+    return {
+        "harmolab": version("harmolab"),
+        "settings": evaluation.settings.to_dict(),
+        "measures": {name: measure_of(name)._asdict() for name in evaluation.measures},
+        "rows": table_records(evaluation),
+        "differences": [one._asdict() for one in evaluation.differences],
+        "facts": {row: {name: dict(values) for name, values in facts.items()}
+                  for row, facts in evaluation.facts.items()},
+        "notes": list(table_notes(evaluation)),
+        "methods": methods_paragraph(evaluation),
+        "unpaired": [{"file": str(one.file), "reason": one.reason} for one in evaluation.unpaired],
+        "errors": [{"file": str(one.file), "reason": one.reason} for one in evaluation.errors],
+    }  # fmt: skip
+
+
+def table_tex(evaluation: Evaluation) -> str:
+    """A table for LaTeX with the package booktabs, those of `COLUMNS` that were measured, then those of a protocol.
+
+    Intervals stand small behind the numbers. Bold is a first rank: better than another system beyond luck, and none
+    better than it; where no difference excludes 0, nothing is bold.
+    """
+    records, protocol = table_records(evaluation), evaluation.settings.protocol
+    own = {name: head + ARROWS[measure_of(name).better] for name, head in COLUMNS.items()}
+    columns = (name.partition(" ") for name in (*evaluation.measures, *evaluation.set_measures))
+    published = {"".join(parts): latex_text(parts[2]) for parts in columns if parts[0] == protocol}
+    lines = [
+        "% needs \\usepackage{booktabs}",
+        "\\begin{table*}",
+        "\\centering\\scriptsize\\setlength{\\tabcolsep}{2.5pt}",
+        f"\\caption{{{_caption(evaluation)}}}",
+        *_tabular(records, own),
+        *_tabular(records, published, f"by the published code of {latex_text(protocol)}"),
+        "\\end{table*}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _tabular(records: list[dict[str, Any]], heads: Mapping[str, str], group: str = "") -> Iterator[str]:
+    """Lines of the columns that hold a number, with a heading over them all where `group` is one; none without any."""
+    names = [name for name in heads if any(math.isfinite(record.get(name, math.nan)) for record in records)]
+    if not names:
+        return
+    if group:
+        yield "\n\\medskip"
+    yield f"\\begin{{tabular}}{{l{'c' * len(names)}}}"
+    yield "\\toprule"
+    if group:
+        yield f" & \\multicolumn{{{len(names)}}}{{c}}{{{group}}} \\\\"
+        yield f"\\cmidrule(lr){{2-{len(names) + 1}}}"
+    yield f"{' & '.join(['System', *(heads[name] for name in names)])} \\\\"
+    for controls in (False, True):
+        yield "\\midrule"
+        yield from _lines([record for record in records if record["control"] == controls], names)
+    yield "\\bottomrule"
+    yield "\\end{tabular}"
+
+
+def _caption(evaluation: Evaluation) -> str:
+    numbers = [count.songs for count in evaluation.counts.values()]
+    few, many = min(numbers), max(numbers)
+    songs = f"{few}" if few == many else f"{few} to {many}"
+    protocol = latex_text(evaluation.settings.protocol)
+    published = f" Columns of {protocol} follow that code, its faults and the bias included." if protocol else ""
+    return (
+        f"Means over {songs} songs with 95\\,\\% intervals by resampling songs. Bold: better than another system, the "
+        "interval of the paired difference excluding 0, and none better. FID corrected for the bias of small samples. "
+        f"Below the line: controls.{published} Computed with harmolab {latex_text(version('harmolab'))}."
+    )
+
+
+def _lines(records: list[dict[str, Any]], names: list[str]) -> Iterator[str]:
+    for record in records:
+        cells = [_cell(record, name) for name in names]
+        yield f"{' & '.join([latex_text(record['system']), *cells])} \\\\"
+
+
+def _cell(record: dict[str, Any], name: str) -> str:
+    """A number with its interval, bold for a first rank."""
+    value = number_text(record.get(name, math.nan))
+    text = f"\\textbf{{{value}}}" if record.get(f"{name}_rank") == 1 else value
+    low, high = (record.get(f"{name}_{end}", math.nan) for end in ("low", "high"))
+    return text if math.isnan(low) else f"{text} {{\\tiny[{number_text(low)}, {number_text(high)}]}}"
+
+
+def latex_text(text: str) -> str:
+    """Text with the marks that LaTeX reads as commands written out; new lines and other controls are blanks.
+
+    >>> latex_text("my_model & 50%")
+    'my\\\\_model \\\\& 50\\\\%'
+    """
+    return "".join(_LATEX.get(mark, mark if mark.isprintable() else " ") for mark in text)

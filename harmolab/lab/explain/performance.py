@@ -1,0 +1,574 @@
+"""One person's dance beside its song: read, placed by its offset, scored and explained.
+
+The offset comes from the surest of four sources: the user, the file or folder of the recording, the sound of the video
+(`find_sound_offset`), or the movement, modulo the beat (`find_offset`). An offset fitted to the movement is no evidence
+of a place in the beat: then there is neither a number nor a sentence about it, and the verdict is "in time" at best.
+
+Findings behind a verdict: the number, the tempo, the lag and its change, beats met. Each of them is one sentence.
+
+All numbers are those of the judgement, so that no finding can contradict the headline. Early, late and milliseconds
+are spoken of only where the judgement places the movement in the beat (levels 3 and 4), and not at all where the
+dance's place in its song is known modulo the beat only. Spreads are from bar to bar: they say how steady a take is, and
+are no evidence that its place in the beat is more than luck.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Unpack, cast
+
+import numpy as np
+import pandas as pd
+
+from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import describe_beats
+from harmolab.clips import load_clip
+from harmolab.data.recordings import ReadingReport, load_any_motion, recorded_offset
+from harmolab.files import PathLike, Progress, named_faults, plain, silent
+from harmolab.lab.explain.filmed import check_sign, filmed_motion, has_body
+from harmolab.lab.explain.offset import find_offset, find_sound_offset
+from harmolab.params import HarmonyParams
+from harmolab.readers.audio import video_sound
+from harmolab.readers.motion_file import ReadingKeywords
+from harmolab.readers.pose import pose_environment
+from harmolab.readers.video import is_video
+from harmolab.score import HarmonyScore, chance_level
+from harmolab.types import Audio, BeatTrack, Motion
+from harmolab.verdict.evidence import PlaceTest, place_test
+from harmolab.verdict.judge import Judgement, score_clip
+
+# Findings behind a verdict: the number, the tempo, the lag and its change, beats met. Each of them is one
+
+SMALLEST = 0.02  # seconds; smaller changes are not noticed
+FEWEST = 8  # beats in a half: two blocks that can be drawn from
+EVENTS = ("rest", "hit")  # readings whose events are a score's visual beats
+Interval = tuple[float, float]
+NOTHING: Interval = (float("nan"), float("nan"))
+
+
+class MeanOffset(NamedTuple):
+    """Lag (seconds, late is positive) between two times, with its spread from bar to bar."""
+
+    start: float
+    end: float
+    mean: float
+    interval: Interval
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One statistic of a dance, and its sentence.
+
+    Parameters
+    ----------
+    kind : "score", "tempo", "rate", "lag", "change" or "hits"
+    value : float
+        Harmony above chance; p-value of the time test; movements a beat; seconds late; seconds later in the second
+        half; share of beats met.
+    sentence : str
+    interval : (float, float), spread of the value from bar to bar; NaN where there is none
+    """
+
+    kind: str
+    value: float
+    sentence: str
+    interval: Interval = NOTHING
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Findings in the order of their sentences, and the lag of each half where lags are spoken of."""
+
+    findings: tuple[Finding, ...] = ()
+    halves: tuple[MeanOffset, ...] = field(default=(), kw_only=True)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The sentence of each finding."""
+        return tuple(finding.sentence for finding in self.findings)
+
+    def relative(self) -> Explanation:
+        """The findings that hold for a dance whose place in the song is known modulo the beat only."""
+        kept = tuple(one for one in self.findings if one.kind in ("tempo", "rate", "change"))
+        return replace(self, findings=kept, halves=())
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences)
+
+
+def explain(score: HarmonyScore) -> Explanation:
+    """The findings about a score.
+
+    Parameters
+    ----------
+    score : HarmonyScore by ``HarmonyParams.recommended()``
+
+    Returns
+    -------
+    Explanation; without findings where there is too little to judge (level 0).
+
+    Raises
+    ------
+    ValueError
+        The score has no judgement: its measure is not "shape".
+
+    Examples
+    --------
+    >>> from harmolab import HarmonyParams, score_clip, synthetic_clip
+    >>> words = explain(score_clip(synthetic_clip("rumba", seconds=24.0, seed=3), HarmonyParams.recommended()))
+    >>> [finding.kind for finding in words.findings]
+    ['score', 'tempo', 'rate', 'lag', 'hits']
+    """
+    judgement = score.judgement
+    if judgement is None:
+        raise ValueError(f"words need a score of measure 'shape', got {score.params.measure!r}")
+    if judgement.place is None:
+        return Explanation()
+    findings = [*_score(judgement), _tempo(judgement)]
+    if judgement.level >= 2:
+        findings.append(_rate(judgement))
+    if judgement.level < 3:
+        return Explanation(tuple(findings))
+    halves = _half_lags(judgement)
+    findings += [*_lag(judgement), *_change(halves), *_hits(score)]
+    return Explanation(tuple(findings), halves=halves if judgement.pattern else ())
+
+
+def _score(judgement: Judgement) -> list[Finding]:
+    """The number, where a place can be judged."""
+    if not judgement.is_placed:
+        return []
+    value, (low, high) = judgement.harmony_above_chance, judgement.interval
+    spread = "" if np.isnan(low) else f"; {low:.2f} to {high:.2f} from bar to bar"
+    sentence = (
+        f"Harmony above chance is {value:.2f} (0 is a random phase, 1 the best moment of the take on every beat"
+        f"{spread})."
+    )
+    return [Finding("score", value, sentence, judgement.interval)]
+
+
+def _tempo(judgement: Judgement) -> Finding:
+    """The share of tempi that fit as well as the music's."""
+    share, tempo = 100 * judgement.p_time, judgement.tempo
+    sentence = (
+        f"Of the tempi around the music's {tempo:.1f} bpm, {share:.1f} % fit your movement as well (the limit is 5 %)."
+    )
+    return Finding("tempo", judgement.p_time, sentence)
+
+
+def _rate(judgement: Judgement) -> Finding:
+    rate = float(judgement.time.rate) if judgement.time else np.nan
+    return Finding("rate", rate, f"Movements a beat: {rate:.2g}.")
+
+
+def _lag(judgement: Judgement) -> list[Finding]:
+    """The lag, where it was told from what."""
+    if judgement.pattern is None:
+        return []
+    low, high = (edge * 60 / judgement.tempo for edge in judgement.lag_interval)
+    spread = "" if np.isnan(low) else f" ({1000 * low:+.0f} to {1000 * high:+.0f} ms from bar to bar)"
+    sentence = f"Your lag, late counted positive, is {1000 * judgement.lag_s:+.0f} ms{spread}."
+    return [Finding("lag", judgement.lag_s, sentence, (low, high))]
+
+
+def _half_lags(judgement: Judgement) -> tuple[MeanOffset, ...]:
+    """The lag of the first and of the second half; none where a half has too few beats."""
+    beats, signal, pattern = judgement.beats, judgement.signal, judgement.pattern
+    second = beats.times >= (beats.times[0] + beats.times[-1]) / 2
+    halves = beats.select(~second), beats.select(second)
+    if signal is None or judgement.place is None or min(map(len, halves)) <= max(FEWEST, judgement.place.pattern.beats):
+        return ()
+    places = (None, None) if pattern is None else tuple(half.bar_places for half in halves)
+    reading = judgement.place.pattern
+    tests = [place_test(signal, half.times, at, reading) for half, at in zip(halves, places, strict=True)]
+    return tuple(_mean_offset(judgement, half, test) for half, test in zip(halves, tests, strict=True))
+
+
+def _mean_offset(judgement: Judgement, beats: BeatTrack, test: PlaceTest) -> MeanOffset:
+    """The lag of a stretch of beats, of all places that are one the nearest to the lag of the whole."""
+    period = 60 / judgement.tempo
+    lag = judgement.lag + _wrapped(test.lag - judgement.lag, test.reach)
+    low, high = (edge - test.lag + lag for edge in test.spread()[1])
+    return MeanOffset(float(beats.times[0]), float(beats.times[-1]), lag * period, (low * period, high * period))
+
+
+def _wrapped(lag: float, reach: float) -> float:
+    """A lag within +- reach beats, beyond which it is another beat's."""
+    return (lag + reach) % (2 * reach) - reach
+
+
+def _change(halves: tuple[MeanOffset, ...]) -> list[Finding]:
+    """The change of the lag between the halves, where their spreads from bar to bar do not meet."""
+    if not halves:
+        return []
+    first, second = halves
+    change = second.mean - first.mean
+    interval = second.interval[0] - first.interval[1], second.interval[1] - first.interval[0]
+    if abs(change) < SMALLEST or not (interval[0] > 0 or interval[1] < 0):
+        return []
+    words = f"{abs(change) * 1000:.0f} ms {'later' if change > 0 else 'earlier'}"
+    return [Finding("change", change, f"In the second half you are {words} than in the first.", interval)]
+
+
+def _hits(score: HarmonyScore) -> list[Finding]:
+    """The share of beats with a rest, or a hit, close by, against chance; for those who are there on the beat."""
+    judgement, delay = score.judgement, score.params.reaction_delay
+    if judgement is None or judgement.level < 4 or judgement.reading not in EVENTS:
+        return []
+    times = score.visual.times - score.params.lag
+    chance = chance_level(times, delay=delay, duration=score.music.duration)
+    met = int((score.pairs >= 0).sum())
+    sentence = (
+        f"{met} of {len(score.music)} beats have a {judgement.reading} within {1000 * delay:.0f} ms; at random "
+        f"moments it would be {100 * chance:.0f} % of them."
+    )
+    return [Finding("hits", met / len(score.music), sentence)]
+
+
+SURE = 0.95  # confidence of an offset by movement, below which it means little
+# Numbers that mean nothing where the offset was fitted to the movement.
+PLACED = (
+    *("harmony_above_chance", "interval", "p_value", "p_place", "lag_s", "lag_interval_s", "reading"),
+    *("fastest_after_beat_s", "stillest_after_beat_s"),
+)
+IN_TIME = (
+    "You are in time with this song. Where in its beat you dance cannot be told from your movement alone: say where "
+    "the dance begins (--offset), or film with the song playing."
+)
+
+Source = Literal["given", "folder", "same", "sound", "movement"]
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """A motion or video of one person's dance, not yet placed in a song.
+
+    Parameters
+    ----------
+    path : Path
+    motion : Motion; of a video as by `harmolab.lab.explain.filmed.filmed_motion`
+    is_video : bool
+    sound : Audio or None, of a video whose sound can be read
+    start : float or None, seconds
+        Song time of frame 0 where the motion's file, or the folder of the recording, holds it.
+    notes : sentences about how a video was read
+    """
+
+    path: Path
+    motion: Motion
+    is_video: bool = False
+    sound: Audio | None = None
+    start: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def has_body(self) -> bool:
+        """False where the movement is that of a whole picture."""
+        return has_body(self.motion)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Offset of a dance in its song, and its source.
+
+    Parameters
+    ----------
+    seconds : float, song time of frame 0
+    source : "given", "folder" (or the motion's own file), "same" (song and dance are one video), "sound" or "movement"
+    period : float or None, seconds
+        By movement the offset is known modulo this.
+    confidence : float or None
+        Of an offset by movement, as in `harmolab.lab.explain.offset.Offset`.
+    repeats : bool
+        By sound: another place fits nearly as well, since the song repeats itself, or since it is another song.
+    """
+
+    seconds: float
+    source: Source
+    period: float | None = None
+    confidence: float | None = None
+    repeats: bool = False
+
+    @property
+    def is_absolute(self) -> bool:
+        """True where the offset is known outright, so that early or late throughout means something."""
+        return self.source != "movement"
+
+    @property
+    def is_sure(self) -> bool:
+        """False where the movement gives no evidence of any place."""
+        return self.confidence is None or self.confidence >= SURE
+
+    def __str__(self) -> str:
+        if self.source == "same":
+            return "Song and dance are one video, so they begin together."
+        period = f"{self.period:.2f} s" if self.period else "a beat"
+        reason = {
+            "given": ", as you said.",
+            "folder": ", as its recording says.",
+            "sound": ": found by comparing the video's sound with the song.",
+            "movement": f", or whole beats of {period} from there: found from your movement alone, which says which "
+            "place in the beat, not which beat.",
+        }[self.source]
+        doubt = "" if self.is_sure else " The evidence for this place is weak."
+        if self.repeats:
+            doubt = " Another place fits nearly as well: the song repeats itself, or another song plays in the video."
+        return f"Your dance begins at {round(self.seconds, 2) + 0.0:.2f} s of the song{reason}{doubt}"
+
+
+def load_performance(
+    path: PathLike,
+    *,
+    by_flow: bool = False,
+    report: ReadingReport = lambda path, file: None,
+    progress: Progress = silent,
+    **reading: Unpack[ReadingKeywords],
+) -> Performance:
+    """A motion file, a folder, or a video (by its suffix) with its sound.
+
+    Parameters
+    ----------
+    path : str or path
+    by_flow : see `harmolab.lab.explain.filmed.filmed_motion`
+    report : function(path, MotionFile), called with how a motion file was read
+    progress : function(iterable, label) -> iterable
+    reading : fps, scale, joints, smpl, up; see `harmolab.readers.motion.load_motion`; not for a video
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    path = Path(path)
+    if is_video(path):
+        filmed = filmed_motion(path, by_flow=by_flow, progress=progress)
+        sound = None
+        with suppress(ValueError):  # none, or none that can be read: the movement has to do
+            sound = video_sound(path)
+        return Performance(path, filmed.motion, True, sound, notes=filmed.notes)
+    return Performance(path, load_any_motion(path, report=report, **reading), start=recorded_offset(path))
+
+
+def place_performance(
+    performance: Performance, song: Audio, music: BeatTrack, *, guess: float | None = None, search: float = 2.0
+) -> Placement:
+    """The offset of a performance in its song: by its folder, else by its sound, else by its movement.
+
+    Parameters
+    ----------
+    performance : Performance
+    song : Audio
+    music : BeatTrack, the song's beats
+    guess : float, seconds, optional
+        Offset around which the movement is searched; the sound searches everywhere.
+    search : float, seconds
+        Largest distance from the guess, to either side.
+
+    Raises
+    ------
+    ValueError
+        As `harmolab.lab.explain.offset.find_offset`.
+    """
+    if performance.start is not None and guess is None:
+        return Placement(performance.start, "folder")
+    if performance.sound is not None:
+        with suppress(ValueError):  # too short, or silent
+            by_sound = find_sound_offset(performance.sound, song)
+            if by_sound.is_clear:
+                return Placement(by_sound.seconds, "sound", repeats=not by_sound.is_unique)
+    with named_faults(performance.path):
+        offset = find_offset(song, performance.motion, music=music, guess=guess or 0.0, search=search)
+    return Placement(offset.seconds, "movement", offset.period, offset.confidence)
+
+
+@dataclass(frozen=True, eq=False)
+class OwnDance:
+    """A performance beside its song, scored.
+
+    Parameters
+    ----------
+    song : str, name of the file
+    performance : Performance
+    audio : Audio, the part of the song that is danced to
+    music : BeatTrack on the dance's time line
+    motion : Motion, the part of the dance that has music
+    skipped : float, seconds of the dance before that part
+    placement : Placement
+    score : HarmonyScore
+    words : Explanation
+    """
+
+    song: str
+    performance: Performance
+    audio: Audio
+    music: BeatTrack
+    motion: Motion
+    skipped: float
+    placement: Placement
+    score: HarmonyScore
+    words: Explanation
+
+    @property
+    def name(self) -> str:
+        """Name of the performance's file or folder."""
+        return self.performance.path.name or str(self.performance.path)
+
+    @property
+    def judgement(self) -> Judgement:
+        """The judgement behind the score."""
+        return cast(Judgement, self.score.judgement)
+
+    @property
+    def is_together(self) -> bool:
+        """True with evidence that the dancer keeps time with the song, be it early or late."""
+        return self.judgement.level >= 2
+
+    @property
+    def level(self) -> int:
+        """Level of the verdict; 3 at most where the place in the beat is not known, since 4 differs by it alone."""
+        return self.judgement.level if self.placement.is_absolute else min(self.judgement.level, 3)
+
+    @property
+    def verdict(self) -> str:
+        """The result in a sentence or two for a dancer."""
+        return IN_TIME if self.judgement.level >= 3 and not self.placement.is_absolute else self.judgement.verdict
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences to read below the verdict; those on the place in the beat only where it is known."""
+        if self.placement.is_absolute:
+            return self.judgement.remarks
+        # With nothing told, level 3 judges no place: how sure it is, without the number.
+        return replace(self.judgement, pattern=None, level=min(self.judgement.level, 3)).remarks[:1]
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """Verdict, remarks and place in the song: the lines for a dancer."""
+        return (self.verdict, *self.remarks, str(self.placement))
+
+    @property
+    def details(self) -> tuple[str, ...]:
+        """All that else is known about it, in sentences."""
+        return (f"music: {describe_beats(self.music)}", *self.judgement.details, *self.words.sentences)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Numbers and text, ready for JSON."""
+        content = {
+            "song": self.song,
+            "recording": self.name,
+            "verdict": self.verdict,
+            "remarks": list(self.remarks),
+            "words": list(self.words.sentences),
+            "findings": [
+                {"kind": one.kind, "sentence": one.sentence, "value": one.value, "interval": one.interval}
+                for one in self.words.findings
+            ],
+            "offset": {"text": str(self.placement), **vars(self.placement)},
+            "harmony_above_chance": self.score.harmony_above_chance,
+            "interval": self.score.interval,
+            "p_value": self.score.p_value,
+            "music": describe_beats(self.music),
+            "music_beats": len(self.music),
+            "movements": len(self.score.visual),
+            "seconds": self.motion.duration,
+        }
+        content = self.judgement.to_dict() | content
+        if not self.placement.is_absolute:
+            content |= dict.fromkeys(PLACED)
+        return dict(plain(content | {"level": self.level}))
+
+
+def explain_performance(
+    song: PathLike,
+    performance: Performance,
+    *,
+    offset: float | None = None,
+    guess: float | None = None,
+    search: float = 2.0,
+    beats: PathLike | None = None,
+    one: float | None = None,
+    dance: str = "",
+    params: HarmonyParams | None = None,
+    n_rotations: int = 1000,
+    seed: int = 0,
+) -> OwnDance:
+    """A performance beside a song: placed, scored and explained.
+
+    Parameters
+    ----------
+    song : str or path, a sound file or a video (the performance itself, where the song plays in it)
+    performance : Performance
+    offset : float, seconds, optional
+        Song time of the first frame; default that of `place_performance`.
+    guess, search : see `place_performance`
+    beats, one, dance : as in `harmolab.clips.load_clip`
+    params : HarmonyParams of measure "shape", default the recommended ones with the pattern of the dance, if known
+    n_rotations, seed : see `harmolab.verdict.judge.score_clip`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    unplaced = load_clip(song, performance.motion, offset=0.0, dance=dance, beats=beats, one=one)
+    music = music_beats(unplaced)
+    if offset is not None:
+        placement = Placement(offset, "given")
+    elif performance.is_video and Path(song).resolve() == performance.path.resolve():
+        placement = Placement(0.0, "same")
+    else:
+        placement = place_performance(performance, unplaced.audio, music, guess=guess, search=search)
+    with named_faults(performance.path):
+        clip = replace(unplaced, name=performance.path.name, offset=placement.seconds)
+    score, shared = score_clip(clip, params, n_rotations=n_rotations, seed=seed), clip.shared()
+    check_sign(performance.path, performance.motion, score.judgement.level if score.judgement else 0)
+    words = explain(score)
+    return OwnDance(
+        Path(song).name,
+        performance,
+        shared.audio,
+        cast(BeatTrack, shared.beats),
+        cast(Motion, shared.motion),
+        clip.shared_frame() / performance.motion.fps,
+        placement,
+        score,
+        words if placement.is_absolute else words.relative(),
+    )
+
+
+# One film, read in both ways: by the body of the dancer, and by the flow of the picture.
+
+BODY, FLOW = "the body", "the flow of the picture"
+COLUMNS = ["verdict", "how sure", "offset"]
+ABSENT = "not read: what finds bodies is not there (`harmolab pose --install` fetches it)"
+
+
+def film_readings(song: PathLike, film: PathLike, **settings: Any) -> pd.DataFrame:
+    """The verdict on a film by the body of the dancer and by the flow of the picture.
+
+    Parameters
+    ----------
+    song : str or path
+    film : str or path of a video
+    **settings : as of `explain_performance`
+
+    Returns
+    -------
+    DataFrame, a row for `BODY` and `FLOW`: "verdict" (or the reason why there is none), "how sure", "offset".
+    """
+    rows = (
+        {BODY: _reading(song, film, by_flow=False, **settings)} if pose_environment() else {BODY: {"verdict": ABSENT}}
+    )
+    rows[FLOW] = _reading(song, film, by_flow=True, **settings)
+    return pd.DataFrame.from_dict(rows, orient="index", columns=list(COLUMNS)).rename_axis("read").fillna("")
+
+
+def _reading(song: PathLike, film: PathLike, *, by_flow: bool, **settings: Any) -> dict[str, str]:
+    try:
+        result = explain_performance(song, load_performance(film, by_flow=by_flow), **settings)
+    except ValueError as error:
+        return {"verdict": str(error).removeprefix(f"{film}: ")}
+    sure = " ".join(result.remarks[:1])
+    return {"verdict": result.verdict, "how sure": sure, "offset": str(result.placement)}

@@ -1,0 +1,253 @@
+"""The corpus lab: the scores of many clips with their own and with wrong music, and the AUC, while sliders move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from harmolab.beats.visual import visual_beats
+from harmolab.lab.compare.batch import PlaceBatch, rescore_places
+from harmolab.lab.labs.live import (
+    MODE,
+    MODES,
+    LabContent,
+    LiveLab,
+    Menu,
+    Preset,
+    Slider,
+    Stage,
+    lab_controls,
+    lab_params,
+    track_evidence,
+)
+from harmolab.lab.player import LAB_SENTENCES, Dancer, Player, percent
+from harmolab.params import HarmonyParams
+from harmolab.score import score_harmony
+from harmolab.significance import auc
+from harmolab.types import BeatTrack, Clip, FloatArray
+from harmolab.verdict.judge import score_motion
+
+SCORES = {"harmony": "harmony h", "harmony_above_chance": "harmony above chance", "hit_rate": "share of beats met"}
+ABOUT = (
+    "Left: scores of all dances with their true music (blue) and with the same music late (outline). Right: a mark for "
+    "each dance, a green circle where the true music wins. Click a mark to choose its dance, and hear it."
+)
+PAPER: Mapping[str, Any] = {"mode": "paper", "late": 0.5, "score": "harmony"}
+STOPS: Mapping[str, Any] = {**PAPER, "mode": "valleys"}
+RECOMMENDED: Mapping[str, Any] = {"mode": "recommended", "late": 0.5, "score": "harmony_above_chance"}
+PRESETS = (
+    Preset("the paper's", PAPER, "Half a beat late, the music meets the peaks of the speed instead of the stops."),
+    Preset("0.1 s", {**PAPER, "delay": 0.1}, "Fewer hits, but no more right answers: peaks are met as well as stops."),
+    Preset(
+        "stops only",
+        STOPS,
+        "The cloud leaves the diagonal and right answers rise: the peaks, which lie between the beats, are out.",
+    ),
+    Preset(
+        "a whole beat late",
+        {**STOPS, "late": 1.0},
+        "The cloud goes back to the diagonal: music that is a whole beat late fits nearly as well.",
+    ),
+    Preset(
+        "large movements only",
+        {**STOPS, "lambda2": 2.0},
+        "Small movements are ignored, and with them goes some of what tells the two apart.",
+    ),
+    Preset("missed beats cost more", {**STOPS, "beta": 4.0}, "The scores move a little, and the right answers hardly."),
+    Preset(
+        "expect a late dance",
+        {**STOPS, "lag": 0.26},
+        "The dance is expected about half a beat later than it is, and the wrong music wins.",
+    ),
+    Preset(
+        "recommended",
+        RECOMMENDED,
+        "It is not told the dance, and a rest half a beat late is a hit on the beat: so late it cannot know.",
+    ),
+    Preset(
+        "recommended, a quarter late",
+        {**RECOMMENDED, "late": 0.25},
+        "A quarter of a beat late lies between rest and hit, and the true music wins again.",
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Corpus:
+    """Beats of C clips, ready to be scored again and again.
+
+    Parameters
+    ----------
+    names : C names
+    music : C tracks of music beats
+    dances : mode -> C tracks of visual beats, for modes that count hits
+    places : PlaceBatch of the C clips, optional: what the recommended mode needs
+    source : str, origin of the data
+    """
+
+    names: tuple[str, ...]
+    music: tuple[BeatTrack, ...]
+    dances: Mapping[str, tuple[BeatTrack, ...]]
+    places: PlaceBatch | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if unknown := set(self.dances) - {mode for mode in MODES if MODES[mode].measure == "hits"}:
+            raise ValueError(f"no mode {', '.join(sorted(unknown))} counts hits; there are paper and valleys")
+        places = [] if self.places is None else [self.places.durations]
+        counts = {len(row) for row in (self.names, self.music, *self.dances.values(), *places)}
+        if counts == {0} or len(counts) != 1 or not self.modes:
+            raise ValueError(
+                f"a corpus needs at least one clip and one mode, with as many names, tracks and places as clips; got "
+                f"{', '.join(map(str, sorted(counts)))} in the modes {', '.join(self.modes) or 'none'}"
+            )
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Modes in which the clips can be scored."""
+        return tuple(mode for mode in MODES if mode in self.dances or (mode == "recommended" and self.places))
+
+    @property
+    def periods(self) -> FloatArray:
+        """Seconds between music beats, (C,) array; 0 with fewer than two."""
+        return np.array([np.median(np.diff(track.times)) if len(track) > 1 else 0.0 for track in self.music])
+
+    @classmethod
+    def of(cls, clips: Sequence[Clip]) -> Corpus:
+        """Beats and movement of clips with motion, read once for every mode.
+
+        Raises
+        ------
+        ValueError
+            Without clips, or if one has no motion.
+        """
+        stages = [Stage.of(clip) for clip in clips]
+        dances = {
+            mode: tuple(visual_beats(one.motion, params=params) for one in stages)
+            for mode, params in MODES.items()
+            if params.measure == "hits"
+        }
+        places = PlaceBatch.of([(one.music, one.motion) for one in stages], MODES["recommended"])
+        source = " + ".join(sorted({one.source for one in stages if one.source}))
+        return cls(tuple(clip.name for clip in clips), tuple(one.music for one in stages), dances, places, source)
+
+
+@lru_cache(maxsize=4)  # true and wrong music, and those of the setting before
+def corpus_scores(
+    corpus: Corpus, mode: str, params: HarmonyParams, score: str = "harmony", late: float | None = None
+) -> FloatArray:
+    """Scores of all clips, (C,) array, with true music, or with music that is `late` beats late."""
+    seconds = (late or 0.0) * corpus.periods
+    if corpus.places is not None and params.measure == "shape":
+        return np.asarray(getattr(rescore_places(corpus.places.moved(seconds), params), score))
+    pairs = zip(map(_late, corpus.music, seconds), corpus.dances[mode], strict=True)
+    return np.array([getattr(score_harmony(*pair, params=params, n_rotations=0), score) for pair in pairs])
+
+
+def _late(track: BeatTrack, seconds: float) -> BeatTrack:
+    """Music beats so much later, round the track's end."""
+    if seconds == 0:
+        return track
+    times, order = np.unique(np.mod(track.times + seconds, track.duration), return_index=True)
+    return replace(track, times=times, strengths=track.strengths[order], bar_places=None)
+
+
+def corpus_lab(clips: Corpus | Sequence[Clip], **values: Any) -> LiveLab:
+    """Sliders for the score's settings above the scores of a whole corpus, with the AUC of true against wrong music.
+
+    Parameters
+    ----------
+    clips : clips with motion, or a Corpus of their beats
+        In JupyterLab a button opens the chosen clip in a player under the picture; that of a Corpus cannot be played.
+    **values
+        Where controls start instead of at the first mode's settings: ``delay=0.1``; a mode brings its own.
+
+    Raises
+    ------
+    ValueError
+        Without clips, if one has no motion, for an unknown control, or for a value that it cannot have.
+
+    Examples
+    --------
+    >>> lab = corpus_lab(clips, delay=0.1)  # doctest: +SKIP
+    >>> lab.numbers["auc"]  # doctest: +SKIP
+    """
+    if isinstance(clips, Corpus):
+        return LiveLab(corpus_content(clips), values)
+    return LiveLab(corpus_content(Corpus.of(clips), play=partial(_player_element, clips)), values)
+
+
+def corpus_content(corpus: Corpus, *, play: Callable[..., str] | None = None) -> LabContent:
+    """The corpus lab of a corpus."""
+    controls = {
+        **lab_controls("corpus"),
+        "clip": Slider("dance", "number", 0, len(corpus.names) - 1, 1),
+        "mode": Menu("way to score", "mode", {mode: MODE[mode] for mode in corpus.modes}),
+        "score": Menu("score shown", "score", SCORES),
+    }
+    return LabContent(
+        kind="corpus",
+        about=ABOUT,
+        evidence=_evidence(corpus),
+        controls=controls,
+        presets=tuple(preset for preset in PRESETS if preset.values["mode"] in corpus.modes),
+        extra={"score": "harmony", "late": 0.5, "clip": 0},
+        numbers=partial(corpus_numbers, corpus),
+        play=play,
+    )
+
+
+def _evidence(corpus: Corpus) -> dict[str, Any]:
+    return {
+        "source": corpus.source,
+        "names": corpus.names,
+        "periods": corpus.periods,
+        "music": [{**track_evidence(track), "duration": track.duration} for track in corpus.music],
+        "dances": {mode: [track_evidence(track) for track in tracks] for mode, tracks in corpus.dances.items()},
+        "places": None if corpus.places is None else asdict(corpus.places),
+    }
+
+
+def _player_element(clips: Sequence[Clip], *, clip: float, score: str, late: float, **values: Any) -> str:
+    """The player of one clip, with its true music, as an element of a page."""
+    one = clips[int(clip)]
+    stage = Stage.of(one)
+    harmony = score_motion(stage.music, stage.motion, params=lab_params(**values), n_rotations=0)
+    dancer = Dancer(one.dance or "dancer", stage.motion, harmony)
+    return Player(one.shared().audio, [dancer], music=stage.music, title=one.name)._repr_html_()
+
+
+def corpus_numbers(
+    corpus: Corpus, *, mode: str, score: str = "harmony", late: float = 0.5, clip: float = 0, **values: Any
+) -> dict[str, Any]:
+    """The numbers of the lab: scores of every clip with true and with wrong music, the AUC, and the sentence.
+
+    Parameters
+    ----------
+    corpus : Corpus
+    mode : "paper", "recommended" or "valleys"
+    score : "harmony", "harmony_above_chance" or "hit_rate"
+    late : float, beats by which the wrong music is moved
+    clip : number of the chosen clip; no number depends on it
+    **values
+        The other controls, by name; those of the mode when left out.
+    """
+    params = lab_params(mode, **values)
+    # Rounded, so that scores that differ by the order of a sum are tied, here and in the browser.
+    true, wrong = (corpus_scores(corpus, mode, params, score, beats).round(12) for beats in (None, late))
+    tied = np.isclose(true, wrong)
+    area = auc(true, wrong)
+    counts = {"wins": int(((true > wrong) & ~tied).sum()), "ties": int(tied.sum()), "clips": true.size}
+    return {
+        **counts,
+        "auc": area,
+        "mean_true": float(true.mean()),
+        "mean_wrong": float(wrong.mean()),
+        "true": true,
+        "wrong": wrong,
+        "sentence": LAB_SENTENCES["corpus"].format(**counts, auc=percent(area)),
+    }

@@ -1,0 +1,221 @@
+"""The meter lab: strong beats, and the meter units they are grouped into (Sec. 4.1, Eq. 22)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.beats.audio import music_beats
+from harmolab.beats.meter import CATEGORIES, MeterUnit, meter_units, strong_beats
+from harmolab.lab.figures.meter import UNIT_COLOURS, unit_label
+from harmolab.lab.labs.live import (
+    LabContent,
+    LiveLab,
+    Menu,
+    Preset,
+    lab_controls,
+    lab_params,
+    middle_lambda,
+    track_evidence,
+)
+from harmolab.lab.player import LAB_SENTENCES, percent
+from harmolab.params import HarmonyParams
+from harmolab.score import salient_audio
+from harmolab.types import BeatTrack, BoolArray, Clip, IntArray
+
+NEAR = 0.1  # seconds: a beat this close to an annotated one has its place in the bar
+SEED = 22  # of the measuring error: the same whenever the slider comes back
+TRACKS = {"of the clip": "those of the clip", "annotated": "those of the annotation"}
+START: Mapping[str, Any] = {"beats": "of the clip", "every": 1.0, "first": 0.0, "error": 0.0}
+ABOUT = (
+    "A beat is strong when it is stronger than the one before (Eq. 22); brackets are the meter units that strong and "
+    "weak beats are grouped into. Below: the time that each unit takes, and which places of the bar are strong."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Song:
+    """Data of the lab: tracks of one piece of music by name, perhaps an annotated one, and the source."""
+
+    tracks: Mapping[str, BeatTrack]
+    annotated: BeatTrack | None = None
+    source: str = ""
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.tracks["of the clip"].duration
+
+    @property
+    def downbeats(self) -> NDArray[np.float64] | None:
+        """Annotated first beats of the bars, seconds."""
+        if self.annotated is None or self.annotated.bar_places is None:
+            return None
+        return self.annotated.times[self.annotated.bar_places == 0]
+
+    def places(self, track: BeatTrack) -> IntArray:
+        """Place of each beat in the annotated bar, -1 where none is known; (B,) array."""
+        bars = self.annotated
+        if bars is None or bars.bar_places is None or len(bars) == 0:
+            return np.full(len(track), -1)
+        gaps = np.abs(track.times[:, None] - bars.times[None, :])
+        return np.where(gaps.min(axis=1) <= NEAR, bars.bar_places[gaps.argmin(axis=1)], -1)
+
+
+def meter_lab(clip: Clip, *, annotated: BeatTrack | None = None, **values: Any) -> LiveLab:
+    """Controls for the input of Eq. 22 - which beats, from which on, how well measured - below strong beats and units.
+
+    Parameters
+    ----------
+    clip : Clip; its own beats, else those tracked in its audio
+    annotated : BeatTrack, optional
+        Beats with their places in the bar: downbeats are marked, and both tracks can be compared.
+    **values
+        Where controls start: ``lambda1=1.0``.
+
+    Raises
+    ------
+    ValueError
+        For an unknown control, or for a value that it cannot have.
+
+    Examples
+    --------
+    >>> lab = meter_lab(synthetic_clip("rumba", seconds=18.0))  # doctest: +SKIP
+    >>> lab.set(first=1)  # doctest: +SKIP
+    >>> lab.sentence  # doctest: +SKIP
+    """
+    tracks = {"of the clip": music_beats(clip)}
+    if annotated is not None:
+        tracks["annotated"] = annotated
+    song = Song(tracks, annotated, clip.source)
+    controls = {"beats": Menu("beats", "track", {name: TRACKS[name] for name in tracks}), **lab_controls("meter")}
+    numbers = partial(meter_numbers, song)
+    return LiveLab(LabContent("meter", ABOUT, _evidence(song), controls, _presets(song), numbers, extra=START), values)
+
+
+def _presets(song: Song) -> tuple[Preset, ...]:
+    loud = middle_lambda(song.tracks["of the clip"])
+    presets = (
+        Preset("all beats", START, "All beats of the clip, as they were measured."),
+        Preset(
+            "from the next beat on",
+            {**START, "first": 1.0},
+            "The grouping starts later: a bracket that lost its first beat goes, another may take its place.",
+        ),
+        Preset("half the tempo", {**START, "every": 2.0}, "Every second beat, as a tracker may have it."),
+        Preset(
+            "badly measured",
+            {**START, "error": 0.6},
+            "Each strength is wrong by 0.6 standard deviations: other accents, other brackets.",
+        ),
+        Preset(
+            "loud beats only",
+            {**START, "lambda1": loud},
+            "Quiet beats are left out before any are compared, which brings others side by side.",
+        ),
+    )
+    if "annotated" not in song.tracks:
+        return presets
+    note = "No tracking error, the same rule: other accents, other brackets, or none."
+    return (*presets, Preset("annotated beats", {**START, "beats": "annotated"}, note))
+
+
+def _evidence(song: Song) -> dict[str, Any]:
+    units = [(accents, MeterUnit(0.0, 1.0, np.array(accents), name)) for accents, name in CATEGORIES.items()]
+    return {
+        "source": song.source,
+        "duration": song.duration,
+        "tracks": {name: _track(song, track) for name, track in song.tracks.items()},
+        "downbeats": song.downbeats,
+        "categories": {
+            "".join("S" if is_strong else "w" for is_strong in accents): unit_label(unit) for accents, unit in units
+        },
+        "colours": UNIT_COLOURS,
+    }
+
+
+def _track(song: Song, track: BeatTrack) -> dict[str, Any]:
+    return {**track_evidence(track), "noise": _noise(track), "places": song.places(track)}
+
+
+def _noise(track: BeatTrack) -> NDArray[np.float64]:
+    """Measuring error of each beat in standard deviations, (B,) array."""
+    return np.random.default_rng(SEED).standard_normal(len(track))
+
+
+# Numbers
+
+
+def meter_numbers(
+    song: Song,
+    *,
+    beats: str = "of the clip",
+    every: float = 1.0,
+    first: float = 0.0,
+    error: float = 0.0,
+    **values: Any,
+) -> dict[str, Any]:
+    """The numbers of the lab: strong beats, meter units, strong beats by place in the bar, and the sentence.
+
+    Parameters
+    ----------
+    song : Song
+    beats : name of one of its tracks
+    every : a whole number; 2 takes every second beat, as a tracker does that hears half the tempo
+    first : a whole number, beats left out at the start: the grouping starts later
+    error : float, standard deviations of the strengths by which each strength is measured wrongly
+    **values
+        The other controls, by name; weaker beats are left out before they are compared (Eq. 11).
+    """
+    track = _measured(song.tracks[beats], lab_params(**values), every=int(every), first=int(first), error=error)
+    strong, units = strong_beats(track.strengths), meter_units(track)
+    shares = _time_shares(units, song.duration)
+    covered = sum(shares.values())
+    numbers = {
+        "beats": len(track),
+        "strong": int(strong.sum()),
+        "units": [(unit.start, unit.end, unit_label(unit)) for unit in units],
+        "covered": covered,
+        "shares": shares,
+        **_accents(strong, song.places(track)),
+    }
+    text = LAB_SENTENCES["meter"].format(**{**numbers, "covered": percent(covered)})
+    return numbers | {
+        "sentence": text + (LAB_SENTENCES["downbeats"].format(**numbers) if song.downbeats is not None else "")
+    }
+
+
+def _measured(track: BeatTrack, params: HarmonyParams, *, every: int, first: int, error: float) -> BeatTrack:
+    """The beats that are the input of Eq. 22; arguments as for `meter_numbers`."""
+    spread = track.strengths.std() if len(track) else 0.0
+    strengths = np.maximum(track.strengths + error * spread * _noise(track), 0.0)
+    salient = salient_audio(replace(track, strengths=strengths), params)
+    numbers = np.arange(len(salient)) - first
+    return salient.select((numbers >= 0) & (numbers % every == 0))
+
+
+def _time_shares(units: Sequence[MeterUnit], duration: float) -> dict[str, float]:
+    """Share of the time by signature."""
+    shares = dict.fromkeys(UNIT_COLOURS, 0.0)
+    for unit in units:
+        shares[unit_label(unit)] += (unit.end - unit.start) / duration
+    return shares
+
+
+def _accents(strong: BoolArray, places: IntArray) -> dict[str, Any]:
+    """Share of strong beats at each place of the annotated bar, the beats there, and the share among all of them."""
+    placed = places >= 0
+    counts = np.bincount(places[placed])
+    n_strong = np.bincount(places[placed], strong[placed])
+    return {
+        "counts": counts,
+        "accents": n_strong / np.maximum(counts, 1),
+        "chance": float(strong[placed].mean()) if placed.any() else np.nan,
+        "downbeats": int((places == 0).sum()),
+        "strong_downbeats": int((strong & (places == 0)).sum()),
+    }

@@ -1,1 +1,0 @@
-"""One's own dance beside a song: offset, findings, verdict, page."""

@@ -1,1 +1,0 @@
-"""Labs and the player."""

@@ -1,1 +1,0 @@
-"""One lab for each choice of the score."""

@@ -1,0 +1,302 @@
+"""The moments at which a musician's hands and the sound part: findings in words, single events, stretches of time.
+
+All numbers are those of `harmolab.musician.events`, so that no finding can contradict the score.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple, cast
+
+import numpy as np
+from scipy.stats import binom
+
+from harmolab.files import named_faults, plain
+from harmolab.lab.explain.performance import Explanation, Finding
+from harmolab.lab.figures.beats import signed_offsets
+from harmolab.musician.events import CERTAIN, PlayingScore, onset_beats, playing_score
+from harmolab.musician.performances import Performance
+from harmolab.params import HarmonyParams
+from harmolab.score import HarmonyScore, hit_mask
+from harmolab.types import Audio, BeatTrack, Clip, Motion, Notes
+
+STRETCH = 5.0  # seconds
+EVENTS = {"piano": "strike", "violin": "turn of the bow"}
+MANY_EVENTS = {"piano": "strikes", "violin": "turns of the bow"}
+
+
+Kind = Literal["missed", "other hand", "stray"]
+
+
+class Parting(NamedTuple):
+    """One moment at which hands and sound part.
+
+    Parameters
+    ----------
+    kind : "missed", an onset without an event; "other hand", one that only the other hand meets; or "stray", an event
+        without an onset
+    time : float, seconds of the motion, of the onset or the event
+    hand : "left", "right", or "" where it is not known
+    distance : float, seconds from the onset to the nearest event of its hand (late is positive), or from the nearest
+        onset to the event; NaN where there is none
+    """
+
+    kind: Kind
+    time: float
+    hand: str
+    distance: float
+
+
+class Stretch(NamedTuple):
+    """Onsets, those of them that are hit, and events without an onset, in some seconds of the motion."""
+
+    start: float
+    end: float
+    onsets: int
+    hits: int
+    strays: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayingFindings(Explanation):
+    """A verdict, findings in the order of their sentences, and what they rest on.
+
+    Parameters
+    ----------
+    verdict : str, one sentence
+    findings : tuple of Finding: "score", "hand", "other hand", "lag", "stretch" and "body", where there is one
+    partings : tuple of Parting, by time
+    stretches : tuple of Stretch, 5 s each
+    """
+
+    verdict: str
+    partings: tuple[Parting, ...]
+    stretches: tuple[Stretch, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ExplainedPlaying:
+    """A performance whose hands were scored with its sound.
+
+    Parameters
+    ----------
+    performance : Performance, as it was
+    motion : Motion, the part of it that has sound
+    audio : Audio of that part, or None
+    skipped : float, seconds of the motion before that part
+    sound : Notes, or BeatTrack of the onsets found in the sound, on the part's time line
+    score : PlayingScore
+    words : PlayingFindings
+    """
+
+    performance: Performance
+    motion: Motion
+    audio: Audio | None
+    skipped: float
+    sound: Notes | BeatTrack
+    score: PlayingScore
+    words: PlayingFindings
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """The verdict, and the sentence of each finding."""
+        return (self.words.verdict, *self.words.sentences)
+
+    details: ClassVar[tuple[str, ...]] = ()  # all is said in the summary
+
+    def to_dict(self) -> dict[str, Any]:
+        """Numbers and text, ready for JSON."""
+        words = {
+            "verdict": self.words.verdict,
+            "words": list(self.words.sentences),
+            "partings": [parting._asdict() for parting in self.words.partings],
+            "stretches": [stretch._asdict() for stretch in self.words.stretches],
+        }
+        about = {"performance": self.performance.name, "source": self.performance.source, "skipped_s": self.skipped}
+        return dict(plain(about | self.score.to_dict() | words))
+
+
+def explain_playing(
+    performance: Performance, *, params: HarmonyParams | None = None, n_rotations: int = 1000, seed: int = 0
+) -> ExplainedPlaying:
+    """A performance scored and explained, by its notes, or where there are none by the onsets of its sound.
+
+    Parameters
+    ----------
+    performance : Performance
+    params, n_rotations, seed : as in `harmolab.musician.events.playing_score`
+
+    Raises
+    ------
+    ValueError
+        It has neither notes nor sound, its motion and sound hardly meet, or it lacks the points of the hands.
+    """
+    name, motion = performance.name, performance.motion
+    if performance.notes is None and performance.audio is None:
+        raise ValueError(f"{name}: has neither notes nor sound to compare the hands with; add audio or notes to it")
+    clip = Clip(name, performance.audio or _silence(performance), motion, performance.offset)
+    shared = clip.shared()
+    skipped = clip.shared_frame() / motion.fps
+    part = cast(Motion, shared.motion)
+    sound = _sound(performance, performance.offset + skipped, part.duration)
+    with named_faults(name):
+        score = playing_score(part, sound, performance.instrument, params=params, n_rotations=n_rotations, seed=seed)
+    audio = None if performance.audio is None else shared.audio
+    return ExplainedPlaying(performance, part, audio, skipped, sound, score, playing_findings(score))
+
+
+def _silence(performance: Performance) -> Audio:
+    """Silence as long as notes and motion together, in place of the sound of a performance that has none."""
+    notes = cast(Notes, performance.notes)
+    seconds = max([performance.offset + performance.motion.duration, *notes.offsets.tolist(), 1.0])
+    return Audio(np.zeros(int(np.ceil(100.0 * seconds))), 100.0)
+
+
+def _sound(performance: Performance, start: float, duration: float) -> Notes | BeatTrack:
+    """Notes or onsets in [start, start + duration) of the sound, counted from `start`."""
+    notes = performance.notes
+    sound = onset_beats(cast(Audio, performance.audio)) if notes is None else notes
+    return sound.span(start, duration)
+
+
+def playing_findings(score: PlayingScore, *, is_filmed: bool = True) -> PlayingFindings:
+    """The findings behind a score of a musician's hands; the lag and the worst stretch only where there is evidence.
+
+    `is_filmed` is False for hands that were computed from the sound, whose picture cannot begin apart from it.
+    """
+    partings = _partings(score)
+    stretches = _stretches(score, partings)
+    findings = [_score(score), *_hands(score, partings), *_lag(score), *_worst(score, stretches), _body(score)]
+    verdict = _verdict(score, is_filmed=is_filmed)
+    return PlayingFindings(tuple(findings), verdict=verdict, partings=partings, stretches=stretches)
+
+
+def _partings(score: PlayingScore) -> tuple[Parting, ...]:
+    """Onsets that are missed, by the hand that they belong to where it is known, and events far from any onset."""
+    params, onsets = score.score.params, score.score.music.times
+    every = score.score.visual.times - params.lag
+    partings: list[Parting] = []
+    for hand, own in (score.hands or {"": score.score}).items():
+        missed = own.pairs < 0
+        distances = signed_offsets(own.music.times, own.visual.times - params.lag)[missed]
+        times = own.music.times[missed]
+        met = hit_mask(times, every, delay=params.reaction_delay)
+        kinds: list[Kind] = ["other hand" if other else "missed" for other in met]
+        partings += [
+            Parting(kind, float(time), hand, float(distance))
+            for kind, time, distance in zip(kinds, times, distances, strict=True)
+        ]
+    for hand, track in score.events.items():
+        times = track.times - params.lag
+        distances = -signed_offsets(times, onsets)
+        stray = ~hit_mask(times, onsets, delay=params.reaction_delay)
+        partings += [
+            Parting("stray", float(time), hand, float(distance))
+            for time, distance in zip(track.times[stray], distances[stray], strict=True)
+        ]
+    return tuple(sorted(partings, key=lambda parting: (parting.time, parting.hand)))
+
+
+def _stretches(score: PlayingScore, partings: Sequence[Parting]) -> tuple[Stretch, ...]:
+    """Counts of every 5 s; what is left over at the end is a stretch of its own."""
+    onsets, hits = score.score.music.times, score.score.music.times[score.score.pairs >= 0]
+    strays = [parting.time for parting in partings if parting.kind == "stray"]
+    duration = score.score.music.duration
+    edges = np.append(np.arange(0.0, duration, STRETCH), duration)
+    counts = [np.histogram(times, edges)[0] for times in (onsets, hits, strays)]
+    return tuple(
+        Stretch(float(start), float(end), *map(int, row))
+        for start, end, *row in zip(edges[:-1], edges[1:], *counts, strict=True)
+    )
+
+
+def _verdict(score: PlayingScore, *, is_filmed: bool) -> str:
+    whole, events = score.score, MANY_EVENTS[score.instrument]
+    if whole.n_audio == 0:
+        return "Cannot tell: the sound has no onsets that hands could meet."
+    if whole.n_visual == 0:
+        return f"Cannot tell: the hands make no {events} that could be read."
+    if score.is_together:
+        return f"The hands meet the sound: {whole.mean_share:.0%} of it, where {whole.chance:.0%} would be chance."
+    if np.isfinite(score.lag.seconds):
+        doubt = ": picture and sound may begin apart" if is_filmed else ""
+        return f"The hands meet the sound {_milliseconds(score.lag.seconds)}{doubt}."
+    return "There is no evidence that these hands play this sound."
+
+
+def _milliseconds(seconds: float) -> str:
+    return f"{abs(1000 * seconds):.0f} ms {'late' if seconds > 0 else 'early'}"
+
+
+def _score(score: PlayingScore) -> Finding:
+    whole, event = score.score, EVENTS[score.instrument]
+    low, high = whole.interval
+    spread = "" if np.isnan(low) else f", {low:.2f} to {high:.2f}"
+    sentence = (
+        f"{int((whole.pairs >= 0).sum())} of {whole.n_audio} onsets have a {event} within "
+        f"{1000 * whole.params.reaction_delay:.0f} ms. Weighed by loudness that is {whole.mean_share:.0%}, and "
+        f"{whole.chance:.0%} at random moments: {whole.harmony_above_chance:.2f} above chance (0 is chance, 1 is every "
+        f"onset{spread}{_evidence(whole)})."
+    )
+    return Finding("score", whole.harmony_above_chance, sentence, whole.interval)
+
+
+def _evidence(score: HarmonyScore) -> str:
+    """The p-value for a sentence, "" where there is none."""
+    return "" if np.isnan(score.p_value) else f"; p = {score.p_value:.3f}"
+
+
+def _hands(score: PlayingScore, partings: Sequence[Parting]) -> list[Finding]:
+    """Each hand with its own notes, and the notes that only the other hand meets."""
+    events = MANY_EVENTS[score.instrument]
+    findings = []
+    for hand, own in score.hands.items():
+        strays = sum(parting.kind == "stray" and parting.hand == hand for parting in partings)
+        sentence = (
+            f"The {hand} hand meets {int((own.pairs >= 0).sum())} of its {own.n_audio} onsets "
+            f"({own.harmony_above_chance:.2f} above chance); {strays} of its {own.n_visual} {events} are at no onset."
+        )
+        findings.append(Finding("hand", own.harmony_above_chance, sentence, own.interval))
+    if count := sum(parting.kind == "other hand" for parting in partings):
+        words = "onset is" if count == 1 else "onsets are"
+        findings.append(Finding("other hand", float(count), f"{count} {words} met by the other hand alone."))
+    return findings
+
+
+def _lag(score: PlayingScore) -> list[Finding]:
+    """The lag of the hands as a whole."""
+    seconds, (low, high), share, _ = score.lag
+    if np.isnan(seconds):
+        return []
+    spread = "" if np.isnan(low) else f" ({round(1000 * low):+d} to {round(1000 * high):+d} ms)"
+    sentence = (
+        f"As a whole the hands move {round(1000 * seconds):+d} ms from the onsets, late counted positive{spread}; "
+        f"at the best lag {share:.0%} are met."
+    )
+    return [Finding("lag", seconds, sentence, (low, high))]
+
+
+def _worst(score: PlayingScore, stretches: Sequence[Stretch]) -> list[Finding]:
+    """The stretch that meets fewer onsets than the others by more than luck (binomial, Bonferroni)."""
+    total = sum(stretch.onsets for stretch in stretches)
+    if not score.is_together or total == 0:
+        return []
+    rate = sum(stretch.hits for stretch in stretches) / total
+    p_values = [len(stretches) * float(binom.cdf(stretch.hits, stretch.onsets, rate)) for stretch in stretches]
+    worst = stretches[int(np.argmin(p_values))]
+    if not min(p_values) < CERTAIN:
+        return []
+    sentence = (
+        f"They part most from {worst.start:.0f} to {worst.end:.0f} s: {worst.hits} of {worst.onsets} onsets are met."
+    )
+    return [Finding("stretch", worst.hits / worst.onsets, sentence)]
+
+
+def _body(score: PlayingScore) -> Finding:
+    body = score.body
+    sentence = (
+        f"The speed of the whole body, by which dances are scored, is {body.harmony_above_chance:.2f} above chance "
+        f"(0 is chance{_evidence(body)})."
+    )
+    return Finding("body", body.harmony_above_chance, sentence, body.interval)

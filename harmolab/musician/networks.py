@@ -1,0 +1,178 @@
+"""The network (Sec. 4, Fig. 4): one LSTM over the sound, and a linear layer to the principal components."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from harmolab.body.skeletons import Skeleton
+from harmolab.musician.bow import Bowing
+from harmolab.musician.cleaning import Reference
+from harmolab.musician.params import Audio2BodyParams
+from harmolab.musician.sequences import PointSpace
+from harmolab.readers.arrays import number_array
+from harmolab.readers.player_points import INSTRUMENTS
+from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.layers import Normaliser
+from harmolab.systems.training.weights import stored_record, whole
+from harmolab.types import FloatArray
+
+State = tuple[Tensor, Tensor]
+
+
+class SoundToPoints(nn.Module):
+    """Sound (N, S, F) at `params.step_rate` to scaled components (N, S, n) of the points, `params.delay` later.
+
+    Parameters
+    ----------
+    params : Audio2BodyParams
+    skeleton : Skeleton of the P points
+    instrument : "piano" or "violin"
+    n_components : int
+    reference : Reference that the points are placed by
+
+    Raises
+    ------
+    ValueError
+        For `params.bow_phase` of another instrument than a violin.
+
+    Notes
+    -----
+    With `params.bow_phase` one output more follows the components: `harmolab.musician.bow.turn_signal`.
+    """
+
+    system = "audio2body"
+
+    def __init__(
+        self, params: Audio2BodyParams, skeleton: Skeleton, instrument: str, n_components: int, reference: Reference
+    ) -> None:
+        super().__init__()
+        if params.bow_phase and instrument != "violin":
+            raise ValueError(f"bow_phase is of violinists, and this is a {instrument}")
+        self.params, self.skeleton, self.instrument, self.reference = params, skeleton, instrument, reference
+        self.sound_scale = Normaliser(params.n_sound)
+        self.space_scale = SpaceScale(len(skeleton.joints), n_components)
+        self.lstm = nn.LSTM(params.n_sound, params.hidden, batch_first=True)
+        self.dropout = nn.Dropout(params.dropout)
+        self.bow_scale = BowScale(len(skeleton.joints)) if params.bow_phase else None
+        self.linear = nn.Linear(params.hidden, n_components + params.bow_phase)
+        with torch.no_grad():
+            gate = slice(params.hidden, 2 * params.hidden)  # of forgetting; two biases are added to each gate
+            biases = dict(self.lstm.named_parameters())
+            biases["bias_ih_l0"][gate] = 1.0
+            biases["bias_hh_l0"][gate] = 0.0
+
+    def forward(self, sound: Tensor, state: State | None = None) -> tuple[Tensor, State]:
+        """Components, and the state after the last step; from a state of 0 when left out."""
+        values, state = self.lstm(self.sound_scale(sound), state)
+        components: Tensor = self.linear(self.dropout(values))
+        return components, state
+
+    @torch.no_grad()
+    def predicted(self, steps: NDArray[np.float32], state: State | None = None) -> tuple[FloatArray, State]:
+        """Components (S, n) of the sound (S, F) of one recording, in evaluation mode, and the state after it."""
+        self.eval()
+        device = self.sound_scale.mean.device
+        components, state = self(torch.from_numpy(np.ascontiguousarray(steps))[None].to(device), state)
+        return components[0].double().cpu().numpy(), state
+
+    def set_statistics(self, mean: Tensor, std: Tensor, space: PointSpace, bow: Bowing | None = None) -> None:
+        """Normalise sound (F,) and points by the training split from now on."""
+        if self.bow_scale is not None and bow is not None:
+            self.bow_scale.set(bow)
+        self.sound_scale.set(mean, std)
+        self.space_scale.set(space)
+
+    def projected(self, points: FloatArray) -> FloatArray:
+        """Points (T, 2 P) as far as the components (with `bow_phase` also the bow's place) can tell them."""
+        space = self.space_scale.space
+        if self.bow_scale is None:
+            return space.decode(space.encode(points))
+        bow = self.bow_scale.bow
+        return bow.at_place(space.decode(space.encode(bow.at_rest(points))), bow.place(points))
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {
+            "params": asdict(self.params),
+            "skeleton": asdict(self.skeleton),
+            "instrument": self.instrument,
+            "components": len(self.space_scale.sizes),
+            "reference": {"joints": self.reference.joints, "points": self.reference.points.tolist()},
+        }
+
+    @classmethod
+    def built(cls, build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> Self:
+        """A network as its description says; ValueError for sizes that cannot be."""
+        if build["instrument"] not in INSTRUMENTS:
+            raise ValueError(f"describes the instrument {str(build['instrument'])[:40]!r}")
+        skeleton = stored_skeleton(build)
+        components = whole("components", build["components"])
+        if components > 2 * len(skeleton.joints):
+            raise ValueError(f"describes {components} components of {len(skeleton.joints)} points")
+        params = stored_record(Audio2BodyParams, build["params"])
+        return cls(params, skeleton, build["instrument"], components, _stored_reference(build["reference"], skeleton))
+
+
+def _stored_reference(stored: Mapping[str, Any], skeleton: Skeleton) -> Reference:
+    """The reference of a description; ValueError for other points than the skeleton's."""
+    joints = tuple(str(name) for name in stored["joints"])
+    if not {*joints} <= {*skeleton.joints}:
+        raise ValueError(f"describes a reference of other points than its {len(skeleton.joints)}")
+    points = number_array(stored["points"], "reference", (len(joints), 2)) if joints else np.zeros((0, 2))
+    return Reference(joints, points)
+
+
+class SpaceScale(nn.Module):
+    """The numbers of a `PointSpace`, kept with the network; it has no weights."""
+
+    mean: Tensor
+    basis: Tensor
+    sizes: Tensor
+
+    def __init__(self, points: int, components: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(2 * points))
+        self.register_buffer("basis", torch.zeros(components, 2 * points))
+        self.register_buffer("sizes", torch.ones(components))
+
+    def set(self, space: PointSpace) -> None:
+        """Keep a space of the same size."""
+        for buffer, values in ((self.mean, space.mean), (self.basis, space.basis), (self.sizes, space.scale)):
+            buffer.copy_(torch.from_numpy(values))
+
+    @property
+    def space(self) -> PointSpace:
+        """The space in numpy."""
+        return PointSpace(*(values.double().cpu().numpy() for values in (self.mean, self.basis, self.sizes)))
+
+
+class BowScale(nn.Module):
+    """The numbers of a `Bowing`, kept with the network; it has no weights."""
+
+    reading: Tensor
+    effect: Tensor
+    levels: Tensor
+    law: Tensor
+    evidence: Tensor
+
+    def __init__(self, points: int) -> None:
+        super().__init__()
+        for name, values in asdict(Bowing.empty(points)).items():
+            self.register_buffer(name, torch.from_numpy(values).float())
+
+    def set(self, bow: Bowing) -> None:
+        """Keep a bow of the same number of points."""
+        for name, values in asdict(bow).items():
+            getattr(self, name).copy_(torch.from_numpy(values))
+
+    @property
+    def bow(self) -> Bowing:
+        """The bow in numpy."""
+        return Bowing(**{name: values.double().cpu().numpy() for name, values in self.named_buffers()})

@@ -1,0 +1,409 @@
+"""One page about a musician: do the hands meet the sound, where do they part, the player, the numbers, the doubts.
+
+Performances that a network makes of a sound: the points, the figure that is drawn, and how the hands meet the notes.
+
+With a truth, the playing that was filmed, also the error of the points and the score of both beside each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from harmolab.files import PathLike, write_text
+from harmolab.lab.explain.page import NARROW, WIDE, explained_page
+from harmolab.lab.figures.beats import png_text, timing_figure
+from harmolab.lab.player import LONGEST, PLAYING, Dancer, Player
+from harmolab.musician.avatar import avatar
+from harmolab.musician.events import BOW_HAND, PlayingScore, onset_beats, playing_score
+from harmolab.musician.explain import (
+    EVENTS,
+    MANY_EVENTS,
+    ExplainedPlaying,
+    PlayingFindings,
+    explain_playing,
+    playing_findings,
+)
+from harmolab.musician.performances import Performance
+from harmolab.readers.motion import motion_part
+from harmolab.readers.player_points import SIDES, hand_joints
+from harmolab.score import HarmonyScore
+from harmolab.types import Audio, BeatTrack, Motion, Notes
+
+MOST_PARTINGS = 200  # rows of the list of single moments
+
+
+class Picture(NamedTuple):
+    """Every onset of a hand along time, in two widths, as base64 of PNG."""
+
+    title: str
+    wide: str
+    narrow: str
+
+
+def save_playing_page(path: PathLike, playing: ExplainedPlaying) -> None:
+    """Write `playing_page` to a file, whole or not at all."""
+    write_text(path, playing_page(playing))
+
+
+def playing_page(playing: ExplainedPlaying) -> str:
+    """One HTML page about a musician's hands and their sound; it needs no network.
+
+    The player is part of it where there is sound, of ten minutes at most.
+    """
+    performance, score = playing.performance, playing.score
+    partings = playing.words.partings
+    return explained_page(
+        "own_playing.html.j2",
+        score.score,
+        numbers=_numbers(playing),
+        title=f"{performance.name}: {performance.instrument}",
+        performance=performance,
+        playing=playing,
+        is_together=score.is_together,
+        verdict=playing.words.verdict,
+        sentences=playing.words.sentences,
+        pictures=_pictures(playing),
+        player=playing_player(playing).page if _is_playable(playing) else "",
+        partings=partings[:MOST_PARTINGS],
+        n_partings=len(partings),
+        event=EVENTS[performance.instrument],
+        events=MANY_EVENTS[performance.instrument],
+        delay=1000 * score.score.params.reaction_delay,
+        has_notes=isinstance(playing.sound, Notes),
+        missing=float(1 - performance.detected.mean()),
+    )
+
+
+def playing_player(playing: ExplainedPlaying) -> Player:
+    """The points and the sound in a player, whose beats are the onsets and the events of the hands.
+
+    Raises
+    ------
+    ValueError
+        There is no sound, or more than the player holds.
+    """
+    name, score = playing.performance.name, playing.score.score
+    if playing.audio is None:
+        raise ValueError(f"{name}: has no sound to play; render its notes first")
+    instrument = playing.performance.instrument
+    dancer = Dancer(name, playing.motion, score, moving=moving_hands(playing.motion, instrument))
+    return Player(playing.audio, [dancer], music=score.music, title=name, words=PLAYING[instrument])
+
+
+def moving_hands(motion: Motion, instrument: str) -> Motion | None:
+    """The points of the hands, of a violinist those of the hand that bows; None without any."""
+    sides = (BOW_HAND,) if instrument == "violin" else SIDES
+    names = {name for side in sides for name in (f"{side}_wrist", *hand_joints(side))}
+    joints = [name for name in motion.skeleton.joints if name in names]
+    return motion_part(motion, joints, "hands") if joints else None
+
+
+def _is_playable(playing: ExplainedPlaying) -> bool:
+    return playing.audio is not None and playing.motion.duration <= LONGEST
+
+
+def _pictures(playing: ExplainedPlaying) -> list[Picture]:
+    """One picture for each hand where its notes are known, else one of all."""
+    event = EVENTS[playing.performance.instrument]
+    about = ", synthetic player" if playing.performance.source == "synthetic" else ""
+    scores: dict[str, HarmonyScore] = {
+        f"{hand.capitalize()} hand{about}": score for hand, score in playing.score.hands.items()
+    }
+    return [
+        Picture(
+            title,
+            *(png_text(timing_figure(score, title=title, event=event, size=size)) for size in (WIDE, NARROW)),
+        )
+        for title, score in (scores or {f"All onsets{about}": playing.score.score}).items()
+    ]
+
+
+def _numbers(playing: ExplainedPlaying) -> dict[str, str]:
+    """The numbers of the page's table: name -> text."""
+    score, events = playing.score, MANY_EVENTS[playing.performance.instrument]
+    rows = {"All": score.score} | {f"{hand.capitalize()} hand": own for hand, own in score.hands.items()}
+    numbers = {f"{name}: harmony above chance (0: chance, 1: all)": _number(own) for name, own in rows.items()}
+    numbers["Whole body, as dances are scored"] = _number(score.body)
+    numbers[f"Onsets, {events}"] = f"{score.score.n_audio}, {score.score.n_visual}"
+    numbers["Onsets hit, and at random moments"] = f"{score.score.mean_share:.2f}, {score.score.chance:.2f}"
+    numbers["Lag (late is positive)"] = f"{1000 * score.lag.seconds:+.0f} ms"
+    numbers["Length"] = f"{playing.motion.duration:.1f} s at {playing.motion.fps:g} frames per second"
+    return numbers
+
+
+def _number(score: HarmonyScore) -> str:
+    low, high = score.interval
+    return f"{score.harmony_above_chance:.2f} ({low:.2f} to {high:.2f}; p = {score.p_value:.3f})"
+
+
+# Performances that a network makes of a sound: the points, the figure that is drawn, and how the hands meet the
+
+if TYPE_CHECKING:  # torch is loaded by those who have a network
+    from harmolab.musician.system import Audio2Body
+    from harmolab.musician.train import Compared
+
+TRUTH, PREDICTION = "the truth", "from the sound"
+ROWS = MappingProxyType(
+    {
+        "score": "hands and sound",
+        "hand": "hand by hand",
+        "other hand": "wrong hand",
+        "lag": "early or late",
+        "stretch": "where they part most",
+        "body": "the whole body",
+    }
+)
+AVATAR = (
+    "an avatar: hands and arms go where the 2-D points are; how far forward they are follows from the lengths of their "
+    "bones, and legs, seat and instrument are added"
+)
+POINTS = "the 2-D points, as a camera would see them"
+
+
+@dataclass(frozen=True, eq=False)
+class Performed:
+    """A performance that a network made of a sound.
+
+    Parameters
+    ----------
+    instrument : "piano" or "violin"
+    points : Motion, (T, P, 2) pixels, y down
+    audio : Audio, the part of the recording that begins with the first frame
+    start : float, seconds, audio time of the first frame in the recording
+    notice : str, on whom the network was trained: it stands on everything that is made of this
+    is_avatar : bool, what is drawn
+    truth : ExplainedPlaying, the playing that was filmed, cut to the same time; None where it is not known
+    compared : Compared, points of both in one place, and their errors; None without a truth
+    """
+
+    instrument: str
+    points: Motion
+    audio: Audio
+    start: float
+    notice: str
+    is_avatar: bool = True
+    truth: ExplainedPlaying | None = None
+    compared: Compared | None = None
+
+    @cached_property
+    def figure(self) -> Motion:
+        """The motion that is drawn: an avatar, (T, J, 3) metres, or the points."""
+        return avatar(self.points, self.instrument) if self.is_avatar else self.points
+
+    @cached_property
+    def sound(self) -> Notes | BeatTrack:
+        """The notes where the truth brings them, else the onsets that a program finds in the sound."""
+        return onset_beats(self.audio) if self.truth is None else self.truth.sound
+
+    @cached_property
+    def score(self) -> PlayingScore:
+        """Score of the predicted hands with that sound."""
+        return playing_score(self.points, self.sound, self.instrument)
+
+    @cached_property
+    def words(self) -> PlayingFindings:
+        """Verdict and findings on the predicted hands."""
+        return playing_findings(self.score, is_filmed=False)
+
+    @property
+    def mark_words(self) -> dict[str, str]:
+        """Words of the marks of music, dancer and hits in a video, for a musician."""
+        words = PLAYING[self.instrument]
+        return {"music": words.sound, "dancer": words.mover, "hit": "hit"}
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Sentences on the error of the points; none without a truth."""
+        if self.compared is None:
+            return ()
+        errors = self.compared.errors
+        is_wide = np.isfinite(errors.shoulder_width)
+        own, mean = (
+            (f"{errors.percent:.1f} % of the shoulder width", f"{errors.mean_pose_percent:.1f} %")
+            if is_wide
+            else (f"{errors.pixels:.1f} (unit of the points, which have no shoulders)", f"{errors.mean_pose:.1f}")
+        )
+        return (
+            f"The points are {own} from the truth: root mean square of a coordinate, mean over frames.",
+            f"The mean pose, which hears nothing and never moves, is {mean} from it.",
+            f"{errors.points} points were compared, in the {errors.accepted:.0%} of the frames that cleaning accepts.",
+        )
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Name -> text, for a table."""
+        events, whole = MANY_EVENTS[self.instrument], self.score.score
+        by = "those of the notes" if isinstance(self.sound, Notes) else "found in the sound by a program"
+        facts = {
+            "drawn": AVATAR if self.is_avatar else POINTS,
+            "time": f"{self.points.duration:.2f} s, from {self.start:.2f} s of the sound on",
+            "onsets": f"{whole.n_audio}, {by}",
+            events: str(whole.n_visual),
+        } | _rows(self.words)
+        if self.truth is not None:
+            facts["error of the points"] = " ".join(self.errors)
+            facts |= {f"the truth: {name}": text for name, text in _rows(self.truth.words).items()}
+        return facts
+
+
+def _rows(words: PlayingFindings) -> dict[str, str]:
+    """Name -> sentences of the findings of a kind."""
+    kinds = dict.fromkeys(finding.kind for finding in words.findings)
+    return {
+        ROWS[kind]: " ".join(finding.sentence for finding in words.findings if finding.kind == kind) for kind in kinds
+    }
+
+
+def performed(
+    system: Audio2Body,
+    audio: Audio,
+    *,
+    start: float = 0.0,
+    seconds: float | None = None,
+    is_avatar: bool = True,
+    truth: Performance | None = None,
+) -> Performed:
+    """A performance to a sound, by a trained system.
+
+    Parameters
+    ----------
+    system : Audio2Body
+    audio : Audio, the whole recording
+    start, seconds : float, seconds of it; to the end when left out
+    is_avatar : bool, whether an avatar is drawn, or the points
+    truth : Performance, optional
+        Playing that was filmed, with `audio` as its sound. The performance is cut to its time, and made from there.
+
+    Raises
+    ------
+    ValueError
+        As `Audio2Body.generate`; with a truth as `explain_playing` and `compared`.
+    """
+    instrument, notice = system.network.instrument, system.trained_on
+    if truth is None:
+        points = system.generate(audio, start=start, seconds=seconds)
+        return Performed(instrument, points, audio.span(start, points.duration), start, notice, is_avatar)
+    from harmolab.musician.train import compared
+
+    playing = explain_playing(performance_span(truth, start, seconds))
+    part, sound = playing.motion, playing.audio
+    if sound is None:
+        raise ValueError(f"{truth.name}: has no sound to play to")
+    first = round(playing.skipped * part.fps)
+    detected = playing.performance.detected[first : first + part.n_frames]
+    own = replace(playing.performance, motion=part, audio=sound, detected=detected, offset=0.0)
+    beside = compared(system.network, own)
+    points = system.generate(sound, seconds=part.duration)
+    begin = playing.performance.offset + playing.skipped
+    return Performed(instrument, points, sound, begin, notice, is_avatar, playing, beside)
+
+
+def performance_span(performance: Performance, start: float, seconds: float | None) -> Performance:
+    """A performance from `start` seconds of its sound on, so many seconds of it; ValueError where it has no frames."""
+    motion = performance.motion
+    first = max(round((start - performance.offset) * motion.fps), 0)
+    end = motion.n_frames if seconds is None else round((start + seconds - performance.offset) * motion.fps)
+    last = min(end, motion.n_frames)
+    if start < 0 or last - first < 2:
+        raise ValueError(f"{performance.name}: its points have nothing at these seconds of the sound")
+    frames = slice(first, last)
+    return replace(
+        performance,
+        motion=Motion(motion.positions[frames], motion.fps, motion.skeleton, motion.valid[frames]),
+        detected=performance.detected[frames],
+        offset=performance.offset + first / motion.fps,
+    )
+
+
+def performed_player(performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> Player:
+    """A page that plays a performance: beside a truth, or as points over it.
+
+    Parameters
+    ----------
+    performed : Performed
+    title : str
+    facts : name -> text, shown before those of the performance
+
+    Raises
+    ------
+    ValueError
+        As `Player`.
+    """
+    return Player(
+        performed.audio,
+        _dancers(performed),
+        music=performed.score.score.music,
+        title=title,
+        facts=dict(facts or {}) | performed.facts,
+        overlaid=performed.compared is not None and not performed.is_avatar,
+        words=PLAYING[performed.instrument],
+        notice=performed.notice,
+    )
+
+
+def save_performed(path: PathLike, performed: Performed, *, title: str, facts: Mapping[str, str] | None = None) -> None:
+    """Write the page of `performed_player` to a file, whole or not at all."""
+    performed_player(performed, title=title, facts=facts).save(path)
+
+
+def _dancers(performed: Performed) -> list[Dancer]:
+    """The figure, behind that of the truth where there is one."""
+    beside, truth = performed.compared, performed.truth
+    figure = performed.figure if beside is None or performed.is_avatar else beside.prediction
+    hands = moving_hands(performed.points, performed.instrument)
+    dancer = Dancer(PREDICTION, figure, performed.score.score, instead=performed.words.verdict, moving=hands)
+    if beside is None or truth is None:
+        return [dancer]
+    drawn = avatar(beside.truth, performed.instrument) if performed.is_avatar else beside.truth
+    hands = moving_hands(beside.truth, performed.instrument)
+    return [Dancer(TRUTH, drawn, truth.score.score, instead=truth.words.verdict, moving=hands), dancer]
+
+
+# Avatars of one or two musicians with one sound, in a player.
+
+
+def avatar_player(
+    audio: Audio,
+    points: Mapping[str, Motion],
+    notes: Notes,
+    instrument: str,
+    *,
+    title: str,
+    seconds: float,
+    notice: str = "",
+    n_rotations: int = 1000,
+) -> Player:
+    """The first seconds of one or two avatars, which hear one sound; strikes or bow turns are read from their points.
+
+    Parameters
+    ----------
+    audio : Audio
+    points : name -> Motion, (T, P, 2) as in `harmolab.readers.player_points`, from audio time 0 on
+    notes : Notes of the sound
+    instrument : "piano" or "violin"
+    title : str
+    seconds : float
+    notice : str, a sentence above the picture, such as where the points are from
+    n_rotations : int, of the null distribution of each score
+
+    Raises
+    ------
+    ValueError
+        As `Player`, `avatar` and `playing_score`.
+    """
+    dancers, facts = [], {}
+    for name, motion in points.items():
+        part = motion.span(0.0, seconds)
+        score = playing_score(part, notes, instrument, n_rotations=n_rotations)
+        hits = score.score
+        facts[f"{name}: onsets hit"] = f"{hits.hits.sum()} of {hits.n_audio}, {hits.chance:.0%} by chance"
+        figure, hands = avatar(motion, instrument).span(0.0, seconds), moving_hands(part, instrument)
+        dancers.append(Dancer(name, figure, hits, instead=playing_findings(score).verdict, moving=hands))
+    music = dancers[0].score.music
+    return Player(audio, dancers, music=music, title=title, facts=facts, words=PLAYING[instrument], notice=notice)

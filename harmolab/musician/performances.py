@@ -1,0 +1,662 @@
+"""Performances of musicians on disk, one folder each; `harmolab.musician.performances` says which files it has.
+
+The files of a musician's performance: which of a folder's are the sound, the points and the notes.
+
+======================  ==============================================================================================
+sound                   ``audio.wav`` (.flac, .ogg, .mp3); else the only sound file; else the sound of the only video
+points                  ``motion.npz`` of ours; else the only file of key points (.json, .jsonl), or the only folder of
+                        OpenPose's frames (``*_keypoints.json``), which may be this one
+``notes.csv``           optional; see `harmolab.musician.performances`. A folder without sound must have it
+``performance.json``    optional; an object with any of the fields below
+======================  ==============================================================================================
+
+==============  ======================================================================================================
+``instrument``  "piano" or "violin"; else it is the word in the folder's name, or in that of the folder above
+``fps``         frames per second of the points, where their file does not hold it; else that of the only video
+``size``        [width, height] of the picture, pixels; for MediaPipe's files that do not hold it
+``mirrored``    true where the picture is a mirror image (`harmolab.musician.keypoints`)
+``offset_s``    seconds, audio time of the first frame; else what motion.npz holds, else 0
+``piece``       name of the piece: performances of one piece stay on one side of a split
+``audio``       name of the sound file or video, where there are several
+``points``      name of the file or folder of points, or a list of those of one video, of which each point in each frame
+                is taken from the one that is surer of it
+``rendered``    true where the sound was made from the notes
+``name``        of the performance; else the folder's
+``source``      of the recordings; else the name of the folder above
+``comment``     anything
+==============  ======================================================================================================
+
+So the simplest folder is ``piano_1/`` with ``take.mp4`` and the folder ``openpose/``; or with ``song.wav`` and
+``points.json``.
+
+Notes of a piece as a table of text, ``notes.csv``.
+
+=============  ===================================================================================
+column         content
+=============  ===================================================================================
+``onset_s``    seconds of audio time at which the note begins
+``offset_s``   seconds at which it ends
+``midi``       key, a MIDI number: 60 is middle C
+``loudness``   0 to 1; optional, 1 where there is no such column. MIDI velocities divided by 127
+``hand``       left or right, empty where unknown; optional
+=============  ===================================================================================
+
+The first line has the names, in any order; other columns are not read. MIDI files are not read: any notation program
+or MIDI library writes such a table.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from harmolab.data.recordings import Problem, RecordingFolders, natural
+from harmolab.files import (
+    MAX_TEXT_BYTES,
+    MissingFrameRate,
+    PathLike,
+    atomic_folder,
+    number_column,
+    read_columns,
+    read_json,
+    reading,
+    write_json,
+    write_text,
+)
+from harmolab.musician.keypoints import IsMusician, checked_size, load_player_points
+from harmolab.readers.audio import load_sound, save_audio
+from harmolab.readers.motion import load_detected, load_motion, load_offset, save_motion
+from harmolab.readers.player_points import INSTRUMENTS
+from harmolab.readers.video import average_rate, is_video
+from harmolab.types import Audio, BoolArray, Motion, Notes
+
+# Performances of musicians: sound, the points of the player, the notes if they are known.
+
+
+@dataclass(frozen=True, eq=False)
+class Performance:
+    """A musician who plays a piece.
+
+    Parameters
+    ----------
+    name : str
+    instrument : "piano" or "violin"
+    audio : Audio or None
+    motion : Motion, (T, P, 2) image coordinates, y down; joints by the names of `player_points`, some may be missing
+    detected : (T, P) mask, False where a point was not detected (its place is filled in); all True when left out
+    notes : Notes or None, on the audio's time line
+    offset : float, seconds, audio time of frame 0
+    piece : str; performances of one piece, or of its repeats, stay on one side of a split
+    rendered : bool, the sound was made from the notes, not recorded
+    source : str, "synthetic" or the name of the recordings
+    """
+
+    name: str
+    instrument: str
+    audio: Audio | None
+    motion: Motion
+    detected: BoolArray = None  # type: ignore[assignment]  # filled in below
+    notes: Notes | None = None
+    offset: float = 0.0
+    piece: str = ""
+    rendered: bool = False
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if self.instrument not in INSTRUMENTS:
+            raise ValueError(f"{self.name}: instrument must be {' or '.join(INSTRUMENTS)}, got {self.instrument!r}")
+        if self.motion.positions.shape[2] != 2:
+            raise ValueError(f"{self.name}: points of a picture are needed, (T, P, 2), got three coordinates")
+        shape = self.motion.positions.shape[:2]
+        detected = np.ones(shape, bool) if self.detected is None else np.array(self.detected, bool)
+        if detected.shape != shape:
+            raise ValueError(f"{self.name}: detected must have shape {shape}, got {detected.shape}")
+        detected.setflags(write=False)
+        object.__setattr__(self, "detected", detected)
+        if not np.isfinite(self.offset):
+            raise ValueError(f"{self.name}: offset must be finite, got {self.offset}")
+
+
+# The files of a musician's performance: which of a folder's are the sound, the points and the notes.
+
+ABOUT, MOTION, NOTES = "performance.json", "motion.npz", "notes.csv"
+SOUNDS = (".wav", ".flac", ".ogg", ".mp3")
+_FRAME = "_keypoints.json"
+_POINTS = (".json", ".jsonl")
+_LONGEST_NAME = 200
+_OTHER_JSON = (ABOUT, "beats.json", "config.json", "skeletons.json")
+
+
+class PerformanceFiles(NamedTuple):
+    """Files of one folder: the sound (a video perhaps), the points, the notes, a video; None or () without."""
+
+    sound: Path | None
+    points: tuple[Path, ...]
+    notes: Path | None
+    video: Path | None
+
+
+def about_performance(folder: Path) -> dict[str, Any]:
+    """The fields of a folder's performance.json; none where there is no such file.
+
+    Raises
+    ------
+    ValueError
+        The file is damaged, or a field is unknown or of another kind; names file and field.
+    """
+    path = folder / ABOUT
+    if not path.exists():
+        return {}
+    with reading(path, "the description of a performance", max_bytes=MAX_TEXT_BYTES):
+        about = read_json(path)
+        if not isinstance(about, dict):
+            raise ValueError(f'must be an object with fields such as "instrument", got {str(about)[:30]!r}')
+        for name, value in about.items():
+            if name not in _FIELDS:
+                raise ValueError(f"has a field {name[:30]!r} that is not known; fields are {', '.join(_FIELDS)}")
+            _FIELDS[name](name, value)
+        return about
+
+
+def _text(name: str, value: Any) -> None:
+    if not isinstance(value, str):
+        raise ValueError(f"{name} must be text, got {str(value)[:30]!r}")
+
+
+def _truth(name: str, value: Any) -> None:
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} must be true or false, got {str(value)[:30]!r}")
+
+
+def _number(name: str, value: Any) -> None:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value) or abs(value) > 36_000:
+        raise ValueError(f"{name} must be a number, got {str(value)[:30]!r}")
+
+
+def _instrument(name: str, value: Any) -> None:
+    if value not in INSTRUMENTS:
+        raise ValueError(f"{name} must be {' or '.join(INSTRUMENTS)}, got {str(value)[:30]!r}")
+
+
+def _file_name(name: str, value: Any) -> None:
+    _text(name, value)
+    if not 0 < len(value) <= _LONGEST_NAME or PurePath(value).is_absolute() or ".." in PurePath(value).parts:
+        raise ValueError(f"{name} must be a name inside of the folder, got {value[:60]!r}")
+
+
+def _file_names(name: str, value: Any) -> None:
+    for one in value if isinstance(value, list) and value else [value]:
+        _file_name(name, one)
+
+
+_FIELDS: dict[str, Callable[[str, Any], object]] = {
+    "instrument": _instrument,
+    "fps": _number,
+    "size": lambda name, value: checked_size(value),
+    "mirrored": _truth,
+    "offset_s": _number,
+    "piece": _text,
+    "audio": _file_name,
+    "points": _file_names,
+    "rendered": _truth,
+    "name": _text,
+    "source": _text,
+    "comment": lambda name, value: None,
+}
+
+
+def named_instrument(folder: Path) -> str:
+    """The instrument whose name is a word in that of the folder, or else of the folder above; "" where none is.
+
+    >>> named_instrument(Path("recitals/violin/take_1"))
+    'violin'
+    """
+    full = folder.resolve()
+    for name in (full.name, full.parent.name):
+        for word in re.findall(r"[a-z]+", name.lower()):
+            if word in INSTRUMENTS:
+                return word
+    return ""
+
+
+def performance_files(folder: Path) -> PerformanceFiles:
+    """The files of a performance's folder, by their names; only performance.json is read.
+
+    Raises
+    ------
+    ValueError
+        There are several of a kind and performance.json does not say which; a file that it names is not there.
+    """
+    about = about_performance(folder)
+    children = sorted(child for child in folder.iterdir() if not child.name.startswith("."))
+    videos = [child for child in children if is_video(child)]
+    notes = folder / NOTES
+    return PerformanceFiles(
+        _sound(folder, about.get("audio"), children, videos),
+        _point_files(folder, about.get("points"), children),
+        notes if notes.is_file() else None,
+        videos[0] if len(videos) == 1 else None,
+    )
+
+
+def _sound(folder: Path, name: str | None, children: list[Path], videos: list[Path]) -> Path | None:
+    """The sound file or the video of a folder, None without one."""
+    if name is not None:
+        return _present(folder, name)
+    sounds = [child for child in children if child.suffix.lower() in SOUNDS]
+    audio = [child for child in sounds if child.stem == "audio"]
+    return _only(folder, audio[:1] or sounds or videos, "audio")
+
+
+def _point_files(folder: Path, names: str | list[str] | None, children: list[Path]) -> tuple[Path, ...]:
+    """The files and folders of points of a folder."""
+    if names is not None:
+        return tuple(_present(folder, name) for name in ([names] if isinstance(names, str) else names))
+    if (folder / MOTION).is_file():
+        return (folder / MOTION,)
+    points = _only(folder, point_files(folder, children), "points")
+    return () if points is None else (points,)
+
+
+def point_files(folder: Path, children: list[Path]) -> list[Path]:
+    """Files that may hold key points, and folders of OpenPose's frames, of a folder with these children."""
+    files = [child for child in children if child.suffix.lower() in _POINTS and child.name not in _OTHER_JSON]
+    frames = [file for file in files if file.name.endswith(_FRAME)]
+    folders = [folder] if frames else []
+    folders += [child for child in children if child.is_dir() and _is_frames(child)]
+    return [*(file for file in files if file not in frames), *folders]
+
+
+def _is_frames(folder: Path) -> bool:
+    """True for a folder of OpenPose's frames that is no performance of its own."""
+    try:
+        names = [child.name for child in folder.iterdir()]
+    except OSError:  # a folder that may not be looked into
+        return False
+    is_whole = any(name in (ABOUT, NOTES) or has_sound(name) for name in names)
+    return not is_whole and any(name.endswith(_FRAME) for name in names)
+
+
+def has_sound(name: str) -> bool:
+    """True for the name of a sound file or of a video."""
+    return PurePath(name).suffix.lower() in SOUNDS or is_video(name)
+
+
+def _present(folder: Path, name: str) -> Path:
+    """A file of the folder; ValueError unless it is there."""
+    if not (folder / name).exists():
+        raise ValueError(f"{folder / ABOUT}: names {name[:60]!r}, which is not in the folder")
+    return folder / name
+
+
+def _only(folder: Path, files: list[Path], field: str) -> Path | None:
+    """The only one of some files, None without any; ValueError for several, which names the field that helps."""
+    if len(files) > 1:
+        names = ", ".join(file.name if file != folder else f"*{_FRAME}" for file in files[:5])
+        raise ValueError(f'{folder}: holds {names}; write the one that counts as "{field}" into {ABOUT}')
+    return files[0] if files else None
+
+
+# Notes of a piece as a table of text, ``notes.csv``.
+
+_NEEDED = ("onset_s", "offset_s", "midi")
+_COLUMNS = (*_NEEDED, "loudness", "hand")
+_HANDS = {"left": 0, "right": 1, "": -1}
+
+
+def load_notes(path: PathLike) -> Notes:
+    """The notes in a table, in the order of their onsets.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    with reading(path, "a table of notes", max_bytes=MAX_TEXT_BYTES) as file:
+        columns = read_columns(file, _NEEDED)
+        onsets, offsets, keys = (np.array(number_column(columns, name)) for name in _NEEDED)
+        bad = ~(np.isfinite(keys) & (keys == np.round(keys)) & (keys >= 0) & (keys <= 127))
+        if bad.any():
+            raise ValueError(
+                f"midi must be whole numbers from 0 to 127, got {columns['midi'][int(bad.argmax())][:30]!r}"
+            )
+        loudness = np.array(number_column(columns, "loudness")) if "loudness" in columns else np.ones(keys.size)
+        if loudness.size and 1 < loudness.max() <= 127:
+            raise ValueError(f"loudness reaches {loudness.max():g}; these are MIDI velocities: divide them by 127")
+        words = [word.lower() for word in columns.get("hand", [""] * keys.size)]
+        if unknown := [word for word in words if word not in _HANDS]:
+            raise ValueError(f"hand must be left, right or empty, got {unknown[0][:30]!r}")
+        hands = np.array([_HANDS[word] for word in words], np.int64)
+        order = np.argsort(onsets, kind="stable")
+        return Notes(onsets[order], offsets[order], keys.astype(np.int64)[order], loudness[order], hands[order])
+
+
+def save_notes(path: PathLike, notes: Notes) -> None:
+    """Write notes as a table that `load_notes` reads back to the last bit; whole or not at all."""
+    names = {number: name for name, number in _HANDS.items()}
+    arrays = (notes.onsets, notes.offsets, notes.pitches, notes.loudness)
+    rows = zip(*(array.tolist() for array in arrays), [names[hand] for hand in notes.hands.tolist()], strict=True)
+    write_text(path, "\n".join([",".join(_COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n")
+
+
+SAMPLE_RATE = 44100.0  # hertz: that of the paper's sound
+_AUDIO = "audio.wav"
+_MAX_DEPTH = 4
+_NO_POINTS = (
+    "has no points of the player: motion.npz, a .json or .jsonl of key points, or a folder of OpenPose's frames"
+)
+_NO_SOUND = "has no sound (.wav, .flac, .ogg, .mp3 or a video) and no notes.csv"
+
+
+class _Points(NamedTuple):
+    motion: Motion
+    detected: BoolArray | None
+    offset: float | None
+
+
+def load_performance(
+    folder: PathLike,
+    *,
+    instrument: str | None = None,
+    fps: float | None = None,
+    sample_rate: float | None = SAMPLE_RATE,
+    is_musician: IsMusician | None = None,
+    audio: Audio | None = None,
+) -> Performance:
+    """The performance in a folder.
+
+    Parameters
+    ----------
+    folder : str or path
+        Its files are as in `harmolab.musician.performances`.
+    instrument, fps
+        "piano" or "violin", and frames per second of the points, of a folder that does not say it.
+    sample_rate : float or None, hertz
+        Sound of any other rate is resampled to it. None keeps the file's.
+    is_musician : as in `load_player_points`
+    audio : Audio, the sound in place of the folder's, which then needs none
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the folder or the file in it.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder")
+    about, files = about_performance(folder), performance_files(folder)
+    if (fault := _fault(files)) and (audio is None or not files.points):
+        raise ValueError(f"{folder}: {fault}")
+    plays = about.get("instrument") or named_instrument(folder) or instrument
+    if not plays:
+        raise ValueError(f'{folder}: does not say the instrument; write {{"instrument": "piano"}} into its {ABOUT}')
+    points = _points(files, about, fps, is_musician)
+    if audio is None and files.sound is not None:
+        audio = load_sound(files.sound, sample_rate=sample_rate)
+    offset = about.get("offset_s", points.offset) or 0.0
+    if audio is not None:
+        _check_end(folder, offset + points.motion.duration, audio.duration, points.motion.fps)
+    full = folder.resolve()
+    try:
+        return Performance(
+            about.get("name", full.name), plays, audio, points.motion, points.detected,  # type: ignore[arg-type]
+            None if files.notes is None else load_notes(files.notes), offset,
+            about.get("piece", ""), about.get("rendered", False), about.get("source", full.parent.name),
+        )  # fmt: skip
+    except ValueError as error:
+        raise ValueError(f"{folder}: {str(error).removeprefix(f'{folder}: ')}") from None
+
+
+def load_playing(
+    path: PathLike, audio: Audio, *, instrument: str, fps: float | None = None, offset: float | None = None
+) -> Performance:
+    """A musician's own points beside the sound that they were played to.
+
+    Parameters
+    ----------
+    path : str or path
+        A folder as of `load_performance`, of whose sound `audio` takes the place, or a file of points: .npz, .json,
+        .jsonl; a folder of OpenPose's frames.
+    audio : Audio, the whole recording
+    instrument : "piano" or "violin"
+    fps : float, frames per second, where the files do not say it
+    offset : float, seconds, audio time of the first frame; what the files say when left out, else 0
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the folder or file. ValueError also where the folder says another instrument.
+    """
+    path = Path(path)
+    if path.is_dir():
+        performance = load_performance(path, instrument=instrument, fps=fps, audio=audio)
+        if performance.instrument != instrument:
+            raise ValueError(f"{path}: is played on a {performance.instrument}, not on a {instrument}")
+        return performance if offset is None else replace(performance, offset=offset)
+    points = _points(PerformanceFiles(None, (path,), None, None), {}, fps, None)
+    begin = next((time for time in (offset, points.offset) if time is not None), 0.0)
+    _check_end(path, begin + points.motion.duration, audio.duration, points.motion.fps)
+    try:
+        return Performance(path.stem, instrument, audio, points.motion, points.detected, offset=begin)  # type: ignore[arg-type]
+    except ValueError as error:
+        raise ValueError(f"{path}: {str(error).removeprefix(f'{path.stem}: ')}") from None
+
+
+def _fault(files: PerformanceFiles) -> str:
+    """The sentence that says which part a folder lacks, "" if it is whole."""
+    if not files.points:
+        return _NO_POINTS
+    return "" if files.sound or files.notes else _NO_SOUND
+
+
+def _points(
+    files: PerformanceFiles, about: dict[str, Any], fps: float | None, is_musician: IsMusician | None
+) -> _Points:
+    """The points of a folder, their mask, and the offset that their file holds."""
+    path, rate = files.points[0], about.get("fps")
+    if any(file.suffix.lower() == ".npz" for file in files.points):
+        if len(files.points) > 1:
+            raise ValueError(f"{path.parent / ABOUT}: an .npz has no confidence, so it is not merged with other points")
+        return _Points(load_motion(path, fps=rate), load_detected(path), load_offset(path))
+    default = average_rate(files.video) if rate is None and fps is None and files.video else fps
+    try:
+        points = load_player_points(
+            files.points, fps=rate, default_fps=default, size=about.get("size"), mirrored=about.get("mirrored"),
+            is_musician=is_musician,
+        )  # fmt: skip
+    except MissingFrameRate:
+        raise MissingFrameRate(
+            f'{path}: holds no frame rate; write "fps" into {ABOUT} in its folder, or pass fps (--fps 25)'
+        ) from None
+    return _Points(points.motion, points.detected, None)
+
+
+def _check_end(folder: Path, end: float, seconds: float, fps: float) -> None:
+    """ValueError for points that end long after the sound."""
+    if end - seconds > max(1.0, 0.05 * seconds):
+        late = f"{end - seconds:.2f} s after the sound"
+        raise ValueError(f"{folder}: the points, at {fps:g} frames a second, end {late}; is that rate right?")
+
+
+def save_performance(folder: PathLike, performance: Performance) -> None:
+    """Write a performance as a folder, whole or not at all: audio.wav, motion.npz, notes.csv, performance.json.
+
+    `load_performance` gives points, mask, notes and names back to the last bit; the sound is kept with 16 bits, and at
+    the rate that it has.
+
+    Raises
+    ------
+    ValueError
+        The folder is there and holds other files.
+    """
+    folder = Path(folder)
+    ours = {_AUDIO, MOTION, NOTES, ABOUT}
+    if folder.exists() and (not folder.is_dir() or {child.name for child in folder.iterdir()} - ours):
+        raise ValueError(f"{folder}: is there and holds other files; choose another folder")
+    about = {name: getattr(performance, name) for name in ("name", "instrument", "piece", "rendered", "source")}
+    with atomic_folder(folder) as part:
+        if performance.audio is not None:
+            save_audio(part / _AUDIO, performance.audio)
+        save_motion(part / MOTION, performance.motion, offset=performance.offset, detected=performance.detected)
+        if performance.notes is not None:
+            save_notes(part / NOTES, performance.notes)
+        write_json(part / ABOUT, about)
+
+
+def find_performances(roots: PathLike | Sequence[PathLike]) -> RecordingFolders:
+    """Folders at or below one or several roots that hold a performance, and a problem for each that holds parts of one.
+
+    Nothing but performance.json is read.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        A root does not exist or is not a folder.
+    """
+    folders: list[Path] = []
+    problems: list[Problem] = []
+    for root in [Path(roots)] if isinstance(roots, str | os.PathLike) else map(Path, roots):
+        if not root.exists():
+            raise FileNotFoundError(f"{root}: no such folder")
+        if not root.is_dir():
+            raise ValueError(f"{root}: is a file; a folder of performances is needed")
+        for folder, fault in _faults(root):
+            if fault:
+                problems.append(Problem(folder, f"{folder}: {fault.removeprefix(f'{folder}: ')}"))
+            else:
+                folders.append(folder)
+    above = {parent for folder in folders for parent in folder.parents}
+    parts = [problem for problem in problems if problem.folder not in above]
+    return RecordingFolders(tuple(sorted(set(folders), key=natural)), tuple(sorted(set(parts))))
+
+
+def _faults(root: Path) -> Iterator[tuple[Path, str]]:
+    """Every folder at or below `root` with a part of a performance, and the fault that it has, "" if it is whole."""
+    for name, below, names in os.walk(root):
+        folder = Path(name)
+        below[:] = sorted(child for child in below if not child.startswith("."))
+        names = [file for file in names if not file.startswith(".")]
+        has_points = MOTION in names or bool(point_files(folder, [folder / child for child in (*names, *below)]))
+        if not (has_points or ABOUT in names or NOTES in names or any(map(has_sound, names))):
+            below[:] = below if len(folder.relative_to(root).parts) < _MAX_DEPTH else []
+            continue
+        if has_points or ABOUT in names:
+            below[:] = []
+        try:
+            yield folder, _fault(performance_files(folder))
+        except (ValueError, OSError) as error:
+            yield folder, str(error)
+
+
+# Sides of a split that share no piece, and the share of their note patterns that two performances have in common.
+
+MOST_SHARED = 0.25  # of the note patterns: above, two performances count as repeats of one piece
+PATTERN_NOTES = 4
+CHORD_SECONDS = 0.05  # onsets in one such step count as one chord, whose notes are taken low before high
+
+
+class PieceSplit(NamedTuple):
+    """Performances of each side; no piece is on two sides."""
+
+    train: tuple[Performance, ...]
+    validation: tuple[Performance, ...]
+    test: tuple[Performance, ...]
+
+
+def note_patterns(notes: Notes) -> set[tuple[int, ...]]:
+    """All pitches of four notes in a row: by onset, in steps of 50 ms, low before high."""
+    order = np.lexsort((notes.pitches, np.round(notes.onsets / CHORD_SECONDS)))
+    pitches = notes.pitches[order].tolist()
+    return {tuple(pitches[start : start + PATTERN_NOTES]) for start in range(len(pitches) - PATTERN_NOTES + 1)}
+
+
+def shared_patterns(notes: Notes, others: Notes) -> float:
+    """Share of the note patterns of the one with fewer patterns that the other has too, 0 to 1; 0 without patterns."""
+    return _shared(note_patterns(notes), note_patterns(others))
+
+
+def _shared(patterns: set[tuple[int, ...]], others: set[tuple[int, ...]]) -> float:
+    fewer = min(len(patterns), len(others))
+    return len(patterns & others) / fewer if fewer else 0.0
+
+
+def piece_groups(performances: Sequence[Performance], *, most_shared: float = MOST_SHARED) -> list[int]:
+    """Number of the group of every performance: those of one piece, and pieces that share too many note patterns.
+
+    Parameters
+    ----------
+    performances : those without a piece are pieces of their own
+    most_shared : float
+        Pieces with performances whose `shared_patterns` exceed it are one group. Without notes only `piece` counts.
+    """
+    patterns = [set() if one.notes is None else note_patterns(one.notes) for one in performances]
+    pairs = [
+        (first, second)
+        for second, one in enumerate(performances)
+        for first, other in enumerate(performances[:second])
+        if (one.piece and one.piece == other.piece) or _shared(patterns[first], patterns[second]) > most_shared
+    ]
+    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
+    size = len(performances)
+    graph = coo_array((np.ones(len(pairs)), (first, second)), shape=(size, size))
+    return [int(group) for group in connected_components(graph, directed=False)[1]]
+
+
+def split_by_piece(
+    performances: Sequence[Performance],
+    *,
+    test_share: float = 0.15,
+    validation_share: float = 0.15,
+    seed: int = 0,
+    most_shared: float = MOST_SHARED,
+) -> PieceSplit:
+    """Performances dealt out by `piece_groups` at random, never by clip, so that no side has seen another's music.
+
+    Parameters
+    ----------
+    performances : Performance list
+    test_share, validation_share : float
+        Share of the seconds to aim at. A side whose share is above 0 gets one group at least; 0 leaves it empty.
+    seed : int
+    most_shared : as in `piece_groups`
+
+    Raises
+    ------
+    ValueError
+        Shares that are negative or leave nothing to train on; fewer groups than sides.
+    """
+    if min(test_share, validation_share) < 0 or not test_share + validation_share < 1:
+        raise ValueError(
+            f"test_share and validation_share must leave some to train on: {test_share}, {validation_share}"
+        )
+    groups = np.array(piece_groups(performances, most_shared=most_shared), np.int64)
+    seconds = np.array([one.motion.duration for one in performances])
+    shares = np.array([1 - validation_share - test_share, validation_share, test_share])
+    count = int(groups.max(initial=-1)) + 1
+    if count < (shares > 0).sum():
+        raise ValueError(
+            f"{len(performances)} performances are of {count} pieces: too few for {(shares > 0).sum()} sides"
+        )
+    deficits, sides = shares * seconds.sum(), np.zeros(count, np.int64)
+    order = np.random.default_rng(seed).permutation(count)
+    for turn, group in enumerate(order):
+        needy = np.flatnonzero(shares > 0)[::-1]
+        side = needy[turn] if turn < needy.size else np.argmax(np.where(shares > 0, deficits, -np.inf))
+        sides[group] = side
+        deficits[side] -= seconds[groups == group].sum()
+    return PieceSplit(
+        *(
+            tuple(one for one, group in zip(performances, groups, strict=True) if sides[group] == side)
+            for side in range(3)
+        )
+    )

@@ -1,0 +1,156 @@
+"""The system: from the sound of an instrument to the points of the musician, trained or shipped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+from harmolab.files import PathLike, Progress
+from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.params import Audio2BodyParams
+from harmolab.musician.perform import synthesize_performance
+from harmolab.musician.performances import Performance, find_performances, load_performance, split_by_piece
+from harmolab.musician.sequences import PlayedSplit, played_set
+from harmolab.readers.player_points import INSTRUMENTS
+from harmolab.systems.training.about import DEFAULT_STEM, read_about
+from harmolab.systems.training.checkpoints import Notice, TrainOptions
+from harmolab.systems.training.network_system import Learner, changed, check_choice
+from harmolab.systems.training.splits import SIDES
+from harmolab.systems.training.weights import load_weights, save_weights
+from harmolab.types import Audio, BeatTrack, Motion, Notes
+
+HELD_OUT = 1 / 6  # of the seconds of performances, for each side that is held out
+SYNTHETIC = "synthetic"
+PRESETS = ("recommended", "tables", "section_4")
+WEIGHTS = Path(__file__).parent / "weights"
+
+
+class Audio2Body(Learner):
+    """A musician who plays to any sound of the instrument.
+
+    Parameters
+    ----------
+    network : SoundToPoints, trained
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    def __init__(self, network: SoundToPoints, meta: Mapping[str, Any] | None = None) -> None:
+        self.network, self.meta = network, dict(meta or {})
+
+    @property
+    def trained_on(self) -> str:
+        """A sentence about the players that it was trained on, which goes with everything that it makes."""
+        source = str(self.meta.get("source", ""))
+        if source == SYNTHETIC:
+            return "This player was trained on planted, synthetic players only."
+        return f"This player was trained on: {source[:200]}." if source else "Nothing says on whom it was trained."
+
+    def generate(
+        self,
+        audio: Audio,
+        beats: BeatTrack | None = None,
+        *,
+        start: float = 0.0,
+        seconds: float | None = None,
+        seed: int = 0,
+        initial: Motion | None = None,
+        notes: Notes | None = None,
+    ) -> Motion:
+        """The points of the musician, (T, P, 2) pixels, y down (`harmolab.systems.System`).
+
+        Everything follows from the sound: `beats` and `seed` change nothing, and nothing goes on from `initial`, which
+        is checked only.
+
+        Parameters
+        ----------
+        audio, start, seconds : as `harmolab.systems.System`
+        notes : of the recording, for a network that hears them in place of the sound
+        """
+        if initial is not None and initial.skeleton != self.network.skeleton:
+            raise ValueError(f"initial has other joints than this {self.network.instrument} player")
+        return synthesize_performance(self.network, audio, start=start, seconds=seconds, notes=notes)
+
+    def save(self, folder: PathLike) -> None:
+        """Write the weights to a folder; it is made unless it exists."""
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        save_weights(Path(folder) / DEFAULT_STEM, self.network, self.meta)
+
+    @classmethod
+    def load(cls, folder: PathLike) -> Self:
+        """The system in the folder of a run, or of a weights file; errors name the file."""
+        return cls(load_weights(folder, SoundToPoints), read_about(folder)["meta"])
+
+    @classmethod
+    def shipped(cls, instrument: str) -> Self:
+        """The pianist or violinist that comes with harmolab, trained on planted (synthetic) players only.
+
+        Raises
+        ------
+        ValueError
+            For another instrument.
+        """
+        if instrument not in INSTRUMENTS:
+            raise ValueError(f"instrument must be {' or '.join(INSTRUMENTS)}, got {instrument!r}")
+        return cls.load(WEIGHTS / instrument)
+
+    @classmethod
+    def learn(
+        cls,
+        data: list[PathLike],
+        options: TrainOptions,
+        *,
+        preset: str = PRESETS[0],
+        instrument: str | None = None,
+        fps: float | None = None,
+        split_seed: int = 0,
+        **changes: Any,
+    ) -> None:
+        """`train`, on folders of performances of one instrument; its own keywords:
+
+        preset : "recommended", "tables" (under the captions of Tables 1 and 2) or "section_4"
+        instrument, fps : of performances whose folders do not say it
+        split_seed : int, of the split by piece
+        changes : other values for fields of `Audio2BodyParams`, such as ``seed``
+        """
+        from harmolab.musician.train import train_audio2body
+
+        check_choice("preset", preset, PRESETS)
+        performances = _performances(data, instrument, fps, options.notice, options.progress)
+        params = changed(getattr(Audio2BodyParams, preset)(performances[0].instrument), changes)
+        split = piece_split(performances, params, seed=split_seed)
+        counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
+        options.notice(f"units: performances, {counts}")
+        train_audio2body(played_set(performances, params, split, progress=options.progress), split, options)
+
+
+def _performances(
+    data: Sequence[PathLike], instrument: str | None, fps: float | None, notice: Notice, progress: Progress
+) -> list[Performance]:
+    """All performances in folders, named by their paths; `notice` hears of those that are left out."""
+    performances: list[Performance] = []
+    left_out: list[str] = []
+    for root in map(Path, data):
+        folders, problems = find_performances(root)
+        left_out += [problem.message for problem in problems]
+        for folder in progress(folders, "loading performances"):
+            try:
+                own = load_performance(folder, instrument=instrument, fps=fps)
+            except (ValueError, FileNotFoundError) as error:
+                left_out.append(str(error))
+                continue
+            name = Path(root.resolve().name, folder.relative_to(root)).as_posix()
+            performances.append(replace(own, name=name))
+    for reason in left_out:
+        notice(f"left out: {reason}")
+    if not performances:
+        reason = left_out[0] if left_out else "there is none"
+        raise ValueError(f"no performance to train on below {', '.join(map(str, data))}: {reason}")
+    return performances
+
+
+def piece_split(performances: Sequence[Performance], params: Audio2BodyParams, *, seed: int = 0) -> PlayedSplit:
+    """Names of performances by side: a sixth of the pieces tested on, and one validated on where `params` says so."""
+    share = HELD_OUT if params.validation == "pieces" else 0.0
+    return PlayedSplit.of(split_by_piece(performances, test_share=HELD_OUT, validation_share=share, seed=seed))

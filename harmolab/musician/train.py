@@ -1,0 +1,312 @@
+"""The training of the network (Sec. 4), and its errors in pixels (Sec. 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import huber_loss, mse_loss
+
+from harmolab.musician.bow import Bowing, turn_signal
+from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.perform import predicted_points
+from harmolab.musician.performances import Performance
+from harmolab.musician.sequences import (
+    VALIDATION_SHARE,
+    PlayedSequence,
+    PlayedSet,
+    PlayedSplit,
+    PlayedWindows,
+    check_pieces,
+    fitted_space,
+    read_sequence,
+    sides,
+    sound_statistics,
+    with_other_sounds,
+)
+from harmolab.readers.motion import motion_part
+from harmolab.systems.training.checkpoints import TrainOptions
+from harmolab.systems.training.layers import drawn_by
+from harmolab.systems.training.loop import Batching, Phase, Player, Shard, Terms, make_fabric
+from harmolab.systems.training.runs import open_run
+from harmolab.systems.training.weights import load_weights, save_weights
+from harmolab.types import FloatArray, Motion
+
+BEST = "best"  # stem of the weights of the epoch with the least validation error
+
+
+class Errors(NamedTuple):
+    """Errors in pixels of the reference configuration (A2B 19): against the components of the truth, and against it."""
+
+    projected: float
+    full: float
+
+
+def train_audio2body(played: PlayedSet, split: PlayedSplit, options: TrainOptions) -> SoundToPoints:
+    """Train the network on performances, keep the best validation epoch, and everything about it in `options.out`.
+
+    "meta" of its weights has the errors of the training, validation and test sides.
+
+    Parameters
+    ----------
+    played : PlayedSet; its `params` are those of the training
+    split : PlayedSplit of the same performances
+    options : TrainOptions
+
+    Raises
+    ------
+    ValueError
+        As `open_run`; if a piece is on two sides, or a side has nothing to learn from.
+    """
+    fabric, params = make_fabric(accelerator=options.accelerator), played.params
+    check_pieces(played.sequences, split)
+    network, train, validation = prepared(played, split, fabric.device)
+    batching = Batching(params.batch, params.shards, params.seed)
+    settings = {"audio2body": params, "data": played.source}
+    with open_run(fabric, options, split, settings, batching, len(train)) as run:
+        fabric.to_device(network)
+        run.fit([_phase(network, train, validation, run.folder)], train)
+        outcome = side_errors(network, played, split, train, validation)
+        stored = {side: values._asdict() for side, values in outcome.items()}
+        run.save(network, {"settings": run.settings, "source": played.source, "errors": stored})
+    return network.eval()
+
+
+def prepared(
+    played: PlayedSet, split: PlayedSplit, device: torch.device | str = "cpu"
+) -> tuple[SoundToPoints, PlayedWindows, PlayedWindows]:
+    """An untrained network with the statistics of the training side; windows to train on, and to validate on."""
+    params, learnt = played.params, sides(played.sequences, split.train)
+    learnt = with_other_sounds(learnt, params.seed) if params.shuffled_sound else learnt
+    validated = sides(played.sequences, split.validation)
+    bow = Bowing.fit(learnt, played.skeleton, params) if params.bow_phase else None
+    if bow is not None:
+        learnt, validated = _with_turns(learnt, bow, played), _with_turns(validated, bow, played)
+    space, statistics = fitted_space(learnt, params), sound_statistics(learnt)
+    network = initial_network(played, len(space.basis))
+    network.set_statistics(*statistics, space, bow)
+    train = PlayedWindows.of(learnt, space, params, device)
+    if params.validation == "pieces" and not split.validation:
+        raise ValueError("whole pieces are to be validated on, and the split has none")
+    if params.validation == "pieces":
+        validation = PlayedWindows.of(validated, space, params, device)
+    else:
+        train, validation = train.drawn_apart(VALIDATION_SHARE, params.seed)
+    if params.data_share < 1:
+        train, _ = train.drawn_apart(1 - params.data_share, params.seed)
+    if not bool(train.mask.any()):
+        raise ValueError(f"{played.source}: no frame to learn from; every one was rejected")
+    return network, train, validation
+
+
+def _with_turns(sequences: Sequence[PlayedSequence], bow: Bowing, played: PlayedSet) -> list[PlayedSequence]:
+    """Sequences whose points have the bow at its mean place; its turns are marked in its stead."""
+    return [
+        replace(each, points=bow.at_rest(each.points),
+                marks=turn_signal(each, played.skeleton, played.params.fps)[:, None])
+        for each in sequences
+    ]  # fmt: skip
+
+
+def initial_network(played: PlayedSet, n_components: int) -> SoundToPoints:
+    """An untrained network of the run's seed."""
+    with drawn_by(played.params.seed):
+        return SoundToPoints(played.params, played.skeleton, played.instrument, n_components, played.reference)
+
+
+def _phase(network: SoundToPoints, train: PlayedWindows, validation: PlayedWindows, folder: Path) -> Phase:
+    params = network.params
+    return Phase(
+        "audio2body",
+        params.epochs,
+        rate=lambda number: params.rate,
+        modules={"network": network},
+        players=[
+            Player("network", [*network.parameters()], lambda output, shard, row: terms(output, shard.own, params.loss),
+                   {"error": 1.0})
+        ],
+        forward=lambda shard, last: _components(network.train(), shard),
+        validate=lambda: {"val_error": window_errors(network, validation).projected},
+        patience=max(params.epochs, 1),  # all epochs, and the best is kept
+        error="val_error",
+        keep=lambda: save_weights(folder / BEST, network),
+        recall=lambda: network.load_state_dict(load_weights(folder / BEST, SoundToPoints).state_dict()),
+    )  # fmt: skip
+
+
+def _components(network: SoundToPoints, shard: Shard) -> Tensor:
+    """The forward pass of a shard; windows in a row hand on their state, but no gradient."""
+    with drawn_by(shard.seed, shard.own.sound.device):
+        return windows_passed(network, shard.own.sound)
+
+
+def windows_passed(network: SoundToPoints, sound: Tensor) -> Tensor:
+    """Components (N, S, n) of sound (N, S, F), `sequence` steps at a time."""
+    state, parts = None, []
+    for part in sound.split(network.params.sequence, dim=1):
+        components, state = network(part, state)
+        state = (state[0].detach(), state[1].detach())
+        parts.append(components)
+    return torch.cat(parts, dim=1)
+
+
+def terms(components: Tensor, windows: PlayedWindows, loss: str) -> Terms:
+    """Squared or Huber error summed over components, mean over the steps that count (A2B 18)."""
+    measure = huber_loss if loss == "huber" else mse_loss
+    errors = measure(components, windows.target, reduction="none").sum(dim=2) * windows.mask
+    return {"error": errors.sum() / windows.mask.sum().clamp(min=1.0)}
+
+
+@torch.no_grad()
+def window_errors(network: SoundToPoints, windows: PlayedWindows) -> Errors:
+    """Errors of windows, each from a state of 0: means over the steps that count; NaN where there is none.
+
+    With `bow_phase` these are errors of points whose bow is at its mean place, predicted and true: a window is too
+    short to tell its direction.
+    """
+    network.eval()
+    squares, n = [], len(network.space_scale.sizes)
+    for part in range(0, len(windows), network.params.batch):
+        own = windows.take(torch.arange(part, min(part + network.params.batch, len(windows))))
+        difference = (windows_passed(network, own.sound) - own.target)[..., :n] * network.space_scale.sizes
+        mean = difference.square().sum(dim=2) / network.space_scale.mean.numel()
+        squares.append(torch.stack([mean, mean + own.residual], dim=2)[own.mask > 0])
+    values = torch.cat(squares).sqrt().mean(dim=0)
+    return Errors(*values.tolist())
+
+
+def errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
+    """Errors of whole recordings: means over accepted frames."""
+    return errors_between(
+        [predicted_points(network, sequence.sound) for sequence in sequences],
+        [network.projected(sequence.points) for sequence in sequences],
+        sequences,
+    )
+
+
+def errors_between(
+    predicted: Sequence[FloatArray], projected: Sequence[FloatArray], sequences: Sequence[PlayedSequence]
+) -> Errors:
+    """Errors of predicted points (T, 2 P) against projected ones, and against those of the sequences."""
+    pairs = [
+        (frame_errors(guess, near)[each.accepted], frame_errors(guess, each.points)[each.accepted])
+        for guess, near, each in zip(predicted, projected, sequences, strict=True)
+    ]
+    return Errors(*(float(np.concatenate(values).mean()) for values in zip(*pairs, strict=True)))
+
+
+def frame_errors(points: FloatArray, truth: FloatArray) -> FloatArray:
+    """Root of the mean square over coordinates, frame by frame: (T,) of two (T, 2 P)."""
+    values: FloatArray = np.sqrt(np.square(points - truth).mean(axis=1))
+    return values
+
+
+def mean_pose_errors(network: SoundToPoints, sequences: Sequence[PlayedSequence]) -> Errors:
+    """Errors of the mean pose of the training side, which hears nothing."""
+    space = network.space_scale.space
+    predicted = [np.broadcast_to(space.mean, each.points.shape) for each in sequences]
+    return errors_between(predicted, [network.projected(each.points) for each in sequences], sequences)
+
+
+def side_errors(
+    network: SoundToPoints, played: PlayedSet, split: PlayedSplit, train: PlayedWindows, validation: PlayedWindows
+) -> dict[str, Errors]:
+    """Side -> errors; beside those of the test side stand those of the mean pose."""
+    outcome = {"train": window_errors(network, train), "validation": window_errors(network, validation)}
+    if split.test:
+        test = sides(played.sequences, split.test)
+        outcome |= {"test": errors(network, test), "mean pose": mean_pose_errors(network, test)}
+    return outcome
+
+
+# A prediction beside the playing that was filmed: errors in pixels and in per cent of the shoulder width (A2B
+
+
+class TruthErrors(NamedTuple):
+    """Errors of a prediction against the true points, over the frames of them that are accepted.
+
+    Parameters
+    ----------
+    pixels, mean_pose : float, pixels of the reference configuration: of the prediction; of the mean pose of training,
+        which hears nothing
+    shoulder_width : float, pixels; NaN for points without shoulders
+    points : int, points that both have
+    accepted : float, share of the frames
+    """
+
+    pixels: float
+    mean_pose: float
+    shoulder_width: float
+    points: int
+    accepted: float
+
+    @property
+    def percent(self) -> float:
+        """Per cent of the shoulder width; NaN without shoulders."""
+        return 100 * self.pixels / self.shoulder_width
+
+    @property
+    def mean_pose_percent(self) -> float:
+        """The same of the mean pose."""
+        return 100 * self.mean_pose / self.shoulder_width
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """True points and predicted ones, frame by frame at the rate of the network.
+
+    Parameters
+    ----------
+    truth : Motion, (T, P, 2), placed as the network's points are; frames that are not accepted are filled in
+    prediction : Motion of the same points
+    errors : TruthErrors
+    """
+
+    truth: Motion
+    prediction: Motion
+    errors: TruthErrors
+
+
+def compared(network: SoundToPoints, performance: Performance) -> Compared:
+    """A performance, and the points that the network predicts for its sound, of the points that both have.
+
+    Raises
+    ------
+    ValueError
+        The performance is of another instrument or has no sound, no point in common with the network's, nothing to be
+        placed by, or no frame that is accepted; it names the performance.
+    """
+    name = performance.name
+    if performance.instrument != network.instrument:
+        raise ValueError(f"{name}: is played on a {performance.instrument}, this player plays the {network.instrument}")
+    own = performance.motion.skeleton.joints
+    joints = [joint for joint in network.skeleton.joints if joint in own]
+    if not joints:
+        raise ValueError(f"{name}: has no point that this player has; its points are {', '.join(own[:6])} ...")
+    motion = motion_part(performance.motion, joints, name)
+    part = replace(performance, motion=motion, detected=performance.detected[:, [own.index(each) for each in joints]])
+    sequence = read_sequence(part, network.params, network.reference, is_test=True)
+    if not sequence.accepted.any():
+        raise ValueError(f"{name}: every frame of its points is rejected, so there is nothing to compare with")
+    numbers = [network.skeleton.joints.index(joint) for joint in joints]
+    predicted = _selected(predicted_points(network, sequence.sound), numbers)
+    mean = _selected(network.space_scale.space.mean[None], numbers)
+    own_error, mean_error = (
+        float(frame_errors(each, sequence.points)[sequence.accepted].mean()) for each in (predicted, mean)
+    )
+    width, accepted = network.reference.shoulder_width, float(sequence.accepted.mean())
+    return Compared(
+        Motion(sequence.points.reshape(len(predicted), -1, 2), network.params.fps, motion.skeleton, sequence.accepted),
+        Motion(predicted.reshape(len(predicted), -1, 2), network.params.fps, motion.skeleton),
+        TruthErrors(own_error, mean_error, width, len(joints), accepted),
+    )
+
+
+def _selected(points: FloatArray, numbers: list[int]) -> FloatArray:
+    """Flat frames (T, 2 K) of the points of some numbers, from flat frames (T, 2 P)."""
+    return points.reshape(len(points), -1, 2)[:, numbers].reshape(len(points), -1)

@@ -1,0 +1,198 @@
+"""A performance from sound as a video: avatar or points, marks of notes and strikes, and on whom it was trained.
+
+Needs OpenCV, numpy and PyAV.
+
+Two movements of one picture over each other: the tracked points broad and red, the predicted ones narrow and green.
+
+The colours are those of a miss and a hit, which differ in brightness too; the widths tell them apart without colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from harmolab.body.kinematics import resample_motion, upsample_motion
+from harmolab.files import PathLike, Progress, silent
+from harmolab.lab.person import OUTLINES, Part, Stage, person_shapes, shared_wall, stage_of
+from harmolab.lab.render.scene import render_dance
+from harmolab.lab.render.stick import FRACTION_BITS, INK, BeatMarks, Frame, check_positive, fixed
+from harmolab.lab.render.video import RATE as DANCE_RATE
+from harmolab.musician.avatar import avatar
+from harmolab.musician.page import Performed
+from harmolab.readers.video import write_video
+from harmolab.types import Motion
+
+# Two movements of one picture over each other: the tracked points broad and red, the predicted ones narrow and
+
+PAPER, TRUTH, PREDICTION = (250, 250, 250), (178, 24, 43), (0, 158, 115)
+LOOKS = ((TRUTH, 0.9), (PREDICTION, 0.4))  # colour, and thickness of limbs in that of a person's
+LINE = 1 / 110  # thickness of the outline of trunk and head, in picture heights
+
+
+def render_points(
+    truth: Motion, prediction: Motion, *, height: int = 480, width: int | None = None, fps: float = 30.0
+) -> Iterator[Frame]:
+    """Frames of the predicted points over the true ones, as long as both last.
+
+    Parameters
+    ----------
+    truth, prediction : Motion, (T, P, 2), image coordinates of one picture, which is shown as far as the points go
+    height, width : int, pixels
+        `width` defaults to 4/3 of the height.
+    fps : float, hertz
+        Rate of the pictures; slower motions are interpolated by cubic splines.
+
+    Yields
+    ------
+    (H, W, 3) uint8 RGB arrays, frame i at i / fps seconds
+
+    Raises
+    ------
+    ValueError
+        For a motion in space, a picture under 64 pixels, or an fps that is not positive.
+    """
+    width = round(height * 4 / 3) if width is None else width
+    if truth.positions.shape[2] != 2 or prediction.positions.shape[2] != 2:
+        raise ValueError("points over each other are image coordinates; one of these motions is in space")
+    if min(height, width) < 64:
+        raise ValueError(f"a picture needs at least 64 x 64 pixels, got {width} x {height}")
+    check_positive(fps=fps)
+    both = [resample_motion(upsample_motion(motion, fps), fps) for motion in (truth, prediction)]
+    count = min(motion.n_frames for motion in both)
+    wall = shared_wall(both)
+    return _frames([stage_of(motion, wall=wall) for motion in both], count, height, width)
+
+
+def _frames(stages: list[Stage], count: int, height: int, width: int) -> Iterator[Frame]:
+    people = []
+    for stage, (_, broad) in zip(stages, LOOKS, strict=True):
+        frames, plan = slice(0, count), replace(stage.plan, parts=tuple(_scaled(stage.plan.parts, broad)))
+        people.append(person_shapes(plan, stage.camera(height, width), stage.positions[frames], frames))
+    for pair in zip(*people, strict=True):
+        frame = np.full((height, width, 3), PAPER, np.uint8)
+        for stage, shapes, (colour, broad) in zip(stages, pair, LOOKS, strict=True):
+            for shape in shapes:
+                outline = [fixed(shape.outline)]
+                if stage.plan.parts[shape.part].paint in OUTLINES:
+                    thick = max(1, round(broad * LINE * height))
+                    cv2.polylines(frame, outline, True, colour, thick, cv2.LINE_AA, FRACTION_BITS)
+                else:
+                    cv2.fillPoly(frame, outline, colour, cv2.LINE_AA, FRACTION_BITS)
+        yield frame
+
+
+def _scaled(parts: Iterable[Part], broad: float) -> Iterator[Part]:
+    """The parts, the limbs among them thicker or thinner."""
+    for part in parts:
+        size = 1.0 if part.paint in OUTLINES else broad
+        yield part._replace(radii=tuple(size * radius for radius in part.radii))
+
+
+# Single pictures of avatars, all by one camera.
+
+RATE = 30.0  # of the pictures as `render_dance` counts them; stills are rendered at it, so that none is interpolated
+
+
+def avatar_stills(
+    points: Mapping[str, Motion], instrument: str, times: Sequence[float], *, height: int = 480, width: int = 420
+) -> dict[str, list[Frame]]:
+    """Name -> pictures of the avatar at some times; one camera for all, which stands as in `render_dance`.
+
+    Parameters
+    ----------
+    points : name -> Motion, (T, P, 2) as in `harmolab.readers.player_points`, all with the same points
+    instrument : "piano" or "violin"
+    times : seconds; the nearest frame of each
+    height, width : int, pixels
+
+    Raises
+    ------
+    ValueError
+        As `avatar` and `render_dance`; also for motions with several sets of points, or times outside one of them.
+    """
+    if len({motion.skeleton.joints for motion in points.values()}) != 1:
+        raise ValueError("stills by one camera need motions with the same points")
+    avatars = [avatar(motion, instrument) for motion in points.values()]
+    poses = np.concatenate([own.positions[_frames_at(own, times)] for own in avatars])
+    rendered = list(render_dance(Motion(poses, RATE, avatars[0].skeleton), height=height, width=width, fps=RATE))
+    return {name: rendered[row * len(times) : (row + 1) * len(times)] for row, name in enumerate(points)}
+
+
+def _frames_at(motion: Motion, times: Sequence[float]) -> list[int]:
+    frames = [round(time * motion.fps) for time in times]
+    if not all(0 <= frame < motion.n_frames for frame in frames):
+        raise ValueError(f"times must lie within the {motion.duration:.2f} s of the motion, got {list(times)}")
+    return frames
+
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+WIDTH_SHARE = 0.94  # of a line of text in the picture's width
+STRIP = 0.06  # of the strip below the picture in its height
+MARKS_SHARE = 0.2  # of the picture's height that is left free for the marks above points, which fill the rest
+STRIP_COLOUR = (246, 246, 246)
+
+
+def write_performance(
+    path: PathLike, performed: Performed, *, title: str = "", height: int = 480, progress: Progress = silent
+) -> None:
+    """Write a performance with its part of the sound as a video; the sentence on its training stands in every picture.
+
+    Parameters
+    ----------
+    path : str or path that ends in .mp4 or .webm
+    performed : Performed; points with a truth are drawn over it
+    title : str, that players show, before the sentence on its training
+    height : int, pixels
+    progress : Progress over drawing
+
+    Raises
+    ------
+    ValueError
+        As `harmolab.readers.video.write_video`.
+    """
+    marks = BeatMarks(height, performed.score.score, performed.mark_words)
+    frames = _captioned(_marked(_pictures(performed, height), marks), performed.notice)
+    heading = ". ".join(filter(None, [title, performed.notice]))
+    write_video(path, progress(frames, "drawing"), DANCE_RATE, audio=performed.audio, title=heading)
+
+
+def _pictures(performed: Performed, height: int) -> Iterator[Frame]:
+    """The avatar on a floor, the points alone, or the points over the true ones."""
+    if performed.is_avatar:
+        return render_dance(performed.figure, height=height, fps=DANCE_RATE)
+    beside, room, width = performed.compared, round(MARKS_SHARE * height), round(height * 4 / 3)
+    if beside is not None:
+        frames = render_points(beside.truth, beside.prediction, fps=DANCE_RATE, height=height - room, width=width)
+    else:
+        frames = render_dance(performed.points, fps=DANCE_RATE, height=height - room, width=width)
+    return (np.pad(frame, ((room, 0), (0, 0), (0, 0)), mode="edge") for frame in frames)
+
+
+def _marked(frames: Iterable[Frame], marks: BeatMarks) -> Iterator[Frame]:
+    """The pictures with marks of notes, movement and hits in the corner."""
+    for number, frame in enumerate(frames):
+        marks.draw(frame, number / DANCE_RATE)
+        yield frame
+
+
+def _captioned(frames: Iterable[Frame], text: str) -> Iterator[Frame]:
+    """The pictures with a strip below them that holds one line of text."""
+    strip: Frame | None = None
+    for frame in frames:
+        strip = _strip(text, *frame.shape[:2]) if strip is None else strip
+        yield np.concatenate([frame, strip])
+
+
+def _strip(text: str, height: int, width: int) -> Frame:
+    """A line of text as large as fits."""
+    rows = round(STRIP * height)
+    strip = np.full((rows, width, 3), STRIP_COLOUR, np.uint8)
+    (wide, tall), _ = cv2.getTextSize(text, FONT, 1.0, 1)
+    size = min(WIDTH_SHARE * width / max(wide, 1), 0.6 * rows / tall)
+    at = (round((1 - WIDTH_SHARE) / 2 * width), round((rows + size * tall) / 2))
+    cv2.putText(strip, text, at, FONT, size, INK, 1, cv2.LINE_AA)
+    return strip

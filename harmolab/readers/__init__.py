@@ -1,0 +1,3 @@
+"""Reading what people have: sound, movement, beats. Errors start with the file's name."""
+
+from __future__ import annotations

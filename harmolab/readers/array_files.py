@@ -1,0 +1,297 @@
+"""Array files, pickles and JSON to Motion: the shape of an array and the names beside it tell what they hold.
+
+Joints in space as bare numbers, (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO, from arrays, JSON, pickles.
+
+Bailando writes 24 joints under ``pred_position``, in an array file that holds a pickled dictionary, and its training
+data as JSON with ``dance_array``; AIST++ has 17 joints. None of them tells its unit or the axis that points up.
+
+Bailando's folders of JSON files, one a frame: those of ``jsons_original`` hold joints in space under ``3d_pose`` and
+are read. Those of ``jsons`` are drawings, in OpenPose's layout but upside down and with left and right exchanged; they
+are refused, since the same dances lie in ``pkl``.
+
+HumanML3D's vectors of 263 numbers a frame to the places of 22 joints (Guo et al. 2022, "Generating Diverse and
+Natural 3D Human Motions From Text").
+
+A frame holds, in this order: how far the body turns about y until the next frame, as half the angle (1); how far the
+pelvis moves until then along x and z of the body (2); the pelvis's height (1); the places of 21 joints, x and z from
+the pelvis, y from the floor, in the body's frame that faces +z (63); their 6-D rotations (126), velocities of 22 joints
+(66), and four contacts. The places alone tell where the joints are; the last three are not looked at.
+
+The vectors hold no rate. HumanML3D itself is at 20 frames per second, other data written this way is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.body.skeletons import Skeleton, turned
+from harmolab.files import MAX_JSON_BYTES, MAX_TEXT_BYTES, MissingFrameRate, PathLike, named_faults, read_json, reading
+from harmolab.readers.aist import AIST_FPS, aist_motion, is_aist_name, read_array_pickle
+from harmolab.readers.arrays import checked_motion, in_metres, npy_pickle, number_array, read_npy
+from harmolab.readers.keypoints import (
+    COCO_17,
+    MAX_FRAMES,
+    content_points,
+    described_motion,
+    is_landmarks,
+    json_or_lines,
+    keypoints_motion,
+    named_skeleton,
+)
+from harmolab.readers.motion_file import (
+    Assumption,
+    MotionFile,
+    ReadingOptions,
+    as_read,
+    guessed_up,
+    metre_factor,
+    stated_up,
+)
+from harmolab.readers.smpl import SMPL_22, SMPL_24, VECTORS, is_parameters, parameter_motion, vector_motion
+from harmolab.types import FloatArray
+
+# Joints in space as bare numbers, (T, J, 3) or flat: 24 and 22 joints of SMPL, 17 of COCO, from arrays, JSON
+
+SKELETONS = {len(skeleton.joints): skeleton for skeleton in (COCO_17, SMPL_22, SMPL_24)}
+KEYS = ("pred_position", "dance_array", "keypoints3d_optim", "keypoints3d", "positions")
+# Standard deviation over mean of a thigh's length, above which these are no joints: rotations have the same shape.
+_STRETCH = 0.5
+_FRAME_KEY = "3d_pose"
+
+
+def positions_in(content: Any) -> Any:
+    """The numbers of joints in the content of a JSON file or of a pickle; None where it holds none of these."""
+    if isinstance(content, Mapping):
+        return next((content[key] for key in KEYS if key in content), None)
+    frame = content[0] if isinstance(content, list) and content else None
+    if not isinstance(frame, list) or len(frame) not in (*SKELETONS, *(3 * count for count in SKELETONS)):
+        return None
+    return content if isinstance(frame[0], int | float | list) else None
+
+
+def is_joints(shape: tuple[int, ...]) -> bool:
+    """True for the shape of joints in space, of one of the three skeletons."""
+    return (len(shape) == 3 and shape[1] in SKELETONS and shape[2] == 3) or (
+        len(shape) == 2 and shape[1] in {3 * count for count in SKELETONS}
+    )
+
+
+def joint_motion(values: Any, options: ReadingOptions, own_fps: float | None = None, kind: str = "") -> MotionFile:
+    """The motion of joints in space; call it inside `harmolab.files.reading`.
+
+    Parameters
+    ----------
+    values : (T, J, 3) or (T, 3J) array or nested lists, J 17, 22 or 24
+    options : ReadingOptions
+    own_fps : float or None, frames per second that the file tells
+    kind : of the file; made of the skeleton's name where left out
+
+    Raises
+    ------
+    MissingFrameRate, ValueError
+        There is no rate; the shape is another, the unit cannot be, or these are rotations.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"joints must be numbers of shape (T, J, 3): {error}") from None
+    if not is_joints(array.shape) or not 2 <= len(array) <= MAX_FRAMES:
+        counts = ", ".join(map(str, SKELETONS))
+        raise ValueError(f"joints must have shape (T, J, 3) or (T, 3J) with J of {counts}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(array))[0][0]}; interpolate or cut it")
+    options.check_no_body()
+    rate = options.rate(own_fps)
+    joints = array.reshape(len(array), -1, 3)
+    skeleton = SKELETONS[joints.shape[1]]
+    _check_thighs(joints, skeleton)
+    factor, unit = metre_factor(joints, options)
+    places, up = _upright(in_metres(joints, factor), skeleton, options)
+    name = kind or f"{len(skeleton.joints)} joints of {'COCO' if skeleton is COCO_17 else 'SMPL'}"
+    return MotionFile(checked_motion(places, rate, skeleton), name, (unit, up))
+
+
+def frame_motion(folder: Path, files: Sequence[Path], options: ReadingOptions) -> MotionFile:
+    """The motion of Bailando's files of a frame, in their order.
+
+    Raises
+    ------
+    MissingFrameRate, ValueError
+        As `joint_motion`, or a file holds no joints in space; names the folder, or the file.
+    """
+    if len(files) > MAX_FRAMES:
+        raise ValueError(f"{folder}: has {len(files)} frames, more than the {MAX_FRAMES} allowed; cut it into parts")
+    if options.fps is None:
+        raise MissingFrameRate(
+            f"{folder}: holds no frame rate; pass fps, such as --fps 25 (Bailando's settings make 60)"
+        )
+    frames = []
+    for path in files:
+        with reading(path, "a frame of Bailando", max_bytes=MAX_TEXT_BYTES) as file:
+            content = read_json(file)
+            if not isinstance(content, dict) or _FRAME_KEY not in content:
+                raise ValueError(
+                    f"has no {_FRAME_KEY}; Bailando's drawings in jsons are not read: name the array of this dance in "
+                    "its folder pkl, or its folder in jsons_original"
+                )
+            frames.append(number_array(content[_FRAME_KEY], _FRAME_KEY, (len(SMPL_24.joints), 3)))
+    with named_faults(folder):
+        return joint_motion(np.stack(frames), options, kind="Bailando's frames, 24 joints of SMPL")
+
+
+def _upright(places: FloatArray, skeleton: Skeleton, options: ReadingOptions) -> tuple[FloatArray, str]:
+    """Places with y up and a sentence; y where the body does not tell, as in files of our own."""
+    try:
+        return guessed_up(places, skeleton.joints, options)
+    except ValueError:
+        reason = "assumed: the body lies, or turns over, and does not tell; --up overrules it"
+        return places, Assumption(f"y up ({reason})", "axis assumed: y up")
+
+
+def _check_thighs(joints: FloatArray, skeleton: Skeleton) -> None:
+    """ValueError where the left thigh changes its length as no bone does."""
+    hip, knee = (skeleton.joints.index(f"left_{part}") for part in ("hip", "knee"))
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.linalg.norm(joints[:, knee] - joints[:, hip], axis=1)
+        is_bone = bool(lengths.std() <= _STRETCH * lengths.mean())
+    if not is_bone:
+        raise ValueError(
+            "holds no joints: the thigh changes its length by more than half; SMPL rotations are read "
+            "from .npz or .pkl with poses and trans"
+        )
+
+
+# HumanML3D's vectors of 263 numbers a frame to the places of 22 joints (Guo et al. 2022, "Generating Diverse and
+
+WIDTH = 263
+_LOCAL = slice(4, 4 + 3 * 21)
+_HEIGHTS = (0.3, 3.0)  # metres over which a body extends, median
+
+
+def vector_joints(values: NDArray[Any]) -> FloatArray:
+    """Joints (T, 22, 3), metres, y up, of vectors (T, 263); the first frame faces +z, its pelvis over the origin."""
+    numbers = values.astype(np.float64)
+    facing = 2 * np.concatenate([[0.0], np.cumsum(numbers[:-1, 0])])
+    steps = np.zeros((len(numbers), 3))
+    steps[1:, [0, 2]] = numbers[:-1, 1:3]
+    # Half angles are those of the turn into the body's frame; out of it, the body turns the other way.
+    pelvis = np.cumsum(turned(steps, -facing), axis=0)
+    pelvis[:, 1] = numbers[:, 3]
+    local = numbers[:, _LOCAL].reshape(len(numbers), 21, 3)
+    joints = turned(local, -facing[:, None]) + pelvis[:, None] * [1, 0, 1]
+    return np.concatenate([pelvis[:, None], joints], axis=1)
+
+
+def humanml_motion(values: NDArray[Any], options: ReadingOptions) -> MotionFile:
+    """The motion of vectors (T, 263); call it inside `harmolab.files.reading`.
+
+    Raises
+    ------
+    MissingFrameRate, ValueError
+        No rate is passed; numbers are not finite, or make no body in metres, as those that a network is trained on:
+        multiply by the standard deviation and add the mean first.
+    """
+    options.check_no_body()
+    rate = options.rate(hint=", or --fps 20 for HumanML3D's own")
+    if not np.isfinite(values).all():
+        raise ValueError(f"NaN or infinity at frame {np.argwhere(~np.isfinite(values))[0][0]}; interpolate or cut it")
+    with np.errstate(over="ignore", invalid="ignore"):
+        joints = in_metres(vector_joints(values), 1.0 if options.scale is None else options.scale)
+        extent = float(np.median(np.ptp(joints, axis=1).max(axis=1))) if len(joints) else 0.0
+    if not _HEIGHTS[0] <= extent <= _HEIGHTS[1]:
+        raise ValueError(
+            f"holds HumanML3D vectors of a body that extends over {extent:.3g} m; if they are normalised, multiply by "
+            "Std.npy and add Mean.npy first"
+        )
+    positions, note = stated_up(joints, "y", "as HumanML3D writes", options)
+    notes = ("22 joints from the turn and speed of the pelvis and the places in the body", note)
+    return MotionFile(checked_motion(positions, rate, SMPL_22), "HumanML3D vectors", notes)
+
+
+_NAMED = Assumption(
+    f"{AIST_FPS:g} frames a second (assumed: it is named as AIST++'s recordings are; --fps overrules it)",
+    f"{AIST_FPS:g} frames a second assumed by the name",
+)
+_METRES = Assumption("metres (assumed, since the array does not tell; --scale overrules it)", "unit assumed: metres")
+
+
+def load_pickle(path: PathLike, options: ReadingOptions) -> MotionFile:
+    """AIST++ keypoints3d, SMPL parameters, or joints in space."""
+    with reading(path, "a pickle of arrays") as file:
+        return _content_motion(read_array_pickle(file.read_bytes()), file, options)
+
+
+def _content_motion(content: dict[str, Any], file: Path, options: ReadingOptions) -> MotionFile:
+    """The motion in a dictionary of arrays."""
+    if is_parameters(content):
+        return parameter_motion(content, file, options)
+    if {"keypoints3d", "keypoints3d_optim"} & content.keys() or (values := positions_in(content)) is None:
+        scale = 0.01 if options.scale is None else options.scale
+        motion = aist_motion(content, options.rate(AIST_FPS), scale)
+        return as_read(motion, "AIST++ key points", options, f"{scale:g} m a unit, {motion.fps:g} frames a second")
+    return _joint_motion(values, file, options)
+
+
+def _joint_motion(values: Any, file: Path, options: ReadingOptions, own_fps: float | None = None) -> MotionFile:
+    """Joints in space at the rate that their file tells, else at that of its name."""
+    rate, notes = (own_fps, ()) if own_fps is not None else _named_rate(file, options)
+    read = joint_motion(values, options, rate)
+    return read._replace(notes=(*read.notes, *notes))
+
+
+def _named_rate(file: Path, options: ReadingOptions) -> tuple[float | None, tuple[Assumption, ...]]:
+    """The rate of a file by its name, unless one is passed, and the note on it."""
+    return (AIST_FPS, (_NAMED,)) if options.fps is None and is_aist_name(file) else (None, ())
+
+
+def load_json(path: PathLike, options: ReadingOptions) -> MotionFile:
+    """Joints in space, or key points of a pose estimator."""
+    with reading(path, "key points", max_bytes=MAX_JSON_BYTES) as file:
+        content = json_or_lines(file)
+        values = None if is_landmarks(content) else positions_in(content)
+        own = content.get("fps") if isinstance(content, dict) else None
+        if values is None:
+            rate = own if options.as_defaults and own is not None else options.fps
+            motion = described_motion(*content_points(content), fps=rate, joints=options.joints)
+            return as_read(motion, "key points", options)
+        return _joint_motion(values, file, options, own)
+
+
+def load_npy(path: PathLike, options: ReadingOptions) -> MotionFile:
+    """A `.npy` array: joints in space, image coordinates, landmarks with their visibility, vectors, a dictionary."""
+    with reading(path, "a .npy array") as file:
+        with file.open("rb") as stream:
+            if (pickled := npy_pickle(stream)) is not None:
+                return _content_motion(read_array_pickle(pickled), file, options)
+            values = read_npy(stream, file.stat().st_size)
+        width = values.shape[1] if values.ndim == 2 else 0
+        if width == WIDTH:
+            return humanml_motion(values, options)
+        if width in VECTORS:
+            return vector_motion(values, options)
+        if is_joints(values.shape) and not _has_confidence(values):
+            return _joint_motion(values, file, options)
+        named, notes = _named_rate(file, options)
+        rate = options.rate(named)
+        if values.ndim != 3 or values.shape[2] != 3 or _has_confidence(values):
+            return as_read(keypoints_motion(values, rate, joints=options.joints), "key points", options, *notes)
+        unit = _METRES if options.scale is None else f"{options.scale:g} m a unit (as passed)"
+        places = in_metres(values, 1.0 if options.scale is None else options.scale)
+        motion = checked_motion(places, rate, named_skeleton(values.shape[1]))
+        return as_read(motion, "joints", options, unit, *notes, is_open=True)
+
+
+def _has_confidence(values: NDArray[Any]) -> bool:
+    """True where (T, J, 3), also flat, is image coordinates with a confidence: pixels or shares beside 0 to 1."""
+    is_flat = values.ndim == 2
+    points = values.reshape(len(values), -1, 3) if is_flat and values.shape[1] % 3 == 0 else values
+    if not len(points) or points.ndim != 3 or points.shape[2] != 3 or named_skeleton(points.shape[1]) is None:
+        return False
+    places, confidence = points[..., :2], points[..., 2]
+    are_shares = is_flat and places.min() >= 0 and places.max() <= 1
+    return bool(confidence.min() >= 0 and confidence.max() <= 1 and (np.abs(places).max() > 20 or are_shares))

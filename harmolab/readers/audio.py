@@ -1,0 +1,282 @@
+"""Sound files to Audio: WAV, FLAC, OGG and MP3, through libsndfile.
+
+The header decides first, but is not believed: reading stops at the length that was asked for, whatever the header
+says, and a span is sought, not read through.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import av
+import numpy as np
+import soundfile
+import soxr
+from numpy.typing import NDArray
+
+from harmolab.files import WRITTEN_BY, PathLike, atomic_write, reading
+from harmolab.readers.video import is_video, opened_container
+from harmolab.types import Audio
+
+FORMATS = ("WAV", "WAVEX", "RF64", "FLAC", "OGG", "MP3")
+MIN_RATE, MAX_RATE, MAX_CHANNELS = 1000, 768_000, 64
+# The densest thing there is, digital silence in FLAC, packs some 5,000 samples into a byte.
+MAX_FRAMES_PER_BYTE = 10_000
+MAX_AMPLITUDE = 1e10
+_WHAT = "WAV, FLAC, OGG or MP3 sound"
+_BLOCK_VALUES = 2**18
+_OGG_PAGE = 65_307
+
+
+class AudioInfo(NamedTuple):
+    """Content of the header of a sound file: hertz, seconds, channels, and the name of the format."""
+
+    sample_rate: int
+    seconds: float
+    channels: int
+    format: str
+
+
+def audio_info(path: PathLike) -> AudioInfo:
+    """The header of a sound file; no sample is read.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    with reading(path, _WHAT, max_bytes=None) as file, soundfile.SoundFile(file) as sound:
+        _check_header(sound, file.stat().st_size)
+        return AudioInfo(sound.samplerate, sound.frames / sound.samplerate, sound.channels, sound.format)
+
+
+def load_audio(
+    path: PathLike,
+    *,
+    start: float = 0.0,
+    duration: float | None = None,
+    sample_rate: float | None = 22050.0,
+    max_seconds: float = 3600.0,
+) -> Audio:
+    """The sound in a file, or a span of it, mixed to one channel.
+
+    Parameters
+    ----------
+    path : str or path
+    start : float, seconds
+    duration : float or None, seconds
+        None: to the end. A span that reaches behind the end stops there.
+    sample_rate : float or None, hertz
+        Resampled to this rate (soxr, high quality). None keeps the file's rate.
+    max_seconds : float
+        More than this is refused before any sample is read.
+
+    Returns
+    -------
+    Audio with float32 samples
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file. A file that is cut off is an error; with `duration`, what is there can still be read.
+    """
+    with reading(path, _WHAT, max_bytes=None) as file:
+        if duration is None:
+            _check_whole(file)
+        with soundfile.SoundFile(file) as sound:
+            _check_header(sound, file.stat().st_size)
+            first, count = _span_frames(sound.frames, sound.samplerate, start, duration, max_seconds)
+            samples = _mono(sound, first, count)
+            rate = sound.samplerate
+        audio = Audio(samples, rate)
+        return audio if sample_rate in (None, rate) else resampled(audio, sample_rate)
+
+
+def _check_header(sound: soundfile.SoundFile, size: int) -> None:
+    """ValueError unless the header describes sound that can exist."""
+    if sound.format not in FORMATS:
+        raise ValueError(f"is a {sound.format} file; only WAV, FLAC, OGG and MP3 are read")
+    if not MIN_RATE <= sound.samplerate <= MAX_RATE:
+        raise ValueError(f"has a sample rate of {sound.samplerate} Hz; {MIN_RATE} to {MAX_RATE} Hz can be sound")
+    if not 1 <= sound.channels <= MAX_CHANNELS:
+        raise ValueError(f"has {sound.channels} channels; 1 to {MAX_CHANNELS} are read")
+    if sound.frames <= 0:
+        raise ValueError("holds no samples")
+    if sound.frames > MAX_FRAMES_PER_BYTE * size:
+        raise ValueError(f"claims {sound.frames} samples in {size} bytes: its header is damaged")
+
+
+def _check_whole(path: Path) -> None:
+    """ValueError when a WAV or OGG file is cut off, which libsndfile does not notice."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(12)
+        stream.seek(max(0, size - 2 * _OGG_PAGE))
+        tail = stream.read(2 * _OGG_PAGE)
+    if head[:4] == b"RIFF" and head[8:] == b"WAVE":
+        promised = int.from_bytes(head[4:8], "little") + 8
+        # Programs that write to a pipe do not know the length and put a huge number there.
+        if promised < 0x7FFFF000 and promised - size > max(1024, promised // 100):
+            raise ValueError(f"is cut off: {size} of {promised} bytes are there")
+    if head[:4] == b"OggS" and not _ends_with_a_page(tail):
+        raise ValueError("is cut off: it ends in the middle of a page")
+
+
+def _ends_with_a_page(tail: bytes) -> bool:
+    """True if the last OGG page in the last bytes of a file is complete."""
+    page = tail[tail.rfind(b"OggS") :]
+    lengths = page[27 : 27 + page[26]] if len(page) > 26 else b""
+    return len(page) > 26 and len(lengths) == page[26] and len(page) >= 27 + len(lengths) + sum(lengths)
+
+
+def _span_frames(frames: int, rate: int, start: float, duration: float | None, max_seconds: float) -> tuple[int, int]:
+    """First sample frame and number of frames of the span asked for."""
+    if not (math.isfinite(start) and start >= 0):
+        raise ValueError(f"start must be 0 or more seconds, got {start}")
+    if duration is not None and not (math.isfinite(duration) and duration > 0):
+        raise ValueError(f"duration must be a positive number of seconds, got {duration}")
+    first = round(start * rate)
+    if first >= frames:
+        raise ValueError(f"has {frames / rate:.2f} s of sound, none from {start:g} s on")
+    count = frames - first if duration is None else min(frames - first, max(1, round(duration * rate)))
+    if count > max_seconds * rate:
+        raise ValueError(
+            f"would give {count / rate:.0f} s of sound, more than max_seconds={max_seconds:g}; "
+            "read a part with start and duration"
+        )
+    return first, count
+
+
+def _mono(sound: soundfile.SoundFile, first: int, count: int) -> NDArray[Any]:
+    """`count` frames from `first`, the mean of the channels."""
+    if first:
+        sound.seek(first)
+    parts = []
+    for block in _blocks(sound, count):
+        # Written so that NaN fails it too.
+        if not (np.abs(block) < MAX_AMPLITUDE).all():
+            raise ValueError(f"holds NaN, infinity or amplitudes over {MAX_AMPLITUDE:g} (full scale is 1)")
+        parts.append(block.mean(axis=1))
+    lost = count - sum(map(len, parts))
+    if lost > 0.1 * sound.samplerate or lost == count:
+        raise ValueError(
+            f"ends {lost / sound.samplerate:.2f} s before its header says (damaged or cut off); "
+            "read the part that is there with duration"
+        )
+    return np.concatenate(parts)
+
+
+def _blocks(sound: soundfile.SoundFile, count: int) -> Iterator[NDArray[Any]]:
+    """Up to `count` frames as blocks (frames, channels), until the file has no more."""
+    step = max(1, _BLOCK_VALUES // sound.channels)
+    # Each read ends in a seek, and an MP3 decoder has to find its way again after each: read that in one go.
+    whole = sound.read(count, dtype="float32", always_2d=True) if sound.format == "MP3" else None
+    for start in range(0, count, step):
+        size = min(step, count - start)
+        block = sound.read(size, dtype="float32", always_2d=True) if whole is None else whole[start : start + size]
+        if not len(block):
+            return
+        yield block
+
+
+def wav_bytes(audio: Audio) -> bytes:
+    """The content of a WAV file of 16 bits; sound above full scale is turned down as a whole."""
+    file = io.BytesIO()
+    loudest = max(1.0, float(np.abs(audio.samples).max()))
+    with soundfile.SoundFile(file, "w", round(audio.sample_rate), 1, "PCM_16", format="WAV") as sound:
+        sound.comment = WRITTEN_BY
+        sound.write(audio.samples / loudest)
+    return file.getvalue()
+
+
+def save_audio(path: PathLike, audio: Audio) -> None:
+    """Write a sound as `wav_bytes`, whole or not at all."""
+    with atomic_write(path) as part:
+        part.write_bytes(wav_bytes(audio))
+
+
+def resampled(audio: Audio, sample_rate: float) -> Audio:
+    """The sound at another sample rate R, ceil(S * R / sample_rate) samples of it, as librosa.load gives them."""
+    if sample_rate == audio.sample_rate:
+        return audio
+    if not MIN_RATE <= sample_rate <= MAX_RATE:
+        raise ValueError(f"sample_rate must lie between {MIN_RATE} and {MAX_RATE} Hz, got {sample_rate}")
+    count = math.ceil(audio.samples.size * sample_rate / audio.sample_rate)
+    samples = soxr.resample(audio.samples, audio.sample_rate, sample_rate, quality="HQ")[:count]
+    return Audio(np.pad(samples, (0, count - samples.size)), sample_rate)
+
+
+# The sound of video files, through PyAV; and the sound of any file that has one.
+
+MIN_VIDEO_RATE, MAX_VIDEO_RATE = 1000, 768_000
+MAX_LATE = 60.0  # seconds that the sound may start behind the pictures
+
+
+def load_sound(
+    path: PathLike, *, start: float = 0.0, duration: float | None = None, sample_rate: float | None = 22050.0
+) -> Audio:
+    """A sound file, or the sound of a video; the parameters and errors are those of `load_audio`."""
+    if not is_video(path):
+        return load_audio(path, start=start, duration=duration, sample_rate=sample_rate)
+    sound = video_sound(path, sample_rate=sample_rate)
+    if not 0 <= start < sound.duration:
+        raise ValueError(f"{path}: has {sound.duration:.2f} s of sound, none from {start:g} s on")
+    return sound.span(start, sound.duration - start if duration is None else duration)
+
+
+def video_sound(path: PathLike, *, sample_rate: float | None = 22050.0, max_seconds: float = 3600.0) -> Audio:
+    """The sound of a video, mixed to one channel; it starts with the file, so that it fits `video_frames`.
+
+    Parameters
+    ----------
+    path : str or path
+    sample_rate : float or None, hertz
+        Resampled to this rate. None keeps the file's rate.
+    max_seconds : float
+        More than this is an error.
+
+    Returns
+    -------
+    Audio with float32 samples; silence where the sound starts later than the file
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file; a video without sound is an error.
+    """
+    with opened_container(Path(path)) as container:
+        if not container.streams.audio:
+            raise ValueError("holds no sound; name the music's own file")
+        stream = container.streams.audio[0]
+        if stream.codec_context is None or not MIN_VIDEO_RATE <= stream.codec_context.sample_rate <= MAX_VIDEO_RATE:
+            raise ValueError(f"holds sound that cannot be read; {MIN_VIDEO_RATE} to {MAX_VIDEO_RATE} Hz can be sound")
+        rate = round(sample_rate or stream.codec_context.sample_rate)
+        pieces = list(_pieces(container, stream, rate, max_seconds))
+        if not pieces:
+            raise ValueError("holds no samples of sound")
+        return Audio(np.concatenate(pieces), rate)
+
+
+def _pieces(container: Any, stream: Any, rate: int, max_seconds: float) -> Iterator[NDArray[np.float32]]:
+    """The samples from the start of the file on; silence first, or the beginning cut, where the sound starts apart."""
+    resampler = av.AudioResampler(format="flt", layout="mono", rate=rate)
+    skip, count = None, 0
+    for block in itertools.chain(container.decode(stream), [None]):  # None empties the resampler
+        if skip is None:
+            late = (block.time or 0.0) - (container.start_time or 0) / av.time_base if block is not None else 0.0
+            if not (math.isfinite(late) and abs(late) <= MAX_LATE):
+                raise ValueError(f"starts its sound {late:.0f} s from its pictures; its time stamps are damaged")
+            skip = max(0, -round(late * rate))
+            yield np.zeros(max(0, round(late * rate)), np.float32)
+        for part in resampler.resample(block):
+            samples = part.to_ndarray()[0][skip:]
+            skip = max(0, skip - part.samples)
+            count += samples.size
+            if count > max_seconds * rate:
+                raise ValueError(f"has more than {max_seconds:g} s of sound; cut it into parts")
+            yield samples

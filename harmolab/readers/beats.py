@@ -1,0 +1,444 @@
+"""Beat annotations to BeatTrack: `.beats`, `.csv`, `.txt`, and `beats.json`.
+
+==============  ==============================================================================================
+``.beats``      lines ``time [beat-in-bar]``: seconds, and 1 on the first beat of a bar (Ballroom, madmom)
+``.csv .txt``   lines ``time [strength]``: seconds; comma, semicolon, tab or blank between; a header line may be first
+``.json``       ``{"beats_s": [...], "downbeats_s": [...] or null, "meter": 3, "bpm": 90.0, "dance": "waltz",
+                "source": "synthetic", "motion_offset_s": 0.0, "units": [{"name", "start_s", "end_s", "beats",
+                "figure"}]}``; only ``beats_s`` must be there
+==============  ==============================================================================================
+
+Lines that start with ``#`` are comments. `save_beats` writes ``.beats``.
+
+Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISMIR 2024), where it is installed.
+
+Nothing is downloaded, by us or by its package: weights are a file on this machine.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.beats.audio import audio_beats, beat_strengths, sounding_span
+from harmolab.beats.tempo import NEAR, STEADY, Grid
+from harmolab.files import MAX_TEXT_BYTES, WRITTEN_BY, PathLike, read_json, read_text, reading, write_text
+from harmolab.readers.arrays import number_array
+from harmolab.types import Audio, BeatTrack, FloatArray
+
+# Annotations are not read from a curve; they are good to a millisecond at best.
+ANNOTATION_RATE = 1000.0
+
+_MAX_BEATS = 100_000
+_SUFFIXES = (".beats", ".csv", ".txt", ".json")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A stretch of choreography: name, seconds, number of beats, and the figure it performs ("" when unknown)."""
+
+    name: str
+    start: float
+    end: float
+    beats: int
+    figure: str = ""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.start) and math.isfinite(self.end) and self.start < self.end):
+            raise ValueError(f"unit {self.name!r} must end after it starts, got {self.start} to {self.end} s")
+        if self.beats < 0:
+            raise ValueError(f"unit {self.name!r} has {self.beats} beats; it cannot have less than none")
+
+
+@dataclass(frozen=True, eq=False)
+class BeatAnnotation:
+    """The annotation of a piece of music, on the audio's time line.
+
+    Parameters
+    ----------
+    times : (B,) array, seconds, strictly increasing
+    downbeats : (D,) array or None, seconds
+        The first beats of the bars; None when unknown.
+    meter : int or None, beats in a bar
+    bpm : float or None, beats per minute
+    dance : str, "" when unknown
+    units : tuple of Unit, the choreography
+    offset : float or None, seconds
+        Audio time of motion frame 0; None where it does not say.
+    source : str, origin of the recording; "" when unknown
+    strengths : (B,) array or None (all 1)
+    """
+
+    times: FloatArray
+    downbeats: FloatArray | None = None
+    meter: int | None = None
+    bpm: float | None = None
+    dance: str = ""
+    units: tuple[Unit, ...] = ()
+    offset: float | None = None
+    source: str = ""
+    strengths: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", _times(self.times, "beat times"))
+        if self.downbeats is not None:
+            object.__setattr__(self, "downbeats", _times(self.downbeats, "downbeats"))
+        if self.meter is not None and not 1 <= self.meter <= 32:
+            raise ValueError(f"meter must be 1 to 32 beats in a bar, got {self.meter}")
+        if self.bpm is not None and not 0 < self.bpm < 1000:
+            raise ValueError(f"bpm must be positive and below 1000, got {self.bpm}")
+        if self.offset is not None and not math.isfinite(self.offset):
+            raise ValueError(f"motion_offset_s must be finite, got {self.offset}")
+
+    def bar_places(self) -> NDArray[np.int64] | None:
+        """Place of each beat in its bar, (B,), 0 for the downbeat; None without downbeats and units.
+
+        Units of choreography begin with a bar, or half way through one, so without downbeats the first unit's start
+        stands in for one.
+        """
+        anchors = self.downbeats
+        if anchors is None or anchors.size == 0:
+            anchors = np.array([unit.start for unit in self.units[:1]])
+        if self.meter is None or anchors.size == 0 or self.times.size == 0:
+            return None
+        nearest = np.abs(np.subtract.outer(anchors, self.times)).argmin(axis=1)
+        votes = np.bincount(nearest % self.meter, minlength=self.meter)
+        return (np.arange(self.times.size) - int(votes.argmax())) % self.meter
+
+    def track(self, duration: float | None = None) -> BeatTrack:
+        """The beats as a BeatTrack of `duration` seconds (None: one beat longer than the last beat)."""
+        if duration is None:
+            if not self.times.size:
+                raise ValueError("holds no beats; pass duration for an empty track")
+            duration = float(self.times[-1] + (np.median(np.diff(self.times)) if self.times.size > 1 else 1.0))
+        strengths = np.ones(self.times.size) if self.strengths is None else self.strengths
+        return BeatTrack(self.times, strengths, ANNOTATION_RATE, duration, self.bar_places())
+
+
+def _times(values: Any, name: str) -> FloatArray:
+    """Seconds, checked: finite, not negative, increasing, and not frames or milliseconds."""
+    times = number_array(values, name, (None,))
+    if not np.isfinite(times).all():
+        raise ValueError(f"{name} hold NaN or infinity (entry {int(np.argmin(np.isfinite(times)))})")
+    steps = np.diff(times)
+    if (steps <= 0).any():
+        first = int(np.argmax(steps <= 0))
+        raise ValueError(
+            f"{name} must increase strictly, but {times[first + 1]:g} follows {times[first]:g}; sort them, drop doubles"
+        )
+    if times.size and times[0] < 0:
+        raise ValueError(f"{name} start at {times[0]:g} s; they must not be negative")
+    typical = float(np.median(steps)) if steps.size >= 3 else 0.0
+    if name == "beat times" and (typical >= 10 or (typical >= 3 and (times == np.round(times)).all())):
+        raise ValueError(f"{name} lie {typical:g} s apart; were these frames or milliseconds? seconds are needed")
+    times.setflags(write=False)
+    return times
+
+
+def load_beats(path: PathLike, *, duration: float | None = None) -> BeatTrack:
+    """The beats in an annotation file.
+
+    Parameters
+    ----------
+    path : str or path
+    duration : float or None, seconds
+        Length of the recording. None: one beat longer than the last beat.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file. Beats behind `duration` are an error: they may be frames.
+    """
+    annotation = load_annotation(path)
+    with reading(path, "a beat annotation", max_bytes=MAX_TEXT_BYTES):
+        return annotation.track(duration)
+
+
+def load_annotation(path: PathLike) -> BeatAnnotation:
+    """The content of an annotation file: beats, bars, tempo, dance, units.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    with reading(path, "a beat annotation", max_bytes=MAX_TEXT_BYTES) as file:
+        suffix = file.suffix.lower()
+        if suffix not in _SUFFIXES:
+            raise ValueError(f"is no beat annotation that is known; {', '.join(_SUFFIXES)} are read")
+        if suffix == ".json":
+            return _from_json(file)
+        first, second = _columns(read_text(file), header=suffix != ".beats")
+        return _from_bars(first, second) if suffix == ".beats" else _from_columns(first, second)
+
+
+def save_beats(path: PathLike, track: BeatTrack, *, comment: str = "") -> None:
+    """Write beats as lines ``time [place]`` of a ``.beats`` file, whole or not at all; a place of 1 begins a bar.
+
+    Parameters
+    ----------
+    path : str or path
+    track : BeatTrack of one beat or more
+    comment : str, a first line
+
+    Raises
+    ------
+    ValueError
+        For another suffix or no beats; names the file.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".beats":
+        raise ValueError(f"{path}: beats are written as .beats; choose a name that ends so")
+    if len(track) == 0:
+        raise ValueError(f"{path}: there are no beats to write")
+    places = [""] * len(track) if track.bar_places is None else [f" {place + 1}" for place in track.bar_places]
+    lines = [f"{time:.4f}{place}" for time, place in zip(track.times, places, strict=True)]
+    first = ": ".join([WRITTEN_BY, *([" ".join(comment.split())] if comment else [])])
+    write_text(path, "\n".join([f"# {first}", *lines]) + "\n")
+
+
+def _columns(text: str, *, header: bool) -> tuple[FloatArray, FloatArray | None]:
+    """The one or two columns of numbers in a text file."""
+    lines = enumerate(text.splitlines(), start=1)
+    rows = [(number, re.findall(r"[^\s,;]+", line)) for number, line in lines if not line.lstrip().startswith("#")]
+    rows = [(number, words) for number, words in rows if words]
+    if header and rows and all(_number(word) is None for word in rows[0][1]):
+        rows = rows[1:]
+    if not rows:
+        raise ValueError("holds no beats; a line for each is read, with its time in seconds first")
+    if len(rows) > _MAX_BEATS:
+        raise ValueError(f"has {len(rows)} lines of numbers, more than {_MAX_BEATS}: not the beats of one recording")
+    width = len(rows[0][1])
+    if width not in (1, 2):
+        raise ValueError(f"has {width} columns; a time and perhaps one more number are read")
+    table = np.empty((len(rows), width))
+    for row, (line, words) in zip(table, rows, strict=True):
+        for word in words:
+            number = _number(word)
+            if number is None or not math.isfinite(number):
+                raise ValueError(f"line {line}: {word[:40]!r} is not a number")
+        if len(words) != width:
+            raise ValueError(f"line {line} has {len(words)} columns, the first has {width}")
+        row[:] = list(map(float, words))
+    return table[:, 0], table[:, 1] if width == 2 else None
+
+
+def _number(word: str) -> float | None:
+    """A word as a number, or None."""
+    try:
+        return float(word)
+    except ValueError:
+        return None
+
+
+def _from_columns(times: FloatArray, strengths: FloatArray | None) -> BeatAnnotation:
+    """An annotation from times and, perhaps, strengths."""
+    if strengths is not None and strengths.min() < 0:
+        raise ValueError(f"strengths must not be negative, got {strengths.min():g}")
+    return BeatAnnotation(times, strengths=strengths)
+
+
+def _from_bars(times: FloatArray, places: FloatArray | None) -> BeatAnnotation:
+    """An annotation from times and, perhaps, each beat's place in its bar (1 is the downbeat)."""
+    period = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    bpm = 60.0 / period if period > 0.06 else None
+    if places is None:
+        return BeatAnnotation(times, bpm=bpm)
+    if ((places != places.round()) | (places < 1) | (places > 32)).any():
+        raise ValueError("the second column must be the beat's place in its bar: 1, 2, ...")
+    return BeatAnnotation(times, times[places == 1], int(places.max()), bpm)
+
+
+def _from_json(path: Path) -> BeatAnnotation:
+    """An annotation from our `beats.json`."""
+    content = read_json(path)
+    if not isinstance(content, dict) or "beats_s" not in content:
+        raise ValueError("has no 'beats_s', the list of beats in seconds")
+    if not content["beats_s"]:
+        raise ValueError("holds no beats: 'beats_s' is empty")
+    units = content.get("units") or []
+    if not isinstance(units, list):
+        raise ValueError("'units' must be a list")
+    return BeatAnnotation(
+        content["beats_s"],
+        content.get("downbeats_s"),
+        None if content.get("meter") is None else int(_field(content, "meter")),
+        None if content.get("bpm") is None else _field(content, "bpm"),
+        str(content.get("dance") or ""),
+        tuple(_unit(unit, number) for number, unit in enumerate(units)),
+        None if content.get("motion_offset_s") is None else _field(content, "motion_offset_s"),
+        str(content.get("source") or ""),
+    )
+
+
+def _unit(unit: Any, number: int) -> Unit:
+    """One entry of 'units'."""
+    if not isinstance(unit, dict):
+        raise ValueError(f"unit {number} is not a record with name, start_s, end_s, beats")
+    start, end, beats = (_field(unit, name) for name in ("start_s", "end_s", "beats"))
+    return Unit(str(unit.get("name", number)), start, end, int(beats), str(unit.get("figure") or ""))
+
+
+def _field(record: dict[str, Any], name: str) -> float:
+    """A finite number out of a record of JSON."""
+    value = record.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{name!r} must be a number, got {str(value)[:40]!r}")
+    return float(value)
+
+
+# Beats out of the taps of a person who listens: one tempo and phase through all taps, mended by the sound.
+
+FEWEST = 8  # taps
+MOST = 20_000
+REFINED = 0.06  # seconds within which the sound's phase is believed rather than the taps'; people differ by as much
+LEAST_UNITY = 0.6  # length of the mean of the taps as arrows on the beat's circle; a jitter of 16 % of a beat has .6
+SHORTEST = 0.15  # seconds between two taps: less is one tap that the key counted twice
+SEARCH = 0.06  # part of the tempo by which the tempo of all taps may differ from their median interval
+SAME_TEMPO = 0.02  # part of the tempo by which the sound's may differ from that of the taps
+
+
+class TappedBeats(NamedTuple):
+    """The beats of a whole song, and a remark on what the taps left open."""
+
+    track: BeatTrack
+    remark: str
+
+
+def tapped_beats(audio: Audio, taps: FloatArray, ones: FloatArray, *, meter: int = 4) -> TappedBeats:
+    """The beats of a song from taps to a part of it, extended from its first to its last sound.
+
+    Double and missed taps do no harm. Where the sound has a steady grid of the tapped tempo, the beats take its period,
+    and its phase too if that lies within 60 ms of the taps: a person's constant delay, and the machine's, cannot be
+    told from a beat that lies elsewhere.
+
+    Parameters
+    ----------
+    audio : Audio, the whole song
+    taps : (K,) array, seconds of audio time, in any order
+    ones : (D,) array, seconds, taps on the first beat of a bar; without any, bar places are unknown
+    meter : int, beats in a bar
+
+    Raises
+    ------
+    ValueError
+        For fewer than 8 taps, more than 20,000, times outside the song, a meter below 1, or taps that keep no tempo.
+    """
+    taps, ones = (_moments(values, name, audio.duration) for values, name in ((taps, "taps"), (ones, "ones")))
+    if not 1 <= meter <= 32:
+        raise ValueError(f"a bar has 1 to 32 beats, got {meter}")
+    grid, remark = _by_sound(audio, taps, tap_grid(taps))
+    start, end = sounding_span(audio)
+    times = grid.beats(max(start - NEAR, 0.0), end)
+    if times.size < 2:
+        raise ValueError("the song has no two beats at the tapped tempo")
+    places = None
+    if ones.size:
+        numbers = np.round((ones - times[0]) / grid.period).astype(np.int64)
+        votes = np.bincount(numbers % meter, minlength=meter)
+        places = (np.arange(times.size) - int(votes.argmax())) % meter
+        if votes.max() < ones.size:
+            remark += f' {votes.max()} of {ones.size} "ones" agree on where a bar of {meter} beats begins.'
+    strengths = beat_strengths(audio, times)
+    return TappedBeats(BeatTrack(times, strengths, ANNOTATION_RATE, audio.duration, places), remark.strip())
+
+
+def tap_grid(taps: FloatArray) -> Grid:
+    """The line through taps: first + k period, k whole, with each tap's k its nearest; taps far off do not count.
+
+    The period is first that on whose circle the taps point one way, so pauses, doubles and misses do not matter.
+
+    Raises
+    ------
+    ValueError
+        For fewer than 8 taps, or taps that keep no tempo.
+    """
+    taps = np.unique(taps)
+    taps = taps[np.diff(taps, prepend=-np.inf) >= SHORTEST]
+    if taps.size < FEWEST:
+        raise ValueError(f"{taps.size} taps are too few; tap {FEWEST} beats or more")
+    span = float(np.ptp(taps))
+    tempo = 1.0 / float(np.median(np.diff(taps)))
+    frequencies = np.arange(tempo * (1 - SEARCH), tempo * (1 + SEARCH), 1 / (20 * span))
+    arrows = np.array([np.exp(2j * np.pi * frequency * taps).mean() for frequency in frequencies])
+    best = int(np.abs(arrows).argmax())
+    if np.abs(arrows[best]) < LEAST_UNITY:
+        raise ValueError("the taps keep no steady tempo; start again and tap every beat for ten seconds or more")
+    grid = Grid(float(np.angle(arrows[best]) / (2 * np.pi * frequencies[best])), 1.0 / float(frequencies[best]), 0.0)
+    near = taps[np.abs(grid.deviations(taps)) < grid.period / 4]
+    period, first = np.polyfit(np.round((near - grid.first) / grid.period), near, 1)
+    return Grid(float(first), float(period), float(np.abs(arrows[best])))
+
+
+def _by_sound(audio: Audio, taps: FloatArray, grid: Grid) -> tuple[Grid, str]:
+    """The grid of the beats: that of the taps, mended by the sound's where that is steady; and a remark."""
+    tempo = 60.0 / grid.period
+    track = audio_beats(audio, tempo=(tempo * (1 - SAME_TEMPO), tempo * (1 + SAME_TEMPO)))
+    is_steady = track.quality is not None and track.quality >= STEADY and len(track) > 1
+    if not is_steady or abs(track.tempo / tempo - 1) > SAME_TEMPO:
+        return grid, "No steady grid was heard at your tempo: far from your taps the beats may drift."
+    sound = Grid(float(track.times[0]), 60.0 / track.tempo, 0.0)
+    late = float(np.median(sound.deviations(taps)))
+    if abs(late) <= REFINED:
+        return sound, ""
+    side = "after" if late > 0 else "before"
+    remark = f"Your taps lie {1000 * abs(late):.0f} ms {side} the sound's own beats and were left there."
+    return sound._replace(first=sound.first + late), remark
+
+
+def _moments(values: FloatArray, name: str, duration: float) -> FloatArray:
+    """Times in a song, checked."""
+    times = number_array(values, name, (None,))
+    if times.size > MOST:
+        raise ValueError(f"{times.size} {name} are more than {MOST}")
+    if not (np.isfinite(times).all() and (times >= 0).all() and (times <= duration).all()):
+        raise ValueError(f"{name} must lie in the song, between 0 and {duration:.1f} s")
+    return times
+
+
+# Beats and bars by Beat This!, a neural tracker (Foscarin, Schlueter, Widmer, ISMIR 2024), where it is installed.
+
+PACKAGE = "beat_this"
+HELP = "get a checkpoint (final0.ckpt) from https://github.com/CPJKU/beat_this and name the file with --checkpoint"
+
+
+def neural_beats(audio: Audio, checkpoint: PathLike | None) -> BeatTrack:
+    """Music beats with their places in the bar, as the network of a checkpoint hears them; on the CPU.
+
+    Parameters
+    ----------
+    audio : Audio
+    checkpoint : path of a file of weights; from its makers only, since such files may hold programs
+
+    Raises
+    ------
+    ValueError
+        Where the package or the file is not here, or the file cannot be read; says what to install and where from.
+    """
+    if find_spec(PACKAGE) is None:
+        raise ValueError(f"--tracker {PACKAGE} needs its package; pip install beat-this, then {HELP}")
+    if checkpoint is None or not Path(checkpoint).is_file():
+        raise ValueError(f"{checkpoint or PACKAGE}: no weights on this machine; {HELP}")
+    with reading(checkpoint, "a checkpoint of beat_this", max_bytes=None) as file:
+        # Its package downloads what is no file; it gets the path of one.
+        tracker = import_module(f"{PACKAGE}.inference").Audio2Beats(str(file.resolve()), device="cpu")
+    beats, downbeats = tracker(np.asarray(audio.samples, np.float32), round(audio.sample_rate))
+    return annotation_of(np.asarray(beats, float), np.asarray(downbeats, float)).track(audio.duration)
+
+
+def annotation_of(beats: np.ndarray, downbeats: np.ndarray) -> BeatAnnotation:
+    """Beats and downbeats as an annotation whose meter is the most frequent number of beats from bar to bar."""
+    beats, downbeats = np.unique(beats), np.unique(downbeats)
+    lengths = np.diff(np.searchsorted(beats, downbeats - 0.01)) if beats.size else np.zeros(0, np.int64)
+    lengths = lengths[(lengths >= 1) & (lengths <= 32)]
+    if not lengths.size:
+        return BeatAnnotation(beats)
+    return BeatAnnotation(beats, downbeats, int(np.bincount(lengths).argmax()))

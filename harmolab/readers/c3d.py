@@ -1,0 +1,114 @@
+"""Markers of a c3d file to Motion, through the library ezc3d: `pip install '.[c3d]'`.
+
+Markers become joints without bones. Their unit is that of ``POINT:UNITS``, their rate that of ``POINT:RATE``. A frame
+in which a marker is missing is filled in by a straight line in time and marked not valid. The axis that points up is
+that of ``POINT:Y_SCREEN``; where a file has none, the markers of head and feet tell, else it must be passed.
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
+from harmolab.files import PathLike, reading
+from harmolab.readers.arrays import check_joints, checked_motion, in_metres
+from harmolab.readers.keypoints import filled_points
+from harmolab.readers.motion_file import MotionFile, ReadingOptions, guessed_up, stated_up
+from harmolab.types import FloatArray
+
+UNITS = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "meters": 1.0, "metres": 1.0}
+SECONDS = 20.0  # that reading may take, and one more for every `BYTES_A_SECOND`
+BYTES_A_SECOND = 4 * 2**20
+MARK = 0x50  # second byte of every c3d file
+
+
+def load_c3d(path: PathLike, options: ReadingOptions) -> MotionFile:
+    """The markers of a c3d file, in metres, y up.
+
+    Parameters
+    ----------
+    path : str or path
+    options : ReadingOptions; `joints` leaves out markers that are never there
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file. ValueError also where ezc3d is not installed, a marker is never there, the unit or the axis
+        that points up is not told, or reading takes longer than its size warrants.
+    """
+    with reading(path, "a c3d motion") as file:
+        if find_spec("ezc3d") is None:
+            raise ValueError("to read c3d, install ezc3d; in a copy of harmolab, run: pip install '.[c3d]'")
+        options.check_no_body()
+        arrays = _content(file)
+        points, present = _points(arrays)
+        names = _names(arrays["labels"].ravel().tolist(), points.shape[1])
+        keep = joint_indices(Skeleton(names, (-1,) * len(names)), names if options.joints is None else options.joints)
+        skeleton = skeleton_part(Skeleton(names, (-1,) * len(names)), keep)
+        filled = filled_points(points[:, keep], present[:, keep], skeleton)
+        factor, unit = _unit(str(arrays["units"]), options)
+        places, up = _upright(in_metres(filled, factor), skeleton.joints, str(arrays["y_screen"]), options)
+        own = arrays["rate"].item() if arrays["rate"].size == 1 and arrays["rate"].item() > 0 else None
+        valid = np.asarray(present[:, keep].all(axis=1))
+        return MotionFile(checked_motion(places, options.rate(own), skeleton, valid), "c3d markers", (unit, up))
+
+
+def _content(file: Path) -> dict[str, NDArray[Any]]:
+    """The arrays that another process reads from a file (`harmolab.readers.c3d_child`)."""
+    with file.open("rb") as stream:
+        if stream.read(2)[1:] != bytes([MARK]):
+            raise ValueError("is no c3d file: it does not begin as one")
+    command = [sys.executable, "-P", str(Path(__file__).with_name("c3d_child.py")), str(file.resolve())]
+    limit = SECONDS + file.stat().st_size / BYTES_A_SECOND
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=limit, stdin=subprocess.DEVNULL, check=False)
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"is damaged: it cannot be read in {limit:.0f} s") from None
+    if done.returncode:
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise ValueError(f"is damaged, ezc3d says: {lines[-1][:200] if lines else f'stopped by {-done.returncode}'}")
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as content:
+        return dict(content)
+
+
+def _points(arrays: dict[str, NDArray[Any]]) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Places (T, J, 3) and the mask (T, J) of those that are there: finite, with a residual that is not negative."""
+    points, residuals = arrays["points"].transpose(2, 1, 0), arrays["residuals"].T
+    if not points.size or points.shape[2] != 3 or residuals.shape != points.shape[:2]:
+        raise ValueError(f"holds no markers: its points have shape {points.shape}")
+    check_joints(points.shape[1])
+    return points.astype(np.float64), np.isfinite(points).all(axis=2) & (residuals >= 0)
+
+
+def _names(labels: list[str], count: int) -> tuple[str, ...]:
+    """A name for each of `count` markers."""
+    named = [label.strip() for label in labels[:count]]
+    return tuple(name or f"marker_{place}" for place, name in enumerate([*named, *[""] * (count - len(named))]))
+
+
+def _unit(unit: str, options: ReadingOptions) -> tuple[float, str]:
+    """Metres in one unit, and a sentence."""
+    if options.scale is not None:
+        return options.scale, f"{options.scale:g} m a unit (as passed)"
+    factor = UNITS.get(unit.strip().lower())
+    if factor is None:
+        raise ValueError(f"has points in {unit[:20]!r}; pass scale, the metres in one of them (--scale 0.001)")
+    return factor, f"in {unit.strip()} (POINT:UNITS)"
+
+
+def _upright(
+    places: FloatArray, names: tuple[str, ...], screen: str, options: ReadingOptions
+) -> tuple[FloatArray, str]:
+    """Places with y up, and a sentence."""
+    own = screen.strip().lower().removeprefix("+")
+    if own in ("y", "z"):
+        return stated_up(places, own, "POINT:Y_SCREEN of the file", options)
+    return guessed_up(places, names, options)

@@ -1,0 +1,508 @@
+"""Key points of pose estimators to Motion: COCO-17, OpenPose and MediaPipe, from JSON, from arrays, from a folder.
+
+A joint that an estimator did not see (confidence 0) is filled in by a straight line in time, and its frame is marked
+not valid; so is a frame without anybody. A joint that is never seen is an error. Leave out what does not matter
+(`joints=("left_wrist", ...)`), else every frame with a hidden ear counts as not valid. Joints that MediaPipe only
+guesses are kept; frames whose mean visibility is below 0.5 are marked not valid.
+
+Of several people in a frame, of those at least half as confident as the best, the dancer is the one nearest to the
+dancer of the frame before; in the first frame the most confident. `harmolab.readers.keypoints` has the layouts of JSON.
+
+Key points in the JSON of pose estimators: a table of layouts of many people, and MediaPipe's landmarks of one body.
+
+A row of `LAYOUTS` is the way in which one estimator writes people; the content of a file decides which row it is.
+Frames that are not named, between the first and the last, are empty.
+
+MediaPipe returns objects, not files: save a list of frames, or ``{"fps": 30.0, "aspect": 1.5, "world": false,
+"frames": [...]}``. A frame is a list of 33 ``{"x", "y", "z", "visibility"}`` (or ``{"landmarks": [...]}``), or null or
+an empty list where the picture is empty.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harmolab.body.skeletons import Skeleton, joint_indices, skeleton_part
+from harmolab.files import (
+    MAX_BYTES,
+    MAX_JSON_BYTES,
+    MissingFrameRate,
+    PathLike,
+    named_faults,
+    read_json,
+    read_text,
+    reading,
+)
+from harmolab.readers.arrays import check_joints, checked_motion, number_array, read_npy
+from harmolab.types import BoolArray, FloatArray, Motion
+
+# Key points in the JSON of pose estimators: a table of layouts of many people, and MediaPipe's landmarks of one
+
+
+def _both(*parts: str) -> tuple[str, ...]:
+    """The left and the right of each part in turn."""
+    return tuple(f"{side}_{part}" for part in parts for side in ("left", "right"))
+
+
+def _branches(*parts: str) -> tuple[str, ...]:
+    """All parts of the right, then all of the left."""
+    return tuple(f"{side}_{part}" for side in ("right", "left") for part in parts)
+
+
+COCO_17 = Skeleton(
+    ("nose", *_both("eye", "ear", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")),
+    (-1, 0, 0, 1, 2, 0, 0, 5, 6, 7, 8, 5, 6, 11, 12, 13, 14),
+)
+
+_HEAD_AND_ARMS = ("nose", "neck", *_branches("shoulder", "elbow", "wrist"))
+_FACE = (*_branches("eye"), *_branches("ear"))
+
+OPENPOSE_18 = Skeleton(
+    (*_HEAD_AND_ARMS, *_branches("hip", "knee", "ankle"), *_FACE),
+    (1, -1, 1, 2, 3, 1, 5, 6, 1, 8, 9, 1, 11, 12, 0, 0, 14, 15),
+)
+
+OPENPOSE_25 = Skeleton(
+    (
+        *(*_HEAD_AND_ARMS, "mid_hip", *_branches("hip", "knee", "ankle"), *_FACE, "left_big_toe", "left_small_toe"),
+        *("left_heel", "right_big_toe", "right_small_toe", "right_heel"),
+    ),
+    (1, 8, 1, 2, 3, 1, 5, 6, -1, 8, 9, 10, 8, 12, 13, 0, 0, 15, 16, 14, 19, 14, 11, 22, 11),
+)
+
+MEDIAPIPE_33 = Skeleton(
+    (
+        *("nose", "left_eye_inner", "left_eye", "left_eye_outer", "right_eye_inner", "right_eye", "right_eye_outer"),
+        *("left_ear", "right_ear", "mouth_left", "mouth_right", *_both("shoulder", "elbow", "wrist", "pinky")),
+        *_both("index", "thumb", "hip", "knee", "ankle", "heel", "foot_index"),
+    ),
+    (
+        *(-1, 0, 1, 2, 0, 4, 5, 3, 6, 0, 0, 0, 0, 11, 12, 13, 14, 15, 16, 15, 16, 15, 16),
+        *(11, 12, 23, 24, 25, 26, 27, 28, 29, 30),
+    ),
+)
+
+
+class Layout(NamedTuple):
+    """One way of writing people into JSON: its name, its skeletons, and the keys by which its parts are called.
+
+    `entries` is the list of entries, where it stands in an object; `frame` the number of an entry's frame, or a name
+    with the number in it (``"000012.jpg"``); `people` the list of people of an entry, or "" where an entry is one
+    person; `points` a person's numbers x, y, confidence, or pairs (x, y) with "keypoint_scores" beside them.
+    """
+
+    name: str
+    skeletons: tuple[Skeleton, ...]
+    entries: str
+    frame: str
+    people: str
+    points: str
+
+    def fits(self, entry: Any) -> bool:
+        """True for an entry that has the keys of this layout."""
+        keys = {self.people} if self.people else {self.frame, self.points}
+        return isinstance(entry, dict) and keys <= entry.keys()
+
+
+Pose = Callable[[Any, Layout, str], FloatArray]
+
+LAYOUTS = (
+    # AlphaPose, Detectron2, ViTPose, Ultralytics and all that is scored on COCO; a bare list, or as annotations.
+    Layout("COCO-17", (COCO_17,), "annotations", "image_id", "", "keypoints"),
+    Layout("MMPose", (COCO_17,), "instance_info", "frame_id", "instances", "keypoints"),
+    Layout("OpenPifPaf", (COCO_17,), "", "frame", "predictions", "keypoints"),  # one object a line
+    Layout("OpenPose", (OPENPOSE_18, OPENPOSE_25), "", "", "people", "pose_keypoints_2d"),  # one file a frame
+)
+OPENPOSE = LAYOUTS[-1]
+
+MAX_FRAMES = 432_000  # four hours at 30 frames per second
+SPARSE = 20  # frames for each entry, on average; above, these are no frames of one video
+
+
+def named_skeleton(count: int) -> Skeleton | None:
+    """The pose skeleton with `count` joints: 17 COCO, 18 and 25 OpenPose; None for other counts."""
+    return {17: COCO_17, 18: OPENPOSE_18, 25: OPENPOSE_25}.get(count)
+
+
+def json_or_lines(path: Path) -> Any:
+    """The content of a JSON file, or the list of contents of a file with one JSON object a line."""
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        # What goes on behind a whole object in a new line: one object a line.
+        if not error.msg.startswith("Extra data") or not text.lstrip().startswith("{"):
+            raise
+        return [json.loads(line) for line in text.splitlines() if line.strip()]
+
+
+def people_by_frame(content: Any, pose: Pose | None = None) -> list[list[FloatArray]]:
+    """The people in every frame from the first that is named to the last, each (J, 3) x, y, confidence.
+
+    >>> nose_only = [5.0, 6.0, 0.9] + [0.0] * 48
+    >>> people_by_frame([{"image_id": "frame_07.jpg", "keypoints": nose_only}])[0][0][0]
+    array([5. , 6. , 0.9])
+
+    Parameters
+    ----------
+    content : of a JSON file
+    pose : function(person, layout, name) -> (J, 3); left out, the body alone
+
+    Raises
+    ------
+    ValueError
+        The content is in no layout of the table, or an entry is damaged.
+    """
+    if isinstance(content, dict) and isinstance(content.get("people"), list):
+        raise ValueError("is one frame of OpenPose; name the folder that holds all of them")
+    entries = content
+    if isinstance(content, dict):
+        entries = next((content[layout.entries] for layout in LAYOUTS if layout.entries in content), [content])
+    sample = entries[0] if isinstance(entries, list) and entries else None
+    layout = next((layout for layout in LAYOUTS if layout.fits(sample)), None)
+    if layout is None:
+        raise ValueError(
+            f"holds {_summary(content)}, which is neither MediaPipe landmarks (frames of 33 points with x, y, z) "
+            "nor COCO-17 key points (entries with image_id and keypoints)"
+        )
+    people: dict[int, list[FloatArray]] = {}
+    for place, entry in enumerate(entries):
+        poses = entry_poses(entry, layout, f"entry {place}", pose)
+        people.setdefault(_frame_number(entry.get(layout.frame, place), place), []).extend(poses)
+    first, last = min(people), max(people)
+    if last - first + 1 > min(MAX_FRAMES, SPARSE * len(people)):
+        raise ValueError(
+            f"names {len(people)} frames between {first} and {last}: these are no frames of one video; "
+            "name each image by its frame number"
+        )
+    return [people.get(number, []) for number in range(first, last + 1)]
+
+
+def _summary(content: Any) -> str:
+    """A JSON content in a few words."""
+    if isinstance(content, dict):
+        return "an object with " + (", ".join(repr(str(name)[:20]) for name in list(content)[:5]) or "nothing in it")
+    if isinstance(content, list):
+        return f"a list of {len(content)}" + (f", first {str(content[0])[:40]!r}" if content else "")
+    return repr(str(content)[:40])
+
+
+def _frame_number(frame: Any, place: int) -> int:
+    """The number of a frame from a number or from a name that holds it."""
+    digits = re.findall(r"\d{1,18}", frame) if isinstance(frame, str) else []
+    number = int(digits[-1]) if digits else frame
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 10**18:
+        raise ValueError(f"entry {place} names its frame {str(frame)[:30]!r}, which holds no number")
+    return number
+
+
+def entry_poses(entry: Any, layout: Layout, name: str, pose: Pose | None = None) -> list[FloatArray]:
+    """The people in one entry, each (J, 3) x, y, confidence; ValueError with its name where they are damaged."""
+    if not layout.people and not layout.fits(entry):
+        raise ValueError(f"{name} has no {layout.frame} and {layout.points}")
+    people: Any = [entry]
+    if layout.people:
+        people = entry.get(layout.people) if isinstance(entry, dict) else None
+    if not isinstance(people, list):
+        raise ValueError(f"{name} has no list {layout.people!r}")
+    return [(pose or _body)(person, layout, f"{layout.points} of {name}") for person in people]
+
+
+def _body(person: Any, layout: Layout, name: str) -> FloatArray:
+    """(J, 3) x, y, confidence of one person's body."""
+    counts = [len(skeleton.joints) for skeleton in layout.skeletons]
+    return point_array(person if isinstance(person, dict) else {}, layout.points, counts, layout.name, name)
+
+
+def point_array(person: Mapping[str, Any], key: str, counts: Sequence[int], estimator: str, name: str) -> FloatArray:
+    """(J, 3) x, y, confidence of a person's points under a key, J one of `counts`; ValueError with a name for them."""
+    values = person.get(key)
+    length = len(values) if isinstance(values, list) else 0
+    count = next((count for count in counts if length in (count, 3 * count)), None)
+    if count is None:
+        points = " or ".join(map(str, counts))
+        raise ValueError(f"{name}: {length} values; {estimator} has {points} points of x, y and confidence")
+    if length == 3 * count:
+        pose = number_array(values, name, (length,)).reshape(-1, 3)
+    else:
+        scores = number_array(person.get("keypoint_scores", [1.0] * count), f"scores beside {name}", (count,))
+        pose = np.column_stack([number_array(values, name, (count, 2)), scores])
+    if not np.isfinite(pose).all():
+        raise ValueError(f"{name}: NaN or infinity at joint {np.argwhere(~np.isfinite(pose))[0][0]}")
+    return pose
+
+
+def is_landmarks(content: Any) -> bool:
+    """True for JSON like MediaPipe's: frames of landmarks with x, or empty frames."""
+    frames = content.get("frames") if isinstance(content, dict) else content
+    if not isinstance(frames, list) or not frames:
+        return False
+    first = next((frame for frame in frames if frame), None)
+    points = first.get("landmarks") if isinstance(first, dict) else first
+    return first is None or (
+        isinstance(points, list) and bool(points) and isinstance(points[0], dict) and "x" in points[0]
+    )
+
+
+def landmarks_by_frame(content: Any) -> FloatArray:
+    """(T, 33, 4) x, y, z and visibility, NaN in empty frames, of content that `is_landmarks`."""
+    frames = content["frames"] if isinstance(content, dict) else content
+    lists = [frame.get("landmarks") if isinstance(frame, dict) else frame for frame in frames]
+    return np.stack([landmark_array(points, f"frame {number}") for number, points in enumerate(lists)])
+
+
+def landmark_array(points: Any, name: str, count: int = len(MEDIAPIPE_33.joints)) -> FloatArray:
+    """(count, 4) x, y, z, visibility of a list of landmarks; NaN for an empty one, visibility 1 where none is written.
+
+    Raises
+    ------
+    ValueError
+        The list is damaged; with the name.
+    """
+    if points is None or points == []:
+        return np.full((count, 4), np.nan)
+    if not isinstance(points, list) or len(points) != count or not all(isinstance(point, dict) for point in points):
+        raise ValueError(f"{name} is no list of {count} landmarks with x, y, z and visibility")
+    missing = [axis for axis in "xyz" if any(axis not in point for point in points)]
+    if missing:
+        raise ValueError(f"{name} has a landmark without {', '.join(missing)}")
+    rows = [[point["x"], point["y"], point["z"], point.get("visibility", 1.0)] for point in points]
+    values = number_array(rows, name, (count, 4))
+    if not np.isfinite(values).all():
+        raise ValueError(f"NaN or infinity in {name}; write null where nobody was seen")
+    return values
+
+
+SEEN = 0.5  # mean visibility of landmarks below which a frame does not count
+_PERSON_BYTES = 64 * 2**20
+_LANDMARKS = len(MEDIAPIPE_33.joints)
+BAILANDO_END = "_kps.json"
+FRAME_ENDS = ("_keypoints.json", BAILANDO_END)  # of the names of files of one frame
+
+
+def load_keypoints(
+    path: PathLike,
+    *,
+    fps: float | None = None,
+    joints: Sequence[str] | None = None,
+    world: bool | None = None,
+    aspect: float | None = None,
+) -> Motion:
+    """One dancer's movement from key points: `.json`, `.jsonl`, `.npy`, or the folder that OpenPose wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        Arrays are those of `keypoints_motion`.
+    fps : float, frames per second; needed unless the JSON holds it
+    joints : names to keep, optional
+    world, aspect : of MediaPipe's landmarks; default what the file says, else as in `keypoints_motion`
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        Both name the file.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _load_folder(path, fps, joints)
+    is_array = path.suffix.lower() == ".npy"
+    with reading(path, "key points", max_bytes=MAX_BYTES if is_array else MAX_JSON_BYTES):
+        values, about = _array(path) if is_array else content_points(json_or_lines(path))
+        return described_motion(values, about, fps=fps, joints=joints, world=world, aspect=aspect)
+
+
+def _array(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
+    """The array of a `.npy` file, which says nothing about it."""
+    with path.open("rb") as stream:
+        return read_npy(stream, path.stat().st_size), {}
+
+
+def content_points(content: Any) -> tuple[NDArray[Any], dict[str, Any]]:
+    """The key points of a JSON file's content, and what it says about them."""
+    if is_landmarks(content):
+        return landmarks_by_frame(content), content if isinstance(content, dict) else {}
+    return followed_person(people_by_frame(content)), {}
+
+
+def described_motion(
+    values: NDArray[Any],
+    about: dict[str, Any],
+    *,
+    fps: float | None = None,
+    joints: Sequence[str] | None = None,
+    world: bool | None = None,
+    aspect: float | None = None,
+) -> Motion:
+    """The motion of key points, with what the file says about them where the arguments leave it open."""
+    rate = about.get("fps") if fps is None else fps
+    if rate is None:
+        raise MissingFrameRate("holds key points but no frame rate; pass fps, such as --fps 25")
+    is_world = about.get("world", False) if world is None else world
+    if not isinstance(is_world, bool):
+        raise ValueError(f"world must be true or false, got {str(is_world)[:30]!r}")
+    ratio = float(about.get("aspect", 1.0) if aspect is None else aspect)
+    return keypoints_motion(values, rate, joints=joints, world=is_world, aspect=ratio)
+
+
+def keypoints_motion(
+    values: NDArray[Any], fps: Any, *, joints: Sequence[str] | None = None, world: bool = False, aspect: float = 1.0
+) -> Motion:
+    """A Motion from an array of key points; gaps are filled and marked.
+
+    Parameters
+    ----------
+    values : (T, J, 2), (T, J, 3) or flat (T, 2J), (T, 3J) array; x, y and perhaps confidence
+        Or MediaPipe's landmarks, (T, 33, 3) or (T, 33, 4) x, y, z and visibility, NaN in frames without anybody.
+    fps : float, frames per second
+    joints : names to keep, optional
+    world : bool
+        World landmarks (metres from the hips, so travel is lost): 3-D, y up. Else image landmarks: 2-D, x and y as
+        shares of the picture's width and height.
+    aspect : float
+        Width over height of the picture, so that both directions of image landmarks are in one unit.
+
+    Raises
+    ------
+    ValueError
+        For another shape, an aspect that cannot be, a joint that is never seen, unknown names.
+    """
+    are_landmarks = values.ndim == 3 and values.shape[1] == _LANDMARKS and values.shape[2] in (3, 4)
+    points = values if are_landmarks else _with_joints(values)
+    check_joints(points.shape[1])
+    named = MEDIAPIPE_33 if are_landmarks else named_skeleton(points.shape[1])
+    skeleton = named or Skeleton.unnamed(points.shape[1])
+    keep = joint_indices(skeleton, skeleton.joints if joints is None else joints)
+    part = skeleton_part(skeleton, keep)
+    if are_landmarks:
+        if not (np.isfinite(aspect) and 0.1 <= aspect <= 10):
+            raise ValueError(f"aspect is width over height and must lie between 0.1 and 10, got {aspect}")
+        scale = np.array([1.0, -1.0, -1.0] if world else [aspect, 1.0])
+        places, valid = _seen_landmarks(points)
+        return checked_motion(places[:, keep, : scale.size] * scale, fps, part, valid)
+    points = points[:, keep]
+    if points.shape[2] == 2:
+        return checked_motion(points, fps, part)
+    visible = np.asarray(points[..., 2] > 0)
+    return checked_motion(filled_points(points[..., :2], visible, part), fps, part, np.asarray(visible.all(axis=1)))
+
+
+def _with_joints(values: NDArray[Any]) -> NDArray[Any]:
+    """(T, J, 2 or 3) from flat or full key points."""
+    flat = {joints * size: size for joints in (17, 18, 25) for size in (2, 3)}
+    if values.ndim == 2 and values.shape[1] in flat:
+        return values.reshape(len(values), -1, flat[values.shape[1]])
+    if values.ndim == 3 and values.shape[2] in (2, 3):
+        return values
+    raise ValueError(
+        f"has shape {values.shape}; key points come as (T, J, 2), (T, J, 3), or flat with 17, 18 or 25 joints"
+    )
+
+
+def _seen_landmarks(values: NDArray[Any]) -> tuple[FloatArray, BoolArray]:
+    """Places (T, 33, 3), filled in where the frame is empty, and the frames (T,) in which the body was."""
+    empty = np.isnan(values).all(axis=(1, 2))
+    if empty.all():
+        raise ValueError(f"nobody is seen in any of its {len(values)} frames")
+    valid = np.nan_to_num(values[..., 3].mean(axis=1)) >= SEEN if values.shape[2] == 4 else ~empty
+    visible = np.repeat(~empty[:, None], _LANDMARKS, axis=1)
+    return filled_points(values[..., :3], visible, MEDIAPIPE_33), valid & ~empty
+
+
+def filled_points(points: NDArray[Any], visible: BoolArray, skeleton: Skeleton) -> FloatArray:
+    """`points` (T, J, D) with straight lines where a joint was not `visible` (T, J); held at the ends.
+
+    ValueError names the joints that never were.
+    """
+    hidden = [name for joint, name in enumerate(skeleton.joints) if not visible[:, joint].any()]
+    if hidden:
+        raise ValueError(f"never shows {', '.join(hidden)}; keep the other joints only (joints=...)")
+    filled, frames = points.astype(np.float64), np.arange(len(points))
+    for joint in np.flatnonzero(~visible.all(axis=0)):
+        present = visible[:, joint]
+        for axis in range(points.shape[2]):
+            filled[:, joint, axis] = np.interp(frames, frames[present], filled[present, joint, axis])
+    return filled
+
+
+def _load_folder(folder: Path, fps: float | None, joints: Sequence[str] | None) -> Motion:
+    """One dancer from OpenPose's JSON files, one a frame in the order of their numbers."""
+    files = frame_files(folder)
+    if fps is None:
+        raise MissingFrameRate(f"{folder}: holds no frame rate; pass fps, such as --fps 25")
+    frames = people_in_frames(files)
+    with named_faults(folder):
+        return keypoints_motion(followed_person(frames), fps, joints=joints)
+
+
+def people_in_frames(files: Iterable[Path], pose: Pose | None = None) -> list[list[FloatArray]]:
+    """The people in each of OpenPose's files of a frame; `pose` as in `layouts.people_by_frame`."""
+    frames = []
+    for path in files:
+        with reading(path, "an OpenPose frame", max_bytes=_PERSON_BYTES):
+            frames.append(entry_poses(read_json(path), OPENPOSE, "frame", pose))
+    return frames
+
+
+def frame_files(folder: Path) -> list[Path]:
+    """The JSON files of OpenPose's folder by frame number; ValueError where a number is missing or there twice."""
+    digits = {file: re.findall(r"\d+", file.stem.removesuffix("_keypoints")) for file in folder.glob("*.json")}
+    files = sorted((int(numbers[-1][-18:]), file) for file, numbers in digits.items() if numbers)
+    if not files:
+        raise ValueError(
+            f"{folder}: holds no motion: neither motion.npz nor skeletons.json, nor numbered JSON files as OpenPose "
+            "writes them (name_000000000000.json)"
+        )
+    for (number, file), (following, other) in itertools.pairwise(files):
+        if following == number:
+            raise ValueError(f"{folder}: has two files for frame {number}: {file.name} and {other.name}")
+        if following > number + 1:
+            raise ValueError(f"{folder}: frame {number + 1} is missing between {files[0][0]} and {files[-1][0]}")
+    return [file for _, file in files]
+
+
+def followed_person(frames: Sequence[Sequence[FloatArray]], compared: slice = slice(None)) -> FloatArray:
+    """(T, J, 3) x, y, confidence of one person followed through frames of people (J, 3); 0 in empty frames.
+
+    `compared` are the joints by which people are compared. ValueError if all frames are empty.
+    """
+    poses: list[FloatArray | None] = []
+    last = None
+    for people in frames:
+        poses.append(_nearest(people, last, compared))
+        last = last if poses[-1] is None else poses[-1]
+    if last is None:
+        raise ValueError(f"nobody is seen in any of its {len(frames)} frames")
+    if len({len(pose) for pose in poses if pose is not None}) > 1:
+        raise ValueError("mixes poses of different numbers of joints")
+    return np.stack([np.zeros_like(last) if pose is None else pose for pose in poses])
+
+
+def _nearest(people: Sequence[FloatArray], previous: FloatArray | None, compared: slice) -> FloatArray | None:
+    """The person who is the one of the frame before, or None in an empty frame."""
+    confidence = [float(pose[compared, 2].mean()) for pose in people]
+    if not people or max(confidence) <= 0:
+        return None
+    if previous is None:
+        return people[int(np.argmax(confidence))]
+    likely = [pose for pose, sure in zip(people, confidence, strict=True) if sure >= 0.5 * max(confidence)]
+    return min(likely, key=lambda pose: _distance(pose[compared], previous[compared]))
+
+
+def _distance(pose: FloatArray, other: FloatArray) -> float:
+    """Mean distance of the joints visible in both poses; infinite if there is none."""
+    if pose.shape != other.shape:
+        return float("inf")
+    both = (pose[:, 2] > 0) & (other[:, 2] > 0)
+    if not both.any():
+        return float("inf")
+    with np.errstate(over="ignore"):  # a place out of all bounds is infinitely far; the motion's check refuses it later
+        return float(np.linalg.norm(pose[both, :2] - other[both, :2], axis=1).mean())

@@ -1,0 +1,169 @@
+"""A motion file as it was read: the motion, the kind of file, and a sentence for each thing that the file leaves open.
+
+Units and axes that a file does not tell are guessed from the body, and every guess is one of the sentences: an
+`Assumption`, which commands print beside what they compute.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypedDict
+
+import numpy as np
+
+from harmolab.files import MissingFrameRate, PathLike
+from harmolab.types import FloatArray, Motion
+
+UPRIGHT = 0.8  # share of the way from feet to head that lies along one axis, before that axis counts as up
+# Largest extent of a body, in units of its file, that is read as metres, centimetres and millimetres.
+EXTENTS = ((10.0, 1.0, "metres"), (400.0, 0.01, "centimetres"), (4000.0, 0.001, "millimetres"))
+_HEAD = re.compile(r"head|nose|skull|^[lr][fb]hd", re.IGNORECASE)
+_FEET = re.compile(r"foot|toe|ankle|heel|^[lr](ank|hee)", re.IGNORECASE)
+
+
+class Assumption(str):
+    """A sentence on what a file does not tell, and `brief`, the same in a few words and without numbers of this file.
+
+    >>> Assumption("metres (guessed: the body extends over 1.7 units)", "unit guessed: metres").brief
+    'unit guessed: metres'
+    """
+
+    __slots__ = ("brief",)
+    brief: str
+
+    def __new__(cls, sentence: str, brief: str) -> Assumption:
+        self = super().__new__(cls, sentence)
+        self.brief = brief
+        return self
+
+
+class ReadingKeywords(TypedDict, total=False):
+    """Fields of `ReadingOptions`, as keywords of the functions that hand them on."""
+
+    fps: float | None
+    scale: float | None
+    joints: Sequence[str] | None
+    smpl: PathLike | None
+    up: str
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """Answers to what a motion file may leave open.
+
+    Parameters
+    ----------
+    fps : float or None, frames per second; in place of the file's own
+    scale : float or None, metres in one unit of the file
+    joints : names to keep; None for all
+    smpl : path of the user's own SMPL body (`.npz`), or None
+    up : "y" or "z", the axis of the file that points up; "" where the file or its body says it
+    as_defaults : `fps`, `smpl` and `up` count only where a file leaves them open, as for folders of many kinds
+    """
+
+    fps: float | None = None
+    scale: float | None = None
+    joints: Sequence[str] | None = None
+    smpl: PathLike | None = None
+    up: str = ""
+    as_defaults: bool = False
+
+    def __post_init__(self) -> None:
+        if self.up not in ("", "y", "z"):
+            raise ValueError(f"up must be y or z, the axis that points up, got {self.up!r}")
+
+    def rate(self, own: float | None = None, hint: str = "") -> float:
+        """The rate passed, else the file's `own`; `MissingFrameRate` without either, with a `hint` for people.
+
+        As a default, the rate passed comes second.
+        """
+        first, second = (own, self.fps) if self.as_defaults else (self.fps, own)
+        if (rate := second if first is None else first) is None:
+            raise MissingFrameRate(f"holds no frame rate; pass fps, such as --fps 25{hint}")
+        return float(rate)
+
+    def check_no_body(self) -> None:
+        """ValueError where an SMPL body was passed, and not as a default, for a file without SMPL parameters."""
+        if self.smpl is not None and not self.as_defaults:
+            raise ValueError("holds no SMPL parameters; leave out smpl (--smpl)")
+
+
+class MotionFile(NamedTuple):
+    """A motion and how it was read: the `kind` of its file, and `notes`, one sentence each."""
+
+    motion: Motion
+    kind: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """The notes on what was guessed, assumed or left out."""
+        return tuple(note for note in self.notes if isinstance(note, Assumption))
+
+
+def turned_upright(positions: FloatArray, up: str) -> FloatArray:
+    """Positions (..., 3) with y up: of "z", the body turned by a quarter about x, so that it stays right-handed.
+
+    >>> turned_upright(np.array([1.0, 2.0, 3.0]), "z")
+    array([ 1.,  3., -2.])
+    """
+    return np.stack([positions[..., 0], positions[..., 2], -positions[..., 1]], axis=-1) if up == "z" else positions
+
+
+def stated_up(positions: FloatArray, own: str, reason: str, options: ReadingOptions) -> tuple[FloatArray, str]:
+    """Positions with y up and a sentence, where the kind of file fixes its axis; the option goes before it.
+
+    As a default, the option comes second.
+    """
+    is_passed = options.up and not (own and options.as_defaults)
+    up, why = (options.up, "as passed") if is_passed else (own, reason)
+    return turned_upright(positions, up), f"{up} up ({why}){', turned to y up' if up == 'z' else ''}"
+
+
+def guessed_up(positions: FloatArray, names: Sequence[str], options: ReadingOptions) -> tuple[FloatArray, str]:
+    """Positions with y up and a sentence, where nothing in the file tells: the way from feet to head decides.
+
+    ValueError where that way leads along neither y nor z, or joints are not named so, and the option is not passed.
+    """
+    if options.up:
+        return stated_up(positions, "", "", options)
+    head = [joint for joint, name in enumerate(names) if _HEAD.search(name.rpartition(":")[2])]
+    feet = [joint for joint, name in enumerate(names) if _FEET.search(name.rpartition(":")[2])]
+    if head and feet:
+        way = np.median(positions[:, head].mean(axis=1) - positions[:, feet].mean(axis=1), axis=0)
+        for axis, up in ((1, "y"), (2, "z")):
+            if np.isfinite(way).all() and way[axis] > UPRIGHT * np.linalg.norm(way):
+                reason = f"guessed: the head is {way[axis]:.2f} m from the feet along {up}, median; --up overrules it"
+                places, note = stated_up(positions, up, reason, options)
+                return places, Assumption(note, f"axis guessed: {up} up")
+    raise ValueError("does not tell which axis points up, nor does the body; pass up, as in --up z")
+
+
+def metre_factor(positions: FloatArray, options: ReadingOptions) -> tuple[float, str]:
+    """Metres in one unit of positions (T, J, 3) and a sentence on it, by the extent of the body.
+
+    ValueError for an extent that no body has in any of these units.
+    """
+    if options.scale is not None:
+        return options.scale, f"{options.scale:g} m a unit (as passed)"
+    extent = float(np.median(np.ptp(positions, axis=1).max(axis=1)))
+    for limit, factor, unit in EXTENTS:
+        if extent <= limit:
+            reason = f"guessed: the body extends over {extent:.3g} units; --scale overrules it"
+            return factor, Assumption(f"{unit} ({reason})", f"unit guessed: {unit}")
+    raise ValueError(f"has a body that extends over {extent:.3g} units; pass scale, the metres in one of them")
+
+
+def as_read(motion: Motion, kind: str, options: ReadingOptions, *notes: str, is_open: bool = False) -> MotionFile:
+    """A motion whose kind is y up, by its definition or, where that `is_open`, by habit; with the option, turned."""
+    options.check_no_body()
+    if not options.up and is_open:
+        notes = (*notes, Assumption("y up (assumed, as most are; --up overrules it)", "axis assumed: y up"))
+    if not options.up or (options.as_defaults and not is_open):
+        return MotionFile(motion, kind, notes)
+    if motion.positions.shape[2] != 3:
+        raise ValueError("holds image coordinates, in which y points down; leave out up")
+    positions, note = stated_up(motion.positions, "", "", options)
+    return MotionFile(Motion(positions, motion.fps, motion.skeleton, motion.valid), kind, (*notes, note))

@@ -1,0 +1,412 @@
+"""The paper's harmony score: intervals, hits, hitting score, F-measure, chance level (Eq. 10, 14-21).
+
+The functions stand in the order of the equations. `score_harmony` puts them together for two beat tracks; the doors of
+`harmolab.verdict.judge` start from a motion and from a clip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
+
+from harmolab.params import HarmonyParams
+from harmolab.significance import bootstrap_interval, p_value, rotated_shares
+from harmolab.types import BeatTrack, BoolArray, Display, FloatArray, IntArray
+
+# Keeps the beats that a viewer or listener would notice (paper Sec. 3.3.1, Eq. 11-13).
+
+
+def audio_mask(strengths: FloatArray, threshold: float, *, reading: str = "threshold") -> BoolArray:
+    """W_a: which music beats are attentional (Eq. 11).
+
+    Parameters
+    ----------
+    strengths : (N,) array, s_a
+    threshold : float, lambda_1
+    reading : "threshold" or "literal"
+        s_a > lambda_1 SD(s_a), or the formula as printed: sign(s_a - SD(s_a)) * lambda_1 > 0, in which lambda_1
+        cannot matter.
+    """
+    if strengths.size == 0:
+        return np.zeros(0, dtype=bool)
+    if reading == "literal":
+        return np.sign(strengths - strengths.std()) * threshold > 0
+    return strengths > threshold * strengths.std()
+
+
+def strength_steps(strengths: FloatArray) -> FloatArray:
+    """R: peak-to-valley difference of each visual beat to the one before (Eq. 12); R(1) := R(2).
+
+    >>> strength_steps(np.array([3.0, 1.0, 4.0]))
+    array([2., 2., 3.])
+    """
+    if strengths.size < 2:
+        return np.zeros(strengths.size)
+    steps = np.abs(np.diff(strengths))
+    return np.concatenate([steps[:1], steps])
+
+
+def visual_mask(
+    strengths: FloatArray,
+    threshold: float | None,
+    *,
+    reading: str = "threshold",
+    quantity: str = "difference",
+    first_beat: str = "copy",
+) -> BoolArray:
+    """W_v: which visual beats are attentional (Eq. 13); SD is over the defined R(2..M).
+
+    Parameters
+    ----------
+    strengths : (M,) array, s_v
+    threshold : float or None, lambda_2
+        None keeps every beat.
+    reading : "threshold" or "literal", as in `audio_mask`
+    quantity : "difference" or "strength"
+        Compare R (the text) or s_v (the formula) with lambda_2 SD(R).
+    first_beat : "copy" or "drop"
+        The first beat has no R of its own: give it the second's, or leave it out.
+    """
+    if threshold is None or strengths.size == 0:
+        return np.ones(strengths.size, dtype=bool)
+    steps = strength_steps(strengths)
+    spread = steps[1:].std() if steps.size > 1 else 0.0
+    compared = strengths if quantity == "strength" else steps
+    mask = np.sign(compared - spread) * threshold > 0 if reading == "literal" else compared > threshold * spread
+    if first_beat == "drop":
+        mask[0] = False
+    return mask
+
+
+def normalise_strengths(strengths: FloatArray, how: str) -> FloatArray:
+    """Strengths over their maximum ("max"), over their mean ("mean") or as they are ("raw")."""
+    if how == "raw" or strengths.size == 0:
+        return strengths
+    scale = strengths.max() if how == "max" else strengths.mean()
+    return strengths / scale if scale > 0 else strengths
+
+
+def salient_audio(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
+    """The attentional music beats p'_a with strengths s'_a."""
+    strengths = normalise_strengths(track.strengths, params.normalisation)
+    mask = audio_mask(strengths, params.audio_threshold, reading=params.saliency)
+    return replace(track, strengths=strengths).select(mask)
+
+
+def salient_visual(track: BeatTrack, params: HarmonyParams) -> BeatTrack:
+    """The attentional visual beats p'_v with strengths s'_v."""
+    mask = visual_mask(
+        track.strengths,
+        params.visual_threshold,
+        reading=params.saliency,
+        quantity=params.visual_saliency,
+        first_beat=params.first_beat,
+    )
+    return track.select(mask)
+
+
+# A score and its evidence: the record that scoring returns, and that pictures, pages and sentences read.
+
+MOST_CHANCE = 0.9  # share of the beats reached by chance, above which a score above chance says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonyScore(Display):
+    """A score and its evidence: all that pictures, pages and sentences about it need. Times are seconds.
+
+    Parameters
+    ----------
+    params : HarmonyParams, the settings it was computed with
+    music, visual : BeatTrack, the attentional beats of both sides on the motion's time line, the lag not taken off
+    pairs : (N,) array of int
+        Index of the visual beat within the delay of each attentional music beat, -1 for a miss (Eq. 18). The measure
+        "shape" does not rest on them, but pictures of who meets whom do.
+    shares : (N,) array
+        Share of each attentional music beat in the score: 1 for a hit and 0 for a miss, or in the measure "shape" its
+        percentile rank among all moments.
+    mean_share : float, their mean, weighted by the strengths of the beats: what `chance` is taken off
+    null : (R,) array, that mean after each rotation in time, or at each lag; empty when not computed
+    harmony, audio_harmony, visual_harmony : float
+        h of Eq. 20-21, h_a = h_s / N and h_v = h_s / M.
+    hitting_score : float, h_s of Eq. 19
+    hit_rate : float
+        Share of all music beats with an attentional visual beat within the delay.
+    chance : float, the share that a random shift in time would reach
+    harmony_above_chance : float
+        0 is what chance reaches, 1 is every beat hit. The recommended score's is H of its `judgement`: in [-1, 1], and
+        NaN where no place in the beat can be judged.
+    intervals : (N,) array, from each attentional music beat to its nearest visual beat, less the lag (Eq. 17)
+    p_value : float
+        Share of random rotations in time that score as high; NaN when not computed. The recommended score's is that of
+        its `judgement`.
+    interval : (float, float), spread of harmony_above_chance from beat to beat or from bar to bar, 95 %; NaN without
+    judgement : Judgement of `harmolab.verdict.judge`, which the record only carries; None unless the measure is "shape"
+    """
+
+    params: HarmonyParams
+    music: BeatTrack
+    visual: BeatTrack
+    pairs: IntArray
+    shares: FloatArray
+    mean_share: float
+    harmony: float
+    audio_harmony: float
+    visual_harmony: float
+    hitting_score: float
+    hit_rate: float
+    chance: float
+    harmony_above_chance: float
+    intervals: FloatArray
+    null: FloatArray = field(default_factory=lambda: np.zeros(0))
+    p_value: float = float("nan")
+    interval: tuple[float, float] = (float("nan"), float("nan"))
+    judgement: Any = None
+
+    def __repr__(self) -> str:
+        number = f"{self.above_chance:+.2f} above chance, " if np.isfinite(self.above_chance) else ""
+        met = f"h = {self.harmony:.2f}, {self.hits.sum()} of {self.n_audio} music beats met"
+        return f"HarmonyScore({number}{met if self.judgement is None else self.judgement})"
+
+    @property
+    def above_chance(self) -> float:
+        """`harmony_above_chance` where it means something: NaN where chance alone reaches more than .9 of the beats."""
+        return self.harmony_above_chance if self.chance <= MOST_CHANCE else float("nan")
+
+    @property
+    def place_harmony(self) -> float:
+        """`harmony_above_chance` also where no place can be judged, for means over many dances."""
+        return self.judgement.place_harmony if self.judgement else self.harmony_above_chance
+
+    @property
+    def hits(self) -> BoolArray:
+        """(N,) True for each attentional music beat that counts as hit (Eq. 18), or whose rank is above 1/2."""
+        return self.shares > 0.5
+
+    @property
+    def n_audio(self) -> int:
+        """N, the number of attentional music beats."""
+        return len(self.music)
+
+    @property
+    def n_visual(self) -> int:
+        """M, the number of attentional visual beats."""
+        return len(self.visual)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and lists, ready for JSON, without settings and null; a number that does not exist is None."""
+        beats = {"music_times": self.music.times, "visual_times": self.visual.times, "pairs": self.pairs}
+        inner = ("params", "music", "visual", "null", "judgement")
+        numbers = {name: value for name, value in vars(self).items() if name not in inner}
+        counts = {"hits": self.hits, "n_audio": self.n_audio, "n_visual": self.n_visual}
+        verdict = self.judgement.to_dict() if self.judgement else {}
+        return {name: _plain(value) for name, value in (numbers | counts | beats | verdict).items()}
+
+
+def _plain(value: Any) -> Any:
+    """Lists and finite numbers in place of arrays, tuples and what is not finite."""
+    if isinstance(value, np.ndarray | tuple):
+        return [_plain(item) for item in np.asarray(value).tolist()]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+# Distances are compared in floating point; a beat exactly at the delay must stay a hit.
+EDGE = 1e-9
+
+
+def position_matrix(visual_times: FloatArray, n_audio: int) -> FloatArray:
+    """Z: the M visual beat positions repeated for each of the N music beats, (N, M) (Eq. 15)."""
+    return np.broadcast_to(visual_times, (n_audio, visual_times.size))
+
+
+def interval_matrix(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
+    """D: absolute distance of every music beat to every visual beat, (N, M) seconds (Eq. 16).
+
+    The printed formula subtracts visual beats from themselves; the text says audio minus visual.
+    """
+    return np.abs(position_matrix(visual_times, audio_times.size) - audio_times[:, None])
+
+
+def nearest_intervals(audio_times: FloatArray, visual_times: FloatArray) -> FloatArray:
+    """T: distance of each music beat to its nearest visual beat, (N,) seconds (Eq. 17); infinite without any."""
+    if visual_times.size == 0:
+        return np.full(audio_times.size, np.inf)
+    return interval_matrix(audio_times, visual_times).min(axis=1)
+
+
+def hit_mask(audio_times: FloatArray, visual_times: FloatArray, *, delay: float, matching: str = "many") -> BoolArray:
+    """Hp: which music beats have a visual beat within the delay (Eq. 18).
+
+    Parameters
+    ----------
+    audio_times : (N,) array, seconds
+    visual_times : (M,) array, seconds
+    delay : float, seconds
+        T_delay; a beat exactly this far away is a hit.
+    matching : "many", "nearest" or "max"
+        One visual beat may serve many music beats (paper mode), or one only: each music beat in turn takes the
+        nearest one that is left (Fig. 1), or as many pairs as possible.
+
+    Returns
+    -------
+    (N,) bool array; all False if there are no visual beats.
+    """
+    if matching == "many" or visual_times.size == 0:
+        return nearest_intervals(audio_times, visual_times) <= delay + EDGE
+    return hit_pairs(audio_times, visual_times, delay=delay, matching=matching) >= 0
+
+
+def hit_pairs(
+    audio_times: FloatArray, visual_times: FloatArray, *, delay: float, matching: str = "nearest"
+) -> IntArray:
+    """The visual beat that hits each music beat: (N,) indices into `visual_times`, -1 for a miss (Eq. 18).
+
+    Parameters are those of `hit_mask`. Visual beats that no index names are redundant (caption of Fig. 3).
+    """
+    if audio_times.size == 0 or visual_times.size == 0:
+        return np.full(audio_times.size, -1, dtype=np.int64)
+    intervals = interval_matrix(audio_times, visual_times)
+    if matching == "max":
+        pairs = maximum_bipartite_matching(csr_array(intervals <= delay + EDGE), perm_type="column")
+        return pairs.astype(np.int64)
+    if matching == "many":
+        nearest = intervals.argmin(axis=1)
+        return np.where(intervals.min(axis=1) <= delay + EDGE, nearest, -1).astype(np.int64)
+    return _in_order(intervals, delay)
+
+
+def _in_order(intervals: FloatArray, delay: float) -> IntArray:
+    """Pairs when each music beat in turn takes its nearest visual beat not yet taken (caption of Fig. 1)."""
+    free = intervals.copy()
+    pairs = np.full(len(free), -1, dtype=np.int64)
+    for beat, distances in enumerate(free):
+        nearest = int(np.argmin(distances))
+        if distances[nearest] <= delay + EDGE:
+            pairs[beat] = nearest
+            free[:, nearest] = np.inf
+    return pairs
+
+
+def hitting_score(hits: BoolArray, strengths: FloatArray) -> float:
+    """h_s: the strengths of the music beats that were hit, added up (Eq. 19)."""
+    return float(hits @ strengths)
+
+
+def f_score(audio_harmony: float, visual_harmony: float, beta: float) -> float:
+    """h: weighted harmonic mean of h_a = h_s / N and h_v = h_s / M (Eq. 20); 0 when both are 0."""
+    below = beta**2 * visual_harmony + audio_harmony
+    return (1 + beta**2) * audio_harmony * (visual_harmony / below) if below > 0 else 0.0
+
+
+def harmony_from_hits(score: float, n_audio: int, n_visual: int, beta: float) -> float:
+    """h as a function of h_s, N and M (Eq. 21); 0 when either side has no beats.
+
+    Lemma 3.1 calls h "uniquely determined by h_s"; that holds only at fixed N and M.
+    """
+    if n_audio == 0 or n_visual == 0:
+        return 0.0
+    return (1 + beta**2) * score / (n_audio * beta**2 + n_visual)
+
+
+def chance_level(visual_times: FloatArray, *, delay: float, duration: float) -> float:
+    """c: share of the clip within the delay of a visual beat, which is what a random music beat would score."""
+    if visual_times.size == 0:
+        return 0.0
+    starts = np.maximum(visual_times - delay, 0.0)
+    ends = np.minimum(visual_times + delay, duration)
+    # Sorted beats: each adds what lies beyond the end of all before it.
+    reached = np.concatenate([[0.0], np.maximum.accumulate(ends)[:-1]])
+    return float(np.maximum(ends - np.maximum(starts, reached), 0.0).sum() / duration)
+
+
+def above_chance(share: float, chance: float) -> float:
+    """h_cc = (share - c) / (1 - c): 0 is chance, 1 is everything; 0 when chance already reaches everything."""
+    return (share - chance) / (1 - chance) if chance < 1 - EDGE else 0.0
+
+
+def score_harmony(
+    audio_track: BeatTrack,
+    visual_track: BeatTrack,
+    *,
+    params: HarmonyParams | None = None,
+    n_rotations: int = 1000,
+    seed: int = 0,
+) -> HarmonyScore:
+    """Harmony of two beat tracks on the same time line (Eq. 10, 14-21), by hits.
+
+    Parameters
+    ----------
+    audio_track, visual_track : BeatTrack
+        All detected beats; saliency (Eq. 11-13) is applied inside.
+    params : HarmonyParams, default ``HarmonyParams.paper()``
+    n_rotations : int
+        Rotations of the null behind `p_value`, and resamplings behind `interval`; 0 leaves both NaN.
+
+    Returns
+    -------
+    HarmonyScore; with no beats on one side everything is 0, and nothing fails.
+
+    Examples
+    --------
+    >>> beats = BeatTrack([1.0, 2.0, 3.0], [1.0, 1.0, 1.0], 15.0, 4.0)
+    >>> score_harmony(beats, beats, params=HarmonyParams.valleys()).harmony
+    1.0
+    """
+    params = params or HarmonyParams.paper()
+    music, visual = salient_audio(audio_track, params), salient_visual(visual_track, params)
+    times, delay = visual.times - params.lag, params.reaction_delay
+    pairs = hit_pairs(music.times, times, delay=delay, matching=params.matching)
+    chance, total = chance_level(times, delay=delay, duration=music.duration), float(music.strengths.sum())
+    share = hitting_score(pairs >= 0, music.strengths) / total if total > 0 else chance
+    score = score_of_shares(params, music, visual, pairs, (pairs >= 0).astype(np.float64), share, chance)
+    every = hit_mask(audio_track.times, times, delay=delay, matching=params.matching)
+    score = replace(score, hit_rate=float(every.mean()) if every.size else 0.0)
+    if n_rotations == 0 or total == 0 or times.size == 0:
+        return score
+    return _with_null(score, n_rotations, seed)
+
+
+def score_of_shares(
+    params: HarmonyParams,
+    music: BeatTrack,
+    visual: BeatTrack,
+    pairs: IntArray,
+    shares: FloatArray,
+    share: float,
+    chance: float,
+) -> HarmonyScore:
+    """The numbers of Eq. 17 and 19-21 of attentional beats, without a null; the hit rate is that of these beats."""
+    hits, n_audio, n_visual = shares > 0.5, music.times.size, visual.times.size
+    hitting = hitting_score(hits, music.strengths)
+    return HarmonyScore(
+        params,
+        music,
+        visual,
+        pairs,
+        shares,
+        share,
+        harmony=harmony_from_hits(hitting, n_audio, n_visual, params.beta),
+        audio_harmony=hitting / n_audio if n_audio else 0.0,
+        visual_harmony=hitting / n_visual if n_visual else 0.0,
+        hitting_score=hitting,
+        hit_rate=float(hits.mean()) if n_audio else 0.0,
+        chance=chance,
+        harmony_above_chance=above_chance(share, chance),
+        intervals=nearest_intervals(music.times, visual.times - params.lag),
+    )
+
+
+def _with_null(score: HarmonyScore, count: int, seed: int) -> HarmonyScore:
+    """The score with its null distribution, p-value and bootstrap interval."""
+    music, params = score.music, score.params
+    around = np.sort(np.mod(score.visual.times - params.lag, music.duration))
+    delay, duration = params.reaction_delay, music.duration
+    null = rotated_shares(music.times, around, music.strengths, delay=delay, duration=duration, count=count)
+    null = null / music.strengths.sum()
+    low, high = bootstrap_interval(score.shares, music.strengths, count=count, seed=seed)
+    p = p_value(score.mean_share, null)
+    interval = above_chance(low, score.chance), above_chance(high, score.chance)
+    return replace(score, null=null, p_value=p, interval=interval)

@@ -1,1 +1,0 @@
-"""Shared by all systems: units, motion code, audio features, layers, training, weights. It imports no system."""

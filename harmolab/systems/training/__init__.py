@@ -1,0 +1,3 @@
+"""Shared by all systems: units, motion code, audio features, layers, training, weights. It imports no system."""
+
+from __future__ import annotations

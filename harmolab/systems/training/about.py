@@ -1,0 +1,66 @@
+"""The description of a system on disk: ``<stem>.json`` beside its numbers. Reading it needs no torch.
+
+``<stem>.json``
+    The system, its class, what is needed to build it again, the SHA-256 of the file beside it, and whatever the caller
+    adds about training.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from harmolab.body.skeletons import Skeleton
+from harmolab.files import MAX_TEXT_BYTES, PathLike, read_json, reading
+
+FORMAT = 1
+DEFAULT_STEM = "model"
+MOST_JOINTS = 1000  # a description beyond is not one of ours
+_WHAT = "weights of harmolab"
+_PICKLES = (".pt", ".pth", ".pkl", ".pickle", ".ckpt", ".bin")
+_SUFFIXES = (".safetensors", ".npz", ".json")
+
+
+def read_about(path: PathLike) -> dict[str, Any]:
+    """The JSON of stored weights: class, sizes, shapes, harmolab's version, and "meta" as passed to `save_weights`."""
+    file = json_file(weights_stem(path))
+    with reading(file, _WHAT, max_bytes=MAX_TEXT_BYTES):
+        about = read_json(file)
+        if not isinstance(about, dict) or "format" not in about or not isinstance(about.get("build"), dict):
+            raise ValueError("does not describe weights of harmolab")
+        if about["format"] != FORMAT:
+            raise ValueError(f"has format {about['format']!r}; this version reads {FORMAT}. Update harmolab")
+    return about
+
+
+def weights_stem(path: PathLike) -> Path:
+    """The path without the suffix of either file, "model" inside a folder; ValueError for a pickle."""
+    path = Path(path)
+    if path.suffix.lower() in _PICKLES:
+        raise ValueError(f"{path}: pickled weights are never loaded, they can run any code; convert to safetensors")
+    if path.suffix in _SUFFIXES:
+        return path.with_suffix("")
+    return path / DEFAULT_STEM if path.is_dir() else path
+
+
+def json_file(stem: Path) -> Path:
+    """The description beside the numbers of that stem."""
+    return stem.with_name(f"{stem.name}.json")
+
+
+def write_synced(path: Path, data: bytes) -> None:
+    """Write a file, on disk when this returns: not even a power failure after a rename leaves half of it."""
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def stored_skeleton(build: Mapping[str, Any]) -> Skeleton:
+    """The skeleton of a description; ValueError for one of too many joints."""
+    skeleton = Skeleton(tuple(build["skeleton"]["joints"]), tuple(build["skeleton"]["parents"]))
+    if len(skeleton.joints) > MOST_JOINTS:
+        raise ValueError(f"describes {len(skeleton.joints)} joints, more than {MOST_JOINTS}")
+    return skeleton

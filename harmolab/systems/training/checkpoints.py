@@ -1,0 +1,290 @@
+"""The folder of a run, and its state in one file, from which training resumes as if it had never stopped.
+
+Tensors are safetensors; everything else (history, settings) is JSON in the same file's header, so that one rename
+publishes both. Nothing is ever unpickled. A run is resumed only with the settings of ``settings.json`` and the split
+of ``split.json``.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import torch
+from filelock import FileLock, Timeout
+from safetensors.torch import save
+from torch import Tensor, nn
+
+from harmolab.files import (
+    MAX_JSON_BYTES,
+    PathLike,
+    Progress,
+    atomic_write,
+    plain,
+    read_json,
+    reading,
+    silent,
+    write_json,
+)
+from harmolab.systems.training.about import write_synced
+from harmolab.systems.training.splits import Split
+from harmolab.systems.training.weights import read_tensors, renamed
+
+# The history of a run, one row an epoch: a table for people and notebooks, events for TensorBoard.
+
+HISTORY = "history.csv"
+EVENTS = "events.out.tfevents.*"
+Row = dict[str, Any]
+Report = Callable[[Row, int], None]  # a row, and the epoch that its phase ends at
+
+
+def history_text(rows: list[Row]) -> str:
+    """The history as CSV; a value that an epoch does not have is empty."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+class EventLog:
+    """The history for TensorBoard, in an events file inside the run's folder.
+
+    A run that resumes replaces the file by the history so far, so that no epoch is there twice.
+
+    Parameters
+    ----------
+    folder : of the run
+    rows : the history so far
+    """
+
+    def __init__(self, folder: Path, rows: list[Row]) -> None:
+        # Imported here: it takes seconds, and systems that only dance or play need it not.
+        from lightning_fabric.loggers.tensorboard import TensorBoardLogger
+
+        for stale in folder.glob(EVENTS):
+            stale.unlink()
+        self._logger = TensorBoardLogger(folder.resolve(), name="", version="")
+        for row in rows:
+            self.add(row)
+
+    def add(self, row: Row) -> None:
+        """One more epoch, on disk when this returns."""
+        values = {_tag(name): value for name, value in row.items() if isinstance(value, float)}
+        self._logger.log_metrics(values, step=row["epoch"])
+        self._logger.save()
+
+    def close(self) -> None:
+        """No more epochs."""
+        self._logger.finalize("success")
+
+
+def _tag(name: str) -> str:
+    """Name of a column with its group before the stroke, as TensorBoard shows it."""
+    if name in ("rate", "tau"):
+        return f"schedule/{name}"
+    return f"validation/{name.removeprefix('val_')}" if name.startswith("val_") else f"loss/{name}"
+
+
+Notice = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class TrainOptions:
+    """Options of every training beside its settings: none of them changes what is learnt.
+
+    Parameters
+    ----------
+    out : folder of the run; new or empty unless `resume`
+    resume : go on where the run in `out` stopped; start it when there is none
+    accelerator : "auto", "cpu" or "cuda"
+    report : called with each epoch's row of the history and the epoch that its phase ends at
+    notice : called with a line about the material
+    progress : function(iterable, label) -> iterable, of the reading
+    """
+
+    out: PathLike
+    resume: bool = False
+    accelerator: str = "auto"
+    report: Report = lambda row, end: None
+    notice: Notice = lambda line: None
+    progress: Progress = silent
+
+
+class Sides(Protocol):
+    """A split, as far as a run needs it."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """All about it, ready for JSON."""
+
+
+STATE = "state.safetensors"
+FORMAT = "harmolab training state 2"
+SETTINGS, SPLIT, LOCK = "settings.json", "split.json", ".lock"
+
+
+def optimiser_tensors(optimiser: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """An optimiser's memory as named tensors: "<parameter number>.<name>"."""
+    state = optimiser.state_dict()["state"]
+    return {f"{number}.{name}": torch.as_tensor(kept[name]) for number, kept in state.items() for name in kept}
+
+
+def save_state(
+    folder: Path,
+    modules: Mapping[str, nn.Module],
+    optimisers: Mapping[str, torch.optim.Optimizer],
+    about: Mapping[str, Any],
+) -> None:
+    """Replace ``state.safetensors`` by an atomic write.
+
+    Parameters
+    ----------
+    folder : the run
+    modules, optimisers : by name
+    about : JSON-able; comes back from `load_state`
+    """
+    parts = {f"module.{name}.": part.state_dict() for name, part in modules.items()}
+    parts |= {f"optimiser.{name}.": optimiser_tensors(optimiser) for name, optimiser in optimisers.items()}
+    tensors = {
+        prefix + name: values.detach().cpu().contiguous()
+        for prefix, part in parts.items()
+        for name, values in part.items()
+    }
+    text = json.dumps(about)
+    metadata = {"format": FORMAT, "about": text, "sha256": _digest(tensors, text)}
+    with atomic_write(folder / STATE) as part:
+        write_synced(part, save(tensors, metadata))
+
+
+def load_state(folder: Path) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
+    """Tensors and `about` of a run; None when nothing was saved yet.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged or not ours; it names the file.
+    """
+    path = folder / STATE
+    if not path.exists():
+        return None
+    with reading(path, "the state of a training; start anew with another --out", max_bytes=None):
+        tensors, metadata = read_tensors(path)
+        if metadata.get("format") != FORMAT:
+            raise ValueError("is no training state of this version of harmolab; start anew with another --out")
+        if metadata["sha256"] != _digest(tensors, metadata["about"]):
+            raise ValueError("is damaged (SHA-256 differs); start anew with another --out")
+        return tensors, json.loads(metadata["about"])
+
+
+def _digest(tensors: Mapping[str, Tensor], text: str) -> str:
+    """SHA-256 over the text and the tensors, in the order of their names."""
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(tensors):
+        digest.update(name.encode())
+        digest.update(tensors[name].reshape(-1).view(torch.uint8).numpy().data)
+    return digest.hexdigest()
+
+
+def restore(
+    tensors: Mapping[str, Tensor],
+    modules: Mapping[str, nn.Module],
+    optimisers: Mapping[str, torch.optim.Optimizer],
+) -> None:
+    """Put saved tensors back into modules and optimisers."""
+    for name, part in modules.items():
+        part.load_state_dict(_below(tensors, f"module.{name}."))
+    for name, optimiser in optimisers.items():
+        state: dict[int, dict[str, Tensor]] = {}
+        for key, value in _below(tensors, f"optimiser.{name}.").items():
+            number, _, kind = key.partition(".")
+            state.setdefault(int(number), {})[kind] = value
+        optimiser.load_state_dict({**optimiser.state_dict(), "state": state})
+
+
+def _below(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """The tensors whose names begin with `prefix`, without it."""
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+
+
+def check_folder(folder: Path, *, resume: bool) -> None:
+    """ValueError unless `folder` is new or empty or, with `resume`, holds a run; nothing is written."""
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder}: is a file; a run needs a folder of its own")
+    held = sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")) if folder.is_dir() else []
+    if held and not resume:
+        raise ValueError(f"{folder}: is not empty; use --resume to go on with a run there, or choose another folder")
+    if held and SETTINGS not in held:
+        raise ValueError(f"{folder}: holds {held[0]} but no {SETTINGS}, so no run to resume; choose another folder")
+
+
+@contextmanager
+def open_folder(folder: Path, settings: dict[str, Any], split: Sides, *, resume: bool) -> Iterator[None]:
+    """Lock `folder` for this process and write settings.json and split.json, or check those that are there.
+
+    Parameters
+    ----------
+    folder : made unless it is there
+    settings : JSON-able
+    split : Split of the units, or of songs: its `to_dict` says who is on which side
+    resume : whether the folder may hold a run
+
+    Raises
+    ------
+    ValueError
+        If the folder may not be written to, holds a run with other settings or another split, or another process
+        trains in it.
+    """
+    check_folder(folder, resume=resume)
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with FileLock(folder / LOCK, timeout=0):
+            for unfinished in folder.glob(".*.tmp"):
+                unfinished.unlink()
+            for path, content in ((folder / SETTINGS, settings), (folder / SPLIT, plain(split.to_dict()))):
+                if path.exists():
+                    _compare(path, _read(path), content)
+                else:
+                    write_json(path, content)
+            yield
+    except Timeout:
+        raise ValueError(f"{folder}: another process is training there") from None
+
+
+def check_pretrained(folder: Path, settings: dict[str, Any], split: Split) -> None:
+    """FileNotFoundError or ValueError unless the run in `folder` learnt from the units of `split`, at the same size."""
+    stored = _read(folder / SETTINGS)
+    old, new = ({name: each.get(name) for name in ("model", "features", "data")} for each in (stored, settings))
+    _compare(folder / SETTINGS, old, new)
+    _compare(folder / SPLIT, _read(folder / SPLIT), plain(split.to_dict()))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    with reading(path, "JSON", max_bytes=MAX_JSON_BYTES):
+        content = read_json(path)
+        if not isinstance(content, dict):
+            raise ValueError("holds no settings of a run")
+    return renamed(content)
+
+
+def _compare(path: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
+    """ValueError naming the first entry in which two dictionaries differ."""
+    for name in sorted(stored.keys() | settings.keys()):
+        old, new = stored.get(name), settings.get(name)
+        if isinstance(old, dict) and isinstance(new, dict):
+            _compare(path, {f"{name}.{key}": old[key] for key in old}, {f"{name}.{key}": new[key] for key in new})
+        elif old != new:
+            fault = f"{name} is {_short(old)}, but {_short(new)} is asked for"
+            raise ValueError(f"{path}: {fault}; ask for the same, or choose another folder")
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else f"{text[:40]}..."

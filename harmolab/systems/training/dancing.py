@@ -1,0 +1,263 @@
+"""From a song to a dance, for every network that moves a body by a motion code: what it gets, and what follows.
+
+A network that dances is a `Dancer`: it says which music features it hears and which body it moves, and its method
+``code`` turns a `DanceInput` into a motion code. Beats, features and the movement to start from are prepared here, and
+bones, floor and feet are seen to here, for all of them alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from harmolab.body.kinematics import resample_motion
+from harmolab.body.skeletons import Skeleton, ancestors
+from harmolab.files import Progress, silent
+from harmolab.systems.training.about import stored_skeleton
+from harmolab.systems.training.features import FeatureParams, audio_features
+from harmolab.systems.training.feet import grounded
+from harmolab.systems.training.layers import PATH_CHANNELS, Normalised, Normaliser, fix_bones, local_joints
+from harmolab.systems.training.motion_code import decode_motion, encode_motion
+from harmolab.systems.training.requests import DanceRequest, check_initial
+from harmolab.systems.training.runs import PoseBank, retimed
+from harmolab.systems.training.units import MeterFrames, filled_beats, meter_frames
+from harmolab.systems.training.weights import whole
+from harmolab.types import Audio, BeatTrack, FloatArray, Motion
+
+
+@dataclass(frozen=True, eq=False)
+class DanceInput:
+    """All that a network gets before it dances. Frame 0 is the first of the dance; frames before it have been danced.
+
+    Parameters
+    ----------
+    audio : (T, F) array
+        Features of the music, from the first frame of `meters` to the end of the last, at the dancer's rate.
+    song : function() -> (S, F) array, features of the whole recording
+    beats : (B,) array
+        Beats in frames of the dance, between frames too; they reach beyond both of its ends.
+    meters : list of MeterFrames, without gaps; the first begins at frame 0 or before it
+    prior : (P, C) array, code of the movement that the dance goes on from, from the first frame of `meters` on
+    n_frames : int, length of the dance
+    progress : function(iterable, label) -> iterable
+    """
+
+    audio: NDArray[np.float32]
+    song: Callable[[], NDArray[np.float32]]
+    beats: FloatArray
+    meters: list[MeterFrames]
+    prior: FloatArray
+    n_frames: int
+    progress: Progress = silent
+
+    @property
+    def first(self) -> int:
+        """The frame that `audio` and `prior` begin at; 0 or negative."""
+        return self.meters[0].begin
+
+
+class Dancer(Protocol):
+    """A network that dances to a song (a torch module)."""
+
+    features: FeatureParams | None
+    fps: float
+    skeleton: Skeleton
+    bone_lengths: Tensor
+    n_motion: int
+    motion_scale: Normaliser
+
+    def code(self, source: DanceInput, seed: int) -> FloatArray:
+        """The motion code (n_frames, C) of a dance, bones about as long as they should be; `seed` draws all chance."""
+
+
+def check_dancer(
+    n_audio: int, skeleton: Skeleton, bone_lengths: Tensor, *, fps: float, features: FeatureParams | None
+) -> None:
+    """ValueError unless what a dancer is built of fits together: skeleton, bone lengths (J,), audio channels, rate."""
+    ancestors(skeleton.parents)  # refuses bones in a circle
+    n_joints = len(skeleton.joints)
+    if bone_lengths.shape != (n_joints,) or not bool((bone_lengths >= 0).all()):
+        raise ValueError(f"bone_lengths must be {n_joints} lengths in metres, got {bone_lengths.tolist()}")
+    if n_audio < 1 or not 0 < fps < math.inf:
+        raise ValueError(f"n_audio and fps must be positive, got {n_audio} and {fps}")
+    if features is not None and (features.n_audio, features.fps) != (n_audio, fps):
+        raise ValueError(f"features must have {n_audio} audio channels at {fps} Hz, got {features}")
+
+
+def synthesize_dance(dancer: Dancer, audio: Audio, *, poses: PoseBank | None = None, **options: Any) -> Motion:
+    """A dance to music, at the dancer's frame rate; frame 0 belongs to the audio time `start`.
+
+    Parameters
+    ----------
+    dancer : Dancer that knows its audio features, such as HarmoGAN's `Generator`
+    audio : Audio, the whole recording
+    poses : PoseBank of movements to start from
+        Left out: the mean pose at rest.
+    options : of `DanceRequest`: ``beats``, ``start``, ``seconds``, ``seed``, ``initial``, ``dance``, ``plant_feet``,
+        ``progress``; the dance starts from a movement of ``dance`` if the bank has one
+
+    Returns
+    -------
+    Motion; the dancer starts at x = z = 0 facing +z, and stands on y = 0
+
+    Raises
+    ------
+    ValueError
+        If `start` or `seconds` lies outside the music, `dance` is unknown to both the bank and the tempo table, the
+        poses or `initial` do not fit the dancer, or it was built without features.
+
+    Examples
+    --------
+    >>> from harmolab.systems.harmogan.networks import load_generator
+    >>> generator = load_generator("run/model")  # doctest: +SKIP
+    >>> motion = synthesize_dance(generator, load_audio("song.mp3"), seconds=20.0, seed=3)  # doctest: +SKIP
+    """
+    return danced(dancer, poses, DanceRequest(audio, **options))
+
+
+def danced(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> Motion:
+    """`synthesize_dance` of a request."""
+    frames, initial = request.n_frames(dancer.fps), request.initial
+    if dancer.features is None:
+        raise ValueError("this network does not say which audio features it hears; build it with features=...")
+    request.check_dance(() if poses is None else poses.dances)
+    code = _first_movement(dancer, poses, request) if initial is None else _coded(dancer, initial)
+    track = request.track()
+    meters = meter_frames(track, dancer.features, start=request.start, n_frames=frames, fps=dancer.fps)
+    first = meters[0].begin
+    if initial is None:  # a movement of the bank fills the beats before a meter of four
+        length = max(1, round(meters[0].share * len(code)))
+        prior = retimed(code[-length:], meters[0].meter - first)
+    else:  # `initial` keeps its speed, and ends where the dance begins, which may be inside a meter
+        prior = retimed(code[first:], -first)
+    source = _dance_input(dancer.features, request, track, meters, prior, frames)
+    return _dressed(dancer, dancer.code(source, request.seed), plant_feet=request.plant_feet)
+
+
+def _dance_input(
+    features: FeatureParams,
+    request: DanceRequest,
+    track: BeatTrack,
+    meters: list[MeterFrames],
+    prior: FloatArray,
+    frames: int,
+) -> DanceInput:
+    """The record of what a network is told of a song."""
+    audio, start = request.audio, request.start
+    times = start + np.arange(meters[0].begin, meters[-1].end) / features.fps
+    beats, _ = filled_beats(track, start, start + frames / features.fps, before=2 * features.unit_beats)
+    return DanceInput(
+        audio=audio_features(audio, track, times, features),
+        song=lambda: audio_features(audio, track, np.arange(0.0, audio.duration, 1 / features.fps), features),
+        beats=(beats - start) * features.fps,
+        meters=meters,
+        prior=prior,
+        n_frames=frames,
+        progress=request.progress,
+    )
+
+
+def _dressed(dancer: Dancer, code: FloatArray, *, plant_feet: bool) -> Motion:
+    """The motion of a code (T, C): bones of their lengths, on the floor, feet that stand."""
+    positions = decode_motion(_with_bones(dancer, code), dancer.fps, dancer.skeleton)
+    positions = grounded(positions, dancer.fps, dancer.skeleton, plant_feet=plant_feet)
+    return Motion(positions, dancer.fps, dancer.skeleton)
+
+
+def _first_movement(dancer: Dancer, poses: PoseBank | None, request: DanceRequest) -> FloatArray:
+    """The motion code (T0, C) that a dance starts from, drawn by its seed; without a bank the mean pose, at rest."""
+    if poses is None:
+        mean = dancer.motion_scale.mean.detach().cpu().double().numpy().copy()
+        mean[-PATH_CHANNELS:] = 0.0
+        return mean[None]
+    clips = poses.of(request.dance)
+    if clips.shape[2] != dancer.n_motion:
+        raise ValueError(f"poses must be motion codes (K, T0, {dancer.n_motion}), got shape {clips.shape}")
+    return poses.drawn(request.dance, request.seed)
+
+
+def _coded(dancer: Dancer, motion: Motion) -> FloatArray:
+    """The motion code (T0, C) of a motion of the dancer's skeleton."""
+    check_initial(motion, dancer.skeleton, "the generator")
+    motion = resample_motion(motion, dancer.fps)
+    return encode_motion(motion.positions, motion.fps, motion.skeleton).astype(np.float64)
+
+
+def _with_bones(dancer: Dancer, code: FloatArray) -> FloatArray:
+    """The code (T, C) with every bone at the dancer's length, which fading at a border has changed a little."""
+    local = local_joints(torch.from_numpy(code)[None])
+    fixed = fix_bones(local, dancer.skeleton.parents, dancer.bone_lengths.cpu().double())
+    return np.concatenate([fixed[0].flatten(1).numpy(), code[:, -PATH_CHANNELS:]], axis=1)
+
+
+# The base of generators: music features in, motion code out, at one frame rate, of one body.
+
+
+class DancerNetwork(Normalised):
+    """A generator that knows its settings, its music features, its body, and the statistics of its training split.
+
+    Parameters
+    ----------
+    params : dataclass of the network's sizes
+    n_audio : int, channels F of the audio features
+    skeleton : Skeleton with J joints
+    bone_lengths : (J,) tensor, metres, 0 at roots
+    fps : float, hertz
+    features : FeatureParams, optional
+        Settings of the audio features; kept with the weights, so that the generator can dance to a song.
+
+    Raises
+    ------
+    ValueError
+        If these do not fit together (`check_dancer`).
+    """
+
+    settings: ClassVar[str] = "params"  # name of `params` in the description of weights
+    bone_lengths: Tensor
+
+    def __init__(
+        self,
+        params: Any,
+        n_audio: int,
+        skeleton: Skeleton,
+        bone_lengths: Tensor,
+        *,
+        fps: float,
+        features: FeatureParams | None = None,
+    ) -> None:
+        super().__init__()
+        bone_lengths = bone_lengths.detach().float()
+        check_dancer(n_audio, skeleton, bone_lengths, fps=fps, features=features)
+        self.params, self.n_audio, self.skeleton, self.fps = params, n_audio, skeleton, float(fps)
+        self.features = features
+        self.n_motion = 3 * len(skeleton.joints) + PATH_CHANNELS
+        self.audio_scale, self.motion_scale = Normaliser(n_audio), Normaliser(self.n_motion)
+        self.register_buffer("bone_lengths", bone_lengths.clone())
+
+    def description(self) -> dict[str, Any]:
+        """Everything that `built` needs beside the tensors, JSON-able."""
+        return {
+            self.settings: asdict(self.params),
+            "features": None if self.features is None else asdict(self.features),
+            "n_audio": self.n_audio,
+            "fps": self.fps,
+            "skeleton": asdict(self.skeleton),
+        }
+
+    @staticmethod
+    def body_of(build: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> dict[str, Any]:
+        """The arguments of the constructor beside `params`, out of a description; ValueError for what cannot be."""
+        return {
+            "n_audio": whole("n_audio", build["n_audio"]),
+            "skeleton": stored_skeleton(build),
+            "bone_lengths": tensors["bone_lengths"],
+            "fps": float(build["fps"]),
+            "features": None if build["features"] is None else FeatureParams(**build["features"]),
+        }

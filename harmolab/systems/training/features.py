@@ -1,0 +1,167 @@
+"""Audio features of the generator: MFCC at the motion's rate (paper Sec. 4.1, A_f), and each frame's beat position."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import soxr
+from numpy.typing import NDArray
+
+from harmolab.beats.audio import HOP, onset_envelope
+from harmolab.files import cache_folder, cached_arrays, keep_arrays
+from harmolab.systems.training.motion_code import frames_at
+from harmolab.types import Audio, BeatTrack, FloatArray
+
+# Settings of the input of a system: frame rate, audio features, length of a training unit (paper Sec. 4.1).
+
+
+def check_numbers(settings: Any, *, positive: Sequence[str] = (), not_negative: Sequence[str] = ()) -> None:
+    """ValueError, with name and value, for a number out of range."""
+    for name in (*positive, *not_negative):
+        number = getattr(settings, name)
+        if not 0 <= number < math.inf or (number == 0 and name in positive):
+            raise ValueError(f"{name} must be {'positive' if name in positive else 'zero or more'}, got {number}")
+
+
+@dataclass(frozen=True)
+class FeatureParams:
+    """Input of the generator from music and motion (Sec. 4.1, 5.1).
+
+    Parameters
+    ----------
+    fps : float, hertz
+        Rate of motion and features; the paper resamples to 15.
+    n_mfcc : int
+        MFCC coefficients of A_f.
+    beat_channels : bool
+        Beside the MFCC give onset strength, and sine and cosine of the position between two beats. The paper does not.
+    unit_beats : int
+        Unified length of a training unit in beats: a meter of 4 to 6 beats and the beats before it that fill it up.
+    """
+
+    fps: float = 15.0
+    n_mfcc: int = 20
+    beat_channels: bool = False
+    unit_beats: int = 8
+
+    def __post_init__(self) -> None:
+        check_numbers(self, positive=("fps", "n_mfcc"))
+        if self.unit_beats < 7:
+            raise ValueError(f"unit_beats must leave at least one beat before a meter of six, got {self.unit_beats}")
+
+    @classmethod
+    def paper(cls) -> FeatureParams:
+        """MFCC alone, at 15 frames per second."""
+        return cls()
+
+    @classmethod
+    def recommended(cls) -> FeatureParams:
+        """The same, and where each frame lies between two beats."""
+        return cls(beat_channels=True)
+
+    @property
+    def n_audio(self) -> int:
+        """Audio channels F of A_f."""
+        return self.n_mfcc + 3 * self.beat_channels
+
+
+SingleArray = NDArray[np.float32]
+
+# librosa's own rate: the mel bands reach to half the rate, so coefficients at another rate would mean other things.
+RATE = 22050.0
+CACHE_VERSION = 1  # raise when the analysis changes
+SHORTEST = 2048  # samples in one analysis window
+
+
+def audio_features(audio: Audio, beats: BeatTrack, times: FloatArray, params: FeatureParams) -> SingleArray:
+    """A_f, audio features at given moments: (T, params.n_audio) array, not normalised.
+
+    Parameters
+    ----------
+    audio : Audio
+        The whole recording; it is analysed once, and the analysis cached by content.
+    beats : BeatTrack on the audio's time line; looked at only with `params.beat_channels`
+    times : (T,) array, seconds of audio time
+        Before the start and after the end the first and last values hold.
+    params : FeatureParams
+
+    Returns
+    -------
+    (T, F) array, single precision: the MFCC, linearly interpolated; with `beat_channels` also onset strength (its
+    maximum is 1), and sine and cosine of 2 pi times the beat position (both 0 where the music has no two beats)
+    """
+    times = np.asarray(times, dtype=np.float64)
+    columns = _sampled(mfcc(audio, params.n_mfcc), RATE / HOP, times)
+    if not params.beat_channels:
+        return columns.astype(np.float32)
+    envelope, rate = onset_envelope(audio)
+    onsets = _sampled(envelope[:, None] / max(float(envelope.max(initial=0.0)), 1e-12), rate, times)
+    return np.concatenate([columns, onsets, beat_phase(beats, times)], axis=1).astype(np.float32)
+
+
+def beat_phase(beats: BeatTrack, times: FloatArray) -> FloatArray:
+    """Sine and cosine of 2 pi times the beat position at given moments, (T, 2) array.
+
+    The position is linear from beat to beat; before the first and after the last it goes on by the median interval.
+    Fewer than two beats make no position: both are 0 then.
+    """
+    if len(beats) < 2:
+        return np.zeros((len(times), 2))
+    numbers = np.arange(len(beats))
+    period = float(np.median(np.diff(beats.times)))
+    early, late = beats.times[0] - times, times - beats.times[-1]
+    position = np.interp(times, beats.times, numbers)
+    position = position - np.maximum(early, 0.0) / period + np.maximum(late, 0.0) / period
+    return np.stack([np.sin(2 * np.pi * position), np.cos(2 * np.pi * position)], axis=1)
+
+
+def mfcc(audio: Audio, count: int) -> SingleArray:
+    """MFCC of a whole recording, (F, count) array at 22050 / 512 hertz, the first centred at 0 s; cached by content.
+
+    Recordings at another rate than 22050 hertz are resampled first.
+    """
+    key = _key(audio, count) if cache_folder() else ""
+    stored = _sound(cached_arrays(key), count)
+    if stored is None:
+        stored = _analyse(audio, count)
+        keep_arrays(key, {"mfcc": stored})
+    return stored
+
+
+def _analyse(audio: Audio, count: int) -> SingleArray:
+    """The analysis itself, by librosa."""
+    import librosa
+
+    samples = audio.samples
+    if audio.sample_rate != RATE:
+        samples = soxr.resample(np.asarray(samples), audio.sample_rate, RATE, quality="HQ")
+    samples = np.pad(samples, (0, max(0, SHORTEST - samples.size))).astype(np.float32)
+    # At least as many mel bands as coefficients.
+    table = librosa.feature.mfcc(y=samples, sr=RATE, n_mfcc=count, hop_length=HOP, n_mels=max(128, count))
+    return np.ascontiguousarray(table.T, dtype=np.float32)
+
+
+def _sampled(table: NDArray[np.floating], rate: float, times: FloatArray) -> FloatArray:
+    """Rows of `table` (F, K) at `rate` hertz, linearly interpolated at `times`: (T, K) array; the ends hold."""
+    return frames_at(table, np.clip(times * rate, 0.0, len(table) - 1))
+
+
+def _key(audio: Audio, count: int) -> str:
+    """Content hash: samples, rate, number of coefficients, version of the analysis."""
+    digest = hashlib.sha256(f"mfcc {CACHE_VERSION} {audio.sample_rate} {count} {HOP}".encode())
+    digest.update(np.ascontiguousarray(audio.samples, dtype=np.float32).data)
+    return digest.hexdigest()[:40]
+
+
+def _sound(arrays: Mapping[str, NDArray[Any]] | None, count: int) -> SingleArray | None:
+    """The cached MFCC; None without or where they are no finite table of `count` columns."""
+    try:
+        table: SingleArray = (arrays or {})["mfcc"].astype(np.float32)
+    except (KeyError, ValueError):
+        return None
+    return table if table.ndim == 2 and len(table) and table.shape[1] == count and np.isfinite(table).all() else None

@@ -1,0 +1,183 @@
+"""Systems of one network and a bank of movements, what they share: dancing, saving, loading, material to train on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self, TypeVar
+
+from torch import nn
+
+from harmolab.files import PathLike, Progress, silent
+from harmolab.systems.training.about import DEFAULT_STEM, read_about
+from harmolab.systems.training.checkpoints import Notice, Report, TrainOptions, check_folder
+from harmolab.systems.training.dancing import danced
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.requests import DanceRequest, DanceSystem
+from harmolab.systems.training.runs import PoseBank, load_poses, poses_path, save_poses
+from harmolab.systems.training.splits import SIDES, Split, split_units
+from harmolab.systems.training.units import UnitSet, load_units
+from harmolab.systems.training.weights import load_weights, save_weights
+from harmolab.types import Motion
+
+R = TypeVar("R")
+PRESETS = ("small", "paper")
+
+
+class Learner:
+    """A class that is trained on corpora by one door, `train`; the keywords of its own are those of `learn`."""
+
+    @classmethod
+    def learn(cls, data: list[PathLike], options: TrainOptions, **own: Any) -> None:
+        """Train on corpora, in the folder of `options`; `own` keywords are checked before anything is read."""
+        raise NotImplementedError
+
+    @classmethod
+    def load(cls, folder: PathLike) -> Any:
+        """The result of the training in a folder; errors name the file."""
+        raise NotImplementedError
+
+    @classmethod
+    def train(
+        cls,
+        data: Sequence[PathLike],
+        out: PathLike,
+        *,
+        resume: bool = False,
+        accelerator: str = "auto",
+        report: Report = TrainOptions.report,
+        notice: Notice = TrainOptions.notice,
+        progress: Progress = silent,
+        **own: Any,
+    ) -> Any:
+        """The result of a training on corpora, in a folder of its own.
+
+        Parameters
+        ----------
+        data : folders of recordings
+        out, resume, accelerator, report, notice, progress
+            As of `harmolab.systems.training.checkpoints.TrainOptions`.
+        own : keywords of `learn`: ``preset``, ``split_seed``, or other values for fields of the settings, as ``seed``
+
+        Raises
+        ------
+        ValueError
+            For an unknown name or value, a folder that holds something else, or too few recordings.
+        """
+        if int(os.environ.get("RANK", 0)) == 0:
+            check_folder(Path(out), resume=resume)
+        cls.learn([*data], TrainOptions(out, resume, accelerator, report, notice, progress), **own)
+        return cls.load(out)
+
+
+class NetworkSystem(Learner, DanceSystem):
+    """A trained network that dances (`harmolab.systems.training.dancing.Dancer`), of the class `network`.
+
+    Parameters
+    ----------
+    generator : the network; it knows its audio features
+    poses : PoseBank, optional
+        Movements to start from. Without: the mean pose at rest.
+    meta : JSON-able mapping about its training, kept with the weights
+    """
+
+    network: ClassVar[type[nn.Module]]
+
+    def __init__(self, generator: Any, poses: PoseBank | None = None, meta: Mapping[str, Any] | None = None) -> None:
+        self.generator, self.poses, self.meta = generator, poses, dict(meta or {})
+
+    @property
+    def dances(self) -> tuple[str, ...]:
+        """Dances of the movements that it starts from."""
+        return () if self.poses is None else tuple(self.poses.dances)
+
+    def respond(self, request: DanceRequest) -> Motion:
+        """The dance that is asked for (`harmolab.systems.training.dancing`)."""
+        return danced(self.generator, self.poses, request)
+
+    def save(self, folder: PathLike) -> None:
+        """Write weights, and poses if there are any, to a folder; it is made unless it exists."""
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        save_weights(Path(folder) / DEFAULT_STEM, self.generator, self.meta)
+        if self.poses is not None:
+            save_poses(Path(folder) / DEFAULT_STEM, self.poses)
+
+    @classmethod
+    def load(cls, folder: PathLike) -> Self:
+        """The system in the folder of a run, or of a weights file; errors name the file."""
+        generator: Any = load_weights(folder, cls.network)
+        poses = load_poses(folder, n_channels=generator.n_motion) if poses_path(folder).is_file() else None
+        return cls(generator, poses, read_about(folder)["meta"])
+
+
+def noticed_split(units: UnitSet, split_seed: int, notice: Notice) -> Split:
+    """Units split by motion group; `notice` is called with what was left out, and how many there are.
+
+    Raises
+    ------
+    ValueError
+        For too few recordings.
+    """
+    split = split_units(units, seed=split_seed)
+    for line in units.notes:
+        notice(f"left out: {line}")
+    counts = ", ".join(f"{len(getattr(split, side))} {side}" for side in SIDES)
+    notice(f"units: {counts}; data: {split.train.source}")
+    return split
+
+
+class PresetSystem(NetworkSystem):
+    """A system whose sizes, losses and schedule are one record with presets, `settings`, and that has no other options.
+
+    It hears the features of the paper's own system, so that systems compared hear the same.
+    """
+
+    settings: ClassVar[type[Any]]
+
+    @classmethod
+    def train_network(cls, split: Split, options: TrainOptions, params: Any) -> object:
+        """Train the network in the folder of `options`."""
+        raise NotImplementedError
+
+    @classmethod
+    def learn(
+        cls,
+        data: list[PathLike],
+        options: TrainOptions,
+        *,
+        preset: str = PRESETS[0],
+        step: int = 2,
+        split_seed: int = 0,
+        **changes: Any,
+    ) -> None:
+        """`train`; its own keywords:
+
+        preset : "small" or "paper", of `settings`
+        step : int, beats between the starts of training units
+        split_seed : int, of the split by motion group
+        changes : other values for fields of `settings`, such as ``seed``
+        """
+        params = preset_settings(cls.settings, preset, PRESETS, changes)
+        units = load_units(data, FeatureParams.paper(), step=step, progress=options.progress)
+        cls.train_network(noticed_split(units, split_seed, options.notice), options, params)
+
+
+def preset_settings(settings: type[R], preset: str, presets: Sequence[str], changes: Mapping[str, Any]) -> R:
+    """The settings of a preset, with other values for some fields; ValueError for an unknown name."""
+    check_choice("preset", preset, presets)
+    return changed(getattr(settings, preset)(), changes)
+
+
+def changed(settings: R, changes: Mapping[str, Any]) -> R:
+    """Settings (a dataclass) with other values for some fields; ValueError for a field that they do not have."""
+    if other := sorted(changes.keys() - {field.name for field in fields(settings)}):  # type: ignore[arg-type]
+        raise ValueError(f"--{other[0].replace('_', '-')} is no option of this system")
+    return replace(settings, **changes)  # type: ignore[type-var]
+
+
+def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
+    """ValueError unless a setting is one of those there are."""
+    if value not in choices:
+        raise ValueError(f"{name} must be {' or '.join(choices)}, got {value!r}")

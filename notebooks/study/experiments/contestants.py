@@ -1,0 +1,252 @@
+"""All who are compared: recorded movement, pieces of it, the choreographer, and trained systems, each by the same door.
+
+A row of the tables is a name in `ROWS` and a function that answers a contest, and the number of a training, with a
+`Contestant`. Nothing here knows how a system works inside.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+
+from harmolab.files import plain
+from harmolab.metrics.likeness import LikenessLimits
+from harmolab.params import DANCES
+from harmolab.systems.choreographer.banks import shipped_bank
+from harmolab.systems.choreographer.generate import Choreographer
+from harmolab.systems.harmogan.system import HarmoGAN
+from harmolab.systems.lee2019.networks import BEAT
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.layers import parameter_count
+from harmolab.types import Audio, BeatTrack, Motion
+from study.experiments.baselines import BASELINES, DRAWN, Baseline
+from study.experiments.contests import Contest
+from study.experiments.generation import VARIANTS, generator_corpora, trained
+from study.experiments.music2dance import DANCER_SETTINGS, trained_dancer
+from study.experiments.rivals import Asked, lee2019, ren2020
+from study.experiments.songs import Excerpt
+
+LEE_FPS = FeatureParams.paper().fps
+Beats = Callable[[Excerpt], BeatTrack]
+LEE, LEE_UNWARPED, REN = "Lee et al. 2019", "Lee et al. 2019, without warper", "Ren et al. 2020"
+RIGHT_SONG, CHOREOGRAPHER, BANK = "recorded, right song", "choreographer", "choreographer, shipped bank"
+METERS = "only where a meter begins"
+M2D_PAPER, M2D_CALM, M2D = "Music2Dance", "Music2Dance, calm", "Music2Dance, recommended"
+M2D_LSTM, M2D_LSTM_CALM = "Music2Dance's LSTM", "Music2Dance's LSTM, calm"
+HARMOGAN, WITHOUT, RECOMMENDED = "HarmoGAN", "HarmoGAN without L_harmo", "HarmoGAN, recommended loss"
+
+
+class Generates(Protocol):
+    """The door of a system that also takes the name of a dance."""
+
+    def generate(
+        self,
+        audio: Audio,
+        beats: BeatTrack | None = None,
+        *,
+        start: float,
+        seconds: float | None,
+        seed: int,
+        dance: str,
+    ) -> Motion:
+        """A dance to music (`harmolab.systems.System`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contestant:
+    """A dancer, ready to dance.
+
+    Parameters
+    ----------
+    dance : function of an excerpt and a seed; frame 0 of the motion belongs to the excerpt's start
+    identity : str, all that its dances depend on beside the excerpt and the seed: names what is kept of them
+    parameters : float, millions, of what generates; 0 for none
+    minutes : float, of training; NaN where none were counted
+    entry : entry test -> value, range asked for, passed; what fails one was not trained well enough to be compared
+    limits : LikenessLimits of its own recordings, where those of the contest's corpus do not fit it
+    """
+
+    dance: Callable[[Excerpt, int], Motion]
+    identity: str
+    parameters: float = 0.0
+    minutes: float = 0.0
+    entry: Asked = field(default_factory=dict)
+    limits: LikenessLimits | None = None
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """The entry tests that it fails."""
+        return tuple(name for name, (_, _, passed) in self.entry.items() if not passed)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the tables.
+
+    Parameters
+    ----------
+    make : function of a contest and the number of a training, from 1, to a Contestant
+    kind : "recorded", "pieces", "choreographer" or "network"
+    told_beats : str, "yes", "no", or how
+    printed : str, name of the row of the paper's tables; "" for none
+    draws : bool, whether another seed is another dance
+    rival : bool, whether it is a system of other authors, which is trained on the first corpus alone
+    repeats : the field of the profile that says how often it is trained at most; "" for as often as the contest says
+    """
+
+    make: Callable[[Contest, int], Contestant]
+    kind: str
+    told_beats: str
+    printed: str = ""
+    draws: bool = True
+    rival: bool = False
+    repeats: str = ""
+
+    @property
+    def is_trained(self) -> bool:
+        """True if there is a contestant for each training."""
+        return self.kind == "network"
+
+    def contestants(self, contest: Contest) -> tuple[Contestant, ...]:
+        """One for each training in a contest; one where nothing is trained."""
+        last = min(contest.trainings, getattr(contest.profile, self.repeats)) if self.repeats else contest.trainings
+        return tuple(self.make(contest, training) for training in range(1, (last if self.is_trained else 1) + 1))
+
+
+def of_system(
+    system: Generates, identity: str, *, beats: Beats = lambda excerpt: excerpt.beats, **facts: Any
+) -> Contestant:
+    """A system as a contestant; `beats` are those of the song that it is told; `facts` as in `Contestant`."""
+
+    def dance(excerpt: Excerpt, seed: int) -> Motion:
+        name = excerpt.clip.dance if excerpt.clip.dance in DANCES else ""
+        return system.generate(
+            excerpt.clip.audio, beats(excerpt), start=excerpt.start, seconds=excerpt.seconds, seed=seed, dance=name
+        )
+
+    return Contestant(dance, identity, **facts)
+
+
+def _baseline(name: str, baseline: Baseline, contest: Contest, training: int) -> Contestant:
+    """A dance without training, of the contest's material."""
+
+    def dance(excerpt: Excerpt, seed: int) -> Motion:
+        return baseline(contest.material, excerpt, np.random.default_rng([seed, _number(excerpt.name)]))
+
+    return Contestant(dance, _digest(name, contest.split.to_dict(), [one.name for one in contest.dancers]))
+
+
+def _choreographer(contest: Contest, training: int) -> Contestant:
+    """A choreographer of the stretches of recordings that networks were trained on."""
+    system = Choreographer.of(contest.teachers)
+    return of_system(system, _digest(CHOREOGRAPHER, plain(system.params), contest.split.to_dict()))
+
+
+def _bank(contest: Contest, training: int) -> Contestant:
+    """The choreographer of the movement that comes with harmolab, whatever the contest's corpus; it dances salsa."""
+    bank = shipped_bank()
+    identity = _digest(BANK, plain(bank.params), [take.name for take in bank.takes])
+    return Contestant(partial(_of_no_dance, bank), identity, limits=bank.limits)
+
+
+def _of_no_dance(bank: Choreographer, excerpt: Excerpt, seed: int) -> Motion:
+    return bank.generate(excerpt.clip.audio, excerpt.beats, start=excerpt.start, seconds=excerpt.seconds, seed=seed)
+
+
+def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
+    """HarmoGAN trained with the losses of a variant of `generation`."""
+    run = trained(contest.profile, contest.corpus, VARIANTS[variant], training)
+    system: Any = HarmoGAN.load(run.folder)
+    return of_system(system, run.folder.name, parameters=run.generator.parameter_count() / 1e6, minutes=run.minutes)
+
+
+def _lee(warped: bool, contest: Contest, training: int) -> Contestant:
+    """Lee et al. 2019; without its warper its units follow each other at their own tempo, whatever the song's beats."""
+    run = lee2019(contest.profile, contest.corpus, training)
+    return of_system(
+        run.system, f"{run.folder.name} {warped}", beats=(lambda excerpt: excerpt.beats) if warped else own_tempo,
+        parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes, entry=run.entry,
+    )  # fmt: skip
+
+
+def own_tempo(excerpt: Excerpt) -> BeatTrack:
+    """Beats at the tempo that Lee's units are coded in, from the start of the song on: its warper then does nothing."""
+    times = np.arange(0.0, excerpt.clip.audio.duration, BEAT / LEE_FPS)
+    return BeatTrack(times, np.ones(times.size), LEE_FPS, excerpt.clip.audio.duration)
+
+
+def _ren(contest: Contest, training: int) -> Contestant:
+    run = ren2020(contest.profile, contest.corpus, training)
+    parameters = parameter_count(run.system.generator) / 1e6
+    return of_system(run.system, run.folder.name, parameters=parameters, minutes=run.minutes, entry=run.entry)
+
+
+def _music2dance(settings: str, contest: Contest, training: int) -> Contestant:
+    run = trained_dancer(contest.profile, contest.corpus, DANCER_SETTINGS[settings], training)
+    identity = _digest(run.folder.name, plain(run.system.generator.params))
+    return of_system(run.system, identity, parameters=run.system.generator.parameter_count() / 1e6, minutes=run.minutes)
+
+
+def _number(name: str) -> int:
+    """A number that belongs to a name, the same everywhere."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+
+
+def _digest(*settings: Any) -> str:
+    return hashlib.sha256(json.dumps(plain(list(settings)), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _cheap(name: str) -> Row:
+    kind = "pieces" if "pieces" in name or name.startswith("nearest") else "recorded"
+    beats = "no" if name in ("recorded, right song", "recorded, another song") else "yes"
+    return Row(partial(_baseline, name, BASELINES[name]), kind, beats, draws=name in DRAWN)
+
+
+def _music2dance_row(settings: str, *, repeats: str = "n_dancers") -> Row:
+    beats = "yes: its features have them"
+    return Row(partial(_music2dance, settings), "network", beats, rival=True, repeats=repeats)
+
+
+ROWS: Mapping[str, Row] = MappingProxyType(
+    {
+        **{name: _cheap(name) for name in BASELINES},
+        LEE_UNWARPED: Row(partial(_lee, False), "network", "no", rival=True, repeats="n_rivals"),
+        LEE: Row(partial(_lee, True), "network", "yes, by its warper", "Lee", rival=True, repeats="n_rivals"),
+        REN: Row(_ren, "network", "no", "Ren", rival=True, repeats="n_rivals"),
+        M2D_LSTM: _music2dance_row("paper, LSTM", repeats="n_rivals"),
+        M2D_PAPER: _music2dance_row("paper"),
+        M2D: _music2dance_row("recommended"),
+        WITHOUT: Row(partial(_harmogan, "paper, without"), "network", METERS, WITHOUT),
+        HARMOGAN: Row(partial(_harmogan, "paper"), "network", METERS, HARMOGAN),
+        RECOMMENDED: Row(partial(_harmogan, "recommended"), "network", "yes: where each frame lies in the beat"),
+        CHOREOGRAPHER: Row(_choreographer, "choreographer", "yes"),
+        BANK: Row(_bank, "choreographer", "yes"),
+    }
+)
+
+# With those that draw a tenth of the predicted spread, which are no systems of their own.
+EVERY_ROW: Mapping[str, Row] = MappingProxyType(
+    {
+        **ROWS,
+        M2D_CALM: _music2dance_row("paper, calm"),
+        M2D_LSTM_CALM: _music2dance_row("paper, LSTM, calm", repeats="n_rivals"),
+    }
+)
+
+
+def applies(name: str, contest: Contest) -> bool:
+    """True if a contest has such a row.
+
+    To songs of another corpus there are no recorded dancers; rivals, which take an hour each, are trained on the first
+    corpus alone.
+    """
+    if ROWS[name].rival:
+        return contest.corpus == generator_corpora(contest.profile)[0]
+    return name != RIGHT_SONG or contest.has_own_dancers

@@ -1,0 +1,199 @@
+"""Trained generators for the notebooks: with and without the harmony loss, the paper's and ours, over several seeds.
+
+Every training is kept in the cache folder under its settings, so that notebooks share it and a second run finds it. A
+training that was cut off goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from filelock import FileLock
+
+from harmolab.data.recordings import find_recordings
+from harmolab.data.synthetic import write_corpus
+from harmolab.files import PathLike, cache_folder, plain
+from harmolab.systems.harmogan.networks import Generator, load_generator
+from harmolab.systems.harmogan.params import ModelParams, TrainParams
+from harmolab.systems.harmogan.train import POSE_NET, train_harmogan
+from harmolab.systems.training.checkpoints import HISTORY, TrainOptions
+from harmolab.systems.training.features import FeatureParams
+from harmolab.systems.training.pose_network import PoseNet, load_pose_net
+from harmolab.systems.training.runs import MODEL
+from harmolab.systems.training.splits import Split, split_units
+from harmolab.systems.training.units import load_units
+from study.experiments.clock import TrainingClock, training_minutes
+from study.experiments.study import corpus_folders, data_root
+from study.profile import RunProfile
+
+SYNTHETIC = "synthetic"
+SECONDS = 16.0  # of a synthetic clip: several meters, each with the beats before it
+UNIT_STEP = 3  # beats between the starts of training units
+MOST_CLIPS = 35  # synthetic clips: about as many units as the recordings have
+SWEEP = (0.0, 0.1, 0.3, 0.5, 1.0)  # harmony weights of the trade-off curve
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A way to train: what the generator hears, and its losses."""
+
+    features: FeatureParams
+    params: TrainParams
+
+    def without_harmony(self) -> Variant:
+        """The ablation: everything else the same."""
+        return replace(self, params=replace(self.params, harmony_weight=0.0))
+
+
+_PAPER = Variant(FeatureParams.paper(), TrainParams.paper())
+_OURS = Variant(FeatureParams.recommended(), TrainParams.recommended())
+VARIANTS = {
+    "paper, without": _PAPER.without_harmony(),
+    "paper": _PAPER,
+    "recommended, without": _OURS.without_harmony(),
+    "recommended": _OURS,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """One finished training: where it is kept, the generator, the pose network, the split, the history by epoch.
+
+    `minutes` are those of its pretraining and its own; NaN where none were counted.
+    """
+
+    folder: Path
+    generator: Generator
+    pose_net: PoseNet
+    split: Split
+    history: pd.DataFrame
+    minutes: float = float("nan")
+
+
+def generator_corpora(profile: RunProfile) -> tuple[str, ...]:
+    """The corpora generators are trained on: the synthetic one; in the full profile the first recorded one as well."""
+    recorded = () if profile.epochs or data_root() is None else (next(iter(corpus_folders(profile))),)
+    return (*recorded, SYNTHETIC)
+
+
+@cache
+def training_split(profile: RunProfile, corpus: str, features: FeatureParams, without: tuple[str, ...] = ()) -> Split:
+    """Units of a corpus, but for the recordings named in `without`, split by motion group with the profile's seed.
+
+    Raises
+    ------
+    ValueError
+        If there is no corpus of that name.
+    """
+    root = corpus_root(profile, corpus)
+    folders: list[PathLike] = [folder for folder in find_recordings(root).folders if folder.name not in without]
+    return split_units(load_units(folders if without else [root], features, step=UNIT_STEP), seed=profile.seed)
+
+
+def corpus_root(profile: RunProfile, corpus: str) -> Path:
+    """The folder of a corpus; the synthetic one is written if it is not there.
+
+    Raises
+    ------
+    ValueError
+        If there is no corpus of that name.
+    """
+    if corpus == SYNTHETIC:
+        clips = min(profile.n_clips // 2, MOST_CLIPS)
+        root = _home() / f"dances_{clips}x{SECONDS:g}s_seed{profile.seed}"
+        write_corpus(root, clips=clips, seconds=SECONDS, seed=profile.seed)
+        return root
+    if corpus not in corpus_folders(profile):
+        raise ValueError(f"there is no corpus {corpus!r}; there are {', '.join(generator_corpora(profile))}")
+    return corpus_folders(profile)[corpus]
+
+
+def trained(profile: RunProfile, corpus: str, variant: Variant, seed: int, *, without: tuple[str, ...] = ()) -> Trained:
+    """The generator of a variant and seed, trained now unless it was before; recordings of `without` take no part.
+
+    Variants that hear the same music features share their pretraining, which the harmony loss has no part in.
+    """
+    split = training_split(profile, corpus, variant.features, without)
+    epochs = profile.epochs or (variant.params.pretrain_epochs, variant.params.adversarial_epochs)
+    params = replace(
+        variant.params,
+        seed=seed,
+        pose_epochs=profile.pose_epochs or variant.params.pose_epochs,
+        pretrain_epochs=epochs[0],
+        adversarial_epochs=epochs[1],
+    )
+    base = _run(split, profile, _pretraining(params), None)
+    folder = _run(split, profile, params, base)
+    return Trained(
+        folder,
+        load_generator(folder / MODEL),
+        load_pose_net(folder / POSE_NET),
+        split,
+        pd.concat([pd.read_csv(base / HISTORY), pd.read_csv(folder / HISTORY)], ignore_index=True),
+        training_minutes(base) + training_minutes(folder),
+    )
+
+
+def _pretraining(params: TrainParams) -> TrainParams:
+    """The part of a training that all variants share: settings of the adversarial epochs at their defaults."""
+    shared = [field.name for field in fields(params) if field.name.startswith("pretrain_")]
+    shared += ["seed", "batch_size", "shards", "epsilon", "pose_epochs", "patience"]
+    settings = {name: getattr(params, name) for name in shared}
+    return replace(TrainParams.paper(), adversarial_epochs=0, **settings)
+
+
+def _run(split: Split, profile: RunProfile, params: TrainParams, pretrained: Path | None) -> Path:
+    """Folder of a finished training of these settings."""
+    model = _model(profile)
+    about = {"model": model, "params": params, "features": split.train.features, "split": split.to_dict()}
+    return kept_run(
+        "pretrained" if pretrained is None else "run", about,
+        lambda options: train_harmogan(split, options, model=model, params=params, pretrained=pretrained),
+    )  # fmt: skip
+
+
+def kept_run(kind: str, about: Any, train: Callable[[TrainOptions], object]) -> Path:
+    """Folder of a finished training in the cache, named by `kind` and all it depends on; trained now unless it was.
+
+    Waits for another process that is at it. `train` is called with the options of a training in this folder, timed,
+    on the CPU, that goes on where it was cut off.
+    """
+    name = hashlib.sha256(json.dumps(plain(about), sort_keys=True).encode()).hexdigest()[:16]
+    folder = _home() / "runs" / f"{kind}-{name}"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(folder.with_suffix(".lock")):
+        if not (folder / f"{MODEL}.json").is_file():
+            train(TrainOptions(folder, resume=True, accelerator="cpu", report=TrainingClock(folder)))
+    return folder
+
+
+def _model(profile: RunProfile) -> ModelParams:
+    """The small preset, or one with as many units as the profile says in proportion."""
+    small = ModelParams.small()
+    hidden = profile.hidden or small.hidden
+    sizes = round(hidden / small.hidden * small.pose_features), round(hidden / small.hidden * small.discriminator)
+    return ModelParams(hidden, small.layers, sizes[0], max(sizes[1], 4))
+
+
+def _home() -> Path:
+    return cache_folder() or Path(".harmolab")
+
+
+def histories(profile: RunProfile, corpus: str) -> pd.DataFrame:
+    """Losses and validation of every variant, epoch by epoch (first seed): columns of history.csv and "variant"."""
+    tables = (trained(profile, corpus, variant, 1).history.assign(variant=name) for name, variant in VARIANTS.items())
+    return pd.concat(tables, ignore_index=True)
+
+
+def weight_sweep(profile: RunProfile, corpus: str) -> Iterator[tuple[float, Trained]]:
+    """(harmony weight, training) of the recommended losses from none to twice as much (first seed)."""
+    for weight in SWEEP:
+        variant = replace(_OURS, params=replace(_OURS.params, harmony_weight=weight))
+        yield weight, trained(profile, corpus, variant, 1)

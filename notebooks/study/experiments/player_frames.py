@@ -1,0 +1,245 @@
+"""Test pieces frame by frame: tracked points beside those predicted from the sound, and frames picked by rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harmolab.body.skeletons import Skeleton
+from harmolab.musician.events import playing_score
+from harmolab.musician.networks import SoundToPoints
+from harmolab.musician.perform import predicted_points
+from harmolab.musician.performances import Performance
+from harmolab.musician.sequences import PlayedSequence, read_sequence, sides
+from harmolab.musician.synthetic import PlantedPerformance
+from harmolab.musician.train import frame_errors
+from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints
+from harmolab.score import HarmonyScore
+from harmolab.types import FloatArray, IntArray, Motion
+from study.experiments.player_cleaning import tracked_players
+from study.experiments.player_tables import OURS, row_settings
+from study.experiments.players import PlayerData, planted_data, read_set, trained_player
+from study.profile import RunProfile
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.9, 0.95)
+N_WORST, APART = 4, 1.0  # the worst frames, and seconds between two of one piece: else all would be one moment
+PREDICTED, TRUE = "predicted from the sound", "planted truth"
+RIGHT, OTHER = "right music", "another music"
+SEED = 1  # of the training that is looked at
+OVERLAID, BODY_ONLY = "violinist", "pianist_side_view"  # tracked videos; the second has no hands, and is of one side
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPiece:
+    """One piece that no training saw or heard.
+
+    Parameters
+    ----------
+    performance : Performance, as it was recorded or planted
+    tracked : Motion, (T, P, 2), its points cleaned and placed; valid where they are accepted
+    predicted : Motion, the same points from the sound alone
+    errors : (T,) array, pixels of the reference configuration (millimetres of real hands), of each frame
+    planted : PlantedPerformance, the truth about a planted one
+    """
+
+    performance: Performance
+    tracked: Motion
+    predicted: Motion
+    errors: FloatArray
+    planted: PlantedPerformance | None = None
+
+    @property
+    def times(self) -> FloatArray:
+        """(T,) seconds of the frames."""
+        return np.arange(self.tracked.n_frames) / self.tracked.fps
+
+    @property
+    def unit(self) -> str:
+        """Unit of the points: millimetres of hands on one keyboard, else pixels."""
+        return "mm" if self.tracked.skeleton == HANDS_12 else "px"
+
+    @property
+    def pair(self) -> dict[str, Motion]:
+        """The predicted points, and those that were planted, without noise and faults.
+
+        ValueError for recorded pieces, whose truth is not known.
+        """
+        if self.planted is None:
+            raise ValueError(f"{self.performance.name}: is recorded, and only its tracked points are known")
+        motion = self.performance.motion
+        truth = Motion(self.planted.clean, motion.fps, motion.skeleton)
+        return {PREDICTED: self.predicted, TRUE: truth}
+
+
+@dataclass(frozen=True, eq=False)
+class PickedFrame:
+    """One frame of a piece, and the rule in words by which it was picked."""
+
+    piece: PredictedPiece
+    frame: int
+    rule: str
+
+    @property
+    def error(self) -> float:
+        """Its error, pixels or millimetres."""
+        return float(self.piece.errors[self.frame])
+
+    @property
+    def words(self) -> str:
+        """The rule and the error, in one line."""
+        return f"{self.rule}: {self.error:.1f} {self.piece.unit}"
+
+    @property
+    def seconds(self) -> float:
+        """Its place in the piece."""
+        return self.frame / self.piece.tracked.fps
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The skeleton of its points."""
+        return self.piece.tracked.skeleton
+
+    @property
+    def tracked(self) -> FloatArray:
+        """(P, 2) tracked points."""
+        return self.piece.tracked.positions[self.frame]
+
+    @property
+    def predicted(self) -> FloatArray:
+        """(P, 2) predicted points."""
+        return self.piece.predicted.positions[self.frame]
+
+    @property
+    def hand_shares(self) -> dict[str, float]:
+        """Share of the squared error that each hand has, with its wrist: left, right."""
+        squares = np.square(self.predicted - self.tracked).sum(axis=1)
+        joints = self.skeleton.joints
+        parts = {side: [joint in (*hand_joints(side), f"{side}_wrist") for joint in joints] for side in SIDES}
+        return {side: float(squares[part].sum() / max(squares.sum(), 1e-12)) for side, part in parts.items()}
+
+
+def predicted_pieces(profile: RunProfile, data: PlayerData) -> tuple[PredictedPiece, ...]:
+    """The test pieces with what the recommended network predicts for them; it is trained unless it was before."""
+    network = recommended_network(profile, data)
+    performances = {each.name: each for each in data.performances}
+    return tuple(
+        _predicted(network, performances[sequence.name], sequence, data.planted.get(sequence.name))
+        for sequence in sides(read_set(data, network.params).sequences, data.split.test)
+    )
+
+
+def player_notice(profile: RunProfile, data: PlayerData) -> str:
+    """A sentence on where players come from, for the page that shows them."""
+    players = "Planted, synthetic players and sound" if data.planted else f"{data.label.capitalize()}"
+    return f"{players}{'' if profile.epochs is None else '; quick profile, the network is not trained'}."
+
+
+def recommended_network(profile: RunProfile, data: PlayerData) -> SoundToPoints:
+    """The network of `Audio2BodyParams.recommended`, of the first seed."""
+    return trained_player(profile, data, row_settings(data, OURS), SEED).system.network
+
+
+def _predicted(
+    network: SoundToPoints,
+    performance: Performance,
+    sequence: PlayedSequence,
+    planted: PlantedPerformance | None = None,
+) -> PredictedPiece:
+    predicted = predicted_points(network, sequence.sound)
+    shape, fps = (len(predicted), -1, 2), network.params.fps
+    return PredictedPiece(
+        performance,
+        Motion(sequence.points.reshape(shape), fps, network.skeleton, sequence.accepted),
+        Motion(predicted.reshape(shape), fps, network.skeleton),
+        frame_errors(predicted, sequence.points),
+        planted,
+    )
+
+
+def quantile_frames(
+    pieces: Sequence[PredictedPiece], quantiles: Sequence[float] = QUANTILES
+) -> tuple[PickedFrame, ...]:
+    """For each quantile the accepted frame whose error has that rank among all of them (Figs. 7, 8).
+
+    Of n frames in the order of their errors it is number q (n - 1), rounded; of equal errors the earlier frame is
+    first.
+    """
+    numbers, frames, errors = _accepted(pieces)
+    order = np.argsort(errors, kind="stable")
+    places = order[[round(quantile * (errors.size - 1)) for quantile in quantiles]]
+    return tuple(
+        PickedFrame(pieces[numbers[place]], int(frames[place]), f"{100 * quantile:g} % of the frames are better")
+        for place, quantile in zip(places, quantiles, strict=True)
+    )
+
+
+def worst_frames(
+    pieces: Sequence[PredictedPiece], count: int = N_WORST, *, apart: float = APART
+) -> tuple[PickedFrame, ...]:
+    """The accepted frames with the largest errors (Fig. 11); two of one piece lie `apart` seconds or more apart."""
+    numbers, frames, errors = _accepted(pieces)
+    picked: list[PickedFrame] = []
+    for place in np.argsort(-errors, kind="stable"):
+        if len(picked) == count:
+            break
+        piece, frame = pieces[numbers[place]], int(frames[place])
+        steps = [abs(frame - other.frame) for other in picked if other.piece is piece]
+        if min(steps, default=np.inf) >= apart * piece.tracked.fps:
+            picked.append(PickedFrame(piece, frame, f"number {len(picked) + 1} from the worst"))
+    return tuple(picked)
+
+
+def even_frames(piece: PredictedPiece, count: int) -> tuple[PickedFrame, ...]:
+    """So many accepted frames of a piece, at even steps from the first to the last."""
+    frames = np.flatnonzero(piece.tracked.valid)
+    places = np.rint(np.linspace(0, frames.size - 1, count)).astype(int)
+    return tuple(PickedFrame(piece, int(frame), "even steps") for frame in frames[places])
+
+
+def _accepted(pieces: Sequence[PredictedPiece]) -> tuple[IntArray, IntArray, FloatArray]:
+    """(number of the piece, frame, error) of all accepted frames, piece after piece."""
+    frames = [np.flatnonzero(piece.tracked.valid) for piece in pieces]
+    numbers = np.repeat(np.arange(len(pieces)), [own.size for own in frames])
+    errors = [piece.errors[own] for piece, own in zip(pieces, frames, strict=True)]
+    return numbers, np.concatenate(frames), np.concatenate(errors)
+
+
+def tracked_violinist(profile: RunProfile) -> PredictedPiece | None:
+    """A tracked violinist, and what the network of the planted ones predicts from the recorded sound.
+
+    To be looked at: the planted violinist is no measure of a real one. None without recordings.
+    """
+    performance = _tracked(OVERLAID)
+    if performance is None:
+        return None
+    network = recommended_network(profile, planted_data(profile, "violin"))
+    sequence = read_sequence(performance, network.params, network.reference, is_test=True)
+    return _predicted(network, performance, sequence)
+
+
+def tracked_pianist() -> Performance | None:
+    """The body of a tracked pianist, seen from the side, to be looked at. None without recordings."""
+    return _tracked(BODY_ONLY)
+
+
+def _tracked(name: str) -> Performance | None:
+    return next((each for each in tracked_players() if each.name == name), None)
+
+
+def music_scores(
+    piece: PredictedPiece, other: PredictedPiece, *, seconds: float, n_rotations: int = 1000
+) -> dict[str, HarmonyScore]:
+    """Scores of the first seconds of what is predicted from a piece, and from another, with the notes of the first.
+
+    ValueError where its notes are not known.
+    """
+    notes, instrument = piece.performance.notes, piece.performance.instrument
+    if notes is None:
+        raise ValueError(f"{piece.performance.name}: its notes are not known, and no hits can be counted")
+    parts = {RIGHT: piece.predicted, OTHER: other.predicted}
+    return {
+        name: playing_score(motion.span(0.0, seconds), notes, instrument, n_rotations=n_rotations).score
+        for name, motion in parts.items()
+    }

@@ -1,0 +1,259 @@
+"""Recordings or synthetic clips of the notebooks, and the tables of the beat notebooks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from harmolab.beats.meter import strong_beats
+from harmolab.data.recordings import (
+    Problem,
+    Recording,
+    find_recordings,
+    iter_recordings,
+    load_recording,
+    recording_beats,
+)
+from harmolab.data.synthetic import write_corpus
+from harmolab.files import cache_folder
+from harmolab.lab.compare.windows import cut_clips, learn_patterns
+from harmolab.params import BarPattern
+from harmolab.score import hit_mask
+from harmolab.significance import rotations
+from harmolab.types import BeatTrack, Clip
+from study.experiments.examples import EXAMPLE_SECONDS, example_recording, excerpt, middle_span
+from study.profile import RunProfile
+
+SAME_BEAT = 0.07  # seconds: the window within which a tracked beat counts as an annotated one
+
+
+def data_root() -> Path | None:
+    """The folder of recordings that ``HARMOLAB_DATA`` names; None when it is not set.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the variable names no folder.
+    """
+    setting = os.environ.get("HARMOLAB_DATA")
+    if not setting:
+        return None
+    root = Path(setting).expanduser()
+    if not root.is_dir():
+        raise FileNotFoundError(f"HARMOLAB_DATA names {root}, which is no folder; unset it to use synthetic data")
+    return root
+
+
+def synthetic_corpus(
+    profile: RunProfile, *, seconds: float = 6.0, fps: float = 60.0, noise: float = 0.0, jitter: float = 0.0
+) -> Path:
+    """Folder of the synthetic corpus of these settings, written on first use and kept in the cache folder."""
+    base = cache_folder() or Path(".harmolab")
+    name = f"synthetic_{profile.n_clips}x{seconds:g}s_{fps:g}fps_noise{noise:g}_jitter{jitter:g}_seed{profile.seed}"
+    settings: dict[str, Any] = {"seconds": seconds, "fps": fps, "noise": noise, "jitter": jitter}
+    return write_corpus(base / name, clips=profile.n_clips, seed=profile.seed, **settings)
+
+
+def corpus_folders(profile: RunProfile) -> dict[str, Path]:
+    """The corpora to study: name -> folder. Recordings when ``HARMOLAB_DATA`` names some, else the synthetic corpus.
+
+    Each folder that holds recordings is a corpus of its own, named by its way below the folder of corpora
+    ("realdance/replays"); a corpus counts as itself.
+    """
+    root = data_root()
+    if root is None:
+        return {"synthetic": synthetic_corpus(profile)}
+    parents = sorted({folder.parent for folder in find_recordings(root).folders})
+    if not parents or not all(parent != root and parent.is_relative_to(root) for parent in parents):
+        return {root.name: root}
+    return {parent.relative_to(root).as_posix(): parent for parent in parents}
+
+
+def study_recordings(profile: RunProfile, corpus: str | None = None) -> Iterator[Recording]:
+    """Readable recordings of one corpus (default: the first), one in memory at a time, as many as the profile takes.
+
+    A smaller number is spread over the corpus, so that every dance is there.
+
+    Raises
+    ------
+    ValueError
+        If there is no corpus of that name.
+    """
+    folders = corpus_folders(profile)
+    name = corpus or next(iter(folders))
+    if name not in folders:
+        raise ValueError(f"there is no corpus {name!r}; there are {', '.join(folders)}")
+    paths = find_recordings(folders[name]).folders
+    most = None if name == "synthetic" else profile.n_sequences
+    count = len(paths) if most is None else min(most, len(paths))
+    for index in range(count):
+        yield load_recording(paths[index * len(paths) // count])
+
+
+def readable_recordings(root: Path) -> Iterator[Recording]:
+    """The recordings of a corpus that can be read."""
+    return (item for item in iter_recordings(root) if not isinstance(item, Problem))
+
+
+def clip_of_study(
+    profile: RunProfile, *, dance: str = "waltz", seconds: float = EXAMPLE_SECONDS, beats: str = "tracked"
+) -> Clip:
+    """One clip to look at closely: the middle of the first recording of that dance (of any dance when there is none).
+
+    Without recordings the middle of an `example_recording`: `waltz_example`, unless another dance is named.
+
+    Parameters
+    ----------
+    profile : RunProfile
+    dance : str
+    seconds : float
+    beats : "tracked" or "annotated"
+        Music beats tracked in the whole recording, or the annotated ones (tracked where there is no annotation).
+
+    Returns
+    -------
+    Clip from 0 s, `beats` its music beats on that time line.
+
+    Raises
+    ------
+    ValueError
+        If there are recordings, and none can be read.
+    """
+    return excerpt(_first_of_dance(profile, dance), seconds, beats)
+
+
+def _first_of_dance(profile: RunProfile, dance: str) -> Recording:
+    """The recording that `clip_of_study` cuts from."""
+    if data_root() is None:
+        return example_recording(dance)
+    first = None
+    for recording in study_recordings(profile):
+        first = first or recording
+        if recording.clip.dance == dance:
+            return recording
+    if first is None:
+        raise ValueError(f"{data_root()}: holds no sequence that can be read")
+    return first
+
+
+def pattern_of_study(
+    profile: RunProfile, *, dance: str = "waltz", seconds: float = EXAMPLE_SECONDS
+) -> BarPattern | None:
+    """The bar pattern to expect in `clip_of_study`: learnt on other recordings and other figures of its dance.
+
+    None where nothing can be learnt: in the example, who rests on every beat, and without annotated beats.
+    """
+    if data_root() is None:
+        return None
+    recording = _first_of_dance(profile, dance)
+    if recording.annotation is None:
+        return None
+    start, _ = middle_span(recording, seconds)
+    near = [
+        clip
+        for clip in cut_clips(recording, "annotated", None)
+        if clip.start < start + seconds and start < clip.start + clip.duration
+    ]
+    judged = replace(near[0], figures=frozenset().union(*(clip.figures for clip in near)))
+    others = (item for item in readable_recordings(recording.folder.parent) if item.folder != recording.folder)
+    annotated = (item for item in others if item.annotation is not None and item.clip.dance == recording.clip.dance)
+    clips = [clip for item in annotated for clip in cut_clips(item, "annotated", None)]
+    pattern = learn_patterns([judged], clips)[0]
+    return None if pattern == BarPattern.stop_on_the_beat() else replace(pattern, dance=recording.clip.dance)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Counts of a one-to-one matching of music beats and visual beats, and the hits that chance would give.
+
+    `chance_hits` is the mean number of hits after rotations of the visual beats in time.
+    """
+
+    music_beats: int
+    visual_beats: int
+    hits: int
+    chance_hits: float
+
+    @property
+    def omitted(self) -> int:
+        """Music beats without a visual beat of their own."""
+        return self.music_beats - self.hits
+
+    @property
+    def redundant(self) -> int:
+        """Visual beats that no music beat claims."""
+        return self.visual_beats - self.hits
+
+    def __str__(self) -> str:
+        more = self.hits > self.chance_hits
+        chance = (
+            f"chance alone meets {self.chance_hits:.1f}" if more else f"no more than chance ({self.chance_hits:.1f})"
+        )
+        left_over = f"{self.redundant} of {self.visual_beats} visual beats left over"
+        return f"{self.hits} of {self.music_beats} music beats met, {chance}; {left_over}"
+
+
+def agreement(music: BeatTrack, visual: BeatTrack, *, delay: float, n_rotations: int) -> Agreement:
+    """Hits of visual beats on music beats when each music beat takes its nearest one (Figs. 1, 3, 5).
+
+    Parameters
+    ----------
+    music, visual : BeatTrack on the same time line
+    delay : float, seconds, radius of the tolerance field
+    n_rotations : int, rotations in time behind the chance level
+    """
+    rotated = [np.mod(visual.times + shift, music.duration) for shift in rotations(music.duration, n_rotations)]
+    hits = [hit_mask(music.times, times, delay=delay, matching="nearest").sum() for times in [visual.times, *rotated]]
+    return Agreement(len(music), len(visual), int(hits[0]), float(np.mean(hits[1:])))
+
+
+def strong_by_place(profile: RunProfile) -> pd.DataFrame:
+    """Share of beats that Eq. 22 calls strong at each place of the annotated bar.
+
+    Beats "annotated" have the onset strength at the annotated moments; "tracked" are the tracker's, each at the place
+    of the annotated beat within 0.07 s. Recordings without annotated downbeats are left out.
+
+    Returns
+    -------
+    DataFrame, a row for each kind of beats, meter and place in the bar (1 is the downbeat): n, strong (share of the n
+    that is strong), chance (share of all beats of that kind and meter that is strong).
+    """
+    tables = [
+        _beats_in_bars(recording, beats)
+        for recording in study_recordings(profile)
+        if recording.annotation is not None and recording.annotation.downbeats is not None
+        for beats in ("annotated", "tracked")
+    ]
+    table = pd.concat([pd.DataFrame(columns=["beats", "meter", "place", "strong"]), *tables])
+    table = table.astype({"meter": int, "place": int, "strong": float})
+    groups = table.groupby(["beats", "meter"])["strong"]
+    table["chance"] = groups.transform("mean")
+    shares = table.groupby(["beats", "meter", "place"]).agg(
+        n=("strong", "size"), strong=("strong", "mean"), chance=("chance", "mean")
+    )
+    return shares.reset_index()
+
+
+def _beats_in_bars(recording: Recording, beats: str) -> pd.DataFrame:
+    """Meter, place in the bar and strength class of every music beat of one recording whose place is known."""
+    annotation, track = recording.annotation, recording_beats(recording, beats)
+    places = None if annotation is None else annotation.bar_places()
+    if annotation is None or places is None or len(track) < 2:
+        return pd.DataFrame()
+    distances = np.abs(track.times[:, None] - annotation.times[None, :])
+    is_placed = distances.min(axis=1) <= SAME_BEAT
+    is_placed[0] = False  # Eq. 22 compares with the beat before
+    return pd.DataFrame(
+        {
+            "beats": beats,
+            "meter": annotation.meter,
+            "place": places[distances.argmin(axis=1)[is_placed]] + 1,
+            "strong": strong_beats(track.strengths)[is_placed],
+        }
+    )

@@ -1,0 +1,307 @@
+"""Pictures of musicians' points: sound to avatar, tracked and rejected frames, components, delay (Figs. 1 to 4).
+
+Numbered as in "Audio to Body Dynamics" (Shlizerman et al. 2018). Left hand and arm are blue, right ones red.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from harmolab.body.skeletons import Skeleton, joint_side
+from harmolab.lab.figures.style import COLOURS, styled_axes
+from harmolab.musician.cleaning import RULES, Cleaned
+from harmolab.musician.performances import Performance
+from harmolab.readers.player_points import limb_widths
+from harmolab.types import Audio, BoolArray, FloatArray, Motion, Notes
+from study.figures.music2dance import boxes_figure
+from study.figures.player_overlays import frame_picture
+
+SIDES: Mapping[str, str] = MappingProxyType({"left": COLOURS["audio"], "right": COLOURS["miss"], "": COLOURS["ink"]})
+NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+NETWORK: Mapping[str, tuple[float, float, str]] = MappingProxyType(
+    {
+        "sound": (0, 0, "audio"),
+        "steps": (1, 0, "audio"),
+        "LSTM": (2, 0, "both"),
+        "dropout": (3, 0, "both"),
+        "linear": (3, 1, "both"),
+        "components": (2, 1, "motion"),
+        "frames": (1, 1, "motion"),
+        "points": (0, 1, "motion"),
+    }
+)
+NETWORK_ARROWS = (
+    ("sound", "steps"), ("steps", "LSTM"), ("LSTM", "dropout"), ("dropout", "linear"), ("linear", "components"),
+    ("components", "frames"), ("frames", "points"),
+)  # fmt: skip
+
+
+def player_network_figure(boxes: Mapping[str, str]) -> Figure:
+    """Fig. 4: from sound to points; `boxes` as of `harmolab.lab.player_boxes`."""
+    return boxes_figure(boxes, NETWORK, NETWORK_ARROWS)
+
+
+def draw_player(
+    ax: Axes, points: FloatArray, skeleton: Skeleton, *, detected: BoolArray | None = None, colour: str = ""
+) -> Axes:
+    """The points (P, 2) of a musician in a picture, y down, and lines along the skeleton.
+
+    Parameters
+    ----------
+    detected : (P,) mask; a point that was not detected is not drawn
+    colour : one for all; that of each side when left out
+    """
+    drawn = np.ones(len(points), bool) if detected is None else detected
+    bones = [(one, other) for one, other in skeleton.bones if drawn[one] and drawn[other]]
+    widths = [1.0 + 2.0 * width for width in limb_widths(skeleton, bones)]
+    looks = [colour or SIDES[_bone_side(skeleton, *bone)] for bone in bones]
+    lines = [points[list(bone)] for bone in bones]
+    ax.add_collection(LineCollection(lines, colors=looks, linewidths=widths, capstyle="round", gid="limbs"))
+    dots = [colour or SIDES[joint_side(name)] for name in skeleton.joints]
+    x, y = points[drawn].T
+    ax.scatter(x, y, s=5, c=[dots[number] for number in np.flatnonzero(drawn)], zorder=3)
+    ax.set_aspect("equal")
+    return ax
+
+
+def _bone_side(skeleton: Skeleton, one: int, other: int) -> str:
+    sides = {joint_side(skeleton.joints[number]) for number in (one, other)}
+    return sides.pop() if len(sides) == 1 else ""
+
+
+def _framed(ax: Axes, points: FloatArray, *, margin: float = 0.06) -> Axes:
+    """Axes around points (..., 2), y down, without ticks."""
+    flat = points.reshape(-1, 2)
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    room = margin * float((high - low).max())
+    frame_picture(ax, np.stack([low - room, high + room])).set_anchor("N")
+    return ax
+
+
+def frames_figure(results: Mapping[str, Cleaned], *, columns: int = 4) -> Figure:
+    """Fig. 2: accepted frames at even intervals, their points, and the notes that sound: a row for each musician.
+
+    Parameters
+    ----------
+    results : label -> Cleaned
+    columns : int, moments of each; the next accepted frame is drawn
+    """
+    with styled_axes((10.0, 2.4 * len(results)), len(results), columns) as (figure, axes):
+        for row, (label, result) in enumerate(results.items()):
+            motion, kept = result.performance.motion, np.flatnonzero(result.accepted)
+            moments = (np.arange(columns) + 0.5) * motion.n_frames / columns
+            frames = kept[np.minimum(np.searchsorted(kept, moments), len(kept) - 1)].tolist()
+            for ax, frame in zip(axes[row * columns : (row + 1) * columns], frames, strict=True):
+                draw_player(ax, motion.positions[frame], motion.skeleton)
+                _framed(ax, motion.positions[frames])
+                ax.set_xlabel(_moment(result.performance, frame / motion.fps), fontsize=9)
+            axes[row * columns].set_title(label, fontsize=10)
+    return figure
+
+
+def _moment(performance: Performance, seconds: float) -> str:
+    """The time, and what sounds then."""
+    text = f"{seconds:.1f} s"
+    if performance.notes is None:
+        return f"{text}, notes not known"
+    notes, now = performance.notes, seconds + performance.offset
+    pitches = notes.pitches[(notes.onsets <= now) & (notes.offsets > now)]
+    return f"{text}: {' '.join(map(note_name, sorted(set(pitches.tolist()))[:5])) or 'no note'}"
+
+
+def note_name(pitch: int) -> str:
+    """Name of a MIDI number.
+
+    >>> note_name(60), note_name(70)
+    ('C4', 'A#4')
+    """
+    return f"{NAMES[pitch % 12]}{pitch // 12 - 1}"
+
+
+def faults_figure(examples: Sequence[Any], *, columns: int = 4) -> Figure:
+    """Fig. 3: rejected frames, the last accepted one faint behind each, and the rule that caught it.
+
+    Parameters
+    ----------
+    examples : records with the fields of `study.experiments.player_cleaning.RejectedFrame`
+    columns : int, frames in a row
+    """
+    rows = -(-len(examples) // columns)
+    with styled_axes((10.0, 2.75 * rows), rows, columns) as (figure, axes):
+        for ax, example in zip(axes, examples, strict=False):
+            draw_player(ax, example.before, example.skeleton, colour=COLOURS["faint"])
+            draw_player(ax, example.points, example.skeleton, detected=example.detected)
+            _framed(ax, np.concatenate([example.before, example.points]))
+            caught = f"rejected by: {example.rule}" if example.rule else "not rejected"
+            ax.set_title(f"{example.fault or example.recording}\n{caught}", fontsize=10)
+            ax.set_xlabel(f"{example.recording}, {example.seconds:.1f} s" if example.fault else
+                          f"{example.seconds:.1f} s", fontsize=8)  # fmt: skip
+        for ax in axes[len(examples) :]:
+            ax.set_axis_off()
+    return figure
+
+
+def cleaning_figure(summary: pd.DataFrame, planted: pd.DataFrame) -> Figure:
+    """Share of frames rejected: by rule in each recording, and of each planted fault.
+
+    Parameters
+    ----------
+    summary : means of each recording, with the columns recording and `RULES`
+    planted : columns instrument, fault, rejected (share), of one or more instruments
+    """
+    with styled_axes((10.4, 0.35 * len(summary) + 2.6), 1, 2) as (figure, (ax, other)):
+        left = np.zeros(len(summary))
+        for rule in (rule for rule in RULES if summary[rule].max() > 0):
+            ax.barh(summary["recording"], 100 * summary[rule], left=left, height=0.7, label=rule)
+            left = left + 100 * summary[rule].to_numpy()
+        for row, share in enumerate(left):
+            ax.text(share, row, f" {share:.1f}", va="center", fontsize=8)
+        ax.invert_yaxis()
+        ax.legend(title="rejected by", loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, fontsize=8)
+        ax.set(xlabel="% of the frames", title="rejected in each recording", xlim=(0, 1.15 * left.max()))
+        grid = planted.pivot_table(index="fault", columns="instrument", values="rejected", sort=False)
+        height = 0.8 / grid.shape[1]
+        for number, (name, values) in enumerate(grid.items()):
+            places = np.arange(len(grid)) + (number - (grid.shape[1] - 1) / 2) * height
+            bars = other.barh(places, 100 * values, height=0.9 * height, label=f"planted {name}")
+            other.bar_label(bars, fmt="%.1f", padding=2, fontsize=8)
+        other.set_yticks(range(len(grid)), grid.index)
+        other.invert_yaxis()
+        other.set(xlabel="% of the frames with this fault", title="rejected of what was planted", xlim=(0, 115))
+        other.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, fontsize=8)
+    return figure
+
+
+def features_figure(clip: Any) -> Figure:
+    """The 28 numbers of each frame below the wave, note onsets as lines; `clip` a record as `PlayedClip`."""
+    sizes = {"height_ratios": (1, 3)}
+    with styled_axes((9.6, 5.4), 2, 1, sharex=True, gridspec_kw=sizes) as (figure, (top, ax)):
+        draw_wave(top, clip.audio, clip.notes)
+        picture = draw_features(ax, clip)
+        half = len(clip.feature_names) // 2
+        places = [0, half // 2, half - 1, half + half // 2, len(clip.feature_names) - 1]
+        ax.set_yticks(places, [clip.feature_names[place] for place in places])
+        ax.axhline(half - 0.5, color="white", linewidth=1.5)
+        ax.set_xlabel("time (s)")
+        figure.colorbar(picture, ax=ax, label="standard deviations", shrink=0.8)
+    return figure
+
+
+def draw_wave(ax: Axes, audio: Audio, notes: Notes) -> Axes:
+    """The wave of a sound, and its note onsets as lines."""
+    step = max(1, audio.samples.size // 6000)
+    ax.plot(np.arange(0, audio.samples.size, step) / audio.sample_rate, audio.samples[::step],
+            color=COLOURS["audio"], linewidth=0.5)  # fmt: skip
+    for onset in notes.onsets:
+        ax.axvline(onset, color=COLOURS["chance"], linewidth=0.7, linestyle=":", zorder=0)
+    ax.set(yticks=[], title="sound, and the onsets of its notes (dotted)")
+    return ax
+
+
+def draw_features(ax: Axes, clip: Any) -> Any:
+    """The features of a clip as an image over time; returns it."""
+    count, seconds = clip.features.shape[1], clip.features.shape[0] / clip.points.fps
+    picture = ax.imshow(
+        clip.features.T, aspect="auto", origin="upper", cmap="RdBu_r", vmin=-2.5, vmax=2.5,
+        extent=(0.0, seconds, count - 0.5, -0.5), interpolation="nearest",
+    )  # fmt: skip
+    ax.set_title(f"{count} numbers a frame: 13 MFCC and log energy, below them their slopes")
+    return picture
+
+
+def overview_figure(clip: Any, *, at: float = 3.0) -> Figure:
+    """Fig. 1: sound, features, points and avatar of one clip; `clip` a record as `PlayedClip`, `at` seconds of it."""
+    with styled_axes((11.0, 3.1), 1, 4, gridspec_kw={"width_ratios": (1.1, 1.1, 1, 1)}) as (figure, axes):
+        draw_wave(axes[0], clip.audio, clip.notes)
+        draw_features(axes[1], clip)
+        axes[1].set_yticks([])
+        frame = round(at * clip.points.fps)
+        draw_player(axes[2], clip.points.positions[frame], clip.points.skeleton)
+        _framed(axes[2], clip.points.positions[frame])
+        draw_avatar(axes[3], clip.avatar, frame)
+        words = ("1 the sound", "2 28 numbers a frame", "3 50 points (planted)", "4 an avatar")
+        for ax, text in zip(axes, words, strict=True):
+            ax.set_title(text)
+        for ax in axes[:2]:
+            ax.axvline(at, color=COLOURS["ink"], linewidth=1.2)
+            ax.set_xlabel("time (s)")
+        for ax in axes[2:]:
+            ax.set_xlabel(f"at {at:g} s")
+    return figure
+
+
+def draw_avatar(ax: Axes, avatar: Motion, frame: int, *, turn: float = 25.0, tilt: float = 12.0) -> Axes:
+    """One frame of an avatar (T, J, 3) seen from a little to the side and above: degrees that the camera is turned."""
+    side, up = np.radians(turn), np.radians(tilt)
+    x, y, z = avatar.positions[frame].T
+    across, depth = x * np.cos(side) - z * np.sin(side), x * np.sin(side) + z * np.cos(side)
+    places = np.column_stack([across, -(y * np.cos(up) - depth * np.sin(up))])
+    return _framed(draw_player(ax, places, avatar.skeleton), places)
+
+
+def modes_figure(modes: Mapping[str, Any]) -> Figure:
+    """Principal components as displacements of the points, and how much of the variance so many of them hold.
+
+    Parameters
+    ----------
+    modes : label -> record with the fields of `study.experiments.player_pictures.PointModes`
+    """
+    count = len(next(iter(modes.values())).moves)
+    with styled_axes((11.0, 2.9 * len(modes)), len(modes), count + 1) as (figure, axes):
+        for row, (label, own) in enumerate(modes.items()):
+            panels = axes[row * (count + 1) : (row + 1) * (count + 1)]
+            for number, (ax, move) in enumerate(zip(panels[:count], own.moves, strict=True)):
+                draw_player(ax, own.mean, own.skeleton, colour=COLOURS["faint"])
+                ends = np.stack([own.mean - move, own.mean + move], axis=1)
+                colours = [SIDES[joint_side(name)] for name in own.skeleton.joints]
+                ax.add_collection(LineCollection(list(ends), colors=colours, linewidths=1.3, zorder=3))
+                _framed(ax, np.concatenate([ends.reshape(-1, 2), own.mean]))
+                ax.set_title(f"{label}, " * (number == 0) + f"component {number + 1}\n{100 * own.shares[number]:.1f} %")
+            _draw_shares(panels[count], own)
+    return figure
+
+
+def _draw_shares(ax: Axes, own: Any) -> Axes:
+    total = 100 * np.cumsum(own.shares)[:20]
+    ax.plot(np.arange(1, len(total) + 1), total, marker="o", markersize=4)
+    ax.axhline(90, color=COLOURS["chance"], linestyle="--")
+    ax.set(
+        xlabel="components",
+        ylim=(0, 103),
+        title=f"{own.counts[0.9]} hold 90 %\nof the variance",
+        xticks=[1, 5, 10, 15, 20],
+    )
+    ax.set_ylabel("% of the variance")
+    return ax
+
+
+def steps_figure(steps: Any) -> Figure:
+    """From frames to steps and delayed steps, in one picture; `steps` a record as `DelayedSteps`."""
+    with styled_axes((9.6, 3.8)) as (figure, (ax,)):
+        kept = steps.accepted
+        usable = np.where(steps.usable, steps.steps, np.nan)
+        ax.plot(steps.step_times, usable, "-o", color=COLOURS["ink"], markersize=2.5, linewidth=1.0,
+                label="steps, 4 a frame: straight lines")  # fmt: skip
+        for delay, line in zip(steps.delays, ("--", ":", "-."), strict=False):
+            ax.plot(steps.step_times + delay / 1000, usable, color=COLOURS["visual"], linestyle=line,
+                    label=f"learnt {delay:.0f} ms later")  # fmt: skip
+        ax.plot(steps.frame_times[kept], steps.frames[kept], "o", color=COLOURS["ink"], markersize=7, mfc="white",
+                label="accepted frames")  # fmt: skip
+        ax.plot(steps.frame_times[~kept], steps.frames[~kept], "x", color=COLOURS["miss"], markersize=8, mew=2,
+                label="rejected frames (filled in, not learnt)")  # fmt: skip
+        period = steps.frame_times[1] - steps.frame_times[0]
+        low, high = ax.get_ylim()
+        bottom = low - 0.12 * (high - low)
+        ax.hlines(np.full(len(kept), bottom), steps.frame_times + 0.06 * period, steps.frame_times + 0.94 * period,
+                  color=COLOURS["audio"], linewidth=5, label="sound that each frame hears")  # fmt: skip
+        ax.set(xlabel="time (s)", ylabel="first component (pixels)")
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure

@@ -1,0 +1,195 @@
+"""Figures of trained musicians: epochs, random input, the tables, components, error and hits (Figs. 5, 6, Tables 1, 2).
+
+Numbered as in "Audio to Body Dynamics" (Shlizerman et al. 2018). What is tracked is red, what is predicted green.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from harmolab.lab.figures.style import COLOURS, styled_axes
+from harmolab.types import FloatArray
+from study.figures.words import listed, sentence
+
+SECONDS_SHOWN = 12.0
+TRACKED, PREDICTED = COLOURS["miss"], COLOURS["hit"]
+PLANTED = "planted hands"  # the truth, beside predicted hands
+PARTS = {"body": COLOURS["chance"], "left hand": COLOURS["audio"], "right hand": COLOURS["miss"]}
+
+
+def mode_epochs_figure(mode: Any, *, players: str, unit: str = "pixels", seconds: float = SECONDS_SHOWN) -> Figure:
+    """Fig. 5: the first component of a test piece, tracked and predicted, a row for each number of epochs.
+
+    Parameters
+    ----------
+    mode : record with the fields of `study.experiments.player_modes.ModeOverEpochs`
+    players : str, begins the title
+    unit : str, of the points
+    seconds : float, of the piece; correlations are over all of it
+    """
+    count = len(mode.predicted)
+    window = mode.times < seconds
+    with styled_axes((9.2, 1.45 * count + 0.9), count, 1, sharex=True, sharey=True) as (figure, axes):
+        for ax, (epochs, curve) in zip(axes, mode.predicted.items(), strict=True):
+            ax.plot(mode.times[window], mode.tracked[window], color=TRACKED, linewidth=3, alpha=0.35, label="tracked")
+            ax.plot(mode.times[window], curve[window], color=PREDICTED, label="predicted")
+            ax.set_title(f"{_epoch_words(epochs)}: correlation {mode.correlations[epochs]:.2f}")
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+        axes[-1].set_xlabel("time (s)")
+        figure.supylabel(f"first component ({unit})", fontsize=10)
+        best = max(mode.correlations, key=lambda epochs: mode.correlations[epochs])
+        finding = f"{sentence(players)}: correlation highest after {_epoch_words(best)}, {mode.correlations[best]:.2f}"
+        figure.suptitle(finding, x=0.01, ha="left", fontsize=11.5)
+    return figure
+
+
+def _epoch_words(epochs: int) -> str:
+    """The number of epochs in words."""
+    return f"{epochs} epoch" if epochs == 1 else f"{epochs} epochs"
+
+
+def random_inputs_figure(inputs: Any, *, players: str, unit: str = "pixels", seconds: float = SECONDS_SHOWN) -> Figure:
+    """Fig. 6: the first component to music, to white noise and to random features; SDs as shares of that to music.
+
+    Parameters
+    ----------
+    inputs : record with the fields of `study.experiments.player_modes.RandomInputs`
+    players, unit, seconds : as for `mode_epochs_figure`
+    """
+    numbers, window = inputs.table.set_index("input"), inputs.times < seconds
+    with styled_axes((9.2, 5.4), len(inputs.curves), 1, sharex=True, sharey=True) as (figure, axes):
+        for ax, (name, curve) in zip(axes, inputs.curves.items(), strict=True):
+            ax.plot(inputs.times[window], curve[window], color=PREDICTED)
+            row = numbers.loc[name]
+            share = "" if name == "music" else f", {100 * row['SD 1 / music']:.0f} % of that to music"
+            ax.set_title(f"{name}: SD {row['SD 1']:.1f} {unit}{share}")
+        axes[-1].set_xlabel("time (s)")
+        figure.supylabel(f"first component ({unit})", fontsize=10)
+        ratios = zip(inputs.table["input"], inputs.table["SD 1 / music"], strict=True)
+        shares = [f"{ratio:.0%} to {name}" for name, ratio in ratios if name != "music"]
+        finding = f"{sentence(players)}, share of the movement to music: {listed(shares)}"
+        figure.suptitle(finding, x=0.01, ha="left", fontsize=11.5)
+    return figure
+
+
+def player_table_figure(table: pd.DataFrame, *, players: str, unit: str = "pixels") -> Figure:
+    """A table as a picture: our errors; test errors less those of the final settings, ours and the paper's.
+
+    Parameters
+    ----------
+    table : DataFrame of `harmolab.lab.complete_table`; rows without seeds are limits, drawn as lines. The paper's panel
+        is left out without a column "paper test"
+    players : str, begins the title
+    unit : str, of the errors
+    """
+    runs, limits = table[table["seeds"].notna()], table[table["seeds"].isna()]
+    columns = 3 if "paper test" in runs else 2
+    with styled_axes((9.2, 0.3 * len(runs) + 2.2), 1, columns, sharey=True) as (figure, axes):
+        _draw_sides(axes[0], runs, limits, unit)
+        final = runs["row"] == "final"
+        ours = runs["test full"] - runs.loc[final, "test full"].item()
+        _draw_differences(axes[1], runs["row"], ours, runs["test full SD"].to_numpy(), COLOURS["ink"])
+        axes[1].set(title="ours: test above final", xlabel=f"{unit}; bars: SD over seeds")
+        if columns == 3:
+            theirs = runs["paper test"] - runs.loc[final, "paper test"].item()
+            _draw_differences(axes[2], runs["row"], theirs, None, COLOURS["chance"])
+            axes[2].set(title="paper: test above final", xlabel="its pixels, its data")
+        axes[0].invert_yaxis()
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3, fontsize=9)
+        figure.suptitle(_table_title(table, players, unit), x=0.01, ha="left", fontsize=11.5)
+    return figure
+
+
+def _table_title(table: pd.DataFrame, players: str, unit: str) -> str:
+    """Test errors of the best row, of the final settings and of the mean pose."""
+    errors = table.set_index("row")["test full"]
+    best = str(errors[table["seeds"].notna().to_numpy()].idxmin())
+    others = [f"{name} {errors[name]:.1f}" for name in ("final", "mean pose") if name != best and name in errors]
+    return f"{sentence(players)}: least error with {best}, {errors[best]:.1f} {unit} ({', '.join(others)})"
+
+
+def _draw_sides(ax: Axes, runs: pd.DataFrame, limits: pd.DataFrame, unit: str) -> Axes:
+    """Errors on the three sides, and limits as lines."""
+    looks = {"train": ("o", "white"), "validation": ("D", COLOURS["faint"]), "test": ("o", COLOURS["ink"])}
+    for side, (marker, fill) in looks.items():
+        ax.plot(runs[f"{side} full"], runs["row"], marker, color=COLOURS["ink"], mfc=fill, ms=5, label=side)
+    lines = ("--", *["-."] * (len(limits) - 2), ":")
+    for (_, row), line in zip(limits.iterrows(), lines, strict=False):
+        ax.axvline(row["test full"], color=COLOURS["chance"], linestyle=line, label=row["row"])
+    ax.set(xlabel=unit, title="ours: error", xlim=(0, None))
+    return ax
+
+
+def _draw_differences(ax: Axes, rows: pd.Series, values: pd.Series, spread: FloatArray | None, colour: str) -> Axes:
+    kept = values.notna().to_numpy()
+    error = None if spread is None else spread[kept]
+    ax.errorbar(values[kept], rows[kept], xerr=error, fmt="s", color=colour, ms=5, elinewidth=1.5, capsize=2)
+    ax.axvline(0, color=COLOURS["faint"], zorder=0)
+    return ax
+
+
+def components_figure(table: pd.DataFrame, *, count: int = 5) -> Figure:
+    """Correlation of predicted and tracked components, and what share of the variance each is, by instrument.
+
+    Parameters
+    ----------
+    table : DataFrame of `harmolab.lab.component_table`, of one or more instruments
+    count : int, components shown
+    """
+    groups = list(table.groupby("instrument", sort=False))
+    with styled_axes((min(9.2, 4.8 * len(groups)), 3.6), 1, len(groups), sharey=True) as (figure, axes):
+        for ax, (instrument, every) in zip(axes, groups, strict=True):
+            own = every.head(count)
+            bars = ax.bar(own["component"], own["correlation"].fillna(0.0), color=[PARTS[part] for part in own["part"]])
+            ax.bar_label(bars, [f"{value:.2f}" for value in own["correlation"]], padding=2, fontsize=9)
+            names = zip(own["component"], own["part"], own["share"], strict=True)
+            labels = [f"{number}\n{part}\n{100 * share:.2g} %" for number, part, share in names]
+            ax.set_xticks(own["component"], labels, fontsize=9)
+            ax.axhline(0, color=COLOURS["ink"], linewidth=0.8)
+            largest = own["correlation"].iloc[int(own["share"].argmax())]
+            finding = f"largest component predicted at {largest:.2f}"
+            ax.set(title=f"Planted {instrument}: {finding}", ylim=(min(-0.3, own["correlation"].min() - 0.15), 1.15))
+        axes[0].set_ylabel("correlation, test pieces")
+        figure.supxlabel("component, the part that moves most with it, its share of the variance", fontsize=9)
+    return figure
+
+
+def hits_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
+    """Error and hits side by side: what is nearest in pixels need not strike in time.
+
+    Parameters
+    ----------
+    tables : instrument -> DataFrame of `harmolab.lab.hits_table`
+    """
+    height = sum(0.38 * len(table) + 1.1 for table in tables.values()) + 0.6
+    sizes = {"height_ratios": [len(table) for table in tables.values()]}
+    with styled_axes((9.2, height), len(tables), 2, sharex="col", gridspec_kw=sizes) as (figure, axes):
+        for row, (instrument, table) in enumerate(tables.items()):
+            error, hits = axes[2 * row : 2 * row + 2]
+            error.barh(table["hands"], table["error"], xerr=table["error SD"], height=0.6, color=COLOURS["visual"])
+            hits.barh(table["hands"], table["hits"], xerr=table["hits SD"], height=0.6, color=COLOURS["hit"],
+                      label="own music")  # fmt: skip
+            hits.plot(table["other"], table["hands"], "D", color=COLOURS["ink"], mfc="white", ms=6, label="other music")
+            hits.axvline(0, color=COLOURS["chance"], linewidth=1)
+            hits.set_yticks([])
+            for number, share in enumerate(table["pieces p < .05"]):
+                hits.text(
+                    1.03, number, f"{100 * share:.0f} %", va="center", fontsize=9, transform=hits.get_yaxis_transform()
+                )
+            hits.text(1.03, -0.6, "pieces with\np < .05", va="bottom", fontsize=9, transform=hits.get_yaxis_transform())
+            for ax in (error, hits):
+                ax.invert_yaxis()
+            events = {"piano": "strikes", "violin": "turns of the bow"}[instrument]
+            predicted = table[table["hands"] != PLANTED].set_index("hands")
+            error.set_title(f"Planted {instrument}: least error\nwith {predicted['error'].idxmin()}")
+            hits.set_title(f"Most hits\nwith {predicted['hits'].idxmax()}")
+            hits.set_xlabel(f"{events} that meet onsets (0: chance, 1: all)")
+        figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
+        axes[-2].set_xlabel("error in pixels (less is better)")
+        axes[-1].xaxis.set_major_formatter("{x:.1f}")
+    return figure
