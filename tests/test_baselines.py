@@ -116,8 +116,7 @@ def test_rests_are_counted_in_beats_and_of_two_close_ones_the_first_is_taken(mon
     period = unit.n_frames / unit.fps / 8
     rests = period * np.array([0.5, 1.4, 1.7, 3.5, 4.4])
     monkeypatch.setattr(
-        "study.experiments.baselines.visual_beats",
-        lambda motion, params: BeatTrack(rests, np.ones(5), 15.0, 60.0),
+        "study.experiments.baselines.visual_beats", lambda motion, params: BeatTrack(rests, np.ones(5), 15.0, 60.0)
     )
     anchors = rest_anchors(unit, material(unit).units)
     np.testing.assert_array_equal(anchors.beats, [0, 1, 3, 4])

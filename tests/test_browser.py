@@ -239,10 +239,7 @@ def labs(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Iterator[An
     )
     path = Path(tmp_path_factory.mktemp("source")) / "labs.ipynb"
     nbformat.write(notebook, path)
-    with (
-        running_jupyterlab(tmp_path_factory.mktemp("lab"), path) as address,
-        notebook_run(address, chromium) as tab,
-    ):
+    with running_jupyterlab(tmp_path_factory.mktemp("lab"), path) as address, notebook_run(address, chromium) as tab:
         yield tab
 
 

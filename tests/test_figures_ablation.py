@@ -105,11 +105,7 @@ def both_measures(corpus: str = "made up") -> list[dict[str, object]]:
 @cases(
     "paper, ours, finding",
     (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", 3.0, 1.0), "only our harmony term raises it"),
-    (
-        gain("paper", "fid", -3.0, 1.0),
-        gain("recommended", "fid", 1.0, 2.0),
-        "only the paper's harmony term lowers it",
-    ),
+    (gain("paper", "fid", -3.0, 1.0), gain("recommended", "fid", 1.0, 2.0), "only the paper's harmony term lowers it"),
     (gain("paper", "fid", 3.0, 1.0), gain("recommended", "fid", 3.0, 1.0), "both harmony terms raise it"),
     (gain("paper", "fid", 1.0, 2.0), gain("recommended", "fid", -1.0, 2.0), "neither clearly changes it"),
 )

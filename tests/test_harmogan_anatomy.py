@@ -113,7 +113,7 @@ def test_no_parameter_of_a_network_is_left_out(parts: list[Part]):
 def test_discriminators_are_measured_and_segments_counted(parts: list[Part]):
     shapes = {(part.network, part.name): part.shape for part in parts}
     assert [name for network, name in shapes if network == "cross_domain"] == [
-        *("audio", "motion", "hearing", "seeing", "both", "verdict", "output"),
+        *("audio", "motion", "hearing", "seeing", "both", "verdict", "output")
     ]
     assert shapes["spatial_temporal", "seeing"].startswith("5 of 16")
     assert [name for network, name in shapes if name.startswith("joining")] == [f"joining.{step}" for step in range(4)]

@@ -385,10 +385,7 @@ def stepped(network: DancingToMusic, number: int, pieces: Pieces) -> dict[str, T
     "number, taught",
     (0, {"music"}),
     (1, {"poses", "movements", "unit_decoder"}),
-    (
-        2,
-        {"unit_critic", "dance_critic", "dance_coder", "dance_decoder", "style_coder", "regressor", "unit_decoder"},
-    ),
+    (2, {"unit_critic", "dance_critic", "dance_coder", "dance_decoder", "style_coder", "regressor", "unit_decoder"}),
     ids=["style", "units", "composition"],
 )
 def test_a_phase_changes_its_own_parts_and_no_frozen_ones(

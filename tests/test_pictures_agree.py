@@ -22,11 +22,7 @@ from harmolab.verdict.judge import music_and_motion, score_motion
 from study.figures.dance import dance_figure, draw_speed
 from tests.builders import planted_dance
 
-MODES = {
-    "paper": HarmonyParams.paper(),
-    "valleys": HarmonyParams.valleys(),
-    "recommended": HarmonyParams.recommended(),
-}
+MODES = {"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys(), "recommended": HarmonyParams.recommended()}
 FEW, ALL = 20, 200  # sets of settings in a quick run and in a whole one
 
 

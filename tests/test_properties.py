@@ -118,12 +118,7 @@ def test_other_scores_lie_between_zero_and_one(music: BeatTrack, motion: BeatTra
 
 
 @often
-@given(
-    st.floats(0, 50),
-    st.integers(1, 50),
-    st.integers(1, 50),
-    st.sampled_from([0.1, 0.5, 1.0, 2.0, 10.0]),
-)
+@given(st.floats(0, 50), st.integers(1, 50), st.integers(1, 50), st.sampled_from([0.1, 0.5, 1.0, 2.0, 10.0]))
 def test_equations_20_and_21_agree_whenever_there_are_beats(score: float, n_audio: int, n_visual: int, beta: float):
     assert f_score(score / n_audio, score / n_visual, beta) == pytest.approx(
         harmony_from_hits(score, n_audio, n_visual, beta), rel=1e-9, abs=1e-300

@@ -469,9 +469,7 @@ def test_joints_are_matched_by_name_in_any_order(rng: np.random.Generator):
     dance = DANCES["moving body"]
     order = rng.permutation(24)
     shuffled = Motion(
-        dance.positions[:, order],
-        60.0,
-        skeleton_part(Skeleton(SMPL_NAMES, SMPL_24.parents), order.tolist()),
+        dance.positions[:, order], 60.0, skeleton_part(Skeleton(SMPL_NAMES, SMPL_24.parents), order.tolist())
     )
     for protocol in PROTOCOLS.values():
         assert protocol.clip(shuffled, MUSIC) == pytest.approx(protocol.clip(dance, MUSIC))

@@ -698,11 +698,7 @@ def history(**columns: list[float]) -> pd.DataFrame:
 def test_an_untrained_network_fails_the_entry_tests(split: Split):
     results = entry_ren2020(generator_of().eval(), split, history())
     assert not results["L1 of training units over the mean pose's"][2]
-    assert results["feature terms, last tenth of epochs over first"] == (
-        pytest.approx(0.52, abs=1e-9),
-        (0, 1),
-        True,
-    )
+    assert results["feature terms, last tenth of epochs over first"] == (pytest.approx(0.52, abs=1e-9), (0, 1), True)
     assert results["difference between two seeds (SD)"][0] > 0
 
 

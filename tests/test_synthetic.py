@@ -385,10 +385,7 @@ def test_noise_has_the_standard_deviation_asked_for_on_every_joint_and_axis():
 
 @cases(
     "settings, message",
-    (
-        {"dance": "polka"},
-        "unknown dance 'polka'; the seven are cha-cha, jive, quickstep, rumba, samba, tango, waltz",
-    ),
+    ({"dance": "polka"}, "unknown dance 'polka'; the seven are cha-cha, jive, quickstep, rumba, samba, tango, waltz"),
     ({"fps": 0.0}, "fps must be positive"),
     ({"fps": float("nan")}, "fps must be positive"),
     ({"seconds": -1.0}, "seconds must be positive"),

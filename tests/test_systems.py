@@ -445,10 +445,7 @@ def test_weights_from_before_systems_had_names_are_harmogans(tmp_path: Path):
 
 @cases(
     "stranger, message",
-    (
-        "polka",
-        "unknown system 'polka'; there are audio2body, choreographer, harmogan, lee2019, music2dance, ren2020",
-    ),
+    ("polka", "unknown system 'polka'; there are audio2body, choreographer, harmogan, lee2019, music2dance, ren2020"),
     ("nowhere_at_all:Toy", "there is no module nowhere_at_all; put its folder on PYTHONPATH"),
     (f"{__name__}:Nobody", "has no class Nobody"),
     ("json:dumps", "json has no class dumps"),

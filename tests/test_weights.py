@@ -171,10 +171,7 @@ def test_weights_that_the_json_does_not_describe_are_refused(stored: Path):
 
 @cases(
     "change, message",
-    (
-        lambda tensors: tensors["encoder.weight_hh_l0"].fill_(torch.nan),
-        "encoder.weight_hh_l0 holds NaN or infinity",
-    ),
+    (lambda tensors: tensors["encoder.weight_hh_l0"].fill_(torch.nan), "encoder.weight_hh_l0 holds NaN or infinity"),
     (lambda tensors: tensors.pop("encoder.bias_hh_l1"), r"has other tensors .* such as encoder.bias_hh_l1"),
     (lambda tensors: tensors.pop("bone_lengths"), "bone_lengths"),
     (lambda tensors: tensors.update(more=torch.ones(1)), "has other tensors .* such as more"),

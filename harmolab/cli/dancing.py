@@ -308,8 +308,7 @@ def dance(
         ),
     ] = None,
     temperature: Annotated[
-        float | None,
-        typer.Option(help="Chance in music2dance: share of the predicted spread that is drawn, 0 to 4."),
+        float | None, typer.Option(help="Chance in music2dance: share of the predicted spread that is drawn, 0 to 4.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -19,8 +19,7 @@ data_app = typer.Typer(no_args_is_help=True, help="Look at what files hold, or m
 
 @data_app.command("check", cls=CheckedCommand)
 def data_check(
-    path: Annotated[Path, typer.Argument(help="A file, a sequence folder or a corpus.")],
-    as_json: AsJson = False,
+    path: Annotated[Path, typer.Argument(help="A file, a sequence folder or a corpus.")], as_json: AsJson = False
 ) -> None:
     """Contents of a file or corpus, and what is odd about it.
 

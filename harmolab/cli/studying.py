@@ -32,8 +32,7 @@ SUMMARY = "analysis.json"
 ANYONE = "anyone"  # whom the trials in the folder are for; each rater has an order of their own
 
 study_app = typer.Typer(
-    no_args_is_help=True,
-    help="Ask people which dances fit their music: make the blind trials, ask, analyse.",
+    no_args_is_help=True, help="Ask people which dances fit their music: make the blind trials, ask, analyse."
 )
 
 

@@ -60,18 +60,14 @@ def train(
     ] = None,
     representation: Annotated[
         Literal["positions", "rotations"] | None,
-        typer.Option(
-            help="Motion of music2dance and feet.",
-            show_default="positions; rotations in paper",
-        ),
+        typer.Option(help="Motion of music2dance and feet.", show_default="positions; rotations in paper"),
     ] = None,
     phase1: Annotated[
         int | None,
         typer.Option(help="music2dance's epochs of learning from recorded frames.", min=0, show_default="1300"),
     ] = None,
     phase2: Annotated[
-        int | None,
-        typer.Option(help="Its epochs of learning from its own frames.", min=0, show_default="200"),
+        int | None, typer.Option(help="Its epochs of learning from its own frames.", min=0, show_default="200")
     ] = None,
     epochs: Annotated[
         int | None,

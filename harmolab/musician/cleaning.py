@@ -342,12 +342,7 @@ def _breaches(poses: _Poses, before: _Poses, rules: CleaningRules) -> NDArray[np
 
 
 def _moved(
-    poses: _Poses,
-    broken: NDArray[np.str_],
-    steps: NDArray[np.str_],
-    rules: CleaningRules,
-    run_frames: int,
-    span: slice,
+    poses: _Poses, broken: NDArray[np.str_], steps: NDArray[np.str_], rules: CleaningRules, run_frames: int, span: slice
 ) -> NDArray[np.str_]:
     """`broken` of the frames of one shot, with those that moved too far from the last accepted one.
 

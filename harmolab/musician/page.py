@@ -117,8 +117,7 @@ def _pictures(playing: ExplainedPlaying) -> list[Picture]:
     }
     return [
         Picture(
-            title,
-            *(png_text(timing_figure(score, title=title, event=event, size=size)) for size in (WIDE, NARROW)),
+            title, *(png_text(timing_figure(score, title=title, event=event, size=size)) for size in (WIDE, NARROW))
         )
         for title, score in (scores or {f"All onsets{about}": playing.score.score}).items()
     ]

@@ -87,9 +87,7 @@ class Audio2BodyParams:
     def __post_init__(self) -> None:
         positive = ["fps", "mfcc", "mels", "components", "upsample", "hidden", "rate", "sequence", "carry", "batch"]
         check_numbers(
-            self,
-            positive=[*positive, "data_share", "shards"],
-            not_negative=["delay", "dropout", "epochs", "seed"],
+            self, positive=[*positive, "data_share", "shards"], not_negative=["delay", "dropout", "epochs", "seed"]
         )
         for name, choices in _CHOICES.items():
             if getattr(self, name) not in choices:

@@ -313,11 +313,7 @@ class PlayedSet:
 
 
 def played_set(
-    performances: Sequence[Performance],
-    params: Audio2BodyParams,
-    split: PlayedSplit,
-    *,
-    progress: Progress = silent,
+    performances: Sequence[Performance], params: Audio2BodyParams, split: PlayedSplit, *, progress: Progress = silent
 ) -> PlayedSet:
     """Performances as the network takes them, placed as the first one of the training side is.
 

@@ -234,12 +234,7 @@ def _skeleton(arrays: dict[str, NDArray[Any]]) -> Skeleton | None:
 
 
 def save_motion(
-    path: PathLike,
-    motion: Motion,
-    *,
-    offset: float | None = None,
-    detected: BoolArray | None = None,
-    about: str = "",
+    path: PathLike, motion: Motion, *, offset: float | None = None, detected: BoolArray | None = None, about: str = ""
 ) -> None:
     """Write a motion as `.npz` (the format above) or as `.bvh`; the file appears whole or not at all.
 

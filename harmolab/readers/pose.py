@@ -110,11 +110,7 @@ def found_people(
         The process ends early, falls silent or answers nonsense; and what `pictures` raises.
     """
     sent: Queue[bool | None] = Queue()  # of each picture that comes, whether others are looked for in it
-    with (
-        ThreadPoolExecutor() as threads,
-        tempfile.TemporaryFile() as words,
-        _process(command, words) as process,
-    ):
+    with ThreadPoolExecutor() as threads, tempfile.TemporaryFile() as words, _process(command, words) as process:
         answers = _Answers(process, threads, words)
         if answers.read(len(READY), BEGIN_SECONDS) != READY:
             raise ValueError(f"{WHO} answers nonsense at its begin")

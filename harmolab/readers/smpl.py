@@ -393,12 +393,7 @@ def _kind(content: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _placed(
-    turns: FloatArray,
-    places: FloatArray,
-    rate: float,
-    axis: tuple[str, str],
-    body: SmplBody,
-    options: ReadingOptions,
+    turns: FloatArray, places: FloatArray, rate: float, axis: tuple[str, str], body: SmplBody, options: ReadingOptions
 ) -> tuple[Motion, tuple[str, str]]:
     """The motion by forward kinematics, y up, and sentences on its body and on the axis, told with its reason."""
     if len(turns) != len(places):

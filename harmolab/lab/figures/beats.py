@@ -179,12 +179,7 @@ def name_heights(ax: Axes, names: Mapping[float, str], *, length: float = 0) -> 
 
 
 def draw_marks(
-    ax: Axes,
-    times: ArrayLike,
-    heights: ArrayLike,
-    good: ArrayLike,
-    *,
-    labels: tuple[str, str] = ("hit", "missed"),
+    ax: Axes, times: ArrayLike, heights: ArrayLike, good: ArrayLike, *, labels: tuple[str, str] = ("hit", "missed")
 ) -> Axes:
     """Green circles for what is good, red crosses for the rest.
 

@@ -28,12 +28,7 @@ def unit_label(unit: MeterUnit) -> str:
 
 
 def draw_meter(
-    ax: Axes,
-    track: BeatTrack,
-    strong: ArrayLike,
-    units: Sequence[MeterUnit],
-    *,
-    downbeats: ArrayLike | None = None,
+    ax: Axes, track: BeatTrack, strong: ArrayLike, units: Sequence[MeterUnit], *, downbeats: ArrayLike | None = None
 ) -> Axes:
     """Strong and weak beats as long and short stems, and the meter units as brackets over them (Fig. 6).
 

@@ -215,9 +215,7 @@ CONTROLS: Mapping[str, Slider | Menu] = MappingProxyType(
             },
         ),
         "matching": Menu(
-            "one movement may serve",
-            "matching",
-            {"many": "several music beats", "nearest": "one music beat, in turn"},
+            "one movement may serve", "matching", {"many": "several music beats", "nearest": "one music beat, in turn"}
         ),
         "delay": Slider("together means within", "T_delay", 0.0, 0.5, 0.01, "s"),
         "lambda1": Slider("ignore quiet music beats", "λ1", 0.0, 15.0, 0.1, "SD"),
@@ -235,9 +233,7 @@ CONTROLS: Mapping[str, Slider | Menu] = MappingProxyType(
             {"threshold": "λ standard deviations", "literal": "as printed: one SD, whatever λ"},
         ),
         "visual_saliency": Menu(
-            "a movement is large by its",
-            "Eq. 13",
-            {"difference": "step from the one before", "strength": "speed"},
+            "a movement is large by its", "Eq. 13", {"difference": "step from the one before", "strength": "speed"}
         ),
         "fps": Menu("frames a second", "fps", RATES),
         "plateau": Menu(

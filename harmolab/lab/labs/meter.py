@@ -152,13 +152,7 @@ def _noise(track: BeatTrack) -> NDArray[np.float64]:
 
 
 def meter_numbers(
-    song: Song,
-    *,
-    beats: str = "of the clip",
-    every: float = 1.0,
-    first: float = 0.0,
-    error: float = 0.0,
-    **values: Any,
+    song: Song, *, beats: str = "of the clip", every: float = 1.0, first: float = 0.0, error: float = 0.0, **values: Any
 ) -> dict[str, Any]:
     """The numbers of the lab: strong beats, meter units, strong beats by place in the bar, and the sentence.
 

@@ -57,12 +57,7 @@ HARD = 1e-8  # softness at which the relaxed score is the hard one
 
 
 def train_harmogan(
-    split: Split,
-    options: TrainOptions,
-    *,
-    model: ModelParams,
-    params: TrainParams,
-    pretrained: PathLike | None = None,
+    split: Split, options: TrainOptions, *, model: ModelParams, params: TrainParams, pretrained: PathLike | None = None
 ) -> Generator:
     """Train a generator and keep everything about it in the folder of `options`.
 

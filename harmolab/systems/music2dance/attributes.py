@@ -311,10 +311,7 @@ def _logits(classifier: AttributeClassifier, shard: Shard) -> Tensor:
 
 def _terms(logits: Tensor, shard: Shard, row: object) -> Terms:
     label = shard.own.label
-    return {
-        "entropy": cross_entropy(logits, label),
-        "right": (logits.argmax(dim=1) == label).float().mean().detach(),
-    }
+    return {"entropy": cross_entropy(logits, label), "right": (logits.argmax(dim=1) == label).float().mean().detach()}
 
 
 # The songs of corpora, each once, with the dance that was danced to it: what the attribute classifier learns

@@ -129,11 +129,7 @@ def corrected(model: FootModel, dance: Danced, fps: float) -> FloatArray:
 
 
 def _frames(
-    net: Sampler,
-    first: NDArray[np.float32],
-    draws: NDArray[np.float32],
-    temperature: float,
-    progress: Progress,
+    net: Sampler, first: NDArray[np.float32], draws: NDArray[np.float32], temperature: float, progress: Progress
 ) -> NDArray[np.float32]:
     """Motion and contacts (P + T, C + 2): the frames `first` (P, C + 2), then one for each of the draws (T, C)."""
     rows = np.zeros((len(first) + len(draws), first.shape[1]), np.float32)

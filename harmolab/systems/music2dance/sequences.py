@@ -116,11 +116,7 @@ class _Read(NamedTuple):
 
 
 def load_sequences(
-    roots: Sequence[PathLike],
-    params: Music2DanceParams,
-    *,
-    step: int = 2,
-    progress: Progress = silent,
+    roots: Sequence[PathLike], params: Music2DanceParams, *, step: int = 2, progress: Progress = silent
 ) -> SequenceSet:
     """All recordings of corpora, coded, and the spans of time that a split deals out; each is read once.
 

@@ -194,9 +194,7 @@ def _digest(tensors: Mapping[str, Tensor], text: str) -> str:
 
 
 def restore(
-    tensors: Mapping[str, Tensor],
-    modules: Mapping[str, nn.Module],
-    optimisers: Mapping[str, torch.optim.Optimizer],
+    tensors: Mapping[str, Tensor], modules: Mapping[str, nn.Module], optimisers: Mapping[str, torch.optim.Optimizer]
 ) -> None:
     """Put saved tensors back into modules and optimisers."""
     for name, part in modules.items():

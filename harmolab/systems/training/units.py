@@ -352,11 +352,7 @@ class _Coded(NamedTuple):
 
 
 def recording_units(
-    recording: Recording,
-    params: FeatureParams,
-    *,
-    step: int | None = None,
-    segments: Sequence[Segment] | None = None,
+    recording: Recording, params: FeatureParams, *, step: int | None = None, segments: Sequence[Segment] | None = None
 ) -> list[DanceUnit]:
     """The units of one recording: one for each meter that has motion and enough beats before it.
 

@@ -18,12 +18,7 @@ from harmolab.data.recordings import Recording, find_recordings, load_recording,
 from harmolab.data.synthetic import ClipSettings, planted_clip
 from harmolab.params import DANCES
 from harmolab.significance import bootstrap_interval as bootstrap_interval
-from harmolab.systems.music2dance.attributes import (
-    AttributeClassifier,
-    AttributeParams,
-    SongSplit,
-    train_attributes,
-)
+from harmolab.systems.music2dance.attributes import AttributeClassifier, AttributeParams, SongSplit, train_attributes
 from harmolab.systems.music2dance.attributes import Song as Song
 from harmolab.systems.music2dance.attributes import song_windows as song_windows
 from harmolab.systems.music2dance.attributes import window_starts as window_starts

@@ -76,11 +76,7 @@ def entered(contest: Contest, name: str) -> Entry:
 
 
 def comparison(
-    profile: RunProfile,
-    rows: Iterable[str] = tuple(ROWS),
-    *,
-    trainings: int | None = None,
-    progress: Progress = silent,
+    profile: RunProfile, rows: Iterable[str] = tuple(ROWS), *, trainings: int | None = None, progress: Progress = silent
 ) -> list[Entry]:
     """Every row of every contest of a profile, in this order; resumable.
 

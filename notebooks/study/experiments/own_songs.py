@@ -38,8 +38,7 @@ SHOWN = ("spread", "hands", "ankles", "crossed", "turns", "nearest", "knees", "j
 
 _OURS = VARIANTS["recommended"]
 BEFORE = replace(
-    _OURS,
-    params=replace(_OURS.params, harmony_frame="room", energy_weight=2.0, path_weight=0.0, spread_weight=0.0),
+    _OURS, params=replace(_OURS.params, harmony_frame="room", energy_weight=2.0, path_weight=0.0, spread_weight=0.0)
 )
 GENERATORS: Mapping[str, tuple[Variant, Sequence[int]]] = {
     "recommended": (_OURS, SEEDS),

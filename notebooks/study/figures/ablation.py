@@ -34,10 +34,7 @@ MEASURES = MappingProxyType(
     }
 )
 SIDES = MappingProxyType(
-    {
-        "above_chance": "0: as many beats as chance meets; 1: every music beat",
-        "fid": "0: moves the same",
-    }
+    {"above_chance": "0: as many beats as chance meets; 1: every music beat", "fid": "0: moves the same"}
 )
 SHOWN = ("above_chance", "fid")  # of the picture; the table has them all
 PRICES = ("jerk", "fid")

@@ -41,12 +41,7 @@ TAKES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 # Take -> parts of it that are left out, seconds: a bow at the end, two dips that the partner holds (with what little
 # comes after one of them), a knee that flips.
 HOLES: Mapping[str, tuple[Hole, ...]] = MappingProxyType(
-    {
-        "cmu61_09": ((41.2, 43.0),),
-        "cmu61_14": ((7.5, 9.1),),
-        "cmu61_13": ((33.9, 38.0),),
-        "cmu94_04": ((12.7, 13.7),),
-    }
+    {"cmu61_09": ((41.2, 43.0),), "cmu61_14": ((7.5, 9.1),), "cmu61_13": ((33.9, 38.0),), "cmu94_04": ((12.7, 13.7),)}
 )
 STYLES = (*TAKES, "puppet")
 REMARKS: Mapping[str, str] = MappingProxyType(
