@@ -18,24 +18,24 @@ from harmolab.verdict.judge import score_clip
 from study.experiments import examples, study
 from study.experiments.examples import excerpt, waltz_example
 from study.experiments.study import (
-    Agreement,
     agreement,
+    agreement_words,
     clip_of_study,
     corpus_folders,
     data_root,
     pattern_of_study,
     readable_recordings,
-    strong_by_place,
     study_recordings,
     synthetic_corpus,
 )
 from study.profile import RunProfile
-from tests.builders import refused, track
+from tests.builders import cases, refused, track
 from tests.notebook_cells import notebook_cells
 
 TINY = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 RATE = 8000
 CELLS = notebook_cells("03_beats_from_joint_speed")
+METER = notebook_cells("06_meter_units")
 Swing = Callable[..., Motion]
 
 
@@ -233,15 +233,17 @@ def test_without_anything_to_learn_from_there_is_no_pattern(recordings: Path):
 def test_agreement_counts_pairs_and_what_rotations_would_pair():
     result = agreement(track([1.0, 2.0, 3.0], duration=4.0), track([1.05, 2.5], duration=4.0), delay=0.1, n_rotations=4)
     # Turned by 0.5, 1.5, 2.5, 3.5 of 4 s, the visual beats hit 1, 0, 1 and 1 music beats.
-    assert result == Agreement(3, 2, 1, 0.75)
-    assert (result.omitted, result.redundant) == (2, 1)
-    assert str(result) == "1 of 3 music beats met, chance alone meets 0.8; 1 of 2 visual beats left over"
-    assert str(replace(result, chance_hits=1.2)).startswith("1 of 3 music beats met, no more than chance (1.2)")
+    counts = {"music beats": 3, "visual beats": 2, "omitted": 2, "redundant": 1, "hits": 1}
+    assert result == {**counts, "chance hits": 0.75}
+    assert agreement_words(result) == "1 of 3 music beats met, chance alone meets 0.8; 1 of 2 visual beats left over"
+    assert agreement_words({**counts, "chance hits": 1.2}).startswith(
+        "1 of 3 music beats met, no more than chance (1.2)"
+    )
 
 
 def test_agreement_without_music_is_defined():
     nothing = agreement(BeatTrack([], [], 15.0, 4.0), track([1.0], duration=4.0), delay=0.1, n_rotations=3)
-    assert (nothing.hits, nothing.chance_hits) == (0, 0.0)
+    assert (nothing["hits"], nothing["chance hits"]) == (0, 0.0)
 
 
 def test_the_table_of_agreement_adds_up_over_the_sequences(recordings: Path, monkeypatch: pytest.MonkeyPatch):
@@ -276,7 +278,7 @@ def test_words_about_joint_speed_name_the_numbers_of_their_table():
 
 
 def test_downbeats_that_are_loudest_are_the_strong_ones(recordings: Path):
-    table = strong_by_place(TINY)
+    table = METER.strong_by_place(TINY)
     annotated = table[table.beats == "annotated"].set_index("place")
     assert annotated.index.tolist() == [1, 2, 3, 4]
     np.testing.assert_allclose(annotated["strong"], [1, 0, 0, 0])
@@ -288,4 +290,43 @@ def test_downbeats_that_are_loudest_are_the_strong_ones(recordings: Path):
 def test_without_downbeats_the_table_is_empty(recordings: Path):
     for file in recordings.rglob("beats.json"):
         file.write_text(json.dumps(json.loads(file.read_text()) | {"downbeats_s": None}))
-    assert strong_by_place(TINY).empty
+    assert METER.strong_by_place(TINY).empty
+
+
+def test_words_about_meter_name_the_numbers_of_their_table_and_nothing_without_downbeats(recordings: Path):
+    table = METER.strong_by_place(TINY)
+    words = METER.reading({"table06_strong_by_place": table})
+    assert "Eq. 22 calls 21% of all beats strong: in bars of 4 beats 100% of the downbeats and 21% of all." in words
+    assert "Bars of 4, annotated beats: downbeats are strong more often than other beats, 100% of them" in words
+    assert METER.finding({"table06_strong_by_place": table[:0]}) == "No recording has annotated downbeats."
+
+
+def test_words_about_harmony_distortion_name_the_numbers_of_their_table():
+    counts = {"music beats": 18, "visual beats": 53, "omitted": 4, "redundant": 39, "hits": 14, "chance hits": 15.46}
+    wide = counts | {"omitted": 0, "redundant": 35, "hits": 18, "chance hits": 17.96, "tolerance (s)": 0.24}
+    table = pd.DataFrame([{"dance": "waltz", "seconds": 12.0, "tolerance (s)": 0.12} | counts, wide])
+    words = notebook_cells("01_harmony_distortion").reading({"table01_agreement": table})
+    assert (
+        "meet 14 of 18 music beats within 0.12 s (78%, at random moments 86%), and 39 of the 53 are left over" in words
+    )
+    assert words.endswith("The wide field gives changes of direction 4 hits more, and random moments 2.5.")
+
+
+def test_words_about_the_box_add_up_its_walks():
+    walks = {"without box": [8, 8], "found again": [6, 2], "lost": [2, 6], "new": [5, 6], "found by chance": [3.0, 3.4]}
+    words = notebook_cells("02_flow_or_skeleton").reading({"table02_box": pd.DataFrame(walks)})
+    assert "optical flow finds 50% of its beats again, by chance it would be 40%" in words
+    assert words.endswith("In 2 walks 8 of 16 beats are lost, and 11 are new.")
+
+
+@cases(
+    "late, levels, words",
+    (0.6, (4, 3), "ours does, and by the paper's own settings the late dance is even the better one."),
+    (0.4, (4, 4), "ours does not, and by the paper's own settings the late dance is the worse one, too."),
+)
+def test_the_first_finding_says_which_number_falls(late: float, levels: tuple[int, int], words: str):
+    dances = ["in time", "half a beat late"]
+    rows = [("paper", dance, harmony, np.nan) for dance, harmony in zip(dances, (0.5, late), strict=True)]
+    rows += [("recommended", dance, np.nan, level) for dance, level in zip(dances, levels, strict=True)]
+    table = pd.DataFrame(rows, columns=["settings", "dance", "harmony", "level"])
+    assert notebook_cells("00_start_here").finding({"table00_first_score": table}).endswith(words)

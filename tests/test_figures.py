@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
@@ -20,25 +21,25 @@ from harmolab.lab.figures.beats import (
     draw_curve,
     draw_hits,
     draw_marks,
-    draw_rotations,
     draw_shares,
     draw_stems,
     draw_threshold,
     draw_tolerance,
-    draw_tolerances,
     score_figure,
 )
-from harmolab.lab.figures.meter import UNIT_COLOURS, draw_meter, draw_places, unit_label
-from harmolab.lab.figures.people import draw_frames, draw_poses
+from harmolab.lab.figures.people import draw_poses
 from harmolab.lab.figures.style import COLOURS, MARKERS
+from harmolab.lab.labs.meter import UNIT_COLOURS, unit_label
 from harmolab.lab.person import ANGLE
 from harmolab.types import BeatTrack, Motion
 from study.saving import smallest_text
 from tests.builders import refused
+from tests.notebook_cells import notebook_cells
 from tests.test_person import standing
 
 MUSIC = BeatTrack([0.5, 1.0, 1.5], [4.0, 1.0, 2.0], fps=100.0, duration=2.0)
 DANCE = BeatTrack([0.6, 0.8, 1.4, 1.9], [1.0, 1.0, 1.0, 1.0], fps=15.0, duration=2.0)
+METER, FILM = notebook_cells("06_meter_units"), notebook_cells("02_flow_or_skeleton")
 PAIRS = np.array([0, -1, 2])  # 0.5 with 0.6, 1.0 alone, 1.5 with 1.4
 
 
@@ -194,20 +195,12 @@ def test_shares_rise_from_chance_and_stronger_beats_are_wider(ax: Axes):
     assert points(named(ax, "below it")) == [(1.0, 0.2), (1.5, 0.5)]
 
 
-def test_rotations_show_the_unmoved_score_at_zero_and_chance_as_a_dashed_line(ax: Axes):
-    draw_rotations(ax, [-1.0, 0.0, 1.0], [0.2, 0.8, 0.3], observed=0.9, chance=0.4)
-    assert points(named(ax, "music where it is")) == [(0.0, 0.9)]
-    np.testing.assert_allclose(named(ax, "chance").get_ydata(), 0.4)
-    assert named(ax, "chance").get_linestyle() == "--"
-    assert ax.get_xlim() == (-1.0, 1.0)
-
-
 def test_tolerances_fill_what_lies_between_hit_rate_and_chance(ax: Axes):
-    draw_tolerances(ax, [0.0, 0.1, 0.2], [0.0, 0.6, 0.9], [0.0, 0.4, 0.8], used=0.25)
+    rows = {"delay": [0.0, 0.1, 0.2], "hit_rate": [0.0, 0.6, 0.9], "chance": [0.0, 0.4, 0.8], "delay_of_paper": 0.1}
+    notebook_cells("04_salience_and_scoring").draw_tolerances(ax, pd.DataFrame(rows), "turns")
     np.testing.assert_allclose(named(ax, "hit rate").get_ydata(), [0.0, 0.6, 0.9])
     np.testing.assert_allclose(named(ax, "chance").get_ydata(), [0.0, 0.4, 0.8])
-    np.testing.assert_allclose(named(ax, "paper: 0.25 s").get_xdata(), 0.25)
-    draw_tolerances(ax, [0.0, 0.1, 0.2], [0.0, 0.6, 0.9], [0.0, 0.4, 0.8], used=0.1, name="turns")
+    np.testing.assert_allclose(named(ax, "paper: 0.1 s").get_xdata(), 0.1)
     assert ax.get_title(loc="left") == "turns:\n60% met within 0.1 s, 40% by chance"
     corners = {(round(x, 6), round(y, 6)) for x, y in ax.collections[0].get_paths()[0].vertices}
     assert {(0.1, 0.4), (0.1, 0.6), (0.2, 0.8), (0.2, 0.9)} <= corners
@@ -236,7 +229,7 @@ def test_every_category_of_eq_22_has_a_colour_of_its_own():
 
 def test_brackets_stand_over_their_units_and_do_not_touch(ax: Axes):
     track = BeatTrack(np.arange(1, 17) * 0.5, np.ones(16), fps=43.0, duration=9.0)
-    draw_meter(ax, track, np.zeros(16, bool), UNITS)
+    METER.draw_meter(ax, track, np.zeros(16, bool), UNITS)
     brackets = [line for line in ax.lines if line.get_gid() == "bracket"]
     spans = [(line.get_xdata()[0], line.get_xdata()[-1]) for line in brackets]
     assert [line.get_color() for line in brackets] == [UNIT_COLOURS[unit_label(unit)] for unit in UNITS]
@@ -247,7 +240,7 @@ def test_brackets_stand_over_their_units_and_do_not_touch(ax: Axes):
 
 def test_strong_and_weak_beats_differ_in_more_than_height(ax: Axes):
     track = BeatTrack([1.0, 2.0, 3.0], [1.0, 4.0, 2.0], fps=43.0, duration=4.0)
-    draw_meter(ax, track, [False, True, False], (), downbeats=[1.0, 3.0])
+    METER.draw_meter(ax, track, np.array([False, True, False]), (), downbeats=[1.0, 3.0])
     strong, weak = named(ax, "strong beat"), named(ax, "weak beat")
     assert points(strong) == [(2.0, 1.0)]
     assert points(weak) == [(1.0, 0.25), (3.0, 0.5)]
@@ -256,8 +249,13 @@ def test_strong_and_weak_beats_differ_in_more_than_height(ax: Axes):
     assert [time for time, _ in points(named(ax, "annotated downbeat"))] == [1.0, 3.0]
 
 
+def places_of_bar(strong: list[float], counts: list[int]) -> pd.DataFrame:
+    """Rows of one meter, 0.4 of whose beats are strong."""
+    return pd.DataFrame({"place": np.arange(len(strong)) + 1, "strong": strong, "n": counts, "chance": 0.4})
+
+
 def test_places_show_each_share_its_interval_and_chance(ax: Axes):
-    draw_places(ax, [0.5, 0.2, 1.0], [100, 400, 9], chance=0.4)
+    METER.draw_places(ax, places_of_bar([0.5, 0.2, 1.0], [100, 400, 9]))
     assert [bar.get_height() for bar in ax.patches] == [0.5, 0.2, 1.0]
     (spread,) = [c for c in ax.collections if isinstance(c, LineCollection)]
     half = [(end[1] - start[1]) / 2 for start, end in spread.get_segments()]
@@ -266,8 +264,9 @@ def test_places_show_each_share_its_interval_and_chance(ax: Axes):
     assert named(ax, "chance 0.40").get_ydata()[0] == 0.4
     assert [tick.get_text() for tick in ax.get_xticklabels()] == ["1\n(downbeat)", "2", "3"]
     assert ax.get_title(loc="left").endswith("strong more often than other beats")
-    draw_places(ax, [0.45, 0.2], [100, 400], chance=0.4)
+    METER.draw_places(ax, places_of_bar([0.45, 0.2], [100, 400]))
     assert ax.get_title(loc="left").endswith("strong no more often than other beats")
+    assert METER.downbeat_words(places_of_bar([0.25, 0.5], [100, 100])) == "strong less often than other beats"
 
 
 # motion
@@ -347,12 +346,11 @@ def test_times_beyond_the_motion_show_its_first_or_last_pose(ax: Axes, swinging_
     assert len(boxes(ax, "pose")) == 2
 
 
-@pytest.mark.parametrize("shape", [(24, 32), (24, 32, 3)])
-def test_frames_stand_at_their_times_and_keep_their_pixels(ax: Axes, shape: tuple[int, ...]):
-    frame = np.full(shape, 90, np.uint8)
-    draw_frames(ax, [frame, frame], [0.5, 1.5], 0.4, width=64.0)
+def test_frames_stand_at_their_times_and_keep_their_pixels(ax: Axes):
+    frame = np.full((24, 32, 3), 90, np.uint8)
+    FILM.draw_frames(ax, [frame, frame], [0.5, 1.5], width=64.0)
     found = boxes(ax, "frame")
-    assert [box.xy for box in found] == [(0.5, 0.4), (1.5, 0.4)]
+    assert [box.xy for box in found] == [(0.5, 0.5), (1.5, 0.5)]
     image = found[0].offsetbox
     assert isinstance(image, OffsetImage)
     assert image.get_data().shape == (24, 32, 3)
@@ -360,4 +358,4 @@ def test_frames_stand_at_their_times_and_keep_their_pixels(ax: Axes, shape: tupl
 
 
 def test_number_of_frames_must_be_the_number_of_times(ax: Axes):
-    refused("zip", draw_frames, ax, [np.zeros((24, 32), np.uint8)], [0.5, 1.5])
+    refused("zip", FILM.draw_frames, ax, [np.zeros((24, 32, 3), np.uint8)], [0.5, 1.5])

@@ -18,13 +18,9 @@ from .explain.performance import load_performance as load_performance
 from .figures.beats import draw_curve as draw_curve
 from .figures.beats import draw_hits as draw_hits
 from .figures.beats import draw_marks as draw_marks
-from .figures.beats import draw_tolerances as draw_tolerances
 from .figures.beats import offset_figure as offset_figure
 from .figures.beats import score_figure as score_figure
 from .figures.beats import timing_figure as timing_figure
-from .figures.meter import draw_meter as draw_meter
-from .figures.meter import draw_places as draw_places
-from .figures.people import draw_frames as draw_frames
 from .figures.people import draw_poses as draw_poses
 from .figures.style import COLOURS as COLOURS
 from .figures.style import figure_style as figure_style

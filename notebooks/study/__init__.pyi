@@ -130,10 +130,10 @@ from .experiments.standings import difference_table as difference_table
 from .experiments.standings import system_table as system_table
 from .experiments.standings import table_by_dance as table_by_dance
 from .experiments.study import agreement as agreement
+from .experiments.study import agreement_words as agreement_words
 from .experiments.study import clip_of_study as clip_of_study
 from .experiments.study import pattern_of_study as pattern_of_study
 from .experiments.study import readable_recordings as readable_recordings
-from .experiments.study import strong_by_place as strong_by_place
 from .experiments.study import study_recordings as study_recordings
 from .experiments.study import synthetic_corpus as synthetic_corpus
 from .figures.ablation import MEASURES as MEASURES
@@ -194,7 +194,7 @@ from .figures.training import validation_figure as validation_figure
 from .figures.variants import LOOKS as LOOKS
 from .figures.verdicts import levels_figure as levels_figure
 from .figures.verdicts import nulls_figure as nulls_figure
-from .figures.verdicts import shape_speed_figure as shape_speed_figure
+from .figures.words import corpus_words as corpus_words
 from .findings import RunTables as RunTables
 from .findings import headline as headline
 from .findings import notebook_finding as notebook_finding

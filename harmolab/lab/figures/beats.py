@@ -219,56 +219,6 @@ def draw_shares(ax: Axes, track: BeatTrack, shares: ArrayLike, *, chance: float)
     return name_heights(ax, {0.0: "0", 0.5: "0.5", 1.0: "1"}, length=3)
 
 
-def draw_rotations(ax: Axes, shifts: ArrayLike, shares: ArrayLike, *, observed: float, chance: float) -> Axes:
-    """The score against how far the music is moved in time, and the score of the music where it is.
-
-    Parameters
-    ----------
-    ax : Axes
-    shifts : (R,) array, seconds the music was moved by, increasing
-    shares : (R,) array, the score at each shift
-    observed, chance : float; the score without a shift, and its mean over the shifts
-    """
-    moved = np.asarray(shifts, np.float64)
-    ax.plot(moved, shares, color=COLOURS["chance"], linewidth=1.2, zorder=2, label="music moved in time")
-    ax.axhline(chance, color=COLOURS["chance"], linestyle="--", linewidth=1.2, zorder=1, label="chance")
-    ax.plot(
-        [0.0], [observed], linestyle="none", marker="D", markersize=8, color=COLOURS["ink"], zorder=3,
-        label="music where it is",
-    )  # fmt: skip
-    ax.set(ylim=(-0.03, 1.05), xlabel="music moved by (s)")
-    if moved.size:
-        ax.set_xlim(float(moved.min()), float(moved.max()))
-    return ax
-
-
-def draw_tolerances(
-    ax: Axes, delays: ArrayLike, hit_rates: ArrayLike, chances: ArrayLike, *, used: float | None = None, name: str = ""
-) -> Axes:
-    """Hit rate and chance level as the tolerance grows; between them lies what the dancer adds.
-
-    Parameters
-    ----------
-    ax : Axes
-    delays : (D,) array, seconds, T_delay
-    hit_rates, chances : (D,) arrays in [0, 1]
-    used : float, seconds, optional; the paper's choice, as a dotted line
-    name : str, of the beats; with it the title is what was hit and what chance hits, at `used`
-    """
-    seconds, rates, floor = (np.asarray(values, np.float64) for values in (delays, hit_rates, chances))
-    ax.fill_between(seconds, floor, rates, color=COLOURS["faint"], zorder=1, label="what the dancer adds")
-    ax.plot(seconds, rates, color=COLOURS["hit"], linewidth=2.0, marker="o", markersize=4, label="hit rate")
-    ax.plot(seconds, floor, color=COLOURS["chance"], linewidth=2.0, linestyle="--", label="chance")
-    if used is not None:
-        ax.axvline(used, color=COLOURS["ink"], linestyle=":", linewidth=1.2, label=f"paper: {used:g} s")
-        if name:
-            hit, chance = (np.interp(used, seconds, values) for values in (rates, floor))
-            ax.set_title(f"{name}:\n{hit:.0%} met within {used:g} s, {chance:.0%} by chance", loc="left")
-    ax.set(xlim=(seconds.min(), seconds.max()), ylim=(0.0, 1.03), xlabel="delay allowed, $T_{delay}$ (s)")
-    ax.set_ylabel("share of music beats hit")
-    return ax
-
-
 def beat_strip(track: BeatTrack, *, longest: float = np.inf) -> Figure:
     """A stem at each beat, its height the strength as a share of the strongest, and a triangle at each downbeat.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.offsetbox import AnnotationBbox, DrawingArea, OffsetImage
-from numpy.typing import ArrayLike, NDArray
+from matplotlib.offsetbox import AnnotationBbox, DrawingArea
+from numpy.typing import ArrayLike
 
 from harmolab.body.skeletons import standing_height
 from harmolab.lab.figures.style import styled_axes
@@ -148,24 +148,3 @@ def pose_row(motion: Motion, *, count: int = 9) -> Figure:
 
 def _frame_at(motion: Motion, moment: float) -> int:
     return int(np.clip(round(moment * motion.fps), 0, motion.n_frames - 1))
-
-
-def draw_frames(
-    ax: Axes, frames: Iterable[NDArray[np.uint8]], times: ArrayLike, y: float = 0.5, *, width: float = 75.0
-) -> Axes:
-    """Pictures of a video, each centred on its time.
-
-    Parameters
-    ----------
-    ax : Axes with time in seconds on the x axis
-    frames : iterable of (H, W) grey or (H, W, 3) RGB uint8 arrays, one for each time
-    times : (P,) array, seconds
-    y : float, where they stand on the y axis
-    width : float, points of one picture
-    """
-    for frame, moment in zip(frames, np.atleast_1d(np.asarray(times, np.float64)), strict=True):
-        picture = np.asarray(frame)
-        picture = np.repeat(picture[..., None], 3, axis=2) if picture.ndim == 2 else picture
-        image = OffsetImage(picture, zoom=width / picture.shape[1], interpolation="antialiased")
-        ax.add_artist(AnnotationBbox(image, (moment, y), **BOX, gid="frame"))
-    return ax

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from harmolab.beats.audio import music_beats
 from harmolab.beats.meter import CATEGORIES, MeterUnit, meter_units, strong_beats
-from harmolab.lab.figures.meter import UNIT_COLOURS, unit_label
 from harmolab.lab.labs.live import (
     LabContent,
     LiveLab,
@@ -36,6 +36,18 @@ ABOUT = (
     "A beat is strong when it is stronger than the one before (Eq. 22); brackets are the meter units that strong and "
     "weak beats are grouped into. Below: the time that each unit takes, and which places of the bar are strong."
 )
+
+# One colour for each signature with its inner grouping; the label on each bracket says the same in words.
+UNIT_COLOURS = MappingProxyType({"4/4 (2+2)": "#B0528C", "4/4": "#5B2A86", "5/4": "#A6561C", "6/4": "#5E6B00"})
+
+
+def unit_label(unit: MeterUnit) -> str:
+    """The unit's signature; a 4/4 with a second accent in its middle has another than one without.
+
+    >>> unit_label(MeterUnit(0.0, 2.0, [True, False, True, False], "4/4"))
+    '4/4 (2+2)'
+    """
+    return f"{unit.signature} (2+2)" if unit.signature == "4/4" and bool(unit.strong[2]) else unit.signature
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,25 +1,16 @@
-"""Recordings or synthetic clips of the notebooks, and the tables of the beat notebooks."""
+"""Recordings or synthetic clips of the notebooks, and how music beats and visual beats agree."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from harmolab.beats.meter import strong_beats
-from harmolab.data.recordings import (
-    Problem,
-    Recording,
-    find_recordings,
-    iter_recordings,
-    load_recording,
-    recording_beats,
-)
+from harmolab.data.recordings import Problem, Recording, find_recordings, iter_recordings, load_recording
 from harmolab.data.synthetic import write_corpus
 from harmolab.files import cache_folder
 from harmolab.lab.compare.windows import cut_clips, learn_patterns
@@ -29,8 +20,6 @@ from harmolab.significance import rotations
 from harmolab.types import BeatTrack, Clip
 from study.experiments.examples import EXAMPLE_SECONDS, example_recording, excerpt, middle_span
 from study.profile import RunProfile
-
-SAME_BEAT = 0.07  # seconds: the window within which a tracked beat counts as an annotated one
 
 
 def data_root() -> Path | None:
@@ -168,38 +157,7 @@ def pattern_of_study(
     return None if pattern == BarPattern.stop_on_the_beat() else replace(pattern, dance=recording.clip.dance)
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """Counts of a one-to-one matching of music beats and visual beats, and the hits that chance would give.
-
-    `chance_hits` is the mean number of hits after rotations of the visual beats in time.
-    """
-
-    music_beats: int
-    visual_beats: int
-    hits: int
-    chance_hits: float
-
-    @property
-    def omitted(self) -> int:
-        """Music beats without a visual beat of their own."""
-        return self.music_beats - self.hits
-
-    @property
-    def redundant(self) -> int:
-        """Visual beats that no music beat claims."""
-        return self.visual_beats - self.hits
-
-    def __str__(self) -> str:
-        more = self.hits > self.chance_hits
-        chance = (
-            f"chance alone meets {self.chance_hits:.1f}" if more else f"no more than chance ({self.chance_hits:.1f})"
-        )
-        left_over = f"{self.redundant} of {self.visual_beats} visual beats left over"
-        return f"{self.hits} of {self.music_beats} music beats met, {chance}; {left_over}"
-
-
-def agreement(music: BeatTrack, visual: BeatTrack, *, delay: float, n_rotations: int) -> Agreement:
+def agreement(music: BeatTrack, visual: BeatTrack, *, delay: float, n_rotations: int) -> dict[str, float]:
     """Hits of visual beats on music beats when each music beat takes its nearest one (Figs. 1, 3, 5).
 
     Parameters
@@ -207,53 +165,23 @@ def agreement(music: BeatTrack, visual: BeatTrack, *, delay: float, n_rotations:
     music, visual : BeatTrack on the same time line
     delay : float, seconds, radius of the tolerance field
     n_rotations : int, rotations in time behind the chance level
-    """
-    rotated = [np.mod(visual.times + shift, music.duration) for shift in rotations(music.duration, n_rotations)]
-    hits = [hit_mask(music.times, times, delay=delay, matching="nearest").sum() for times in [visual.times, *rotated]]
-    return Agreement(len(music), len(visual), int(hits[0]), float(np.mean(hits[1:])))
-
-
-def strong_by_place(profile: RunProfile) -> pd.DataFrame:
-    """Share of beats that Eq. 22 calls strong at each place of the annotated bar.
-
-    Beats "annotated" have the onset strength at the annotated moments; "tracked" are the tracker's, each at the place
-    of the annotated beat within 0.07 s. Recordings without annotated downbeats are left out.
 
     Returns
     -------
-    DataFrame, a row for each kind of beats, meter and place in the bar (1 is the downbeat): n, strong (share of the n
-    that is strong), chance (share of all beats of that kind and meter that is strong).
+    dict of counts: "music beats", "visual beats", "omitted" (music beats without a visual beat of their own),
+    "redundant" (visual beats that no music beat claims), "hits", "chance hits" (their mean over the rotations).
     """
-    tables = [
-        _beats_in_bars(recording, beats)
-        for recording in study_recordings(profile)
-        if recording.annotation is not None and recording.annotation.downbeats is not None
-        for beats in ("annotated", "tracked")
-    ]
-    table = pd.concat([pd.DataFrame(columns=["beats", "meter", "place", "strong"]), *tables])
-    table = table.astype({"meter": int, "place": int, "strong": float})
-    groups = table.groupby(["beats", "meter"])["strong"]
-    table["chance"] = groups.transform("mean")
-    shares = table.groupby(["beats", "meter", "place"]).agg(
-        n=("strong", "size"), strong=("strong", "mean"), chance=("chance", "mean")
-    )
-    return shares.reset_index()
+    rotated = [np.mod(visual.times + shift, music.duration) for shift in rotations(music.duration, n_rotations)]
+    tracks = [visual.times, *rotated]
+    hits, *by_chance = [int(hit_mask(music.times, times, delay=delay, matching="nearest").sum()) for times in tracks]
+    counts = {"music beats": len(music), "visual beats": len(visual)}
+    counts |= {"omitted": len(music) - hits, "redundant": len(visual) - hits, "hits": hits}
+    return {**counts, "chance hits": float(np.mean(by_chance))}
 
 
-def _beats_in_bars(recording: Recording, beats: str) -> pd.DataFrame:
-    """Meter, place in the bar and strength class of every music beat of one recording whose place is known."""
-    annotation, track = recording.annotation, recording_beats(recording, beats)
-    places = None if annotation is None else annotation.bar_places()
-    if annotation is None or places is None or len(track) < 2:
-        return pd.DataFrame()
-    distances = np.abs(track.times[:, None] - annotation.times[None, :])
-    is_placed = distances.min(axis=1) <= SAME_BEAT
-    is_placed[0] = False  # Eq. 22 compares with the beat before
-    return pd.DataFrame(
-        {
-            "beats": beats,
-            "meter": annotation.meter,
-            "place": places[distances.argmin(axis=1)[is_placed]] + 1,
-            "strong": strong_beats(track.strengths)[is_placed],
-        }
-    )
+def agreement_words(met: Mapping[str, float]) -> str:
+    """A record of `agreement` in words, for the title of a picture."""
+    chance = met["chance hits"]
+    alone = f"chance alone meets {chance:.1f}" if met["hits"] > chance else f"no more than chance ({chance:.1f})"
+    left_over = f"{met['redundant']} of {met['visual beats']} visual beats left over"
+    return f"{met['hits']} of {met['music beats']} music beats met, {alone}; {left_over}"

@@ -1,4 +1,4 @@
-"""Pictures of the recommended score at work: false alarms, levels of recordings, shape speed beside joint speed."""
+"""Pictures of the recommended score at work: false alarms, and levels of recordings."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.shape_speed import shape_speed
-from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.judge import LEVELS
 from study.figures.variants import Record, rows_by_name
 from study.figures.words import corpus_words, sentence
@@ -120,37 +118,3 @@ def _levels_title(corpus: str, rows: Sequence[Record]) -> str:
     top = len(LEVELS) - 1
     first, other = (f"{levels.count(top)} of {len(levels)}" for levels in parts)
     return f"{sentence(corpus_words(corpus))} at level {top}: {first} with {own} music, {other} with other music"
-
-
-def draw_speeds(ax: Axes, motion: Motion, beats: BeatTrack) -> Axes:
-    """Speed of the joints in the room (grey) and of the body's shape (orange), root mean squares; beats are lines.
-
-    The title is the share of that speed that is inside the body.
-    """
-    shape = shape_speed(motion)
-    share = np.sqrt(shape.energy.mean() / max(shape.room.mean(), 1e-300))
-    ax.plot(shape.times, np.sqrt(shape.room), color=COLOURS["chance"], linestyle="--", label="joints, in the room")
-    ax.plot(shape.times, shape.speed, color=COLOURS["visual"], linewidth=2, label="shape of the body")
-    for beat in beats.times:
-        ax.axvline(beat, color=COLOURS["audio"], linewidth=0.8, alpha=0.5)
-    top = 1.08 * float(max(np.sqrt(shape.room).max(), shape.speed.max()))
-    ax.set(ylabel="speed (m/s)", xlim=(0.0, motion.duration), ylim=(-0.03 * top, top))
-    ax.set_title(f"{share:.0%} of the joints' speed is inside the body")
-    return ax
-
-
-def shape_speed_figure(bodies: Mapping[str, tuple[Motion, BeatTrack]], *, corpus: str) -> Figure:
-    """`draw_speeds` of several bodies, one above the other.
-
-    Parameters
-    ----------
-    bodies : name -> motion, and the music's beats on its time line
-    corpus : str, of all of them
-    """
-    with styled_axes((9.2, 2.3 * len(bodies) + 0.4), len(bodies)) as (figure, axes):
-        for ax, (name, (motion, beats)) in zip(axes, bodies.items(), strict=True):
-            finding = draw_speeds(ax, motion, beats).get_title(loc="left")
-            ax.set_title(f"{sentence(name)}: {finding}")
-        axes[-1].set_xlabel(f"time (s); blue: music beats; {corpus_words(corpus)}")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
