@@ -6,28 +6,21 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from study.experiments.levels import (
-    HALF,
-    OTHER,
-    OWN,
-    QUARTER,
-    SAME,
-    level_counts,
-    level_recordings,
-    level_settings,
-    level_table,
-)
 from study.figures.verdicts import levels_figure
 from study.profile import RunProfile
+from tests.notebook_cells import notebook_cells
+
+CELLS = notebook_cells("05_right_from_wrong")
+OWN, QUARTER, HALF, SAME, OTHER = CELLS.OWN, CELLS.QUARTER, CELLS.HALF, CELLS.SAME, CELLS.OTHER
 
 
 @pytest.fixture(scope="module")
 def table() -> pd.DataFrame:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("HARMOLAB_DATA", raising=False)
-        ((name, recordings),) = level_recordings(RunProfile.quick()).items()
+        ((name, recordings),) = CELLS.level_recordings(RunProfile.quick()).items()
     assert name == "synthetic"
-    return level_table([item for item in recordings if item.clip.dance in ("waltz", "rumba")], seed=1)
+    return CELLS.level_table([item for item in recordings if item.clip.dance in ("waltz", "rumba")], seed=1)
 
 
 def test_planted_dancers_are_on_the_beat_of_their_own_music_only(table: pd.DataFrame):
@@ -38,13 +31,13 @@ def test_planted_dancers_are_on_the_beat_of_their_own_music_only(table: pd.DataF
 
 
 def test_four_settings_are_counted_by_level(table: pd.DataFrame):
-    counts = level_counts(table.assign(told=table["told"].where(table["music"] != OWN, other=True)))
+    counts = CELLS.level_counts(table.assign(told=table["told"].where(table["music"] != OWN, other=True)))
     assert counts.loc[("annotated", True), OWN] == "0 0 0 0 6"
 
 
 @pytest.mark.slow
 def test_settings_are_tracked_and_annotated_told_and_not():
-    rows = level_settings(level_recordings(RunProfile.quick())["synthetic"][:2])
+    rows = CELLS.level_settings(CELLS.level_recordings(RunProfile.quick())["synthetic"][:2])
     assert rows.groupby(["beats", "told"]).ngroups == 4
     assert set(rows["music"]) == {OWN, QUARTER, HALF, SAME}
 
@@ -55,31 +48,27 @@ def test_reading_is_the_dance_that_was_learnt_on_other_recordings(table: pd.Data
 
 
 def test_one_dance_alone_has_no_other_music():
-    recordings = level_recordings(replace(RunProfile.quick(), seed=2))["synthetic"][:2]
-    assert list(level_table(recordings)["music"].unique()) == [OWN, QUARTER, HALF, SAME]
+    recordings = CELLS.level_recordings(replace(RunProfile.quick(), seed=2))["synthetic"][:2]
+    assert list(CELLS.level_table(recordings)["music"].unique()) == [OWN, QUARTER, HALF, SAME]
 
 
 def test_picture_counts_the_levels_of_each_music():
-    rows = [
-        {"music": "a", "level": 4},
-        {"music": "a", "level": 4},
-        {"music": "a", "level": 0},
-        {"music": "b", "level": 1},
-    ]
-    (ax,) = levels_figure({"beatlocked": rows}).axes
+    row = {"corpus": "beatlocked", "beats": "tracked", "told": False, "a": "1 0 0 0 2", "b": "0 1 0 0 0", "c": ""}
+    (ax,) = levels_figure(pd.DataFrame([row, row | {"told": True}])).axes
     title = "Recordings on the beat at level 4: 2 of 3 with a music, 0 of 1 with other music"
     assert ax.get_title("left") == title
-    widths = [(bar.get_y() + bar.get_height() / 2, bar.get_width()) for bar in ax.patches if bar.get_width()]
-    assert [(round(y), width) for y, width in widths] == [(1, 1), (1, 2), (0, 1)]
-    assert [text.get_text() for text in ax.texts] == ["1", "2", "1"]
+    widths = {(round(bar.get_y() + 0.4), bar.get_x(), bar.get_width()) for bar in ax.patches if bar.get_width()}
+    assert widths == {(0, 0, 1), (0, 1, 2), (1, 0, 1)}
+    assert [text.get_text() for text in ax.texts if text.get_text()] == ["1", "1", "2"]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["a", "b"]
 
 
 @pytest.mark.data
 @pytest.mark.slow
 def test_recorded_dancers_are_on_the_beat_of_their_own_music_only(data_root: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HARMOLAB_DATA", str(data_root / "beatlocked"))
-    (recordings,) = level_recordings(RunProfile.full()).values()
-    on_the_beat = level_settings(recordings).query("level == 4").groupby(["beats", "told", "music"]).size()
+    (recordings,) = CELLS.level_recordings(RunProfile.full()).values()
+    on_the_beat = CELLS.level_settings(recordings).query("level == 4").groupby(["beats", "told", "music"]).size()
     ordinary, told = on_the_beat["tracked", False], on_the_beat["annotated", True]
     assert ordinary[OWN] >= 10 and told[OWN] >= 8
     assert max(ordinary.get(music, 0) for music in (QUARTER, HALF, OTHER)) <= 1

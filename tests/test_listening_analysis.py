@@ -21,7 +21,7 @@ from harmolab.lab.listening.analysis import (
 )
 from harmolab.lab.listening.answers import Answer, Answers, SimulatedRater
 from harmolab.lab.listening.trials import Item, make_key, make_trials
-from study.figures.listening import draw_rates, rates_figure, study_title
+from study.figures.listening import rates_figure, study_title
 from tests.builders import refused
 
 CLIPS = [Item(f"clip {n}", {"true": f"{n} t", "lagged": f"{n} l"}) for n in range(40)]
@@ -280,7 +280,7 @@ def test_figures_of_simulated_raters_say_so_and_those_of_people_do_not():
 
 def test_rows_that_do_not_say_who_answered_are_not_drawn():
     rows = [{"rater": "Ada", "rate": 0.5, "low": 0.4, "high": 0.6, "n": 9}]
-    refused('must say "simulated"', draw_rates, Figure().subplots(), rows, label="right")
+    refused('must say "simulated"', rates_figure, rows, label="right", title="")
     refused('must say "simulated"', study_title, "Table", [])
 
 
@@ -289,7 +289,7 @@ def test_dot_is_filled_only_if_the_interval_leaves_out_guessing():
         {"rater": "Ada", "rate": 0.9, "low": 0.7, "high": 1.0, "n": 9, "simulated": False},
         {"rater": "Bob", "rate": 0.6, "low": 0.4, "high": 0.8, "n": 9, "simulated": False},
     ]
-    ax = draw_rates(Figure().subplots(), rows, label="right")
+    (ax,) = rates_figure(rows, label="right", title="").axes
     assert [label.get_text() for label in ax.get_yticklabels()] == ["Bob", "Ada"]
     dots = [line for line in ax.lines if line.get_marker() == "o"]
     assert {float(dot.get_xdata()[0]): dot.get_markerfacecolor() for dot in dots} == {0.6: "white", 0.9: "#222222"}

@@ -1,31 +1,29 @@
 """False alarms: what the null rows draw, what is counted, and that it stays within the nominal share."""
 
-from dataclasses import replace
-
 import numpy as np
+import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 
 from harmolab.shape_speed import shape_speed
 from harmolab.types import BeatTrack, Motion
 from harmolab.verdict.evidence import time_test
 from harmolab.verdict.judge import judge
-from study.experiments.nulls import FAR, NULLS, dancer, null_table, recorded_nulls, smooth_noise, steady_beats
-from study.figures.verdicts import draw_false_alarms, nulls_figure
-from study.profile import RunProfile
+from study.figures.verdicts import nulls_figure
 from tests.builders import cases, planted_dance
+from tests.notebook_cells import notebook_cells
 
-PROFILE = replace(RunProfile.quick(), n_nulls=3, n_rotations=30)
+CELLS = notebook_cells("05_right_from_wrong")
+NULLS = CELLS.planted_nulls()
 Pair = tuple[Motion, BeatTrack]
 
 
 def on_the_beat(seconds: float, rng: np.random.Generator) -> Pair:
-    beats = steady_beats(0.5, seconds, rng)
-    return dancer(beats, rng), beats
+    beats = CELLS.steady_beats(0.5, seconds, rng)
+    return CELLS.dancer(beats, rng), beats
 
 
 def test_beats_are_steady_and_begin_within_one_period(rng: np.random.Generator):
-    beats = steady_beats(0.5, 10.0, rng)
+    beats = CELLS.steady_beats(0.5, 10.0, rng)
     assert 0 <= beats.times[0] < 0.5
     np.testing.assert_allclose(np.diff(beats.times), 0.5)
     assert beats.duration == 10.0
@@ -40,7 +38,7 @@ def test_dancer_has_the_tempo_of_the_row(kind: str, least: float, most: float):
 def test_dancer_whose_tempo_is_far_off_is_never_near():
     draw, _ = NULLS["dancer, tempo over 4 % off"]
     ratios = np.log([own_ratio(*draw(30.0, np.random.default_rng(seed))) for seed in range(6)])
-    assert np.abs(ratios).min() > 0.95 * FAR
+    assert np.abs(ratios).min() > 0.95 * CELLS.FAR
     assert min(ratios) < 0 < max(ratios)
 
 
@@ -82,7 +80,7 @@ def test_standing_still_after_the_last_beat_changes_nothing():
 
 
 def test_dancers_on_the_beat_are_always_in_time_and_short_windows_are_not_judged():
-    table = null_table(PROFILE, {"on the beat": (on_the_beat, (5.0, 20.0))}).set_index("seconds")
+    table = CELLS.null_table({"on the beat": (on_the_beat, (5.0, 20.0))}, 3, 1).set_index("seconds")
     assert table["cannot tell"].tolist() == [1.0, 0.0]
     assert np.isnan(table.loc[5.0, "p .05"])
     assert table.loc[20.0, ["p_time .05", "p .05", "p .01"]].tolist() == [1.0, 1.0, 0.0]
@@ -91,8 +89,8 @@ def test_dancers_on_the_beat_are_always_in_time_and_short_windows_are_not_judged
 
 def test_recorded_dancers_are_cut_at_random_and_their_own_beats_moved():
     clip = planted_dance(seconds=24.0, seed=5)
-    (grid, windows), (moved, _) = recorded_nulls([(clip.motion, clip.beats)]).values()
-    assert windows == (6.0, 15.0)
+    (grid, windows), (moved, _) = CELLS.recorded_nulls([(clip.motion, clip.beats)]).values()
+    assert windows == [6.0, 15.0]
     motion, beats = moved(15.0, np.random.default_rng(1))
     assert motion.duration == pytest.approx(15.0)
     assert beats.tempo == pytest.approx(clip.beats.tempo, rel=0.01)
@@ -104,7 +102,7 @@ def test_recorded_dancers_are_cut_at_random_and_their_own_beats_moved():
 @pytest.mark.parametrize("kind", ["dancer, same tempo, any phase", "smooth noise"])
 def test_p_value_is_small_no_more_often_than_it_may(kind: str):
     draw, _ = NULLS[kind]
-    (row,) = null_table(replace(PROFILE, n_nulls=400), {kind: (draw, (15.0,))}).to_dict("records")
+    (row,) = CELLS.null_table({kind: (draw, (15.0,))}, 400, 1).to_dict("records")
     assert row["p .05"] <= 0.06
     assert row["p .01"] <= 0.02
     if kind == "smooth noise":
@@ -112,8 +110,8 @@ def test_p_value_is_small_no_more_often_than_it_may(kind: str):
 
 
 def test_smooth_noise_has_no_beat(rng: np.random.Generator):
-    beats = steady_beats(0.5, 30.0, rng)
-    judgement = judge(shape_speed(smooth_noise(30.0, rng)), beats)
+    beats = CELLS.steady_beats(0.5, 30.0, rng)
+    judgement = judge(shape_speed(CELLS.smooth_noise(30.0, rng)), beats)
     assert judgement.signal is not None
     assert time_test(judgement.signal, beats.times).best < 8
 
@@ -128,7 +126,7 @@ def record(kind: str, **shares: float) -> dict[str, object]:
 
 def test_picture_marks_each_share_in_the_row_of_its_kind():
     rows = [record("a"), record("b", **{"p .05": np.nan, "p_time .05": np.nan, "cannot tell": 1.0})]
-    ax = draw_false_alarms(Figure().subplots(), rows)
+    (ax,) = nulls_figure(pd.DataFrame(rows)).axes
     marks = {line.get_label(): (list(line.get_xdata()), list(line.get_ydata())) for line in ax.lines[1:]}
     assert marks["old score, published"] == ([0.17, 0.17], [1, 0])
     assert marks["H: in time, and where"][0][0] == 0.02
@@ -137,8 +135,8 @@ def test_picture_marks_each_share_in_the_row_of_its_kind():
 
 def test_title_tells_the_worst_row_of_both_scores():
     rows = [record("a"), record("b", **{"p .05": 0.055, "old p .05": 0.2}), record("c", **{"p .05": np.nan})]
-    assert "up to 20% of clips, H in up to 6%" in nulls_figure(rows).get_suptitle()
+    assert "up to 20% of clips, H in up to 6%" in nulls_figure(pd.DataFrame(rows)).get_suptitle()
 
 
 def test_few_clips_have_no_finding():
-    assert "5 clips a row are too few" in nulls_figure([record("a", n=5)]).get_suptitle()
+    assert "5 clips a row are too few" in nulls_figure(pd.DataFrame([record("a", n=5)])).get_suptitle()

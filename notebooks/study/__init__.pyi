@@ -38,12 +38,6 @@ from .experiments.danced_feet import toe_curves as toe_curves
 from .experiments.danced_feet import toe_variety as toe_variety
 from .experiments.dancer_parts import recording_chain as recording_chain
 from .experiments.default_dances import default_dances as default_dances
-from .experiments.discrimination import auc_table as auc_table
-from .experiments.discrimination import compare_corpora as compare_corpora
-from .experiments.discrimination import dance_patterns_of as dance_patterns_of
-from .experiments.discrimination import dance_table as dance_table
-from .experiments.discrimination import disturbance_table as disturbance_table
-from .experiments.discrimination import pick_table as pick_table
 from .experiments.examples import example_recording as example_recording
 from .experiments.examples import excerpt as excerpt
 from .experiments.examples import waltz_example as waltz_example
@@ -62,10 +56,6 @@ from .experiments.half_minutes import half_minutes as half_minutes
 from .experiments.half_minutes import machine_marks as machine_marks
 from .experiments.half_minutes import right_music_table as right_music_table
 from .experiments.judging import danced_unit as danced_unit
-from .experiments.levels import level_counts as level_counts
-from .experiments.levels import level_recordings as level_recordings
-from .experiments.levels import level_settings as level_settings
-from .experiments.levels import level_table as level_table
 from .experiments.locked import locked_table as locked_table
 from .experiments.locked import metronome as metronome
 from .experiments.locked import statue_on_turntable as statue_on_turntable
@@ -82,7 +72,6 @@ from .experiments.minutes import minutes as minutes
 from .experiments.minutes import unheard as unheard
 from .experiments.music2dance import DANCER_SETTINGS as DANCER_SETTINGS
 from .experiments.music2dance import trained_dancer as trained_dancer
-from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
 from .experiments.own_songs import song_means as song_means
 from .experiments.planted_truth import bow_table as bow_table

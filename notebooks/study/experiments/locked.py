@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from harmolab.verdict.bar_pattern import beat_positions
 from harmolab.verdict.evidence import LEAST_SHARE
 from harmolab.verdict.judge import Judgement, judge
 from harmolab.verdict.sentences import FEW_JOINTS, moments_after_beat
-from study.experiments.nulls import OLD_MEASURE
+
+OLD_MEASURE = Path(__file__).with_name("old_measure.json")  # numbers of the score on the joint speed in the room
 
 
 def metronome(seconds: float, period: float) -> BeatTrack:

@@ -20,15 +20,17 @@ from study.figures.attributes import accuracy_figure
 from study.figures.cheating import listening_figure, tricks_figure
 from study.figures.comparison import comparison_figure
 from study.figures.feet import ways_figure
+from study.figures.listening import rates_figure
 from study.figures.music2dance import chance_figure, limits_figure, marks_figure
 from study.figures.player_results import components_figure, hits_figure, player_table_figure
 from study.figures.quality import distances_figure
-from study.figures.results import auc_figure, disturbances_figure, forced_choice_figure
+from study.figures.results import auc_figure, disturbances_figure, forced_choice_figure, patterns_figure, picks_figure
 from study.figures.variants import Record, by_corpus
+from study.figures.verdicts import levels_figure, nulls_figure
 from study.profile import RunProfile
 from study.saving import Saved, figures_folder, save_figure
 
-CORPUS = "beatlocked"  # of the tables of Music2Dance that do not name it
+CORPUS = "beatlocked"  # of the tables that do not name it
 LENGTHS = ("a minute", "a minute on synthetic movement", "ten minutes")
 # Weights of the machine's marks; a test holds them to `study.MARKS`, which is out of reach here.
 WEIGHTS: Mapping[str, float] = MappingProxyType({"naturalness": 0.25, "richness": 0.25, "music": 0.4, "sliding": 0.1})
@@ -49,8 +51,15 @@ def figures_of_tables(folder: Path) -> dict[str, Figure]:
     return {
         "cheating_generators": listening_figure(_records(folder, "table_generators_late")),
         "cheating_tricks": tricks_figure(_records(folder, "table_cheating_tricks")),
-        "fig08b_auc_of_all_scores": auc_figure(pd.read_csv(folder / "table08b_auc.csv")),
-        "fig08d_disturbances": disturbances_figure(pd.read_csv(folder / "table08g_beat_jitter.csv")),
+        "fig08_picking_inharmonious_clips": picks_figure(_table(folder, "table08h_picked_clips"), corpus=CORPUS),
+        "fig08b_auc_of_all_scores": auc_figure(_table(folder, "table08b_auc")),
+        "fig08c_bar_patterns": patterns_figure(_table(folder, "fig08c_bar_patterns"), corpus=CORPUS),
+        "fig08d_disturbances": disturbances_figure(_table(folder, "table08g_beat_jitter")),
+        "fig08e_listening_study": rates_figure(
+            _records(folder, "table08e_listening_study"), label="right answers", title="Who picks out late dances?"
+        ),
+        "fig08f_levels": levels_figure(_table(folder, "table08i_levels")),
+        "fig08g_false_alarms": nulls_figure(_table(folder, "table08f_false_alarms")),
         "fig09_frechet_distances": distances_figure(_records(folder, "table09_motion_quality")),
         "fig12_systems": comparison_figure(_records(folder, "table12_systems")),
         "fig13_machine_comparison": forced_choice_figure(by_corpus(_records(folder, "table13_machine_comparison"))),
@@ -102,7 +111,7 @@ def _table(folder: Path, name: str) -> pd.DataFrame:
 
 
 def _records(folder: Path, name: str) -> list[Record]:
-    return [dict(row) for _, row in pd.read_csv(folder / f"{name}.csv").iterrows()]
+    return [{str(key): value for key, value in row.items()} for row in _table(folder, name).to_dict("records")]
 
 
 def redraw(profile: RunProfile) -> list[Saved]:

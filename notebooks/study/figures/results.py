@@ -14,8 +14,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.params import BarPattern
-from harmolab.verdict.bar_pattern import evaluate_pattern
 from study.figures.variants import LOOKS, Record, by_corpus, rows_by_name
 from study.figures.words import corpus_words, is_synthetic, sentence
 from study.saving import mark_synthetic
@@ -46,19 +44,19 @@ JITTER_SCORES = ("recommended", "valleys", "paper", "beat_align_motion", "mir_ev
 JUDGES = MappingProxyType({"paper's harmony": ("^", SCORE_COLOURS[2]), "above chance": ("s", SCORE_COLOURS[1])})
 
 
-def draw_auc(ax: Axes, rows: Sequence[Record], names: Sequence[str] | None = None) -> Axes:
-    """AUC of each score on its chance band, in the order of the rows; only what leaves its band has a colour.
+def draw_auc(ax: Axes, rows: Sequence[Record], names: Sequence[str]) -> Axes:
+    """AUC of each score on its chance band; only what leaves its band has a colour.
 
     Parameters
     ----------
     ax : Axes
     rows : records with "score", "AUC", "chance low" and "chance high", of one corpus
-    names : scores that have a line, from above; default those of the rows
+    names : scores that have a line, from above
     """
-    places = rows_by_name(ax, names or [row["score"] for row in rows], SCORE_LABELS)
+    places = rows_by_name(ax, names, SCORE_LABELS)
     for row in rows:
         place, low, high, value = places[row["score"]], row["chance low"], row["chance high"], row["AUC"]
-        ax.barh(place, high - low, left=low, height=0.7, color=COLOURS["faint"], label="chance band (95 %)")
+        ax.barh(place, high - low, left=low, height=0.7, color=COLOURS["faint"])
         colour = COLOURS["hit"] if value > high else COLOURS["chance"] if value >= low else COLOURS["miss"]
         ax.plot(value, place, "o" if value > high else "x", color=colour, markersize=7, markeredgewidth=2)
         ax.annotate(
@@ -70,67 +68,6 @@ def draw_auc(ax: Axes, rows: Sequence[Record], names: Sequence[str] | None = Non
             label.set_fontweight("bold")
     ax.axvline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1)
     ax.set_xlim(0, 1.15)
-    return ax
-
-
-def draw_pattern(ax: Axes, pattern: BarPattern) -> Axes:
-    """Learnt course of shape speed over the beats of a bar, named 1, 2, 3; an arrow to the fastest moment."""
-    positions = np.linspace(0, pattern.beats, 200)
-    values = evaluate_pattern(pattern, positions)
-    ax.fill_between(positions, values, 0.0, color=COLOURS["visual"], alpha=0.25, linewidth=0)
-    ax.plot(positions, values, color=COLOURS["visual"], linewidth=2)
-    top = int(np.argmax(values))
-    ax.annotate(
-        "fastest here", (positions[top], values[top]), (0, 16), textcoords="offset points", ha="center", va="bottom",
-        fontsize=9, arrowprops={"arrowstyle": "->", "color": COLOURS["ink"]}, annotation_clip=False,
-    )  # fmt: skip
-    for beat in range(pattern.beats + 1):
-        ax.axvline(beat, color=COLOURS["audio"], linewidth=1, alpha=0.6)
-    ax.axhline(0, color=COLOURS["chance"], linewidth=0.8, zorder=0)
-    ax.set_xticks(range(pattern.beats + 1), [*(str(beat + 1) for beat in range(pattern.beats)), "1"])
-    ax.set_xlim(0, pattern.beats)
-    return ax
-
-
-def draw_picks(ax: Axes, table: pd.DataFrame) -> Axes:
-    """Share of inharmonious clips picked out, one bar a judge, its number inside; the paper's viewers hatched.
-
-    Parameters
-    ----------
-    table : DataFrame with columns "judge", "paper", "harmolab" (shares; one of the two is NaN), "low", "high"
-    """
-    places = rows_by_name(ax, list(table["judge"]))
-    for judge in table.to_dict("records"):
-        human, row = pd.notna(judge["paper"]), places[judge["judge"]]
-        value = judge["paper"] if human else judge["harmolab"]
-        colour, hatch = (COLOURS["chance"], "//") if human else (SCORE_COLOURS[2], None)
-        ax.barh(row, value, color=colour, hatch=hatch, height=0.65, edgecolor="white")
-        if not human:
-            ax.plot([judge["low"], judge["high"]], [row, row], color=COLOURS["ink"], linewidth=2, gid="interval")
-        box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-        ax.annotate(f"{value:.0%}", (0.02, row), va="center", fontweight="bold", bbox=box)
-    ax.axvline(0.5, color=COLOURS["ink"], linestyle=":", linewidth=1.5)
-    ax.annotate("guessing", (0.5, len(places) - 0.45), ha="center", va="bottom", fontsize=9)
-    ax.set_ylim(-0.6, len(places) - 0.1)
-    ax.set_xlim(0, 1.0)
-    ax.set_xlabel("share of inharmonious clips picked out (black: 95 % of draws)")
-    return ax
-
-
-def draw_disturbances(ax: Axes, table: pd.DataFrame, scores: Sequence[str]) -> Axes:
-    """AUC of some scores as one disturbance grows; the legend is in the order of the lines at its greatest level.
-
-    Parameters
-    ----------
-    table : DataFrame whose first column is the level (its name is the x label), with one column a score
-    scores : names of the columns to draw
-    """
-    for name, mark, colour in zip(scores, SCORE_MARKS, SCORE_COLOURS, strict=False):
-        ax.plot(table.iloc[:, 0], table[name], mark, color=colour, label=SCORE_LABELS.get(name, name))
-    ax.axhline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1, label="a coin")
-    ax.set(xlabel=table.columns[0], ylabel="AUC: how often the true music wins", ylim=(0.4, 1.02))
-    handles = sorted(ax.lines, key=lambda line: -float(np.asarray(line.get_ydata())[-1]))
-    ax.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
 
@@ -172,64 +109,105 @@ def _tellers(rows: Sequence[Record]) -> str:
     return f"{about}\n{len(above) or 'none'} of {len(rows)} scores tell{ours} ({beats} beats)"
 
 
-def patterns_figure(patterns: Mapping[str, BarPattern], *, corpus: str) -> Figure:
-    """`draw_pattern` of each dance in a panel of its own, with the place of its fastest moment as title."""
-    lines = -(-len(patterns) // 2)
+def patterns_figure(table: pd.DataFrame, *, corpus: str) -> Figure:
+    """Course of shape speed over the beats of each dance, a panel a dance; an arrow to its fastest moment.
+
+    Parameters
+    ----------
+    table : DataFrame with the columns "dance", "beat" (from 0, the first of a bar, to the end) and "shape speed"
+    corpus : str
+    """
+    dances = list(table.groupby("dance", sort=False))
+    lines = -(-len(dances) // 2)
     with styled_axes((9.0, 2.5 * lines + 0.4), lines, 2, sharey=True) as (figure, axes):
-        for ax, (dance, pattern) in zip(axes, patterns.items(), strict=False):
-            draw_pattern(ax, pattern).set_title(f"{dance}: {_fastest(pattern)}", pad=26, fontsize=10.5)
-            ax.set_xlabel("beat of the cycle")
-        for ax in axes[len(patterns) :]:
+        for ax, (dance, course) in zip(axes, dances, strict=False):
+            fastest, beats = _draw_course(ax, course)
+            ax.set_title(f"{dance}: fastest {_place_in_bar(fastest, beats)}", pad=26, fontsize=10.5)
+        for ax in axes[len(dances) :]:
             ax.set_visible(False)
         for ax in axes[::2]:
             ax.set_ylabel("shape speed (SD)")
-        title = f"Dancers do not all stop on the beat ({corpus_words(corpus)})" if _any_off_beat(patterns) else ""
+        slowest = table.loc[table.groupby("dance")["shape speed"].idxmin(), "beat"]
+        any_off_beat = (slowest - slowest.round()).abs().max() > NEAR
+        title = f"Dancers do not all stop on the beat ({corpus_words(corpus)})" if any_off_beat else ""
         figure.suptitle(title or corpus_words(corpus), x=0.01, ha="left", fontsize=12)
     return figure
 
 
-def _slowest(pattern: BarPattern) -> float:
-    """Beats from the slowest moment of a pattern to the nearest beat."""
-    positions = np.linspace(0, pattern.beats, 200)
-    place = float(positions[np.argmin(evaluate_pattern(pattern, positions))])
-    return abs(place - round(place))
+def _draw_course(ax: Axes, course: pd.DataFrame) -> tuple[float, int]:
+    """The place of the fastest moment, and the beats of the course just drawn."""
+    places, speeds, beats = course["beat"], course["shape speed"], round(course["beat"].max())
+    ax.fill_between(places, speeds, 0.0, color=COLOURS["visual"], alpha=0.25, linewidth=0)
+    ax.plot(places, speeds, color=COLOURS["visual"], linewidth=2)
+    fastest = float(places[speeds.idxmax()])
+    ax.annotate(
+        "fastest here", (fastest, speeds.max()), (0, 16), textcoords="offset points", ha="center", va="bottom",
+        fontsize=9, arrowprops={"arrowstyle": "->", "color": COLOURS["ink"]}, annotation_clip=False,
+    )  # fmt: skip
+    for beat in range(beats + 1):
+        ax.axvline(beat, color=COLOURS["audio"], linewidth=1, alpha=0.6)
+    ax.axhline(0, color=COLOURS["chance"], linewidth=0.8, zorder=0)
+    ax.set(xticks=range(beats + 1), xticklabels=[*range(1, beats + 1), 1], xlim=(0, beats), xlabel="beat of the cycle")
+    return fastest, beats
 
 
-def _any_off_beat(patterns: Mapping[str, BarPattern]) -> bool:
-    return any(_slowest(pattern) > NEAR for pattern in patterns.values())
-
-
-def _fastest(pattern: BarPattern) -> str:
-    """The place of the fastest moment in words: on a beat, or between two."""
-    positions = np.linspace(0, pattern.beats, 200)
-    place = float(positions[np.argmax(evaluate_pattern(pattern, positions))])
-    beat = round(place) % pattern.beats + 1
+def _place_in_bar(place: float, beats: int) -> str:
+    """A place in words: on a beat, or between two."""
     if abs(place - round(place)) <= NEAR:
-        return f"fastest on {beat}"
-    before = int(place) % pattern.beats + 1
-    return f"fastest between {before} and {before % pattern.beats + 1}"
+        return f"on {round(place) % beats + 1}"
+    before = int(place) % beats + 1
+    return f"between {before} and {before % beats + 1}"
 
 
 def picks_figure(table: pd.DataFrame, *, corpus: str) -> Figure:
-    """`draw_picks` in a figure of its own; its title is the best score beside guessing."""
-    scores = table[table["paper"].isna()]
-    best = scores.sort_values("harmolab").iloc[-1]
+    """Share of inharmonious clips picked out, one bar a judge, people hatched; its title is the best score.
+
+    Parameters
+    ----------
+    table : DataFrame with columns "judge", "paper", "harmolab" (shares; one of the two is NaN), "low", "high"
+    corpus : str
+    """
+    best = table.loc[table["harmolab"].idxmax()]
     sure = "better than guessing" if best["low"] > 0.5 else "not clearly better than guessing"
     with styled_axes((9.0, 3.0)) as (figure, (ax,)):
-        draw_picks(ax, table).set_title(f"Best score: {best['judge']}, {sure}")
-        ax.set_xlabel(f"{ax.get_xlabel()}; {corpus_words(corpus)}")
+        places = rows_by_name(ax, list(table["judge"]))
+        for judge in table.to_dict("records"):
+            human, row = pd.notna(judge["paper"]), places[judge["judge"]]
+            value = judge["paper"] if human else judge["harmolab"]
+            colour, hatch = (COLOURS["chance"], "//") if human else (SCORE_COLOURS[2], None)
+            ax.barh(row, value, color=colour, hatch=hatch, height=0.65, edgecolor="white")
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+            ax.annotate(f"{value:.0%}", (0.02, row), va="center", fontweight="bold", bbox=box)
+        ax.hlines([*places.values()], table["low"], table["high"], color=COLOURS["ink"], linewidth=2, gid="interval")
+        ax.axvline(0.5, color=COLOURS["ink"], linestyle=":", linewidth=1.5)
+        ax.annotate("guessing", (0.5, len(places) - 0.45), ha="center", va="bottom", fontsize=9)
+        label = f"share of inharmonious clips picked out (black: 95 % of draws); {corpus_words(corpus)}"
+        ax.set(xlim=(0, 1), ylim=(-0.6, len(places) - 0.1), xlabel=label)
+        ax.set_title(f"Best score: {best['judge']}, {sure}")
     return figure
 
 
 def disturbances_figure(table: pd.DataFrame, scores: Sequence[str] = JITTER_SCORES) -> Figure:
-    """`draw_disturbances` in a figure of its own; its title is which score stands the most."""
-    last = table.iloc[-1]
-    best = max(scores, key=lambda name: last[name])
-    rest = [last[name] for name in scores if name != best]
+    """AUC of some scores as one disturbance grows; its title is which score stands the most.
+
+    Parameters
+    ----------
+    table : DataFrame whose first column is the level (its name is the x label), with one column a score
+    scores : names of the columns to draw
+    """
+    last = table[list(scores)].iloc[-1].sort_values(ascending=False)
+    best, rest = last.index[0], last.iloc[1:]
     with styled_axes((9.0, 4.0)) as (figure, (ax,)):
-        draw_disturbances(ax, table, scores).set_title(
+        for name, mark, colour in zip(scores, SCORE_MARKS, SCORE_COLOURS, strict=False):
+            ax.plot(table.iloc[:, 0], table[name], mark, color=colour, label=SCORE_LABELS.get(name, name))
+        ax.axhline(0.5, color=COLOURS["chance"], linestyle=":", linewidth=1, label="a coin")
+        ax.set(xlabel=table.columns[0], ylabel="AUC: how often the true music wins", ylim=(0.4, 1.02))
+        # In the order of the lines at the right end.
+        handles = sorted(ax.lines, key=lambda line: -float(np.asarray(line.get_ydata())[-1]))
+        ax.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        ax.set_title(
             f"“{SCORE_LABELS.get(best, best)}” stands the most: at the right end AUC {last[best]:.2f}, "
-            f"the others {min(rest):.2f} to {max(rest):.2f}"
+            f"the others {rest.min():.2f} to {rest.max():.2f}"
         )
     return figure
 
