@@ -31,11 +31,6 @@ from .experiments.choreography import seam_jerk as seam_jerk
 from .experiments.comparison import comparison as comparison
 from .experiments.comparison import long_table as long_table
 from .experiments.comparison import side_by_side as side_by_side
-from .experiments.danced_feet import contact_table as contact_table
-from .experiments.danced_feet import feet_of_dances as feet_of_dances
-from .experiments.danced_feet import foot_curves as foot_curves
-from .experiments.danced_feet import toe_curves as toe_curves
-from .experiments.danced_feet import toe_variety as toe_variety
 from .experiments.dancer_parts import recording_chain as recording_chain
 from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import auc_table as auc_table
@@ -47,8 +42,6 @@ from .experiments.discrimination import pick_table as pick_table
 from .experiments.examples import example_recording as example_recording
 from .experiments.examples import excerpt as excerpt
 from .experiments.examples import waltz_example as waltz_example
-from .experiments.feet import foot_table as foot_table
-from .experiments.feet import foot_trials as foot_trials
 from .experiments.generation import VARIANTS as VARIANTS
 from .experiments.generation import generator_corpora as generator_corpora
 from .experiments.generation import histories as histories
@@ -148,8 +141,6 @@ from .figures.cheating import listening_figure as listening_figure
 from .figures.cheating import tricks_figure as tricks_figure
 from .figures.comparison import comparison_figure as comparison_figure
 from .figures.dance import dance_figure as dance_figure
-from .figures.feet import foot_model_figure as foot_model_figure
-from .figures.feet import toes_figure as toes_figure
 from .figures.feet import ways_figure as ways_figure
 from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure
