@@ -1,8 +1,3 @@
-from .experiments.ablated import ablated_dancers as ablated_dancers
-from .experiments.ablated import ablation_table as ablation_table
-from .experiments.ablated import effector_disagreement as effector_disagreement
-from .experiments.ablated import end_effectors as end_effectors
-from .experiments.ablated import hand_heights as hand_heights
 from .experiments.ablation import ablation as ablation
 from .experiments.ablation import forced_choice as forced_choice
 from .experiments.ablation import gains as gains
@@ -20,7 +15,6 @@ from .experiments.attributes import window_starts as window_starts
 from .experiments.avatar_depth import DEPTH_LIMITS as DEPTH_LIMITS
 from .experiments.avatar_depth import depth_table as depth_table
 from .experiments.banks import bank_table as bank_table
-from .experiments.chance import chance_table as chance_table
 from .experiments.cheating import generators_half_a_beat_late as generators_half_a_beat_late
 from .experiments.cheating import late_rows as late_rows
 from .experiments.cheating import studied_clips as studied_clips
@@ -31,7 +25,6 @@ from .experiments.choreography import seam_jerk as seam_jerk
 from .experiments.comparison import comparison as comparison
 from .experiments.comparison import long_table as long_table
 from .experiments.comparison import side_by_side as side_by_side
-from .experiments.dancer_parts import recording_chain as recording_chain
 from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import auc_table as auc_table
 from .experiments.discrimination import compare_corpora as compare_corpora
@@ -50,10 +43,6 @@ from .experiments.guard import DOCTORED as DOCTORED
 from .experiments.guard import guard_table as guard_table
 from .experiments.guard import guard_verdicts as guard_verdicts
 from .experiments.guard import song_dancer as song_dancer
-from .experiments.half_minutes import MARKS as MARKS
-from .experiments.half_minutes import half_minutes as half_minutes
-from .experiments.half_minutes import machine_marks as machine_marks
-from .experiments.half_minutes import right_music_table as right_music_table
 from .experiments.judging import danced_unit as danced_unit
 from .experiments.levels import level_counts as level_counts
 from .experiments.levels import level_recordings as level_recordings
@@ -65,15 +54,8 @@ from .experiments.locked import statue_on_turntable as statue_on_turntable
 from .experiments.long_dances import dance_limits as dance_limits
 from .experiments.long_dances import danced_song as danced_song
 from .experiments.long_dances import long_dances as long_dances
-from .experiments.memory import memory_table as memory_table
-from .experiments.minutes import OURS as OURS
-from .experiments.minutes import TEN_MINUTES as TEN_MINUTES
-from .experiments.minutes import endurance_table as endurance_table
-from .experiments.minutes import likeness_table as likeness_table
-from .experiments.minutes import looked_at as looked_at
-from .experiments.minutes import minutes as minutes
-from .experiments.minutes import unheard as unheard
 from .experiments.music2dance import DANCER_SETTINGS as DANCER_SETTINGS
+from .experiments.music2dance import ablated_dancers as ablated_dancers
 from .experiments.music2dance import trained_dancer as trained_dancer
 from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
@@ -129,6 +111,7 @@ from .experiments.study import readable_recordings as readable_recordings
 from .experiments.study import strong_by_place as strong_by_place
 from .experiments.study import study_recordings as study_recordings
 from .experiments.study import synthetic_corpus as synthetic_corpus
+from .experiments.unheard_songs import unheard as unheard
 from .figures.ablation import MEASURES as MEASURES
 from .figures.ablation import ablation_figure as ablation_figure
 from .figures.ablation import trade_off_figure as trade_off_figure
@@ -148,10 +131,7 @@ from .figures.listening import rates_figure as rates_figure
 from .figures.listening import study_title as study_title
 from .figures.music2dance import chain_figure as chain_figure
 from .figures.music2dance import chance_figure as chance_figure
-from .figures.music2dance import clusters_figure as clusters_figure
-from .figures.music2dance import effectors_figure as effectors_figure
 from .figures.music2dance import framework_boxes_figure as framework_boxes_figure
-from .figures.music2dance import hands_figure as hands_figure
 from .figures.music2dance import limits_figure as limits_figure
 from .figures.music2dance import marks_figure as marks_figure
 from .figures.player_overlays import onsets_figure as onsets_figure
