@@ -65,7 +65,7 @@ def limits_figure(table: pd.DataFrame, *, length: str) -> Figure:
 
     Parameters
     ----------
-    table : DataFrame of `harmolab.lab.endurance_table`, of one corpus
+    table : DataFrame of `endurance_table` in notebook 16, of one corpus
     length : str, of the dances, in words
     """
     summary = endurance_summary(table)
@@ -213,5 +213,5 @@ def framework_boxes_figure(boxes: Mapping[str, str]) -> Figure:
 
 
 def chain_figure(boxes: Mapping[str, str]) -> Figure:
-    """Fig. 2, replaced: recordings to windows; `boxes` as of `experiments.dancer_parts.recording_chain`."""
+    """Fig. 2, replaced: recordings to windows; `boxes` as of `recording_chain` in notebook 16."""
     return boxes_figure(boxes, CHAIN, CHAIN_ARROWS)
