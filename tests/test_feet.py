@@ -30,28 +30,16 @@ from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.splits import Split, split_units
 from harmolab.systems.training.weights import load_weights
 from harmolab.types import Clip, FloatArray, Motion
-from study.experiments import danced_feet
 from study.experiments.contests import Contest
-from study.experiments.danced_feet import foot_speeds, toe_heights
-from study.experiments.feet import (
-    BOTH,
-    CONVOLUTION,
-    ERROR,
-    LEARNT,
-    LOWER,
-    LSTM,
-    RECORDED,
-    SLIDING,
-    UNTOUCHED,
-    foot_table,
-    lower_body_distance,
-    measured,
-    measured_planted,
-    standing_slide,
-)
 from study.experiments.sliding import SlidWindows, slid_windows
 from study.profile import RunProfile
+from tests.notebook_cells import notebook_cells
 from tests.test_music2dance_dancing import foot_model, sound, system
+
+CELLS = notebook_cells("17_feet")
+BOTH, CONVOLUTION, LSTM, UNTOUCHED = CELLS.BOTH, CELLS.CONVOLUTION, CELLS.LSTM, CELLS.UNTOUCHED
+LEARNT, LOWER, SLIDING = CELLS.LEARNT, CELLS.LOWER, CELLS.SLIDING
+ERROR, RECORDED = "MSE", "recorded"
 
 FPS = 25.0
 TINY = replace(Music2DanceParams.recommended(), window=2.0, clusters=3, song=SongParams(window=2.0, hop=1.0))
@@ -113,7 +101,7 @@ def joint(name: str) -> int:
 
 def slide(positions: FloatArray, contacts: FloatArray, counted: FloatArray | None = None) -> float:
     rest = np.ones(len(positions), bool) if counted is None else counted
-    return standing_slide(positions[None], contacts[None] > 0.5, rest[None], FPS, POINTS)
+    return CELLS.standing_slide(positions[None], contacts[None] > 0.5, rest[None], FPS, POINTS)
 
 
 def test_a_foot_slides_as_fast_as_its_slowest_point_while_it_stands():
@@ -142,7 +130,7 @@ def test_distance_of_the_lower_body_is_seen_from_the_root_and_leaves_the_arms_ou
     names = danced.skeleton.joints
     moved[:, names.index("knee L")] += [0.0, 0.05, 0.0]
     moved[:, names.index("hand L")] += [0.0, 0.3, 0.0]
-    away = lower_body_distance(danced.positions, moved, FPS, danced.skeleton)
+    away = CELLS.lower_body_distance(danced.positions, moved, FPS, danced.skeleton)
     np.testing.assert_allclose(away, 0.05 / 10, atol=1e-6)  # one of ten joints
 
 
@@ -253,11 +241,11 @@ def test_held_out_windows_are_of_one_draw_and_count_frames_of_their_side_alone(s
     np.testing.assert_array_equal(again.signals, sides["test"].signals)
     assert sides["test"].counted.any() and not sides["test"].counted.all()
     for windows in sides.values():
-        row = measured(windows, windows.recorded)
+        row = CELLS.measured(windows, windows.recorded)
         assert row[ERROR] == 0.0 and row[LOWER] == 0.0
-        assert measured(windows, windows.slid)[SLIDING] > row[SLIDING]
-    planted = measured_planted(sides["test"], sides["test"].slid)
-    assert planted[SLIDING] < measured(sides["test"], sides["test"].slid)[SLIDING] and np.isnan(planted[ERROR])
+        assert CELLS.measured(windows, windows.slid)[SLIDING] > row[SLIDING]
+    planted = CELLS.measured_planted(sides["test"], sides["test"].slid)
+    assert planted[SLIDING] < CELLS.measured(sides["test"], sides["test"].slid)[SLIDING] and np.isnan(planted[ERROR])
 
 
 # Table 2
@@ -274,7 +262,7 @@ def test_the_table_has_means_over_trainings_beside_no_correction_and_the_recorde
     rows += [trial(CONVOLUTION, seed, error, 18.0) for seed, error in ((1, 0.010), (2, 0.014), (3, 0.012))]
     rows += [trial(LSTM, 1, 0.03, 17.0), trial(BOTH, 1, np.nan, 9.0)]
     rows += [trial(each["feet"], each["seed"], 1.0, 1.0, "positions") for each in rows]
-    table = foot_table(pd.DataFrame(rows)).set_index(["code", "feet"])
+    table = CELLS.foot_table(pd.DataFrame(rows)).set_index(["code", "feet"])
     row = table.loc["rotations", CONVOLUTION]
     assert row[ERROR] == pytest.approx(0.012) and row["trainings"] == 3 and row["updates"] == 800
     # Student's t of two degrees of freedom, standard deviation .002
@@ -291,7 +279,7 @@ def test_the_papers_numbers_stand_in_a_column_of_their_own_and_beside_rotations_
         for code in ("rotations", "positions")
         for feet in (RECORDED, UNTOUCHED, CONVOLUTION, LSTM)
     ]
-    table = foot_table(pd.DataFrame(rows))
+    table = CELLS.foot_table(pd.DataFrame(rows))
     printed = table.dropna(subset="MSE, paper (other data)").set_index(["code", "feet"])["MSE, paper (other data)"]
     assert printed.to_dict() == {("rotations", CONVOLUTION): 0.0010, ("rotations", LSTM): 0.0028}
     assert (table[ERROR] == 0.5).all()
@@ -301,8 +289,8 @@ def test_the_papers_numbers_stand_in_a_column_of_their_own_and_beside_rotations_
 
 
 @pytest.fixture
-def planted(danced: Motion, monkeypatch: pytest.MonkeyPatch) -> Contest:
-    """Dancers that were never trained, a foot model without increments, and one dancer who was recorded."""
+def planted(danced: Motion) -> SimpleNamespace:
+    """Cells with dancers that were never trained, a foot model without increments, and one dancer who was recorded."""
     clip = Clip("recorded", sound(), danced, dance="cha-cha")
     history = pd.DataFrame(
         {
@@ -316,16 +304,21 @@ def planted(danced: Motion, monkeypatch: pytest.MonkeyPatch) -> Contest:
         settings = next((each for each in about if isinstance(each, Music2DanceParams)), Music2DanceParams.paper())
         return SimpleNamespace(system=system(settings.representation), history=history)
 
-    monkeypatch.setattr(danced_feet, "trained_dancer", run)
-    monkeypatch.setattr(danced_feet, "ablated_dancers", lambda contest, name: [run(), run()])
-    monkeypatch.setattr(danced_feet, "recorded_dancers", lambda contest: {"cha-cha": [clip]})
-    monkeypatch.setattr(danced_feet, "foot_model", lambda *about: SimpleNamespace(model=foot_model(about[2])))
-    monkeypatch.setattr(danced_feet, "SHOWN_FROM", 1.0)
-    return Contest(RunProfile.quick(), "made up", "planted", (), (), 1)
+    return notebook_cells(
+        "17_feet",
+        trained_dancer=run,
+        ablated_dancers=lambda contest, name: [run(), run()],
+        recorded_dancers=lambda contest: {"cha-cha": [clip]},
+        foot_model=lambda *about: (foot_model(about[2]), 0),
+        FROM=1.0,
+    )
 
 
-def test_dances_are_treated_in_three_ways_beside_the_recorded(planted: Contest):
-    table = danced_feet.feet_of_dances(planted).set_index(["dancer", "feet"])
+CONTEST = Contest(RunProfile.quick(), "made up", "planted", (), (), 1)
+
+
+def test_dances_are_treated_in_three_ways_beside_the_recorded(planted: SimpleNamespace):
+    table = planted.feet_of_dances(CONTEST).set_index(["dancer", "feet"])
     assert [*table.index.get_level_values("dancer").unique()] == ["recommended", "paper, calm", "paper"]
     for _, rows in table.groupby("dancer"):
         ways = rows.droplevel("dancer")
@@ -337,8 +330,8 @@ def test_dances_are_treated_in_three_ways_beside_the_recorded(planted: Contest):
         assert ways.loc["model", "lower body moved (cm)"] < 1e-3 < ways.loc["planted", "lower body moved (cm)"]
 
 
-def test_contacts_stand_beside_the_frame_before_and_the_majority(planted: Contest):
-    table = danced_feet.contact_table(planted).set_index("dancer")
+def test_contacts_stand_beside_the_frame_before_and_the_majority(planted: SimpleNamespace):
+    table = planted.contact_table(CONTEST).set_index("dancer")
     assert table["predicted"].to_dict() == {"paper": 0.8, "recommended": 0.8}
     assert (table["as in the frame before"] == 0.93).all() and (table["majority"] == 0.63).all()
     assert (table["frames per second"] == 25.0).all() and table["weight"].to_dict() == {
@@ -353,30 +346,32 @@ def test_heights_are_those_of_the_toes_as_the_network_gives_them(danced: Motion)
     names = danced.skeleton.joints
     rising = values.copy()
     rising[:, 3 * names.index("toe L") + 1] = values[0, 3 * names.index("heel L") + 1]
-    heights = [toe_heights(dancer, Danced(each, np.ones((len(values), 2)))) for each in (values, rising)]
-    np.testing.assert_allclose(heights[0][:, 1], danced.positions[:, names.index("toe R"), 1], atol=0.02)
+    heights = [CELLS.bare_toes(dancer, Danced(each, np.ones((len(values), 2)))) for each in (values, rising)]
+    np.testing.assert_allclose(heights[0][:, 1], 100 * danced.positions[:, names.index("toe R"), 1], atol=2)
     np.testing.assert_array_equal(heights[0][:, 1], heights[1][:, 1])
-    assert np.abs(heights[0][:, 0] - heights[1][:, 0]).max() > 0.01
+    assert np.abs(heights[0][:, 0] - heights[1][:, 0]).max() > 1
 
 
-def test_curves_are_as_long_as_they_are_shown_and_of_the_same_moments(planted: Contest):
-    curves = danced_feet.toe_curves(planted, "cha-cha")
-    assert {name: each.shape[1] for name, each in curves.items()} == dict.fromkeys(
-        ("recorded", "with end effectors", "without end effectors"), 2
-    )
-    assert {len(curves[name]) for name in ("with end effectors", "without end effectors")} == {200}
-    ways, stands = danced_feet.foot_curves(planted, "cha-cha")
-    assert [*ways] == ["none", "model", "planted"] and stands.shape == (200, 2)
-    np.testing.assert_allclose(ways["model"].heights, ways["none"].heights, atol=1e-5)
+def test_curves_are_as_long_as_they_are_shown_and_of_the_same_moments(planted: SimpleNamespace):
+    curves = planted.toe_curves(CONTEST, "cha-cha")
+    danced = curves[curves["dancer"] != "recorded"].groupby("dancer", sort=False)
+    assert danced["seconds"].agg([len, "min", "max"]).to_numpy().tolist() == [[200, 0.0, 199 / FPS]] * 2
+    assert [*danced.groups] == ["with end effectors", "without end effectors"]
+    assert curves[CELLS.TOES].notna().all(axis=None)
+    ways = dict([*planted.foot_curves(CONTEST, "cha-cha").groupby("feet", sort=False)])
+    assert [*ways] == ["no correction", "foot model", "planted feet, not learnt"]
+    assert {(len(own), own["seconds"].min()) for own in ways.values()} == {(200, 0.0)}
+    own, bare = (ways[name][CELLS.TOES] for name in ("foot model", "no correction"))
+    np.testing.assert_allclose(own, bare, atol=1e-3)
 
 
-def test_variety_is_that_of_the_heights_and_chance_adds_to_it(planted: Contest):
-    table = danced_feet.toe_variety(planted).set_index(["dancer", "drawing"])
+def test_variety_is_that_of_the_heights_and_chance_adds_to_it(planted: SimpleNamespace):
+    table = planted.toe_variety(CONTEST).set_index(["dancer", "drawing"])
     assert [*table["n"]] == [4, 4, 4, 4, 1]
     for name in ("with end effectors", "without end effectors"):
         assert table.loc[(name, "all of the spread"), "SD (cm)"] > table.loc[(name, "a tenth of the spread"), "SD (cm)"]
-    wave = 0.05 * np.sin(np.linspace(0, 20 * np.pi, 1001))[:, None] * [1.0, 0.0]
-    numbers = danced_feet._variety(wave)
+    wave = 5.0 * np.sin(np.linspace(0, 20 * np.pi, 1001))[:, None] * [1.0, 0.0]
+    numbers = CELLS.height_variety(wave)
     assert numbers["SD (cm)"] == pytest.approx(
         5 / np.sqrt(2) / 2, rel=1e-2
     )  # mean of a toe that waves and one that rests
@@ -387,4 +382,6 @@ def test_the_speed_of_a_foot_is_that_of_its_slowest_point():
     positions = points(9)
     positions[:, [joint(f"{part} R") for part in ("toe", "heel", "ankle")], 0] += 0.02 * np.arange(9)[:, None]
     positions[:, joint("heel R"), 0] += 0.02 * np.arange(9)
-    np.testing.assert_allclose(foot_speeds(Motion(positions, FPS, POINTS)), np.tile([0.0, 0.5], (9, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        CELLS.foot_speeds(Motion(positions, FPS, POINTS)), np.tile([0.0, 0.5], (9, 1)), atol=1e-9
+    )

@@ -3,16 +3,18 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from study.experiments.danced_feet import FootCurves
-from study.figures.feet import MEASURES, draw_ways, foot_model_figure, toes_figure, ways_figure
+from study.figures.feet import MEASURES, draw_ways, ways_figure
 from study.profile import RunProfile
 from study.saving import save_figure
 from tests.builders import cases
+from tests.notebook_cells import notebook_cells
 
 NAN = float("nan")
+CELLS = notebook_cells("17_feet")
 
 
 def record(feet: str, trainings: int, mean: float, low: float = NAN, high: float = NAN, code: str = "rotations"):
@@ -59,31 +61,36 @@ def test_every_corpus_and_code_has_a_row_of_panels():
     assert figure.axes[0].get_xlabel() == "MSE (rad^2)"
 
 
-def test_toes_are_drawn_side_by_side_in_centimetres():
-    heights = {"recorded": np.tile([0.01, 0.02], (50, 1)), "with end effectors": np.tile([0.03, 0.04], (50, 1))}
-    figure = toes_figure(heights, fps=25.0, corpus="beatlocked")
+def test_toes_are_drawn_side_by_side_over_the_seconds():
+    seconds = np.arange(50) / 25
+    dancers = {"recorded": (1.0, 2.0), "with end effectors": (3.0, 4.0)}
+    tables = [
+        pd.DataFrame({"toe L": left, "toe R": right, "dancer": name, "seconds": seconds})
+        for name, (left, right) in dancers.items()
+    ]
+    figure = CELLS.toes_figure(pd.concat(tables), "recordings on the beat")
     assert figure.get_suptitle() == "Toes range over 0 cm (recorded) and 0 cm (with end effectors)"
     drawn = [[(line.get_label(), line.get_ydata()[0]) for line in ax.lines] for ax in figure.axes]
     assert drawn == [
         [("recorded", 1.0), ("with end effectors", 3.0)], [("recorded", 2.0), ("with end effectors", 4.0)],
     ]  # fmt: skip
-    assert figure.axes[0].get_xlim() == (0.0, 2.0)
+    assert figure.axes[0].get_xlim() == (0.0, CELLS.SHOWN)
+    assert figure.axes[1].get_xlabel() == "time (s); recordings on the beat"
 
 
 def test_grey_lies_where_a_foot_is_said_to_stand():
-    curves = {way: FootCurves(np.zeros((50, 2)), np.ones((50, 2))) for way in ("none", "model", "planted")}
-    stands = np.zeros((50, 2))
-    stands[10:25, 0] = 1.0
-    figure = foot_model_figure(curves, stands, fps=25.0)
-    spans = [
-        [patch.get_bbox().intervalx.tolist() for patch in ax.patches if patch.get_gid() == "stands"]
-        for ax in figure.axes
-    ]
+    table = pd.DataFrame({"seconds": np.tile(np.arange(50) / 25, 3), "feet": np.repeat([*CELLS.WAYS.values()], 50)})
+    table[[*CELLS.TOES, *CELLS.STANDS]], table[CELLS.SPEEDS] = 0.0, 100.0
+    table.loc[table["seconds"].between(0.4, 0.98), "stands L"] = 1.0
+    figure = CELLS.foot_model_figure(table)
+    grey = [ax.collections[0].get_paths() for ax in figure.axes]
+    spans = [[path.get_extents().intervalx.tolist() for path in paths] for paths in grey]
     assert spans == [[[0.4, 1.0]], [], [[0.4, 1.0]], []]
     title = "Standing feet slide at 100 cm/s (no correction), 100 cm/s (foot model) and 100 cm/s (planted feet)"
     assert figure.get_suptitle() == title
     assert figure.axes[2].lines[0].get_ydata()[0] == 100.0
-    assert foot_model_figure(curves, 0 * stands, fps=25.0).get_suptitle() == "No foot is predicted to stand"
+    table["stands L"] = 0.0
+    assert CELLS.foot_model_figure(table).get_suptitle() == "No foot is predicted to stand"
 
 
 @cases(

@@ -14,10 +14,10 @@ from matplotlib.text import Text
 
 from harmolab.lab.figures.style import styled_axes
 from harmolab.lab.report.pages import MANIFEST
-from study.experiments.half_minutes import MARKS
 from study.figures.redraw import WEIGHTS, figures_of_tables, redraw
 from study.profile import RunProfile
 from study.saving import PAGE_WIDTH, save_figure, smallest_text
+from tests.notebook_cells import notebook_cells
 
 SHIPPED = Path(__file__).parents[1] / "figures"
 
@@ -47,7 +47,7 @@ def test_no_name_of_a_corpus_is_left_in_a_figure_of_a_table():
 
 
 def test_marks_are_weighted_as_they_were_computed():
-    assert WEIGHTS == MARKS
+    assert notebook_cells("16_music2dance").MARKS == WEIGHTS
     totals = pd.read_csv(SHIPPED / "m2d_table03_machine.csv")
     np.testing.assert_allclose(totals[list(WEIGHTS)] @ list(WEIGHTS.values()), totals["total"], atol=0.002)
 

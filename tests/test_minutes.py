@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,35 +13,16 @@ from harmolab.beats.audio import audio_beats
 from harmolab.data.synthetic import ClipSettings, planted_clip, synthetic_clip
 from harmolab.params import DANCES
 from harmolab.types import Clip, Motion
-from study.experiments import contestants, half_minutes, memory, minutes
-from study.experiments.ablated import HandHeights
+from study.experiments import contestants, unheard_songs
 from study.experiments.contestants import RIGHT_SONG, Contestant, Row
 from study.experiments.contests import Contest
-from study.experiments.endurance import LIMITS
-from study.experiments.half_minutes import (
-    MARKS,
-    STATUE,
-    HalfMinutes,
-    machine_marks,
-    mark,
-    right_music,
-    right_music_table,
-)
-from study.experiments.memory import nearest_pieces
-from study.experiments.minutes import COLUMNS, endurance_table, likeness_table, recorded_dancers, unheard_song
+from study.experiments.measuring import kept_name
 from study.experiments.songs import Excerpt
-from study.figures.music2dance import (
-    boxes_figure,
-    chance_figure,
-    clusters_figure,
-    effectors_figure,
-    endurance_summary,
-    hands_figure,
-    limits_figure,
-    marks_figure,
-)
+from study.experiments.unheard_songs import recorded_dancers, unheard_song
+from study.figures.music2dance import boxes_figure, chance_figure, endurance_summary, limits_figure, marks_figure
 from study.profile import RunProfile
 from tests.builders import cases
+from tests.notebook_cells import notebook_cells
 
 PROFILE = replace(RunProfile.quick(), n_seeds=2)
 PLANTED, FROZEN = "planted dancer", "frozen pose"
@@ -51,7 +33,7 @@ def planted(excerpt: Excerpt, seed: int) -> Motion:
     number = int(excerpt.song.rpartition(" ")[2])
     place = list(DANCES).index(excerpt.clip.dance)
     settings = ClipSettings(
-        excerpt.clip.dance, seconds=excerpt.seconds, seed=minutes.UNHEARD + 1000 * place + number, fps=25.0
+        excerpt.clip.dance, seconds=excerpt.seconds, seed=unheard_songs.UNHEARD + 1000 * place + number, fps=25.0
     )
     motion = planted_clip(settings).clip.motion
     assert motion is not None
@@ -67,18 +49,22 @@ def contestant(name: str, dance: Callable[[Excerpt, int], Motion], contest: Cont
     return Contestant(dance, f"{name} {training}")
 
 
+OWN = {
+    name: Row(partial(contestant, name, dance), "network", "") for name, dance in ((PLANTED, planted), (FROZEN, frozen))
+}
+CELLS = notebook_cells("16_music2dance", EVERY_ROW={**contestants.EVERY_ROW, **OWN})
+MARKS, STATUE = CELLS.MARKS, CELLS.STATUE
+MEASURES = [
+    "slowest 10 s", "fastest 10 s", "pose variance", "still", "freezing", "jerk", "bones", "fastest step",
+    "lowest joint",
+]  # fmt: skip
+
+
 @pytest.fixture(scope="module", autouse=True)
-def rows(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Two rows of dancers with known answers, each of two trainings, and a cache of their own."""
-    own = {
-        name: Row(partial(contestant, name, dance), "network", "")
-        for name, dance in ((PLANTED, planted), (FROZEN, frozen))
-    }
+def cache_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HARMOLAB_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.setattr(minutes, "QUICK_SECONDS", 14.0)
-        for module in (minutes, half_minutes, memory):
-            patch.setattr(module, "EVERY_ROW", {**contestants.EVERY_ROW, **own})
+        patch.setattr(unheard_songs, "QUICK_SECONDS", 14.0)
         yield
 
 
@@ -95,7 +81,7 @@ def contest() -> Contest:
 
 @pytest.fixture(scope="module")
 def dances(contest: Contest) -> pd.DataFrame:
-    return minutes.minutes(contest, rows=[RIGHT_SONG, PLANTED, FROZEN])
+    return CELLS.minutes(contest, [PLANTED, FROZEN])
 
 
 def test_songs_are_of_no_corpus_and_know_their_one():
@@ -110,24 +96,24 @@ def test_every_recording_counts_once(contest: Contest):
 
 
 def test_a_planted_dancer_keeps_the_limits_and_a_frozen_pose_does_not(dances: pd.DataFrame):
-    assert set(COLUMNS) <= set(dances) and set(dances["seconds"]) == {14.0}
+    assert {*MEASURES, CELLS.LIKE, CELLS.WITHIN} <= set(dances) and set(dances["seconds"]) == {14.0}
     assert dances[dances["system"] == PLANTED]["training"].tolist() == [1, 2, 1, 2]
-    summary = endurance_summary(endurance_table(dances))
-    assert list(summary.columns) == list(LIMITS)
+    summary = endurance_summary(CELLS.endurance_table(dances))
+    assert list(summary.columns) == MEASURES
     assert (summary.loc[RIGHT_SONG] == 1.0).all()
     assert summary.loc[PLANTED].mean() > 0.9
     assert summary.loc[FROZEN, ["slowest 10 s", "pose variance", "still", "freezing"]].tolist() == [0.0] * 4
     assert summary.loc[FROZEN, "jerk"] == 1.0
 
 
-def test_what_was_measured_is_kept(contest: Contest, dances: pd.DataFrame, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(minutes, "measures", None)
-    again = minutes.minutes(contest, rows=[PLANTED])
-    np.testing.assert_array_equal(again[list(COLUMNS)], dances.loc[dances["system"] == PLANTED, list(COLUMNS)])
+def test_what_was_measured_is_kept(contest: Contest, dances: pd.DataFrame):
+    nobody = {name: Row(partial(contestant, name, None), "network", "") for name in OWN}
+    again = notebook_cells("16_music2dance", EVERY_ROW=nobody).minutes(contest, [PLANTED])
+    pd.testing.assert_frame_equal(again, dances[dances["system"] != FROZEN])
 
 
 def test_likeness_has_a_row_for_all_dances_and_its_interval_over_trainings(dances: pd.DataFrame):
-    table = likeness_table(dances).set_index(["system", "dance"])
+    table = CELLS.likeness_table(dances).set_index(["system", "dance"])
     assert table.loc[(FROZEN, "all"), "moves like people"] == 0.0
     assert table.loc[(PLANTED, "all"), "interval over"] == "trainings"
     assert table.loc[(RIGHT_SONG, "all"), "interval over"] == "dances"
@@ -135,28 +121,28 @@ def test_likeness_has_a_row_for_all_dances_and_its_interval_over_trainings(dance
 
 
 @pytest.fixture(scope="module")
-def halves(contest: Contest) -> dict[tuple[str, str], HalfMinutes]:
-    return half_minutes.half_minutes(contest, rows=[RIGHT_SONG, PLANTED, FROZEN])
+def halves(contest: Contest) -> dict[tuple[str, str], Any]:
+    return CELLS.half_minutes(contest, [PLANTED, FROZEN])
 
 
 def test_own_music_is_told_from_other_music_by_its_place_on_the_diagonal():
     noise = np.random.default_rng(0).normal(size=(20, 20))
-    outcome = right_music(noise + 5 * np.eye(20))
+    outcome = CELLS.right_music(noise + 5 * np.eye(20))
     assert outcome["auc"] > 0.99 > outcome["chance high"]
-    nothing = right_music(noise)
+    nothing = CELLS.right_music(noise)
     assert nothing["chance low"] < nothing["auc"] < nothing["chance high"]
-    assert np.isnan(right_music(np.full((3, 3), np.nan))["auc"])
+    assert np.isnan(CELLS.right_music(np.full((3, 3), np.nan))["auc"])
 
 
-def test_planted_dancers_are_nearer_to_their_own_music(halves: dict[tuple[str, str], HalfMinutes]):
-    table = right_music_table(halves)
+def test_planted_dancers_are_nearer_to_their_own_music(halves: dict[tuple[str, str], Any]):
+    table = CELLS.right_music_table(halves)
     own = table[(table["system"] == PLANTED) & (table["score"] == "without a pattern")]
     assert (own["own music"] > own["other music"] + 0.2).all()
     assert STATUE not in set(table["system"])
 
 
-def test_marks_go_from_statues_to_recorded_dancers(halves: dict[tuple[str, str], HalfMinutes]):
-    marks = machine_marks(halves).set_index("system")
+def test_marks_go_from_statues_to_recorded_dancers(halves: dict[tuple[str, str], Any]):
+    marks = CELLS.machine_marks(halves).set_index("system")
     assert sum(MARKS.values()) == pytest.approx(1.0)
     assert marks.loc[RIGHT_SONG, list(MARKS)].tolist() == pytest.approx([10.0] * 4)
     assert marks.loc[STATUE, ["naturalness", "richness", "music", "sliding"]].tolist() == [0.0] * 4
@@ -168,27 +154,27 @@ def test_marks_go_from_statues_to_recorded_dancers(halves: dict[tuple[str, str],
 
 @pytest.mark.parametrize(("value", "expected"), [(5.0, 0.0), (7.0, 0.0), (1.0, 10.0), (0.0, 10.0), (2.0, 7.5)])
 def test_a_mark_lies_between_the_worst_and_the_best(value: float, expected: float):
-    assert mark(value, worst=5.0, best=1.0) == expected
+    assert CELLS.mark(value, worst=5.0, best=1.0) == expected
 
 
 def test_a_repeated_movement_is_near_and_a_shifted_one_as_far_as_it_was_shifted():
     motion = synthetic_clip("cha-cha", seconds=12.0, fps=25.0, seed=5).motion
     assert motion is not None
-    learnt = memory._pieces(motion, hop=1)
-    np.testing.assert_allclose(nearest_pieces([motion], learnt), 0.0, atol=1e-9)
+    learnt = CELLS.pieces_of(motion, 1)
+    np.testing.assert_allclose(CELLS.nearest_pieces([motion], learnt), 0.0, atol=1e-9)
     raised = motion.positions.copy()
     hand = next(number for number, name in enumerate(motion.skeleton.joints) if "hand" in name.lower())
     raised[:, hand, 1] += 0.2
-    moved = nearest_pieces([Motion(raised, motion.fps, motion.skeleton)], learnt)
+    moved = CELLS.nearest_pieces([Motion(raised, motion.fps, motion.skeleton)], learnt)
     assert (moved > 0.1).all() and (moved < 20.0).all()
 
 
-def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[tuple[str, str], HalfMinutes]):
-    figure = limits_figure(endurance_table(dances), length="a few seconds")
+def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[tuple[str, str], Any]):
+    figure = limits_figure(CELLS.endurance_table(dances), length="a few seconds")
     assert figure.get_suptitle() == f"Dances that keep their hardest limit: 100% with {PLANTED}; next 0% with {FROZEN}"
     assert "synthetic dancers" in figure.axes[0].get_xlabel()
-    assert [text.get_text() for text in figure.axes[0].texts][: len(LIMITS)] == ["100"] * len(LIMITS)
-    marks = marks_figure(machine_marks(halves), MARKS, corpus="beatlocked")
+    assert [text.get_text() for text in figure.axes[0].texts][: len(MEASURES)] == ["100"] * len(MEASURES)
+    marks = marks_figure(CELLS.machine_marks(halves), MARKS, corpus="beatlocked")
     assert len(marks.axes) == 5 and marks.axes[0].get_xlim() == (0, 10)
     table = pd.DataFrame(
         {
@@ -205,31 +191,38 @@ def test_figures_show_what_their_tables_hold(dances: pd.DataFrame, halves: dict[
 
 
 def test_hands_effectors_and_losses_are_drawn_as_they_are():
-    times = np.arange(10) / 25
     heights = np.random.default_rng(0).normal(1, 0.1, (4, 10, 2))
-    own = HandHeights(times, heights, heights)
-    figure = hands_figure({"one": own, "other": own}, dance="tango", corpus="beatlocked")
+    about = [{"number": dance, "seconds": frame / 25} for dance in range(4) for frame in range(10)]
+    one = pd.DataFrame(about).join(pd.DataFrame(heights.reshape(-1, 2), columns=CELLS.HANDS))
+    kinds = [one.assign(features=name, kind=kind) for name in ("one", "other") for kind in ("raw", "smoothed")]
+    figure = CELLS.hands_figure(pd.concat(kinds), "tango", "beatlocked")
     spread = np.ptp(heights, axis=1).mean() * 100
-    assert f"range {spread:.0f} cm" in figure.axes[0].texts[0].get_text()
+    words = f"range {spread:.0f} cm, SD {100 * heights.std(axis=1).mean():.1f} cm"
+    assert figure.axes[0].texts[0].get_text() == words
     assert figure.get_suptitle() == f"Hands in tango range over {spread:.0f} cm with one and {spread:.0f} cm with other"
     assert figure.axes[-1].get_xlabel() == "time (s); recordings on the beat"
+    assert [ax.get_title("left") for ax in figure.axes] == [
+        "one, raw",
+        "one, smoothed",
+        "other, raw",
+        "other, smoothed",
+    ]
     shares = pd.DataFrame({"ablation": ["a"], "share": [0.5], "low": [np.nan], "high": [np.nan]})
-    points = np.random.default_rng(1).normal(size=(50, 2))
-    assert "0.50" in effectors_figure(points, {"a": points}, shares).axes[0].get_title("left")
-    history = pd.DataFrame({"phase": "teacher", "epoch": [0, 1], "likelihood": [2.0, 1.0], "fixed_nats": [np.nan, 3.0]})
-    assert clusters_figure({"a": [history]}, corpus="beatlocked").axes[1].lines[0].get_ydata().tolist() == [3.0]
+    points = pd.DataFrame({"x": [0.0, 1.0], "y": [1.0, 2.0], "ablation": ["recorded", "a"]})
+    assert "0.50" in CELLS.effectors_figure(points, shares).axes[0].get_title("left")
+    figure = CELLS.clusters_figure(losses({"a": [3.0], "b": [1.0]}), "beatlocked")
+    assert [line.get_ydata().tolist() for line in figure.axes[1].lines] == [[3.0], [1.0]]
+
+
+def losses(ends: dict[str, list[float]]) -> pd.DataFrame:
+    rows = [(label, n, end) for label, own in ends.items() for n, end in enumerate(own)]
+    table = pd.DataFrame(rows, columns=["label", "training", "fixed_nats"])
+    return table.assign(phase="teacher", epoch=0, likelihood=1.0)
 
 
 @cases("last, title", (2.0, "every training ends lower with b"), (5.0, "trainings with a and b overlap at the end"))
 def test_title_of_losses_says_which_is_lower_only_where_no_training_disagrees(last: float, title: str):
-    ends = {"a": [3.0, 4.0], "b": [1.0, last]}
-    histories = {
-        name: [
-            pd.DataFrame({"phase": "teacher", "epoch": [0], "likelihood": [1.0], "fixed_nats": [end]}) for end in own
-        ]
-        for name, own in ends.items()
-    }
-    assert clusters_figure(histories, corpus="beatlocked").get_suptitle().endswith(title)
+    assert CELLS.clusters_title(losses({"a": [3.0, 4.0], "b": [1.0, last]})).endswith(title)
 
 
 @pytest.mark.parametrize(("high", "doubt"), [(7.0, ""), (9.0, ", but inside another's interval")])
@@ -252,7 +245,5 @@ def test_boxes_are_drawn_with_their_words_and_missing_ones_are_left_out():
 def test_the_cache_of_a_contest_is_its_own(contest: Contest):
     other = replace(contest, music="other songs")
     song = unheard_song("waltz", 1, 10.0)
-    one, two = (
-        minutes.kept_name("minutes", each, PLANTED, Contestant(planted, "x"), [song], {}) for each in (contest, other)
-    )
+    one, two = (kept_name("minutes", each, PLANTED, Contestant(planted, "x"), [song], {}) for each in (contest, other))
     assert one != two

@@ -21,6 +21,7 @@ from harmolab.systems.music2dance.train import train_music2dance
 from harmolab.systems.training.checkpoints import HISTORY
 from harmolab.systems.training.splits import Split, split_units
 from study.experiments.clock import training_minutes
+from study.experiments.contests import Contest
 from study.experiments.generation import UNIT_STEP, corpus_root, kept_run
 from study.profile import RunProfile
 
@@ -94,6 +95,12 @@ def trained_dancer(profile: RunProfile, corpus: str, settings: Music2DanceParams
     system = Music2Dance.load(folder)
     system.generator.params = settings
     return TrainedDancer(folder, system, pd.read_csv(folder / HISTORY), training_minutes(folder))
+
+
+def ablated_dancers(contest: Contest, name: str) -> list[TrainedDancer]:
+    """The trainings of an ablation, a name of `ABLATIONS`, as many as `RunProfile.n_dancers`."""
+    count = min(contest.trainings, contest.profile.n_dancers)
+    return [trained_dancer(contest.profile, contest.corpus, ablated(name), seed) for seed in range(1, count + 1)]
 
 
 def profiled(profile: RunProfile, params: Music2DanceParams) -> Music2DanceParams:

@@ -17,7 +17,7 @@ from harmolab.systems.training.runs import MODEL
 from harmolab.systems.training.units import UnitSet
 from harmolab.systems.training.weights import save_weights
 from study.experiments.generation import kept_run, training_split
-from study.experiments.minutes import common_points
+from study.experiments.unheard_songs import common_points
 from study.profile import RunProfile
 
 

@@ -1,56 +1,27 @@
-"""Feet of generated dances: Table 2 as a picture, heights of the toes (Fig. 10), a foot model at work."""
+"""Table 2 of Music2Dance as a picture: error and sliding by what is done about feet."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.types import BoolArray, FloatArray
 from study.figures.variants import Look, Record, draw_mean, rows_by_name
-from study.figures.words import corpus_words, count_words, listed, sentence
+from study.figures.words import corpus_words, count_words, sentence
 
 RECORDED, UNTOUCHED = "recorded", "no correction"
 MEASURES = ("MSE", "lower body (cm)", "sliding (cm/s)")
 LEARNT = ", figures learnt"  # added to the name of a measure
-FEET = ("left toe", "right toe")
-CENTIMETRES = 100.0
-FASTEST = 150.0  # centimetres per second that are shown: feet that swing leave the picture
-# Of a curve: colour and line. Black is recorded, as everywhere.
-_CURVES: Mapping[str, dict[str, Any]] = MappingProxyType(
-    {
-        "recorded": {"color": COLOURS["ink"], "linestyle": ":"},
-        "with end effectors": {"color": "#6A3D9A", "linestyle": "-"},
-        "without end effectors": {"color": "#8C6D31", "linestyle": "--"},
-        "none": {"color": COLOURS["ink"], "linestyle": ":"},
-        "model": {"color": "#6A3D9A", "linestyle": "-"},
-        "planted": {"color": "#8C6D31", "linestyle": "--"},
-    }
-)
 _LEARNT_MARK: Mapping[str, Any] = MappingProxyType(
     {"linestyle": "none", "marker": "x", "markersize": 7, "color": COLOURS["chance"], "markeredgewidth": 1.8}
 )
-_WORDS: Mapping[str, str] = MappingProxyType(
-    {"none": "no correction", "model": "foot model", "planted": "planted feet, not learnt"}
-)
-
-
-class Curves(Protocol):
-    """Heights (T, 2) of both toes, metres, and speeds (T, 2) of both feet, metres per second."""
-
-    @property
-    def heights(self) -> FloatArray: ...
-
-    @property
-    def speeds(self) -> FloatArray: ...
 
 
 def draw_ways(ax: Axes, rows: Iterable[Record], *, measure: str) -> Axes:
@@ -86,7 +57,7 @@ def ways_figure(rows: Iterable[Record]) -> Figure:
 
     Parameters
     ----------
-    rows : records of `study.experiments.feet.foot_table`
+    rows : records of Table 2
     """
     every, groups = list(rows), dict[tuple[str, str], list[Record]]()
     for row in every:
@@ -121,74 +92,3 @@ def _ways_title(rows: Sequence[Record]) -> str:
         for measure in ("MSE", "sliding (cm/s)")
     )
     return f"Learnt foot models beside no correction: less error with {error}, less sliding with {sliding}"
-
-
-def draw_curves(ax: Axes, curves: Mapping[str, FloatArray], *, fps: float) -> Axes:
-    """Curves (T,) over time, each in the look of its name."""
-    for name, values in curves.items():
-        ax.plot(np.arange(len(values)) / fps, values, label=_WORDS.get(name, name), **_CURVES[name])
-    ax.set_xlim(0.0, max(map(len, curves.values())) / fps)
-    return ax
-
-
-def toes_figure(heights: Mapping[str, FloatArray], *, fps: float, corpus: str, remark: str = "") -> Figure:
-    """Heights of the left and the right toe over time, of several dances to the same music (Fig. 10).
-
-    Parameters
-    ----------
-    heights : name ("recorded", "with end effectors", "without end effectors") -> (T, 2) array, metres
-    fps : float, hertz
-    corpus, remark : str, below the time axis
-    """
-    with styled_axes((9.2, 4.6), 2, sharex=True, sharey=True) as (figure, axes):
-        for side, (ax, toe) in enumerate(zip(axes, FEET, strict=True)):
-            draw_curves(ax, {name: CENTIMETRES * values[:, side] for name, values in heights.items()}, fps=fps)
-            ax.set(ylabel="height (cm)", title=f"({'ab'[side]}) {toe}")
-        axes[-1].set_xlabel("; ".join(filter(None, ["time (s)", corpus_words(corpus), remark])))
-        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(heights), borderpad=0.0)
-        ranges = [f"{CENTIMETRES * np.ptp(own, axis=0).mean():.0f} cm ({name})" for name, own in heights.items()]
-        figure.suptitle(f"Toes range over {listed(ranges)}", x=0.01, ha="left", fontsize=11.5)
-    return figure
-
-
-def foot_model_figure(curves: Mapping[str, Curves], contacts: FloatArray, *, fps: float) -> Figure:
-    """Heights of the toes and speeds of the feet of one dance, before and after; shaded where a foot is said to stand.
-
-    Parameters
-    ----------
-    curves : way ("none", "model", "planted") -> heights and speeds
-    contacts : (T, 2) array, 1 where the left, the right foot is predicted to stand
-    fps : float, hertz
-    """
-    with styled_axes((9.2, 5.4), 2, 2, sharex=True, sharey="row") as (figure, axes):
-        for place, ax in enumerate(axes):
-            line, side = divmod(place, 2)
-            picked = {name: (each.speeds if line else each.heights)[:, side] for name, each in curves.items()}
-            draw_curves(ax, {name: CENTIMETRES * values for name, values in picked.items()}, fps=fps)
-            _shade_contacts(ax, contacts[:, side], fps)
-            if line:
-                ax.set_xlabel("time (s)")
-            else:
-                ax.set_title(FEET[side])
-        axes[0].set_ylabel("height of the toe (cm)")
-        axes[2].set_ylabel("speed of the foot's\nslowest point (cm/s)")
-        axes[2].set_ylim(0.0, FASTEST)
-        handles = [*axes[0].get_lines(), Patch(facecolor=COLOURS["faint"], label="predicted to stand")]
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-        figure.suptitle(_standing_title(curves, contacts > 0.5), x=0.01, ha="left", fontsize=11.5)
-    return figure
-
-
-def _standing_title(curves: Mapping[str, Curves], stands: BoolArray) -> str:
-    """Mean speeds of the feet where they are predicted to stand (T, 2)."""
-    if not stands.any():
-        return "No foot is predicted to stand"
-    speeds = {_WORDS[name].split(",")[0]: CENTIMETRES * own.speeds[stands].mean() for name, own in curves.items()}
-    return f"Standing feet slide at {listed([f'{speed:.0f} cm/s ({name})' for name, speed in speeds.items()])}"
-
-
-def _shade_contacts(ax: Axes, stands: FloatArray, fps: float) -> None:
-    """Grey wherever a foot stands (T,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0.0], stands > 0.5, [0.0]])))
-    for start, end in edges.reshape(-1, 2) / fps:
-        ax.axvspan(start, end, color=COLOURS["faint"], alpha=0.6, linewidth=0, zorder=-1, gid="stands")

@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from harmolab.lab.figures.style import COLOURS, figure_style, styled_axes
-from harmolab.types import FloatArray
 from study.figures.framework import draw_diagram
-from study.figures.words import corpus_words, listed, sentence
+from study.figures.words import corpus_words
 
 DRAWING = ["draw_memory", "smoothing"]  # beside the temperature
 SIDES = (COLOURS["audio"], COLOURS["miss"])  # left and right, as in contact sheets
@@ -67,7 +65,7 @@ def limits_figure(table: pd.DataFrame, *, length: str) -> Figure:
 
     Parameters
     ----------
-    table : DataFrame of `harmolab.lab.endurance_table`, of one corpus
+    table : DataFrame of `endurance_table` in notebook 16, of one corpus
     length : str, of the dances, in words
     """
     summary = endurance_summary(table)
@@ -140,98 +138,6 @@ def _chance_title(rows: pd.DataFrame, at: pd.DataFrame) -> str:
     order = "more than" if share > best else "as many as" if share == best else "fewer than"
     words = f"Settings in use (ringed): {share:.0%} of dances move like people"
     return f"{words}, {order} at the best others ({best:.0%})"
-
-
-def hands_figure(heights: Mapping[str, Any], *, dance: str, corpus: str) -> Figure:
-    """Fig. 8: left (blue) and right hand (red) over the floor: one dance in strong lines, all others faint.
-
-    Parameters
-    ----------
-    heights : label -> record with times (T,), raw and smoothed (S, T, 2), metres
-    dance, corpus : str, of all of them
-    """
-    with styled_axes((9.2, 2.4 * len(heights) + 0.5), len(heights), 2, sharex=True, sharey=True) as (figure, axes):
-        for row, (label, own) in enumerate(heights.items()):
-            for ax, kind in zip(axes[2 * row : 2 * row + 2], ("raw", "smoothed"), strict=True):
-                draw_hands(ax, own.times, getattr(own, kind))
-                ax.set_title(f"{label}, {kind}")
-        for ax in axes[-2:]:
-            ax.set_xlabel(f"time (s); {corpus_words(corpus)}")
-        axes[0].set_ylabel("height (m)")
-        spans = [f"{100 * _mean_range(own.raw):.0f} cm with {label}" for label, own in heights.items()]
-        figure.suptitle(f"Hands in {dance} range over {listed(spans)}", x=0.01, ha="left", fontsize=11.5)
-    return figure
-
-
-def _mean_range(heights: FloatArray) -> float:
-    """Mean over dances and hands of the range of heights (S, T, 2)."""
-    return float(np.ptp(heights, axis=1).mean())
-
-
-def draw_hands(ax: Axes, times: FloatArray, heights: FloatArray) -> Axes:
-    """Heights (S, T, 2) of both hands in S dances, and how much they move: range and SD, means over the dances."""
-    for hand, (colour, name) in enumerate(zip(SIDES, ("left", "right"), strict=True)):
-        ax.plot(times, heights[1:, :, hand].T, color=colour, alpha=0.12, linewidth=0.8)
-        ax.plot(times, heights[0, :, hand], color=colour, label=f"{name} hand")
-    span, deviation = _mean_range(heights), heights.std(axis=1).mean()
-    ax.text(
-        0.99, 0.97, f"range {100 * span:.0f} cm, SD {100 * deviation:.1f} cm", transform=ax.transAxes, ha="right",
-        va="top", fontsize=9, color=COLOURS["ink"],
-    )  # fmt: skip
-    return ax
-
-
-def effectors_figure(recorded: FloatArray, generated: Mapping[str, FloatArray], shares: pd.DataFrame) -> Figure:
-    """Fig. 9: end effectors on the first two axes of the recorded ones: recorded grey, generated over them.
-
-    Parameters
-    ----------
-    recorded : (F, 2) array
-    generated : label -> (F', 2) array
-    shares : DataFrame with the columns ablation, share, low, high
-    """
-    with styled_axes((4.6 * len(generated), 4.2), 1, len(generated), sharex=True, sharey=True) as (figure, axes):
-        by_name = shares.set_index("ablation")
-        for ax, (label, points) in zip(axes, generated.items(), strict=True):
-            ax.plot(*recorded.T, ".", ms=2, color=COLOURS["faint"], rasterized=True)
-            ax.plot(*points[:: max(1, len(points) // 4000)].T, ".", ms=2, color=COLOURS["visual"], rasterized=True)
-            row = by_name.loc[label]
-            span = f" ({row['low']:.2f} to {row['high']:.2f})" if np.isfinite(row["low"]) else ""
-            ax.set_title(f"{label}: {row['share']:.2f}{span}\nof the recorded variance")
-            ax.set_xlabel("first axis (m)")
-        axes[0].set_ylabel("second axis (m)")
-    return figure
-
-
-def clusters_figure(histories: Mapping[str, Sequence[pd.DataFrame]], *, corpus: str) -> Figure:
-    """Fig. 11: loss over the epochs on the windows that are trained on, and on the same windows for all.
-
-    Parameters
-    ----------
-    histories : label -> histories, one a training, with the columns likelihood (nats a frame) and fixed_nats
-    corpus : str
-    """
-    columns = {"likelihood": "on the windows of its own training", "fixed_nats": "on the same windows for both"}
-    with styled_axes((9.2, 3.8), 1, 2, sharey=True) as (figure, axes):
-        for ax, (column, words) in zip(axes, columns.items(), strict=True):
-            for (label, tables), colour in zip(histories.items(), SIDES, strict=False):
-                for number, table in enumerate(tables):
-                    own = table[table["phase"] == "teacher"].dropna(subset=column)
-                    ax.plot(own["epoch"] + 1, own[column], color=colour, alpha=0.8, label=label if not number else None)
-            ax.set(title=words, xlabel="epoch of teacher forcing; a line a training")
-        axes[0].set_ylabel("nats a frame (less is better)")
-        axes[0].legend(title=sentence(corpus_words(corpus)))
-        figure.suptitle(_clusters_title(histories), x=0.01, ha="left", fontsize=11.5)
-    return figure
-
-
-def _clusters_title(histories: Mapping[str, Sequence[pd.DataFrame]]) -> str:
-    """Order of the last losses on the same windows, or that they overlap."""
-    ends = {label: [table["fixed_nats"].dropna().iloc[-1] for table in own] for label, own in histories.items()}
-    low, *others = sorted(ends, key=lambda label: max(ends[label]))
-    if all(max(ends[low]) < min(ends[other]) for other in others):
-        return f"On the same windows, every training ends lower with {low}"
-    return f"On the same windows, trainings with {listed(list(ends))} overlap at the end"
 
 
 def marks_figure(marks: pd.DataFrame, weights: Mapping[str, float], *, corpus: str) -> Figure:
@@ -307,5 +213,5 @@ def framework_boxes_figure(boxes: Mapping[str, str]) -> Figure:
 
 
 def chain_figure(boxes: Mapping[str, str]) -> Figure:
-    """Fig. 2, replaced: recordings to windows; `boxes` as of `experiments.dancer_parts.recording_chain`."""
+    """Fig. 2, replaced: recordings to windows; `boxes` as of `recording_chain` in notebook 16."""
     return boxes_figure(boxes, CHAIN, CHAIN_ARROWS)

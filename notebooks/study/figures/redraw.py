@@ -32,7 +32,7 @@ from study.saving import Saved, figures_folder, save_figure
 
 CORPUS = "beatlocked"  # of the tables that do not name it
 LENGTHS = ("a minute", "a minute on synthetic movement", "ten minutes")
-# Weights of the machine's marks; a test holds them to `study.MARKS`, which is out of reach here.
+# Weights of the machine's marks; a test holds them to those of notebook 16.
 WEIGHTS: Mapping[str, float] = MappingProxyType({"naturalness": 0.25, "richness": 0.25, "music": 0.4, "sliding": 0.1})
 DRAWN = ("temperature", "smoothing", "draw_memory")
 

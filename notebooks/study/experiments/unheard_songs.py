@@ -1,0 +1,75 @@
+"""Songs that no training heard, and what is danced to them: how long, how often, beside which recorded dancers."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from harmolab.beats.meter import with_one
+from harmolab.data.synthetic import ClipSettings, planted_clip
+from harmolab.params import DANCES
+from harmolab.systems.music2dance.codes import body_points
+from harmolab.types import Clip, Motion
+from study.experiments.contests import Contest
+from study.experiments.generation import SYNTHETIC, generator_corpora
+from study.experiments.songs import Excerpt, recorded_songs, synthetic_songs
+from study.profile import RunProfile
+
+QUICK_SECONDS, QUICK_DRAWS, QUICK_DANCES = 10.0, 2, ("cha-cha", "waltz")
+UNHEARD = 900_000  # first seed of their songs; those of corpora are drawn from another sequence
+
+
+def unheard_song(dance: str, number: int, seconds: float) -> Excerpt:
+    """A synthetic song of a dance that is in no corpus, with its planted beats and "one": all of it is danced."""
+    settings = ClipSettings(dance, seconds=seconds, seed=UNHEARD + 1000 * list(DANCES).index(dance) + number)
+    planted = planted_clip(settings)
+    beats, downbeats = planted.clip.beats, planted.annotation.downbeats
+    if beats is None or downbeats is None:
+        raise ValueError(f"{dance}: a planted clip came without beats")
+    track = with_one(beats, float(downbeats[0]), DANCES[dance].meter)
+    clip = Clip(f"{dance} {number}", planted.clip.audio, None, 0.0, "synthetic", track, dance)
+    return Excerpt(clip.name, clip, 0.0, seconds)
+
+
+def common_points(motion: Motion) -> Motion:
+    """The twenty points that Music2Dance's rotations are fitted to; a body that lacks one of them as it is."""
+    try:
+        return body_points(motion)
+    except ValueError:
+        return motion
+
+
+def dance_seconds(profile: RunProfile, seconds: float) -> float:
+    """So many seconds, ten in a quick profile."""
+    return QUICK_SECONDS if profile.epochs else seconds
+
+
+def n_draws(profile: RunProfile, count: int) -> int:
+    """So many dances of each style, two in a quick profile."""
+    return QUICK_DRAWS if profile.epochs else count
+
+
+@cache
+def unheard(profile: RunProfile, corpus: str | None = None, *, trainings: int | None = None) -> Contest:
+    """A contest of songs that no training heard, with all dancers of a corpus (of two dances in a quick profile).
+
+    Parameters
+    ----------
+    profile : RunProfile
+    corpus : str, one of `generation.generator_corpora`, the first when left out
+    trainings : int, of each network; the profile's when left out
+    """
+    corpus = corpus or generator_corpora(profile)[0]
+    dancers = synthetic_songs(profile) if corpus == SYNTHETIC else recorded_songs(profile)
+    if profile.epochs:
+        dancers = [excerpt for excerpt in dancers if excerpt.clip.dance in QUICK_DANCES]
+    trainings = profile.n_seeds if trainings is None else trainings
+    return Contest(profile, corpus, "songs that no training heard", (), tuple(dancers), trainings)
+
+
+def recorded_dancers(contest: Contest) -> dict[str, list[Clip]]:
+    """Dance -> whole recordings of it in the contest's corpus, each once."""
+    clips: dict[str, Clip] = {excerpt.song: excerpt.clip for excerpt in contest.dancers}
+    by_dance: dict[str, list[Clip]] = {}
+    for clip in clips.values():
+        by_dance.setdefault(clip.dance, []).append(clip)
+    return by_dance
