@@ -26,7 +26,6 @@ from harmolab.musician.avatar import (
     placed_points,
     spine,
 )
-from harmolab.musician.synthetic.space import Camera, PlayerInSpace, elbow_angles, player_in_space
 from harmolab.readers.bvh import WORLD, load_bvh, save_bvh
 from harmolab.readers.player_points import (
     FINGERS,
@@ -42,6 +41,7 @@ from harmolab.readers.player_points import (
 )
 from harmolab.types import Motion
 from study.experiments.avatar_depth import elbow_error, wrist_depth_error
+from study.experiments.player_in_space import Camera, PlayerInSpace, elbow_angles, player_in_space
 from tests.builders import refused
 
 OURS = AvatarParams()

@@ -12,7 +12,6 @@ from harmolab.musician.page import avatar_player
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSplit
 from harmolab.musician.synthetic import planted_performance
-from harmolab.musician.synthetic.space import FOREARM, HALF_SHOULDERS, player_in_space
 from harmolab.musician.video import avatar_stills
 from harmolab.readers.player_points import HANDS_12, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.types import Motion, Notes
@@ -44,6 +43,7 @@ from study.experiments.player_frames import (
     quantile_frames,
     worst_frames,
 )
+from study.experiments.player_in_space import FOREARM, HALF_SHOULDERS, player_in_space
 from study.experiments.players import PLANTED, PlayerData
 from study.figures.avatars import depth_figure
 from study.figures.player_overlays import (

@@ -1,7 +1,6 @@
 """Pictures of musicians: rejected frames and their rules, alignment, steps, the network's sizes, drawings."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -40,18 +39,13 @@ from study.figures.player_points import (
     player_network_figure,
     steps_figure,
 )
-from study.figures.player_results import (
-    components_figure,
-    hits_figure,
-    mode_epochs_figure,
-    player_table_figure,
-    random_inputs_figure,
-)
+from study.figures.player_results import components_figure, hits_figure, player_table_figure
 from tests.notebook_cells import notebook_cells
 from tests.test_player_tables import planted_data
 
 NAN = float("nan")
 CELLS = notebook_cells("18_sound_and_points")
+HANDS = notebook_cells("19_sound_to_hands")
 
 
 def planted(instrument: str = "piano"):
@@ -236,29 +230,31 @@ def test_pictures_of_notebook_18_are_drawn_from_their_records():
     assert [label.get_text() for label in report.axes[1].get_yticklabels()] == [*FAULTS, CELLS.GOOD]
 
 
-def mode() -> SimpleNamespace:
-    times, curve = np.arange(48) / 24, np.sin(np.arange(48))
-    return SimpleNamespace(
-        times=times, tracked=curve, predicted={1: 0 * curve, 30: curve}, correlations={1: 0.251, 30: 1.0}
+def test_titles_of_figure_5_have_epochs_and_the_correlations_of_accepted_frames():
+    curve = np.sin(np.arange(360))
+    half = np.where(np.arange(360) % 2, curve, -curve)
+    still = np.zeros(360)
+    parts = {1: half, 10: still, 30: np.where(np.arange(360) == 7, 50.0, 3 - 2 * curve)}
+    table = pd.concat(
+        [
+            pd.DataFrame({"epochs": epochs, "time": np.arange(360) / 24, "tracked": curve, "predicted": own})
+            for epochs, own in parts.items()
+        ]
     )
-
-
-def test_titles_of_figure_5_have_epochs_and_correlations():
-    figure = mode_epochs_figure(mode(), players="planted piano", seconds=1.0)
-    assert [ax.get_title(loc="left") for ax in figure.axes] == [
-        "1 epoch: correlation 0.25",
-        "30 epochs: correlation 1.00",
-    ]
-    assert len(figure.axes[0].lines[0].get_xdata()) == 24
+    figure = HANDS.mode_epochs_figure(table.assign(accepted=np.tile(np.arange(360) != 7, 3)), "planted piano", "pixels")
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert titles[1:] == ["10 epochs: correlation nan", "30 epochs: correlation -1.00"]
+    assert titles[0].startswith("1 epoch: correlation ")
+    assert figure.get_suptitle().startswith("Planted piano: correlation highest after 1 epoch")
+    assert len(figure.axes[0].lines[0].get_xdata()) == 288  # twelve seconds
 
 
 def test_titles_of_figure_6_have_shares_of_the_spread_to_music():
     names = ("music", "white noise as sound")
-    curves = dict.fromkeys(names, np.zeros(48))
+    times = np.arange(48) / 24
+    curves = pd.concat([pd.DataFrame({"input": name, "piece": "a", "time": times, "first": times}) for name in names])
     table = pd.DataFrame({"input": names, "SD 1": [50.0, 4.0], "SD 1 / music": [1.0, 0.08]})
-    figure = random_inputs_figure(
-        SimpleNamespace(times=np.arange(48) / 24, curves=curves, table=table), players="planted piano"
-    )
+    figure = HANDS.random_inputs_figure(curves, table, "planted piano")
     assert figure.get_suptitle() == "Planted piano, share of the movement to music: 8% to white noise as sound"
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
         "music: SD 50.0 pixels", "white noise as sound: SD 4.0 pixels, 8 % of that to music",

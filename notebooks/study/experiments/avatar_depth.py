@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from harmolab.musician.avatar import SHOULDERS, AvatarParams, avatar
-from harmolab.musician.synthetic.space import FOREARM, HALF_SHOULDERS, PlayerInSpace, elbow_angles, player_in_space
 from harmolab.readers.player_points import INSTRUMENTS, SIDES
 from harmolab.types import FloatArray, Motion
+from study.experiments.player_in_space import FOREARM, HALF_SHOULDERS, PlayerInSpace, elbow_angles, player_in_space
 from study.profile import RunProfile
 
 RECOMMENDED = AvatarParams()

@@ -11,14 +11,13 @@ import pandas as pd
 
 from harmolab.body.skeletons import Skeleton
 from harmolab.musician.cleaning import Alignment, Cleaned, cleaned, placed, rejected_examples
-from harmolab.musician.instrument_sets import load_tracked
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import cleaning_rules
 from harmolab.musician.synthetic import FAULTS, PlantedPerformance
 from harmolab.types import BoolArray, FloatArray
-from study.experiments.planted_truth import PARTS, part_of
-from study.experiments.players import PlayerData, read_set
+from study.experiments.instrument_sets import load_tracked
+from study.experiments.players import PARTS, PlayerData, part_of, read_set
 from study.experiments.study import data_root
 
 

@@ -19,8 +19,7 @@ from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints
 from harmolab.score import HarmonyScore
 from harmolab.types import FloatArray, IntArray, Motion
 from study.experiments.player_cleaning import tracked_players
-from study.experiments.player_tables import OURS, row_settings
-from study.experiments.players import PlayerData, planted_data, read_set, trained_player
+from study.experiments.players import PlayerData, our_settings, planted_data, read_set, trained_player
 from study.profile import RunProfile
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.9, 0.95)
@@ -138,7 +137,7 @@ def player_notice(profile: RunProfile, data: PlayerData) -> str:
 
 def recommended_network(profile: RunProfile, data: PlayerData) -> SoundToPoints:
     """The network of `Audio2BodyParams.recommended`, of the first seed."""
-    return trained_player(profile, data, row_settings(data, OURS), SEED).system.network
+    return trained_player(profile, data, our_settings(data), SEED).system.network
 
 
 def _predicted(

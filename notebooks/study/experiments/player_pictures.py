@@ -18,7 +18,6 @@ from harmolab.musician.synthetic import PlantedPerformance
 from harmolab.musician.train import initial_network
 from harmolab.systems.training.layers import parameter_count
 from harmolab.types import Audio, BoolArray, FloatArray, Motion, Notes
-from study.experiments.player_tables import FINAL, row_settings
 from study.experiments.players import PlayerData, read_set
 
 SHARES = (0.9, 0.99, 0.999)  # of the variance, for which components are counted
@@ -97,7 +96,7 @@ class PointModes:
 
 def point_modes(data: PlayerData, *, count: int = MODES_SHOWN) -> PointModes:
     """The first `count` principal components of the accepted training frames as displacements of the points."""
-    played = read_set(data, row_settings(data, FINAL))
+    played = read_set(data, Audio2BodyParams.tables(data.instrument))
     train = sides(played.sequences, data.sides(played.params).train)
     frames = np.concatenate([each.points[each.learnt] for each in train])
     every = PointSpace.fit(frames, frames.shape[1], even_scale=False)
@@ -132,7 +131,7 @@ class DelayedSteps:
 
 def delayed_steps(data: PlayerData, *, delays: Sequence[float] = (0.024, 0.125), frames: int = 14) -> DelayedSteps:
     """So many frames of the first training piece, around its rejected frame where the component moves most."""
-    params = replace(row_settings(data, FINAL), fps=data.fps)
+    params = replace(Audio2BodyParams.tables(data.instrument), fps=data.fps)
     played = read_set(data, params)
     train = sides(played.sequences, data.sides(params).train)
     space = fitted_space(train, params)
@@ -156,7 +155,7 @@ def delayed_steps(data: PlayerData, *, delays: Sequence[float] = (0.024, 0.125),
 
 def untrained_player(data: PlayerData) -> SoundToPoints:
     """The network of the tables before any training, in the paper's sizes."""
-    params = replace(row_settings(data, FINAL), fps=data.fps)
+    params = replace(Audio2BodyParams.tables(data.instrument), fps=data.fps)
     played = read_set(data, params)
     space = fitted_space(sides(played.sequences, data.sides(params).train), params)
     network = initial_network(played, len(space.basis))
