@@ -17,8 +17,6 @@ from .experiments.attributes import song_sets as song_sets
 from .experiments.attributes import song_windows as song_windows
 from .experiments.attributes import trained_classifier as trained_classifier
 from .experiments.attributes import window_starts as window_starts
-from .experiments.avatar_depth import DEPTH_LIMITS as DEPTH_LIMITS
-from .experiments.avatar_depth import depth_table as depth_table
 from .experiments.banks import bank_table as bank_table
 from .experiments.chance import chance_table as chance_table
 from .experiments.cheating import generators_half_a_beat_late as generators_half_a_beat_late
@@ -85,17 +83,12 @@ from .experiments.music2dance import trained_dancer as trained_dancer
 from .experiments.nulls import null_table as null_table
 from .experiments.own_songs import own_songs as own_songs
 from .experiments.own_songs import song_means as song_means
-from .experiments.player_causes import cause_table as cause_table
-from .experiments.player_causes import failure_words as failure_words
-from .experiments.player_causes import usual_limits as usual_limits
 from .experiments.player_cleaning import alignment_table as alignment_table
 from .experiments.player_cleaning import cleaned_performance as cleaned_performance
 from .experiments.player_cleaning import fault_examples as fault_examples
 from .experiments.player_cleaning import recorded_examples as recorded_examples
 from .experiments.player_cleaning import tracked_players as tracked_players
 from .experiments.player_frames import even_frames as even_frames
-from .experiments.player_frames import music_scores as music_scores
-from .experiments.player_frames import player_notice as player_notice
 from .experiments.player_frames import predicted_pieces as predicted_pieces
 from .experiments.player_frames import quantile_frames as quantile_frames
 from .experiments.player_frames import tracked_pianist as tracked_pianist
@@ -129,7 +122,6 @@ from .figures.ablation import trade_off_figure as trade_off_figure
 from .figures.attributes import accuracy_figure as accuracy_figure
 from .figures.attributes import classifier_figure as classifier_figure
 from .figures.attributes import song_figure as song_figure
-from .figures.avatars import depth_figure as depth_figure
 from .figures.cheating import CHEAT_MEASURES as CHEAT_MEASURES
 from .figures.cheating import listening_figure as listening_figure
 from .figures.cheating import tricks_figure as tricks_figure
