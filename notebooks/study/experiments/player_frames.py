@@ -16,8 +16,7 @@ from harmolab.musician.synthetic import PlantedPerformance
 from harmolab.musician.train import frame_errors
 from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints
 from harmolab.types import FloatArray, IntArray, Motion
-from study.experiments.player_cleaning import tracked_players
-from study.experiments.players import PlayerData, our_settings, planted_data, read_set, trained_player
+from study.experiments.players import PlayerData, our_settings, planted_data, read_set, tracked_players, trained_player
 from study.profile import RunProfile
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.9, 0.95)

@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harmolab.musician.cleaning import Cleaned, cleaned
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance, split_by_piece
-from harmolab.musician.sequences import PlayedSet, PlayedSplit, played_set, read_sequence
+from harmolab.musician.sequences import PlayedSet, PlayedSplit, cleaning_rules, played_set, read_sequence
 from harmolab.musician.synthetic import PlantedPerformance, planted_performances, rendered_notes
 from harmolab.musician.system import Audio2Body
 from harmolab.musician.train import Errors, errors, mean_pose_errors, train_audio2body
 from harmolab.readers.player_points import INSTRUMENTS, SIDES, hand_joints
 from harmolab.systems.training.checkpoints import HISTORY
 from study.experiments.generation import kept_run
-from study.experiments.instrument_sets import load_pianomime
+from study.experiments.instrument_sets import load_pianomime, load_tracked
 from study.experiments.study import data_root
 from study.profile import RunProfile
 
@@ -232,3 +233,15 @@ def unseen_errors(run: TrainedPlayer, performances: Sequence[Performance]) -> di
     frames = sum(int(each.accepted.sum()) for each in sequences)
     ratio = full / mean_pose
     return {"clips": len(sequences), "frames": frames, "full": full, "mean pose": mean_pose, "of mean pose": ratio}
+
+
+def cleaned_performance(performance: Performance) -> Cleaned:
+    """A performance cleaned as it is for a training."""
+    return cleaned(performance, cleaning_rules(performance))
+
+
+def tracked_players() -> tuple[Performance, ...]:
+    """Tracked videos of musicians below ``HARMOLAB_DATA``, by name; none without recordings."""
+    root = data_root()
+    paths = [] if root is None else sorted((root / "instruments" / "tracked").glob("*.npz"))
+    return tuple(load_tracked(path) for path in paths)
