@@ -126,6 +126,7 @@ from .figures.framework import framework_figure as framework_figure
 from .figures.framework import networks_figure as networks_figure
 from .figures.listening import rates_figure as rates_figure
 from .figures.listening import study_title as study_title
+from .figures.moving_box import moving_box as moving_box
 from .figures.music2dance import chain_figure as chain_figure
 from .figures.music2dance import chance_figure as chance_figure
 from .figures.music2dance import clusters_figure as clusters_figure
