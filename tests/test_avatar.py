@@ -96,7 +96,7 @@ def test_planted_players_bones_keep_their_length_and_noise_is_what_it_is_said_to
             assert np.ptp(np.linalg.norm(of(player.space, bone[1]) - of(player.space, bone[0]), axis=1)) < 1e-9
     noise = player.points.positions - player.camera.pixels(player.space.positions)
     assert noise.std() == pytest.approx(2.0, rel=0.03)
-    angles = np.degrees(player.elbow_angles())
+    angles = np.degrees(elbow_angles(player.space))
     assert angles.min() > 60 and angles.max() < 170
 
 

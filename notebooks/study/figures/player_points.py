@@ -45,7 +45,7 @@ NETWORK_ARROWS = (
 
 
 def player_network_figure(boxes: Mapping[str, str]) -> Figure:
-    """Fig. 4: from sound to points; `boxes` as of `harmolab.lab.player_boxes`."""
+    """Fig. 4: from sound to points; `boxes` as of `player_boxes` of notebook 18."""
     return boxes_figure(boxes, NETWORK, NETWORK_ARROWS)
 
 
@@ -131,7 +131,7 @@ def faults_figure(examples: Sequence[Any], *, columns: int = 4) -> Figure:
 
     Parameters
     ----------
-    examples : records with the fields of `study.experiments.player_cleaning.RejectedFrame`
+    examples : records as of `rejected_frame` of notebook 18
     columns : int, frames in a row
     """
     rows = -(-len(examples) // columns)
@@ -181,7 +181,7 @@ def cleaning_figure(summary: pd.DataFrame, planted: pd.DataFrame) -> Figure:
 
 
 def features_figure(clip: Any) -> Figure:
-    """The 28 numbers of each frame below the wave, note onsets as lines; `clip` a record as `PlayedClip`."""
+    """The 28 numbers of each frame below the wave, note onsets as lines; `clip` as of `played_clip` of notebook 18."""
     sizes = {"height_ratios": (1, 3)}
     with styled_axes((9.6, 5.4), 2, 1, sharex=True, gridspec_kw=sizes) as (figure, (top, ax)):
         draw_wave(top, clip.audio, clip.notes)
@@ -218,7 +218,7 @@ def draw_features(ax: Axes, clip: Any) -> Any:
 
 
 def overview_figure(clip: Any, *, at: float = 3.0) -> Figure:
-    """Fig. 1: sound, features, points and avatar of one clip; `clip` a record as `PlayedClip`, `at` seconds of it."""
+    """Fig. 1: sound, features, points and avatar of one clip; `clip` as of `played_clip` of notebook 18, `at` seconds of it."""
     with styled_axes((11.0, 3.1), 1, 4, gridspec_kw={"width_ratios": (1.1, 1.1, 1, 1)}) as (figure, axes):
         draw_wave(axes[0], clip.audio, clip.notes)
         draw_features(axes[1], clip)

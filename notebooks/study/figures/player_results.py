@@ -21,7 +21,7 @@ def player_table_figure(table: pd.DataFrame, *, players: str, unit: str = "pixel
 
     Parameters
     ----------
-    table : DataFrame of `harmolab.lab.complete_table`; rows without seeds are limits, drawn as lines. The paper's panel
+    table : DataFrame of `complete_table` of notebook 19; rows without seeds are limits, drawn as lines. The paper's panel
         is left out without a column "paper test"
     players : str, begins the title
     unit : str, of the errors
@@ -77,7 +77,7 @@ def components_figure(table: pd.DataFrame, *, count: int = 5) -> Figure:
 
     Parameters
     ----------
-    table : DataFrame of `harmolab.lab.component_table`, of one or more instruments
+    table : DataFrame of `component_table` of notebook 19, of one or more instruments
     count : int, components shown
     """
     groups = list(table.groupby("instrument", sort=False))
@@ -103,7 +103,7 @@ def hits_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
 
     Parameters
     ----------
-    tables : instrument -> DataFrame of `harmolab.lab.hits_table`
+    tables : instrument -> DataFrame of `hits_table` of notebook 19
     """
     height = sum(0.38 * len(table) + 1.1 for table in tables.values()) + 0.6
     sizes = {"height_ratios": [len(table) for table in tables.values()]}
