@@ -218,7 +218,7 @@ def draw_features(ax: Axes, clip: Any) -> Any:
 
 
 def overview_figure(clip: Any, *, at: float = 3.0) -> Figure:
-    """Fig. 1: sound, features, points and avatar of one clip; `clip` as of `played_clip` of notebook 18, `at` seconds of it."""
+    """Fig. 1: sound, features, points and avatar of a clip of notebook 18 (`played_clip`), `at` seconds of it."""
     with styled_axes((11.0, 3.1), 1, 4, gridspec_kw={"width_ratios": (1.1, 1.1, 1, 1)}) as (figure, axes):
         draw_wave(axes[0], clip.audio, clip.notes)
         draw_features(axes[1], clip)

@@ -21,8 +21,8 @@ def player_table_figure(table: pd.DataFrame, *, players: str, unit: str = "pixel
 
     Parameters
     ----------
-    table : DataFrame of `complete_table` of notebook 19; rows without seeds are limits, drawn as lines. The paper's panel
-        is left out without a column "paper test"
+    table : DataFrame of `complete_table` of notebook 19; rows without seeds are limits, drawn as lines. The paper's
+        panel is left out without a column "paper test"
     players : str, begins the title
     unit : str, of the errors
     """
