@@ -26,7 +26,6 @@ from harmolab.musician.avatar import (
     placed_points,
     spine,
 )
-from harmolab.musician.synthetic.space import Camera, PlayerInSpace, elbow_angles, player_in_space
 from harmolab.readers.bvh import WORLD, load_bvh, save_bvh
 from harmolab.readers.player_points import (
     FINGERS,
@@ -41,10 +40,12 @@ from harmolab.readers.player_points import (
     player_skeleton,
 )
 from harmolab.types import Motion
-from study.experiments.avatar_depth import elbow_error, wrist_depth_error
+from study.experiments.player_in_space import Camera, PlayerInSpace, elbow_angles, player_in_space
 from tests.builders import refused
+from tests.notebook_cells import notebook_cells
 
 OURS = AvatarParams()
+CELLS = notebook_cells("20_players_and_avatars")
 SHOULDERS_ONLY = player_skeleton(["left_shoulder", "right_shoulder"])
 
 
@@ -95,7 +96,7 @@ def test_planted_players_bones_keep_their_length_and_noise_is_what_it_is_said_to
             assert np.ptp(np.linalg.norm(of(player.space, bone[1]) - of(player.space, bone[0]), axis=1)) < 1e-9
     noise = player.points.positions - player.camera.pixels(player.space.positions)
     assert noise.std() == pytest.approx(2.0, rel=0.03)
-    angles = np.degrees(player.elbow_angles())
+    angles = np.degrees(elbow_angles(player.space))
     assert angles.min() > 60 and angles.max() < 170
 
 
@@ -218,16 +219,16 @@ def test_bare_forearm_comes_back_and_the_linear_law_does_not() -> None:
 def test_planted_player_comes_back_in_space(instrument: str, seed: int) -> None:
     player = player_in_space(instrument, seed=seed)
     result = avatar(player.points, instrument)
-    assert wrist_depth_error(player, result) <= 15.0
-    assert elbow_error(player, result) <= 12.0
+    errors = CELLS.depth_errors(player, result)
+    assert all(errors[measure] <= most for measure, most in CELLS.DEPTH_LIMITS.items())
     for worse in (replace(OURS, depth="linear"), replace(OURS, elbow_depth=False), AvatarParams.paper()):
-        assert wrist_depth_error(player, avatar(player.points, instrument, params=worse)) > 25.0
+        assert CELLS.depth_errors(player, avatar(player.points, instrument, params=worse))["wrist depth"] > 25.0
 
 
 def test_raw_lengths_and_the_longest_one_are_worse_for_the_violinist() -> None:
     player = player_in_space("violin")
     error, raw, longest = (
-        wrist_depth_error(player, avatar(player.points, "violin", params=replace(OURS, **changes)))
+        CELLS.depth_errors(player, avatar(player.points, "violin", params=replace(OURS, **changes)))["wrist depth"]
         for changes in ({}, {"smoothing": 0.0}, {"smoothing": 0.0, "percentile": 100.0})
     )
     assert error < 0.8 * raw

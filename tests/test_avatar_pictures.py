@@ -17,7 +17,6 @@ from harmolab.lab.render.overlay import CORE, RIM, overlay_skeleton
 from harmolab.lab.render.scene import render_dance
 from harmolab.lab.render.stick import BACKGROUND, render_skeleton
 from harmolab.musician.avatar import avatar
-from harmolab.musician.synthetic.space import player_in_space
 from harmolab.musician.video import PREDICTION, TRUTH, render_points
 from harmolab.params import HarmonyParams
 from harmolab.readers.player_points import (
@@ -34,6 +33,7 @@ from harmolab.readers.player_points import (
 )
 from harmolab.score import score_harmony
 from harmolab.types import Audio, Motion
+from study.experiments.player_in_space import player_in_space
 from tests.builders import refused, track
 from tests.test_player import data_of, positions_of
 

@@ -32,10 +32,11 @@ from harmolab.musician.train import errors, errors_between, mean_pose_errors, pr
 from harmolab.readers.player_points import HANDS_12, PLAYER_50
 from harmolab.systems.training.checkpoints import TrainOptions
 from harmolab.systems.training.weights import load_weights, save_weights
-from study.experiments.planted_truth import bow_errors, component_correlations, planted_points, true_signs
 from tests.builders import refused
+from tests.notebook_cells import notebook_cells
 
 FPS = 24.0
+CELLS = notebook_cells("19_sound_to_hands")
 PARAMS = replace(
     Audio2BodyParams.tables(), bow_phase=True, hidden=48, components=6, epochs=14, batch=8, rate=1e-2
 )  # fmt: skip
@@ -179,25 +180,25 @@ def test_directions_follow_from_planted_turns_alone(
     for each, sequence in zip(planted[5:], played.sequences[5:], strict=True):
         strokes = bow.strokes(each.strikes.times, loudness(sequence.sound, PARAMS), FPS)
         assert strokes.signs.tolist() == [(-1) ** number for number in range(len(each.strikes))]
-        assert (true_signs(strokes, each.bow, FPS) == strokes.signs)[:-1].all()
+        assert (CELLS.true_signs(strokes, each.bow, FPS) == strokes.signs)[:-1].all()
 
 
 def test_the_network_comes_below_the_ceiling_of_those_that_do_not_know_the_direction(
     planted: list[PlantedPerformance], played: PlayedSet, bow: Bowing, network: SoundToPoints
 ) -> None:
     test = played.sequences[5:]
-    truth = [planted_points(each, network.reference) for each in planted[5:]]
+    truth = [CELLS.planted_points(each, network.reference) for each in planted[5:]]
     projected = [network.projected(each.points) for each in test]
     ceiling = errors_between([bow.at_rest(points) for points in truth], projected, test)
     floor = errors_between(truth, projected, test)
     full = errors(network, test).full
     assert floor.full < full < 0.85 * ceiling.full
     assert ceiling.full < mean_pose_errors(network, test).full
-    outcome = bow_errors(network, test)
-    assert outcome.predicted.full == pytest.approx(full)
-    assert outcome.true_place.full < outcome.predicted.full
-    assert outcome.direction_share > 0.8
-    assert outcome.n_strokes == sum(predicted_strokes(network, each.sound).signs.size for each in test)
+    outcome = CELLS.bow_errors(network, test)
+    assert outcome["predicted"] == pytest.approx(full)
+    assert outcome["true place"] < outcome["predicted"]
+    assert outcome["directions right"] > 0.8
+    assert outcome["strokes"] == sum(predicted_strokes(network, each.sound).signs.size for each in test)
 
 
 def test_a_performance_follows_its_strokes(
@@ -233,7 +234,9 @@ def test_the_loss_of_windows_has_the_turns_and_their_error_has_not(played: Playe
 def test_correlations_of_components() -> None:
     space = PointSpace(np.zeros(3), np.eye(3), np.ones(3))
     truth = np.array([[1.0, 0.0, 5.0], [2.0, 1.0, 5.0], [3.0, 0.0, 5.0]])
-    values = component_correlations(space, [truth[:2] * (2, -1, 1), truth[2:] * (2, -1, 1)], [truth[:2], truth[2:]])
+    values = CELLS.component_correlations(
+        space, [truth[:2] * (2, -1, 1), truth[2:] * (2, -1, 1)], [truth[:2], truth[2:]]
+    )
     np.testing.assert_allclose(values, [1.0, -1.0, np.nan])
 
 
@@ -248,10 +251,8 @@ def test_bow_phase_is_refused_where_there_is_no_bow(
     refused("left_shoulder", prepared, replace(played, skeleton=HANDS_12), split)
     refused("whole recording", PerformanceStream, network)
     plain = SoundToPoints(replace(PARAMS, bow_phase=False), PLAYER_50, "violin", 3, NOWHERE)
-    for call in (predicted_strokes, bow_errors):
+    for call in (predicted_strokes, CELLS.bow_errors):
         with pytest.raises(ValueError, match="without bow_phase"):
             call(plain, played.sequences[0].sound if call is predicted_strokes else played.sequences)
     still = replace(played.sequences[0], points=np.zeros_like(played.sequences[0].points))
     refused("10 strokes or more; these recordings have 0", Bowing.fit, [still], PLAYER_50, PARAMS)
-    pianist = next(planted_performances("piano", 1, seconds=3.0))
-    refused("has no bow", planted_points, pianist, NOWHERE, "direction_blind")

@@ -1,4 +1,4 @@
-"""The doors: README and docs import from `harmolab`, its `systems`, `lab` and `musician` only; notebooks what is public."""
+"""README and docs import from the doors `harmolab`, its `systems`, `lab` and `musician`, notebooks what is public."""
 
 import ast
 import json

@@ -20,8 +20,9 @@ from harmolab.beats.flow import (
     optical_flow,
 )
 from harmolab.data.synthetic import synthetic_clip
-from harmolab.lab.render.stick import moving_box, render_skeleton
+from harmolab.lab.render.stick import render_skeleton
 from harmolab.readers.video import video_frames
+from study.figures.moving_box import moving_box
 from tests.builders import cases, refused
 
 STOPS = (1.2, 2.1, 3.3, 4.2, 5.6)  # seconds

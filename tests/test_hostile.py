@@ -22,7 +22,6 @@ from hypothesis.extra import numpy as hnp
 from harmolab.body.skeletons import Skeleton
 from harmolab.cli.data_check import check
 from harmolab.data.recordings import load_any_motion, load_config, load_recording
-from harmolab.musician.instrument_sets import load_pianomime, load_published, load_tracked
 from harmolab.musician.keypoints import load_player_points
 from harmolab.musician.performances import Performance, load_notes, load_performance
 from harmolab.readers.aist import read_array_pickle
@@ -32,6 +31,7 @@ from harmolab.readers.keypoints import load_keypoints
 from harmolab.readers.motion import load_motion
 from harmolab.readers.smpl import SMPL_24, load_body
 from harmolab.types import Audio, BeatTrack, Motion
+from study.experiments.instrument_sets import load_pianomime, load_published, load_tracked
 from tests.builders import refused
 
 SEED = int(os.environ.get("HARMOLAB_HOSTILE_SEED", "1"))

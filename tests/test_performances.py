@@ -11,7 +11,6 @@ import pytest
 import soundfile
 
 from harmolab.cli.data_check import check
-from harmolab.musician.instrument_sets import load_pianomime, load_published, load_tracked
 from harmolab.musician.performances import (
     Performance,
     find_performances,
@@ -27,6 +26,7 @@ from harmolab.readers.motion import load_detected, save_motion
 from harmolab.readers.player_points import HANDS_12, PLAYER_50
 from harmolab.readers.video import write_video
 from harmolab.types import Audio, Motion, Notes
+from study.experiments.instrument_sets import load_pianomime, load_published, load_tracked
 from tests.builders import cases, refused
 from tests.test_player_keypoints import SIZE, holistic, openpose, openpose_folder
 

@@ -12,40 +12,19 @@ from harmolab.musician.page import avatar_player
 from harmolab.musician.performances import Performance
 from harmolab.musician.sequences import PlayedSplit
 from harmolab.musician.synthetic import planted_performance
-from harmolab.musician.synthetic.space import FOREARM, HALF_SHOULDERS, player_in_space
-from harmolab.musician.video import avatar_stills
 from harmolab.readers.player_points import HANDS_12, PLAYER_50, SIDES, hand_joints, player_skeleton
 from harmolab.types import Motion, Notes
-from study.experiments.avatar_depth import DEPTH_LIMITS, depth_table, elbow_error, wrist_depth_error
-from study.experiments.player_causes import (
-    HandLimits,
-    Onsets,
-    cause_table,
-    causes_of,
-    failure_words,
-    hand_onsets_of,
-    in_unseen_register,
-    leaps,
-    near_any,
-    occluded,
-    onset_rate,
-    usual_limits,
-)
 from study.experiments.player_frames import (
-    OTHER,
     PREDICTED,
-    RIGHT,
     TRUE,
     PickedFrame,
     PredictedPiece,
     even_frames,
-    music_scores,
-    player_notice,
     quantile_frames,
     worst_frames,
 )
+from study.experiments.player_in_space import FOREARM, HALF_SHOULDERS, player_in_space
 from study.experiments.players import PLANTED, PlayerData
-from study.figures.avatars import depth_figure
 from study.figures.player_overlays import (
     HEAD,
     NECK,
@@ -58,10 +37,13 @@ from study.figures.player_overlays import (
 )
 from study.profile import RunProfile
 from tests.builders import refused
+from tests.notebook_cells import notebook_cells
 
 FPS = 10.0
 BODY = player_skeleton(["left_shoulder", "right_shoulder"])
-USUAL = HandLimits(leap=5.0, rate=2.0, low=50.0, high=70.0)
+USUAL = {"leap": 5.0, "rate": 2.0, "low": 50.0, "high": 70.0}
+RIGHT, OTHER = "right music", "another music"
+CELLS = notebook_cells("20_players_and_avatars")
 
 
 def piece_of(
@@ -142,43 +124,46 @@ def test_real_hands_are_in_millimetres_and_have_no_planted_truth() -> None:
 
 
 def test_notes_of_a_chord_are_one_onset_at_their_mean_pitch() -> None:
-    onsets = hand_onsets_of(notes_of([1.0, 1.02, 2.0], [60, 64, 67]), offset=0.5)
-    np.testing.assert_allclose(onsets.times, [0.5, 1.5])
-    np.testing.assert_allclose(onsets.pitches, [62.0, 67.0])
-    assert hand_onsets_of(notes_of([], [])).times.size == 0
+    times, pitches = CELLS.hand_onsets(notes_of([1.0, 1.02, 2.0], [60, 64, 67]), offset=0.5)
+    np.testing.assert_allclose(times, [0.5, 1.5])
+    np.testing.assert_allclose(pitches, [62.0, 67.0])
+    assert CELLS.hand_onsets(notes_of([], []))[0].size == 0
 
 
 def test_moments_are_near_up_to_their_reach_and_not_beyond() -> None:
     times = np.array([0.4, 0.5, 1.0, 1.5, 1.6])
-    np.testing.assert_array_equal(near_any(times, np.array([1.0]), 0.5), [False, True, True, True, False])
-    np.testing.assert_array_equal(near_any(times, np.zeros(0), 0.5), [False] * 5)
+    np.testing.assert_array_equal(CELLS.near_any(times, np.array([1.0]), 0.5), [False, True, True, True, False])
+    np.testing.assert_array_equal(CELLS.near_any(times, np.zeros(0), 0.5), [False] * 5)
+
+
+def frames_with(cause: str, notes: Notes, **limits: float) -> list[int]:
+    """The frames of a piece of 7 s that a cause holds for."""
+    masks = CELLS.frame_causes(piece_of([0.0] * 70, notes=notes), {1: USUAL | limits})
+    return np.flatnonzero(masks[cause]).tolist()
 
 
 def test_leap_is_a_larger_step_than_usual_and_counts_around_its_second_note() -> None:
-    onsets = Onsets(np.array([1.0, 2.0, 4.0]), np.array([60.0, 65.0, 71.0]))
-    times = np.array([1.0, 2.0, 3.4, 3.6, 4.4, 4.6])
-    np.testing.assert_array_equal(leaps(onsets, times, leap=5.0), [False, False, False, True, True, False])
-    assert not leaps(onsets, times, leap=6.0).any()
+    notes = notes_of([1.0, 2.0, 4.0], [60, 65, 71])
+    assert frames_with("leap", notes, leap=5.0) == list(range(35, 46))
+    assert frames_with("leap", notes, leap=6.0) == []
 
 
 def test_rate_counts_the_onsets_of_the_second_around_a_time() -> None:
-    onsets = Onsets(np.array([0.0, 0.4, 0.5, 2.0]), np.full(4, 60.0))
-    np.testing.assert_array_equal(onset_rate(onsets, np.array([0.0, 0.5, 1.4, 1.5])), [3, 3, 0, 1])
+    onsets = np.array([0.0, 0.4, 0.5, 2.0])
+    np.testing.assert_array_equal(CELLS.onset_rate(onsets, np.array([0.0, 0.5, 1.4, 1.5])), [3, 3, 0, 1])
+    assert frames_with("very fast", notes_of(onsets.tolist(), [60] * 4), rate=2.0) == list(range(6))
 
 
 def test_unseen_register_lies_below_or_above_what_is_usual() -> None:
     notes = notes_of([1.0, 3.0, 5.0], [50, 71, 49])
-    times = np.array([1.0, 3.0, 4.0, 5.0])
-    mask = in_unseen_register(notes, 0.0, times, low=50.0, high=70.0)
-    np.testing.assert_array_equal(mask, [False, True, False, True])
-    np.testing.assert_array_equal(in_unseen_register(notes, 1.0, times - 1.0, low=50.0, high=70.0), mask)
+    assert frames_with("unseen register", notes) == [*range(25, 36), *range(45, 56)]
 
 
 def test_frames_beside_a_rejected_one_are_occluded() -> None:
     valid = np.ones(7, bool)
     valid[3] = False
     motion = Motion(np.zeros((7, 2, 2)), FPS, BODY, valid)  # 0.1 s is one frame
-    np.testing.assert_array_equal(occluded(motion), [False, False, True, True, True, False, False])
+    np.testing.assert_array_equal(CELLS.occluded(motion), [False, False, True, True, True, False, False])
 
 
 def test_hands_whose_boxes_overlap_are_occluded() -> None:
@@ -188,7 +173,7 @@ def test_hands_whose_boxes_overlap_are_occluded() -> None:
     points[:, left] = np.linspace([0.0, 0.0], [10.0, 10.0], len(left))
     for frame, shift in enumerate(([9.0, 9.0], [11.0, 0.0], [0.0, 11.0])):
         points[frame, right] = points[frame, left] + shift
-    np.testing.assert_array_equal(occluded(Motion(points, FPS, HANDS_12)), [True, False, False])
+    np.testing.assert_array_equal(CELLS.occluded(Motion(points, FPS, HANDS_12)), [True, False, False])
 
 
 def test_causes_of_a_frame_are_those_whose_rule_holds_there() -> None:
@@ -196,21 +181,22 @@ def test_causes_of_a_frame_are_those_whose_rule_holds_there() -> None:
     valid = [True] * 60
     valid[18] = False
     piece = piece_of([1.0] * 60, valid=valid, notes=notes)
-    named = [causes_of(PickedFrame(piece, frame, ""), {1: USUAL}) for frame in (5, 17, 40, 55)]
-    assert named == ["none of these", "very fast, occluded", "leap, unseen register", "none of these"]
-    assert causes_of(PickedFrame(piece, 40, ""), {}) == "none of these"
+    words = CELLS.failure_words([PickedFrame(piece, frame, "") for frame in (5, 17, 40, 55)], {1: USUAL})
+    named = [line.partition("\n")[0] for line in words]
+    assert named[1:3] == ["1 px: very fast, occluded", "1 px: leap, unseen register"]
+    assert {named[0], named[3]} == {"1 px: none of these"}
 
 
 def test_words_of_a_failure_name_error_causes_and_the_hand_that_is_off() -> None:
     piece = piece_of([12.3, 1.0])
-    assert failure_words([PickedFrame(piece, 0, "")], {}) == ["12 px: none of these\nleft hand: 0% of its square"]
+    assert CELLS.failure_words([PickedFrame(piece, 0, "")], {}) == ["12 px: none of these\nleft hand: 0% of its square"]
 
 
 def test_causes_of_the_worst_hundredth_stand_beside_those_of_all_frames() -> None:
     errors = np.ones(200)
     errors[[100, 101]] = 50.0
     piece = piece_of(errors.tolist(), notes=notes_of([0.5, 10.0], [60, 66]))
-    table = cause_table([piece], {1: USUAL}).set_index("cause")
+    table = CELLS.cause_table([piece], {1: USUAL}).set_index("cause")
     assert table.loc["leap", "worst frames"] == 1.0
     assert table.loc["leap", "all frames"] == pytest.approx(11 / 200)  # 9.5 to 10.5 s
     assert table.loc["leap", "error with"] == pytest.approx((2 * 50 + 9) / 11)
@@ -228,8 +214,8 @@ def test_usual_is_what_the_training_pieces_have() -> None:
         for name, notes in (("a", steady), ("b", steady), ("test", wild))
     )
     split = PlayedSplit(("a",), ("b",), ("test",))
-    limits = usual_limits(PlayerData(PLANTED, "piano", performances, split, MappingProxyType({})))
-    assert limits == {1: HandLimits(leap=2.0, rate=2.0, low=60.0, high=62.0)}
+    limits = CELLS.usual_limits(PlayerData(PLANTED, "piano", performances, split, MappingProxyType({})))
+    assert limits == {1: {"leap": 2.0, "rate": 2.0, "low": 60.0, "high": 62.0}}
 
 
 # Music and points
@@ -247,11 +233,11 @@ def planted() -> list[PredictedPiece]:
 
 
 def test_right_music_is_hit_and_another_is_not(planted: list[PredictedPiece]) -> None:
-    scores = music_scores(*planted, seconds=12.0, n_rotations=200)
+    scores = CELLS.music_scores(*planted, seconds=12.0, n_rotations=200)
     assert scores[RIGHT].harmony_above_chance > 0.9 and scores[RIGHT].p_value < 0.05
     assert abs(scores[OTHER].harmony_above_chance) < 0.25
     assert scores[RIGHT].n_audio == scores[OTHER].n_audio
-    refused("one: its notes are not known", music_scores, piece_of([0.0, 0.0]), planted[0], seconds=1.0)
+    refused("one: its notes are not known", CELLS.music_scores, piece_of([0.0, 0.0]), planted[0], seconds=1.0)
 
 
 def test_planted_truth_stands_beside_the_prediction(planted: list[PredictedPiece]) -> None:
@@ -263,8 +249,8 @@ def test_planted_truth_stands_beside_the_prediction(planted: list[PredictedPiece
 def test_notice_says_where_players_are_from_and_what_is_not_trained() -> None:
     split = PlayedSplit(("a",))
     data = PlayerData(PLANTED, "piano", (), split, MappingProxyType({"a": planted_performance("piano", seconds=2.0)}))
-    assert player_notice(RunProfile.full(), data) == "Planted, synthetic players and sound."
-    assert "the network is not trained" in player_notice(RunProfile.quick(), data)
+    assert CELLS.player_notice(RunProfile.full(), data) == "Planted, synthetic players and sound."
+    assert "the network is not trained" in CELLS.player_notice(RunProfile.quick(), data)
 
 
 # Depth
@@ -273,21 +259,20 @@ def test_notice_says_where_players_are_from_and_what_is_not_trained() -> None:
 def test_error_of_the_depth_is_in_forearms_and_blind_to_size() -> None:
     player = player_in_space("piano", seconds=4.0)
     same = Motion(player.space.positions * SHOULDERS / (2 * HALF_SHOULDERS), 24.0, PLAYER_50)
-    assert wrist_depth_error(player, same) == pytest.approx(0.0, abs=1e-9)
-    assert elbow_error(player, same) == pytest.approx(0.0, abs=1e-5)
+    assert CELLS.depth_errors(player, same) == pytest.approx({"wrist depth": 0.0, "elbow": 0.0}, abs=1e-5)
     points = np.array(player.space.positions)
     for side in SIDES:
         points[:, PLAYER_50.joints.index(f"{side}_wrist"), 2] += 0.1 * FOREARM
     nearer = Motion(points * SHOULDERS / (2 * HALF_SHOULDERS), 24.0, PLAYER_50)
-    assert wrist_depth_error(player, nearer) == pytest.approx(10.0)
+    assert CELLS.depth_errors(player, nearer)["wrist depth"] == pytest.approx(10.0)
 
 
 def test_our_avatar_is_deep_enough_and_the_papers_is_not() -> None:
-    table = depth_table(RunProfile.quick()).set_index("settings")
-    for measure, most in DEPTH_LIMITS.items():
+    table = CELLS.depth_table(RunProfile.quick()).set_index("settings")
+    for measure, most in CELLS.DEPTH_LIMITS.items():
         assert (table.loc["ours", f"{measure}, worst"] <= most).all()
         assert (table.loc[["as in the paper", "ours, linear depth"], measure] > most).all()
-    figure = depth_figure(table.reset_index().to_dict("records"), DEPTH_LIMITS, title="x")
+    figure = CELLS.depth_figure(table.reset_index())
     assert [len(ax.patches) for ax in figure.axes] == [len(table)] * 2
 
 
@@ -329,16 +314,16 @@ def test_points_alone_are_drawn_at_the_times_that_are_named(planted: list[Predic
 
 def test_stills_of_one_movement_are_alike_and_stand_beside_those_of_another(planted: list[PredictedPiece]) -> None:
     points = {"one": planted[0].predicted, "same": planted[0].predicted, "other": planted[1].predicted}
-    stills = avatar_stills(points, "piano", (1.0, 4.0), height=120, width=100)
+    stills = CELLS.avatar_stills(points, "piano", (1.0, 4.0), height=120, width=100)
     assert {name: [still.shape for still in row] for name, row in stills.items()} == {
         name: [(120, 100, 3)] * 2 for name in points
     }
     np.testing.assert_array_equal(stills["one"], stills["same"])
     assert (stills["one"][0] != stills["one"][1]).any() and (stills["one"][0] != stills["other"][0]).any()
     assert len(stills_figure(stills, (1.0, 4.0), title="x").axes) == 6
-    refused("times must lie within the 14", avatar_stills, points, "piano", (14.0,))
+    refused("times must lie within the 14", CELLS.avatar_stills, points, "piano", (14.0,))
     with pytest.raises(ValueError, match="the same points"):
-        avatar_stills({"one": planted[0].predicted, "two": piece_of([0.0, 0.0]).predicted}, "piano", (0.0,))
+        CELLS.avatar_stills({"one": planted[0].predicted, "two": piece_of([0.0, 0.0]).predicted}, "piano", (0.0,))
 
 
 def test_player_shows_both_avatars_with_their_hits(planted: list[PredictedPiece]) -> None:
@@ -349,13 +334,13 @@ def test_player_shows_both_avatars_with_their_hits(planted: list[PredictedPiece]
     )
     assert player.page.count('class="stage"') == 2
     assert "Planted." in player.page and "strike" in player.page
-    for name, score in music_scores(*planted, seconds=6.0, n_rotations=50).items():
+    for name, score in CELLS.music_scores(*planted, seconds=6.0, n_rotations=50).items():
         hits = re.search(rf"{name}: onsets hit.*?(\d+) of (\d+)", player.page, flags=re.DOTALL)
         assert hits is not None and (int(hits[1]), int(hits[2])) == (score.hits.sum(), score.n_audio)
 
 
 def test_row_of_onsets_says_how_many_are_hit(planted: list[PredictedPiece]) -> None:
-    scores = music_scores(*planted, seconds=6.0, n_rotations=50)
+    scores = CELLS.music_scores(*planted, seconds=6.0, n_rotations=50)
     figure = onsets_figure(scores, title="x", event="strikes", seconds=6.0)
     for ax, (name, score) in zip(figure.axes, scores.items(), strict=True):
         assert ax.get_title(loc="left").startswith(f"{name}: {score.hits.sum()} of {score.n_audio} onsets hit")

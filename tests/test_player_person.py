@@ -84,7 +84,7 @@ def moving(skeleton: Skeleton, axes: int) -> Motion:
 @pytest.mark.parametrize("name", [*BODIES, "avatar"])
 def test_script_and_python_draw_the_same_key_points(name: str, chromium: Any, clip: Clip, tmp_path: Path) -> None:
     if name == "avatar":
-        from harmolab.musician.synthetic.space import player_in_space
+        from study.experiments.player_in_space import player_in_space
 
         motion = avatar(player_in_space("violin", seconds=2.0).points, "violin")
     else:

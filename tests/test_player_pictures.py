@@ -1,7 +1,6 @@
 """Pictures of musicians: rejected frames and their rules, alignment, steps, the network's sizes, drawings."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,45 +12,24 @@ from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.synthetic import FAULTS, planted_performance
 from harmolab.readers.player_points import PLAYER_50
 from harmolab.types import Notes
-from study.experiments.player_cleaning import (
-    alignment_table,
-    cleaned_performance,
-    fault_examples,
-    recorded_examples,
-    tracked_players,
-)
-from study.experiments.player_pictures import (
-    delayed_steps,
-    feature_names,
-    played_clip,
-    player_boxes,
-    point_modes,
-    untrained_player,
-)
+from study.experiments.players import cleaned_performance, tracked_players
 from study.figures.player_points import (
     cleaning_figure,
     draw_player,
     faults_figure,
     features_figure,
     frames_figure,
-    modes_figure,
     note_name,
     overview_figure,
     player_network_figure,
-    steps_figure,
 )
-from study.figures.player_results import (
-    components_figure,
-    hits_figure,
-    mode_epochs_figure,
-    player_table_figure,
-    random_inputs_figure,
-)
+from study.figures.player_results import components_figure, hits_figure, player_table_figure
 from tests.notebook_cells import notebook_cells
 from tests.test_player_tables import planted_data
 
 NAN = float("nan")
 CELLS = notebook_cells("18_sound_and_points")
+HANDS = notebook_cells("19_sound_to_hands")
 
 
 def planted(instrument: str = "piano"):
@@ -63,11 +41,12 @@ def planted(instrument: str = "piano"):
 
 def test_the_first_frame_of_each_planted_fault_is_shown_with_the_rule_that_caught_it():
     performance = planted()
-    examples = fault_examples([performance])
-    assert tuple(examples) == FAULTS
-    assert (examples["swapped hands"].rule, examples["missing hand"].rule) == ("swapped", "missing")
-    for fault, example in examples.items():
-        assert round(example.seconds * 24) == np.flatnonzero(performance.fault == fault)[0]
+    examples = CELLS.fault_examples([performance])
+    assert tuple(example.fault for example in examples) == FAULTS
+    rules = {example.fault: example.rule for example in examples}
+    assert (rules["swapped hands"], rules["missing hand"]) == ("swapped", "missing")
+    for example in examples:
+        assert round(example.seconds * 24) == np.flatnonzero(performance.fault == example.fault)[0]
         assert example.before.tolist() != example.points.tolist()
 
 
@@ -75,14 +54,14 @@ def test_a_frame_that_passes_is_shown_as_not_rejected():
     performance = planted_performance("piano", seconds=6.0, faults=False)
     fault = np.full(performance.fault.shape, "", "<U20")
     fault[70] = "jump"  # said to be one, but nothing jumps
-    example = fault_examples([replace(performance, fault=fault)])["jump"]
+    (example,) = CELLS.fault_examples([replace(performance, fault=fault)])
     assert (example.rule, example.seconds) == ("", 70 / 24)
 
 
 def test_recorded_examples_have_one_frame_for_each_rule_that_rejects():
     performance = planted().performance
     report = cleaned_performance(performance).report()
-    examples = list(recorded_examples([performance]))
+    examples = CELLS.recorded_examples([performance])
     assert {example.rule for example in examples} == {rule for rule, share in report.items() if share > 0}
     assert {example.fault for example in examples} == {""}
 
@@ -123,7 +102,7 @@ def test_words_of_notebook_18_weigh_faults_by_their_frames():
 
 
 def test_one_similarity_a_recording_is_better_for_hands_than_one_a_frame_or_none():
-    errors = alignment_table(planted_data()).pivot_table(index="alignment", columns="part", values="error")
+    errors = CELLS.alignment_table(planted_data()).pivot_table(index="alignment", columns="part", values="error")
     for hand in ("left hand", "right hand"):
         assert errors.loc["recording", hand] < 0.8 * errors.loc["frame", hand] < errors.loc["none", hand]
 
@@ -144,38 +123,43 @@ def test_notes_of_a_stretch_begin_in_it_and_are_on_its_time_line():
 
 
 def test_twenty_eight_names_and_twenty_seven_without_the_energys_slope():
-    names = feature_names(Audio2BodyParams())
+    names = CELLS.feature_names(Audio2BodyParams())
     assert (len(names), names[13], names[27]) == (28, "log energy", "slope of log energy")
-    assert feature_names(Audio2BodyParams(energy_delta=False)) == names[:27]
+    assert CELLS.feature_names(Audio2BodyParams(energy_delta=False)) == names[:27]
 
 
 def test_a_clip_is_cut_alike_from_sound_features_points_and_avatar():
-    clip = played_clip(planted_performance("piano", seconds=8.0), start=1.0, seconds=4.0)
+    clip = CELLS.played_clip(planted_performance("piano", seconds=8.0), start=1.0, seconds=4.0)
     assert clip.features.shape == (96, 28)
     assert clip.points.n_frames == clip.avatar.n_frames == 96
     assert clip.audio.duration == pytest.approx(4.0)
 
 
 def test_modes_share_all_of_the_variance_and_two_hold_the_hands():
-    modes = point_modes(planted_data())
-    assert modes.shares.sum() == pytest.approx(1.0)
-    assert modes.moves.shape == (3, 50, 2)
-    assert modes.counts[0.9] <= 2
-    lengths = np.square(modes.moves).sum(axis=(1, 2))
-    assert lengths / lengths[0] == pytest.approx(modes.shares[:3] / modes.shares[0])
+    shares, moves = CELLS.point_components(planted_data())
+    assert shares["share"].sum() == pytest.approx(1.0)
+    assert moves.groupby("component").size().tolist() == [50, 50, 50]
+    assert CELLS.counts(shares)[0.9] <= 2
+    lengths = moves.assign(square=moves["dx"] ** 2 + moves["dy"] ** 2).groupby("component")["square"].sum()
+    assert (lengths / lengths.iloc[0]).tolist() == pytest.approx(
+        (shares["share"] / shares["share"].iloc[0])[:3].tolist()
+    )
 
 
 def test_steps_show_a_rejected_frame_and_no_step_beside_it_counts():
-    steps = delayed_steps(planted_data())
-    assert not steps.accepted.all()
-    assert steps.steps[::4] == pytest.approx(steps.frames)
-    rejected = 4 * int(np.flatnonzero(~steps.accepted)[0])
-    assert not steps.usable[rejected - 3 : rejected + 4].any()
-    assert steps.delays == pytest.approx((1000 * 2 / 96, 125.0))
+    steps = CELLS.delayed_steps(planted_data())
+    frames = steps[steps["frame"]]
+    assert frames.index.tolist() == list(range(0, 4 * 14, 4))[: len(frames)]
+    rejected = int(frames.index[~frames["accepted"]][0])
+    assert not steps["usable"][rejected - 3 : rejected + 4].any()
+    between = steps["value"].iloc[1:4].to_numpy()
+    assert between == pytest.approx(np.interp([1, 2, 3], [0, 4], frames["value"].iloc[:2]))
+    late = [1000 * (steps[name] - steps["time"]).iloc[0] for name in ("tables", "ours")]
+    assert late == pytest.approx([1000 * 2 / 96, 125.0])
 
 
 def test_the_diagram_counts_the_papers_parameters():
-    boxes = player_boxes(untrained_player(planted_data("violin")))
+    boxes = CELLS.player_boxes(CELLS.untrained_player(planted_data("violin")))
     # An LSTM of 200 units has 4 x 200 x (28 + 200 + 2) numbers, the layer after it (200 + 1) x 15.
     assert "184,000 of 187,015 parameters" in boxes["LSTM"]
     assert "3,015 of 187,015 parameters" in boxes["linear"]
@@ -210,7 +194,7 @@ def test_frames_are_accepted_ones_and_name_the_notes_that_sound():
 
 
 def test_each_rejected_frame_names_its_fault_and_its_rule():
-    figure = faults_figure(list(fault_examples([planted()]).values()))
+    figure = faults_figure(CELLS.fault_examples([planted()]))
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert titles[0] == "swapped hands\nrejected by: swapped"
     assert len(titles) == 4
@@ -218,15 +202,17 @@ def test_each_rejected_frame_names_its_fault_and_its_rule():
 
 def test_pictures_of_notebook_18_are_drawn_from_their_records():
     data = planted_data()
-    clip = played_clip(planted_performance("piano", seconds=8.0), start=1.0, seconds=4.0)
+    clip = CELLS.played_clip(planted_performance("piano", seconds=8.0), start=1.0, seconds=4.0)
     titles = [ax.get_title(loc="left") for ax in overview_figure(clip, at=1.0).axes]
     assert titles == ["1 the sound", "2 28 numbers a frame", "3 50 points (planted)", "4 an avatar"]
     assert [label.get_text() for label in features_figure(clip).axes[1].get_yticklabels()][2] == "log energy"
-    modes = modes_figure({"planted piano": point_modes(data)})
-    assert modes.axes[3].get_title(loc="left").startswith(f"{point_modes(data).counts[0.9]} hold 90 %")
-    legend = steps_figure(delayed_steps(data)).axes[0].get_legend()
+    shares, moves = CELLS.point_components(data)
+    titles = [ax.get_title(loc="left") for ax in CELLS.components_picture(shares, moves).axes]
+    assert titles[3].startswith(f"{CELLS.counts(shares)[0.9]} hold 90 %")
+    assert titles[0].startswith("planted piano, component 1\n") and titles[1].startswith("component 2\n")
+    legend = CELLS.steps_figure(CELLS.delayed_steps(data)).axes[0].get_legend()
     assert [text.get_text() for text in legend.get_texts()][1:3] == ["learnt 21 ms later", "learnt 125 ms later"]
-    boxes = player_network_figure(player_boxes(untrained_player(data))).axes[0].patches
+    boxes = player_network_figure(CELLS.player_boxes(CELLS.untrained_player(data))).axes[0].patches
     assert [patch.get_gid() for patch in boxes].count("box") == 8
     assert [patch.get_gid() for patch in boxes].count("arrow") == 7
     performances = [each.performance for each in data.planted.values()]
@@ -236,29 +222,31 @@ def test_pictures_of_notebook_18_are_drawn_from_their_records():
     assert [label.get_text() for label in report.axes[1].get_yticklabels()] == [*FAULTS, CELLS.GOOD]
 
 
-def mode() -> SimpleNamespace:
-    times, curve = np.arange(48) / 24, np.sin(np.arange(48))
-    return SimpleNamespace(
-        times=times, tracked=curve, predicted={1: 0 * curve, 30: curve}, correlations={1: 0.251, 30: 1.0}
+def test_titles_of_figure_5_have_epochs_and_the_correlations_of_accepted_frames():
+    curve = np.sin(np.arange(360))
+    half = np.where(np.arange(360) % 2, curve, -curve)
+    still = np.zeros(360)
+    parts = {1: half, 10: still, 30: np.where(np.arange(360) == 7, 50.0, 3 - 2 * curve)}
+    table = pd.concat(
+        [
+            pd.DataFrame({"epochs": epochs, "time": np.arange(360) / 24, "tracked": curve, "predicted": own})
+            for epochs, own in parts.items()
+        ]
     )
-
-
-def test_titles_of_figure_5_have_epochs_and_correlations():
-    figure = mode_epochs_figure(mode(), players="planted piano", seconds=1.0)
-    assert [ax.get_title(loc="left") for ax in figure.axes] == [
-        "1 epoch: correlation 0.25",
-        "30 epochs: correlation 1.00",
-    ]
-    assert len(figure.axes[0].lines[0].get_xdata()) == 24
+    figure = HANDS.mode_epochs_figure(table.assign(accepted=np.tile(np.arange(360) != 7, 3)), "planted piano", "pixels")
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert titles[1:] == ["10 epochs: correlation nan", "30 epochs: correlation -1.00"]
+    assert titles[0].startswith("1 epoch: correlation ")
+    assert figure.get_suptitle().startswith("Planted piano: correlation highest after 1 epoch")
+    assert len(figure.axes[0].lines[0].get_xdata()) == 288  # twelve seconds
 
 
 def test_titles_of_figure_6_have_shares_of_the_spread_to_music():
     names = ("music", "white noise as sound")
-    curves = dict.fromkeys(names, np.zeros(48))
+    times = np.arange(48) / 24
+    curves = pd.concat([pd.DataFrame({"input": name, "piece": "a", "time": times, "first": times}) for name in names])
     table = pd.DataFrame({"input": names, "SD 1": [50.0, 4.0], "SD 1 / music": [1.0, 0.08]})
-    figure = random_inputs_figure(
-        SimpleNamespace(times=np.arange(48) / 24, curves=curves, table=table), players="planted piano"
-    )
+    figure = HANDS.random_inputs_figure(curves, table, "planted piano")
     assert figure.get_suptitle() == "Planted piano, share of the movement to music: 8% to white noise as sound"
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
         "music: SD 50.0 pixels", "white noise as sound: SD 4.0 pixels, 8 % of that to music",

@@ -16,48 +16,26 @@ from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.sequences import PlayedSplit, PointSpace
 from harmolab.musician.synthetic import planted_performance
 from harmolab.readers.player_points import HANDS_12, PLAYER_50
-from study.experiments import player_scores
-from study.experiments.planted_truth import BLIND, FLOOR, ceilings, complete_table, component_table, moving_parts
-from study.experiments.player_modes import (
-    MUSIC,
-    NOISE_FEATURES,
-    NOISE_SOUND,
-    correlation,
-    mode_over_epochs,
-    random_features,
-    random_inputs,
-    shown_epochs,
-    spread_table,
-)
-from study.experiments.player_scores import (
-    PLANTED_HANDS,
-    gains_table,
-    hands_errors,
-    hits_table,
-    piece_scores,
-    scored_settings,
+from study.experiments.instrument_sets import load_pianomime
+from study.experiments.players import (
+    HANDS,
+    PLANTED,
+    PlayerData,
+    our_settings,
+    trained_player,
     unseen_errors,
+    with_rendered_sound,
 )
-from study.experiments.player_tables import (
-    FINAL,
-    MEAN_POSE,
-    OURS,
-    OWN_ROWS,
-    ROWS,
-    SCHEDULE,
-    error_table,
-    gain_settings,
-    player_errors,
-    rank_agreement,
-    row_settings,
-    table_rows,
-)
-from study.experiments.players import HANDS, PLANTED, PlayerData, trained_player
 from study.profile import RunProfile
 from tests.builders import refused
+from tests.notebook_cells import notebook_cells
 from tests.test_performances import pianomime_folder
 
 QUICK = RunProfile.quick()
+CELLS = notebook_cells("19_sound_to_hands")
+FINAL, OURS, MEAN_POSE = "final", "recommended (ours)", "mean pose"
+BLIND, FLOOR = "planted truth, direction of the bow unknown", "planted truth: all that the sound tells"
+OWN_ROWS = ("sound of another piece", "notes in place of sound", "settings of Sec. 4", OURS)
 
 
 def planted_data(instrument: str = "piano", *, label: str = PLANTED, **settings: Any) -> PlayerData:
@@ -97,17 +75,14 @@ def errors_by_row(rows: list[str], tests: list[float], *, seeds: int = 1, instru
 
 @pytest.mark.parametrize("instrument", ["violin", "piano"])
 def test_each_row_of_a_table_changes_one_setting_of_the_final_ones(instrument: str):
-    data = SimpleNamespace(label=PLANTED, instrument=instrument)
+    rows = CELLS.table_settings(SimpleNamespace(label=PLANTED, instrument=instrument))
     final = asdict(Audio2BodyParams.tables(instrument))
-    changed = {}
-    for row in ROWS[instrument]:
-        own = asdict(row_settings(data, row))
-        changed[row] = [name for name in final if own[name] != final[name]]
+    changed = {
+        row: [name for name in final if asdict(rows[row])[name] != final[name]] for row in CELLS.PAPER[instrument]
+    }
     assert changed.pop(FINAL) == []
     assert {row: len(names) for row, names in changed.items()} == dict.fromkeys(changed, 1)
-    assert row_settings(data, "dropout .6").dropout == 0.6
-    assert row_settings(data, "2 steps a frame").upsample == 2
-    assert row_settings(data, "no delay").delay_steps == 0
+    assert (rows["dropout .6"].dropout, rows["2 steps a frame"].upsample, rows["no delay"].delay_steps) == (0.6, 2, 0)
 
 
 def test_final_settings_are_those_under_the_captions():
@@ -119,17 +94,16 @@ def test_final_settings_are_those_under_the_captions():
 
 def test_rows_about_rejected_frames_are_left_out_where_none_is_rejected():
     planted, hands = (
-        SimpleNamespace(instrument="piano", label=PLANTED),
-        SimpleNamespace(instrument="piano", label=HANDS),
+        CELLS.table_settings(SimpleNamespace(instrument="piano", label=label)) for label in (PLANTED, HANDS)
     )
-    assert set(table_rows(planted)) - set(table_rows(hands)) == {"frames not dropped", "gaps interpolated"}
-    assert table_rows(hands)[-len(OWN_ROWS) :] == OWN_ROWS
+    assert set(planted) - set(hands) == {"frames not dropped", "gaps interpolated"}
+    assert tuple(hands)[-len(OWN_ROWS) :] == OWN_ROWS
 
 
 def test_means_and_spreads_of_a_row_are_over_seeds():
     values = errors_by_row([FINAL], [6.0], seeds=2)
     values.loc[(values["seed"] == 2) & (values["side"] == "test"), "full"] += 1.0
-    (row,) = error_table(values).to_dict("records")
+    (row,) = CELLS.error_table(values).to_dict("records")
     assert (row["seeds"], row["test full"], row["test full SD"], row["test projected SD"]) == (2, 7.0, 0.5, 0.0)
     assert row["of mean pose"] == pytest.approx(7.0 / 20.5)
     assert (row["paper train"], row["paper validation"], row["paper test"]) == (6.52, 6.06, 6.84)
@@ -137,14 +111,14 @@ def test_means_and_spreads_of_a_row_are_over_seeds():
 
 def test_the_same_order_as_the_papers_agrees_fully_and_the_reverse_not_at_all():
     rows = ["frames not dropped", "2 steps a frame", FINAL]  # 9.49, 7.98, 6.84 in the paper
-    same = rank_agreement(errors_by_row(rows, [9.0, 8.0, 7.0], seeds=3))
+    same = CELLS.rank_agreement(errors_by_row(rows, [9.0, 8.0, 7.0], seeds=3))
     assert (same["tau"], same["low"], same["high"], same["rows"]) == (1.0, 1.0, 1.0, 3)
-    assert rank_agreement(errors_by_row(rows, [7.0, 8.0, 9.0], seeds=3))["tau"] == -1.0
-    assert rank_agreement(errors_by_row(rows, [9.0, 7.0, 8.0]))["tau"] == pytest.approx(1 / 3)  # 2 of 3 pairs
+    assert CELLS.rank_agreement(errors_by_row(rows, [7.0, 8.0, 9.0], seeds=3))["tau"] == -1.0
+    assert CELLS.rank_agreement(errors_by_row(rows, [9.0, 7.0, 8.0]))["tau"] == pytest.approx(1 / 3)  # 2 of 3 pairs
 
 
 def test_one_training_gives_no_interval_of_agreement_and_our_rows_no_order():
-    agreement = rank_agreement(errors_by_row(["no delay", FINAL, OWN_ROWS[0]], [8.0, 7.0, 1.0]))
+    agreement = CELLS.rank_agreement(errors_by_row(["no delay", FINAL, OWN_ROWS[0]], [8.0, 7.0, 1.0]))
     assert agreement["rows"] == 2
     assert np.isnan([agreement["low"], agreement["high"]]).all()
 
@@ -153,31 +127,31 @@ def test_one_training_gives_no_interval_of_agreement_and_our_rows_no_order():
 
 
 def test_the_truth_itself_has_no_error_and_a_shift_has_its_length():
-    limits = ceilings(QUICK, four_times("piano", **{"from_audio": lambda take: take.clean})).set_index("row")
+    limits = CELLS.ceilings(QUICK, four_times("piano", **{"from_audio": lambda take: take.clean})).set_index("row")
     assert limits.loc[FLOOR, "full"] == pytest.approx(0.0, abs=1e-9)
     shifted = {"from_audio": lambda take: take.clean + np.array([3.0, 4.0])}
-    limits = ceilings(QUICK, four_times("piano", **shifted)).set_index("row")
+    limits = CELLS.ceilings(QUICK, four_times("piano", **shifted)).set_index("row")
     assert limits.loc[FLOOR, "full"] == pytest.approx(np.sqrt((9 + 16) / 2))
 
 
 def test_a_violinist_without_the_bows_direction_lies_between_truth_and_mean_pose():
-    limits = ceilings(QUICK, planted_data("violin")).set_index("row")["full"]
+    limits = CELLS.ceilings(QUICK, planted_data("violin")).set_index("row")["full"]
     assert list(limits.index) == [MEAN_POSE, BLIND, FLOOR]
     assert limits[FLOOR] < limits[BLIND] < limits[MEAN_POSE]
 
 
 def test_the_bows_direction_is_no_limit_of_a_pianist():
-    assert list(ceilings(QUICK, planted_data("piano"))["row"]) == [MEAN_POSE, FLOOR]
+    assert list(CELLS.ceilings(QUICK, planted_data("piano"))["row"]) == [MEAN_POSE, FLOOR]
 
 
 def test_real_hands_have_no_limit_but_the_mean_pose():
     data = planted_data()
     recorded = PlayerData(HANDS, "piano", data.performances, data.split, MappingProxyType({}))
-    assert list(ceilings(QUICK, recorded)["row"]) == [MEAN_POSE]
+    assert list(CELLS.ceilings(QUICK, recorded)["row"]) == [MEAN_POSE]
 
 
 def test_limits_stand_below_the_table_with_test_errors_alone():
-    table = complete_table(QUICK, planted_data(), errors_by_row([FINAL], [6.0])).set_index("row")
+    table = CELLS.complete_table(QUICK, planted_data(), errors_by_row([FINAL], [6.0])).set_index("row")
     assert list(table.index) == [FINAL, MEAN_POSE, FLOOR]
     assert table.loc[MEAN_POSE, "of mean pose"] == 1.0
     assert table.loc[[MEAN_POSE, FLOOR], ["seeds", "train full", "paper test"]].isna().all(axis=None)
@@ -190,27 +164,29 @@ def test_the_part_that_moves_with_a_component_is_named():
     basis[0, 2 * PLAYER_50.joints.index("left_index_4")] = 1.0
     basis[1, 2 * PLAYER_50.joints.index("right_hip") + 1] = 1.0
     space = PointSpace(np.zeros(basis.shape[1]), basis, np.ones(2))
-    assert moving_parts(space, PLAYER_50) == ["left hand", "body"]
-
-
-def test_correlation_of_a_line_is_one_and_of_a_still_curve_undefined():
-    line = np.arange(5.0)
-    assert correlation(line, 3 - 2 * line) == pytest.approx(-1.0)
-    assert np.isnan(correlation(line, np.ones(5)))
+    assert CELLS.moving_parts(space, PLAYER_50) == ["left hand", "body"]
 
 
 # Epochs and random input (readings 15 and 24)
 
 
 def test_epochs_beyond_the_last_are_left_out():
-    assert [shown_epochs(last) for last in (300, 30, 10, 1)] == [(1, 10, 100, 300), (1, 10, 30), (1, 10), (1,)]
+    assert [CELLS.shown_epochs(last) for last in (300, 30, 10, 1)] == [(1, 10, 100, 300), (1, 10, 30), (1, 10), (1,)]
 
 
 def test_spread_of_components_is_a_mean_over_pieces_and_a_share_of_that_to_music():
     still, wave = np.zeros((4, 2)), np.tile([[1.0, 2.0], [-1.0, -2.0]], (2, 1))
-    table = spread_table({MUSIC: [2 * wave, 4 * wave], NOISE_SOUND: [wave, still]}, 10.0).set_index("input")
-    assert table.loc[MUSIC, ["SD 1", "SD 2", "speed 1"]].tolist() == [3.0, 6.0, 60.0]
-    assert table.loc[NOISE_SOUND, ["SD 1", "SD 1 / music"]].tolist() == [0.5, pytest.approx(1 / 6)]
+    pieces = {"music": (2 * wave, 4 * wave), "white noise as sound": (wave, still)}
+    parts = [
+        pd.DataFrame(
+            {"input": name, "piece": piece, "time": np.arange(4) / 10, "first": own[:, 0], "second": own[:, 1]}
+        )
+        for name, both in pieces.items()
+        for piece, own in enumerate(both)
+    ]
+    table = CELLS.spread_table(pd.concat(parts)).set_index("input")
+    assert table.loc["music", ["SD 1", "SD 2", "speed 1"]].tolist() == pytest.approx([3.0, 6.0, 60.0])
+    assert table.loc["white noise as sound", ["SD 1", "SD 1 / music"]].tolist() == [0.5, pytest.approx(1 / 6)]
 
 
 def untrained(data: PlayerData, **settings: Any) -> SoundToPoints:
@@ -226,7 +202,7 @@ def untrained(data: PlayerData, **settings: Any) -> SoundToPoints:
 
 def test_random_features_are_normal_once_the_network_has_scaled_them():
     network = untrained(planted_data())
-    features = random_features(network, 4000, np.random.default_rng(0))
+    features = CELLS.random_features(network, 4000, np.random.default_rng(0))
     scaled = network.sound_scale(torch.from_numpy(features)).numpy()
     assert np.abs(scaled.mean(axis=0)).max() < 0.1
     assert np.abs(scaled.std(axis=0) - 1).max() < 0.1
@@ -241,14 +217,16 @@ def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("kept")
 def test_figures_5_and_6_show_the_first_test_piece_in_full():
     data = planted_data()
-    mode = mode_over_epochs(QUICK, data)
-    assert (mode.name, mode.tracked.shape, list(mode.predicted)) == ("planted piano 4", (144,), [1, 2])
-    assert {curve.shape for curve in mode.predicted.values()} == {(144,)}
-    run = trained_player(QUICK, data, row_settings(data, FINAL), 1)
-    inputs = random_inputs(data, run)
-    assert list(inputs.curves) == [MUSIC, NOISE_SOUND, NOISE_FEATURES] == list(inputs.table["input"])
-    assert inputs.curves[MUSIC] == pytest.approx(mode.predicted[2])
-    components = component_table(data, run)
+    mode = CELLS.mode_over_epochs(QUICK, data)
+    assert mode["piece"].unique().tolist() == ["planted piano 4"]
+    assert mode.groupby("epochs").size().to_dict() == {1: 144, 2: 144}
+    run = trained_player(QUICK, data, Audio2BodyParams.tables("piano"), 1)
+    inputs = CELLS.random_inputs(data, run)
+    assert inputs["input"].unique().tolist() == ["music", "white noise as sound", "random features"]
+    assert inputs["first"][inputs["input"] == "music"].to_list() == pytest.approx(
+        mode["predicted"][mode["epochs"] == 2].to_list()
+    )
+    components = CELLS.component_table(data, run)
     assert components["share"].is_monotonic_decreasing
     assert components["share"].sum() == pytest.approx(1.0, abs=0.01)
 
@@ -256,7 +234,7 @@ def test_figures_5_and_6_show_the_first_test_piece_in_full():
 @pytest.mark.usefixtures("kept")
 def test_fewer_epochs_are_the_beginning_of_the_same_training():
     data = planted_data()
-    settings = row_settings(data, FINAL)
+    settings = Audio2BodyParams.tables(data.instrument)
     short, whole = (trained_player(QUICK, data, settings, 1, epochs=epochs) for epochs in (1, None))
     assert len(short.history) == 1
     assert len(whole.history) == 2
@@ -265,7 +243,8 @@ def test_fewer_epochs_are_the_beginning_of_the_same_training():
 
 @pytest.mark.usefixtures("kept")
 def test_a_table_has_every_side_of_every_row():
-    values = player_errors(QUICK, planted_data(), rows=[FINAL, "no delay"])
+    rows = CELLS.table_settings(planted_data())
+    values = CELLS.player_errors(QUICK, planted_data(), {row: rows[row] for row in (FINAL, "no delay")})
     sides = ["train", "validation", "test", MEAN_POSE]
     assert list(zip(values["row"], values["side"], strict=True)) == [
         (row, side) for row in (FINAL, "no delay") for side in sides
@@ -276,8 +255,9 @@ def test_a_table_has_every_side_of_every_row():
 @pytest.mark.parametrize("instrument", ["violin", "piano"])
 def test_each_gain_is_one_setting_on_the_way_from_the_paper_to_ours(instrument: str):
     data = SimpleNamespace(label=PLANTED, instrument=instrument)
-    rows = {row: asdict(params) for row, params in gain_settings(data).items()}
-    plain, ours = rows.pop(SCHEDULE), asdict(row_settings(data, OURS))
+    rows = {row: asdict(params) for row, params in CELLS.gain_settings(data).items()}
+    plain, ours = rows.pop("our schedule"), asdict(our_settings(data))
+    assert rows.pop(OURS) == ours
     changed = {row: {name: own[name] for name in own if own[name] != plain[name]} for row, own in rows.items()}
     assert {len(names) for names in changed.values()} == {1}
     gone = {name for name in ours if ours[name] != plain[name]}
@@ -285,27 +265,44 @@ def test_each_gain_is_one_setting_on_the_way_from_the_paper_to_ours(instrument: 
     assert all(any(change == {name: ours[name]} for change in changed.values()) for name in gone)
 
 
-def test_a_gain_is_counted_seed_by_seed_from_our_schedule(monkeypatch: pytest.MonkeyPatch):
-    data = SimpleNamespace(label=HANDS, instrument="piano")
-
-    def errors(profile: object, data: object, *, rows: list[str], **options: object) -> pd.DataFrame:
-        first = errors_by_row(rows, [10.0] + [8.0] * (len(rows) - 1), seeds=2)
+def test_a_gain_is_counted_seed_by_seed_from_our_schedule():
+    def errors(profile: object, data: object, settings: dict[str, Audio2BodyParams], seeds: object) -> pd.DataFrame:
+        first = errors_by_row(list(settings), [10.0] + [8.0] * (len(settings) - 1), seeds=2)
         return first.assign(full=first["full"] + np.where(first["row"].eq("chroma"), first["seed"], 0.0))
 
-    monkeypatch.setattr(player_scores, "player_errors", errors)
-    table = gains_table(QUICK, data).set_index("row")  # type: ignore[arg-type]
-    assert table.loc[SCHEDULE, ["gain", "gain SD"]].tolist() == [0, 0]
+    cells = notebook_cells("19_sound_to_hands", player_errors=errors)
+    table = cells.gains_table(QUICK, SimpleNamespace(label=HANDS, instrument="piano")).set_index("row")
+    assert table.loc["our schedule", ["gain", "gain SD"]].tolist() == [0, 0]
     assert table.loc["semitones", ["gain", "gain SD", "error"]].tolist() == [2, 0, 8.5]
     assert table.loc["chroma", ["gain", "gain SD"]].tolist() == [0.5, 0.5]
     assert table["seeds"].tolist() == [2] * 5 and "hits" not in table
+
+
+def test_hits_of_a_change_are_those_of_the_settings_whose_error_stands_beside_them():
+    scored: list[Audio2BodyParams] = []
+
+    def scores(profile: object, data: object, settings: dict[str, Audio2BodyParams]) -> pd.DataFrame:
+        scored.extend(settings.values())
+        columns = ("error", "hits", "p", "other", "events", "depth", "body")
+        return pd.DataFrame(
+            [{"hands": row, "seed": 1, "piece": "a", **dict.fromkeys(columns, 0.5)} for row in settings]
+        )
+
+    def errors(profile: object, data: object, settings: dict[str, Audio2BodyParams], seeds: object) -> pd.DataFrame:
+        return errors_by_row(list(settings), [8.0] * len(settings))
+
+    cells = notebook_cells("19_sound_to_hands", player_errors=errors, piece_scores=scores)
+    data = SimpleNamespace(label=PLANTED, instrument="piano")
+    assert cells.gains_table(QUICK, data)["hits"].tolist() == [0.5] * 6
+    assert scored == list(cells.gain_settings(data).values())
 
 
 # Error and hits
 
 
 def test_planted_strikes_meet_every_onset_of_their_own_music():
-    scores = piece_scores(QUICK, planted_data(), rows=())
-    assert scores["hands"].tolist() == [PLANTED_HANDS]
+    scores = CELLS.piece_scores(QUICK, planted_data(), {})
+    assert scores["hands"].tolist() == ["planted hands"]
     assert scores.loc[0, ["hits", "left", "right", "events"]].tolist() == pytest.approx([1.0] * 4, abs=0.02)
     # The noise that was planted, 1 pixel, and cameras that differ in size by 8 % each.
     assert scores.loc[0, "error"] == pytest.approx(1.0, rel=0.17)
@@ -313,12 +310,13 @@ def test_planted_strikes_meet_every_onset_of_their_own_music():
 
 
 def test_strikes_of_real_hands_are_never_scored():
-    refused("no score of them is evidence", piece_scores, QUICK, planted_data(label=HANDS), rows=())
+    refused("no score of them is evidence", CELLS.piece_scores, QUICK, planted_data(label=HANDS), {})
 
 
 def test_the_late_row_differs_from_the_final_one_by_its_delay_alone():
     data = SimpleNamespace(label=PLANTED, instrument="piano")
-    late, final = asdict(scored_settings(data, "delay 125 ms")), asdict(scored_settings(data, FINAL))
+    rows = CELLS.scored_settings(data)
+    late, final = asdict(rows["delay 125 ms"]), asdict(rows[FINAL])
     assert {name for name in late if late[name] != final[name]} == {"delay"}
     assert late["delay"] == 0.125
 
@@ -331,7 +329,7 @@ def test_hits_are_means_over_pieces_and_their_spread_is_over_seeds():
         ("final", 2, "a", 6.0, 0.4, 0.01, 0.0, 1.0, 4.0, 0.0),
         ("final", 2, "b", 6.0, 0.6, 0.04, 0.0, 2.0, 4.0, 0.0),
     ]
-    (row,) = hits_table(pd.DataFrame(rows, columns=columns)).to_dict("records")
+    (row,) = CELLS.hits_table(pd.DataFrame(rows, columns=columns)).to_dict("records")
     assert (row["seeds"], row["pieces"], row["largest p"], row["pieces p < .05"]) == (2, 2, 0.2, 0.75)
     assert (row["error"], row["error SD"]) == (6.5, 0.5)
     assert (row["hits"], row["hits SD"]) == pytest.approx((0.6, 0.1))
@@ -350,7 +348,8 @@ def test_a_network_that_predicts_the_mean_pose_has_all_of_its_error(tmp_path: Pa
     torch.nn.init.zeros_(network.linear.weight)
     torch.nn.init.zeros_(network.linear.bias)
     run = SimpleNamespace(system=SimpleNamespace(network=network))
-    outcome = hands_errors(run, pianomime_folder(tmp_path / "set"))
+    clips = load_pianomime(pianomime_folder(tmp_path / "set"))
+    outcome = unseen_errors(run, [with_rendered_sound(clip) for clip in clips])
     assert outcome["clips"] == 1
     assert outcome["of mean pose"] == pytest.approx(1.0)
     assert outcome["full"] == outcome["mean pose"] > 0

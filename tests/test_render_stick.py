@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.lab.render.stick import BACKGROUND, box_walk, moving_box, render_skeleton
+from harmolab.lab.render.stick import BACKGROUND, render_skeleton
 from harmolab.types import Motion
+from study.figures.moving_box import box_walk, moving_box
 from tests.builders import cases, refused
 
 PLAIN = np.full((100, 160), 225, np.uint8)

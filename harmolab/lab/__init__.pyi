@@ -51,6 +51,5 @@ from .listening.trials import make_trials as make_trials
 from .player import Dancer as Dancer
 from .player import Player as Player
 from .player import blind_page as blind_page
-from .render.stick import moving_box as moving_box
 from .render.stick import render_skeleton as render_skeleton
 from .render.video import write_dance as write_dance

@@ -7,5 +7,4 @@ from .page import playing_player as playing_player
 from .page import save_performed as save_performed
 from .page import save_playing_page as save_playing_page
 from .system import Audio2Body as Audio2Body
-from .video import avatar_stills as avatar_stills
 from .video import render_points as render_points

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from harmolab.body.skeletons import Skeleton
-from harmolab.musician.events import playing_score
 from harmolab.musician.networks import SoundToPoints
 from harmolab.musician.perform import predicted_points
 from harmolab.musician.performances import Performance
@@ -16,17 +15,13 @@ from harmolab.musician.sequences import PlayedSequence, read_sequence, sides
 from harmolab.musician.synthetic import PlantedPerformance
 from harmolab.musician.train import frame_errors
 from harmolab.readers.player_points import HANDS_12, SIDES, hand_joints
-from harmolab.score import HarmonyScore
 from harmolab.types import FloatArray, IntArray, Motion
-from study.experiments.player_cleaning import tracked_players
-from study.experiments.player_tables import OURS, row_settings
-from study.experiments.players import PlayerData, planted_data, read_set, trained_player
+from study.experiments.players import PlayerData, our_settings, planted_data, read_set, tracked_players, trained_player
 from study.profile import RunProfile
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.9, 0.95)
 N_WORST, APART = 4, 1.0  # the worst frames, and seconds between two of one piece: else all would be one moment
 PREDICTED, TRUE = "predicted from the sound", "planted truth"
-RIGHT, OTHER = "right music", "another music"
 SEED = 1  # of the training that is looked at
 OVERLAID, BODY_ONLY = "violinist", "pianist_side_view"  # tracked videos; the second has no hands, and is of one side
 
@@ -130,15 +125,9 @@ def predicted_pieces(profile: RunProfile, data: PlayerData) -> tuple[PredictedPi
     )
 
 
-def player_notice(profile: RunProfile, data: PlayerData) -> str:
-    """A sentence on where players come from, for the page that shows them."""
-    players = "Planted, synthetic players and sound" if data.planted else f"{data.label.capitalize()}"
-    return f"{players}{'' if profile.epochs is None else '; quick profile, the network is not trained'}."
-
-
 def recommended_network(profile: RunProfile, data: PlayerData) -> SoundToPoints:
     """The network of `Audio2BodyParams.recommended`, of the first seed."""
-    return trained_player(profile, data, row_settings(data, OURS), SEED).system.network
+    return trained_player(profile, data, our_settings(data), SEED).system.network
 
 
 def _predicted(
@@ -226,20 +215,3 @@ def tracked_pianist() -> Performance | None:
 
 def _tracked(name: str) -> Performance | None:
     return next((each for each in tracked_players() if each.name == name), None)
-
-
-def music_scores(
-    piece: PredictedPiece, other: PredictedPiece, *, seconds: float, n_rotations: int = 1000
-) -> dict[str, HarmonyScore]:
-    """Scores of the first seconds of what is predicted from a piece, and from another, with the notes of the first.
-
-    ValueError where its notes are not known.
-    """
-    notes, instrument = piece.performance.notes, piece.performance.instrument
-    if notes is None:
-        raise ValueError(f"{piece.performance.name}: its notes are not known, and no hits can be counted")
-    parts = {RIGHT: piece.predicted, OTHER: other.predicted}
-    return {
-        name: playing_score(motion.span(0.0, seconds), notes, instrument, n_rotations=n_rotations).score
-        for name, motion in parts.items()
-    }

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from harmolab.musician.instrument_sets import load_pianomime
+from harmolab.musician.cleaning import Cleaned, cleaned
 from harmolab.musician.params import Audio2BodyParams
 from harmolab.musician.performances import Performance, split_by_piece
-from harmolab.musician.sequences import PlayedSet, PlayedSplit, played_set
+from harmolab.musician.sequences import PlayedSet, PlayedSplit, cleaning_rules, played_set, read_sequence
 from harmolab.musician.synthetic import PlantedPerformance, planted_performances, rendered_notes
 from harmolab.musician.system import Audio2Body
-from harmolab.musician.train import Errors, train_audio2body
-from harmolab.readers.player_points import INSTRUMENTS
+from harmolab.musician.train import Errors, errors, mean_pose_errors, train_audio2body
+from harmolab.readers.player_points import INSTRUMENTS, SIDES, hand_joints
 from harmolab.systems.training.checkpoints import HISTORY
-from study.experiments.clock import training_minutes
 from study.experiments.generation import kept_run
+from study.experiments.instrument_sets import load_pianomime, load_tracked
 from study.experiments.study import data_root
 from study.profile import RunProfile
 
@@ -33,18 +32,11 @@ EPOCHS = MappingProxyType({PLANTED: 30, HANDS: 30})  # the paper has 300
 QUICK: Mapping[str, Any] = MappingProxyType({"epochs": 2, "hidden": 32, "batch": 25})
 TEST_SHARE, HELD_OUT = 0.2, 1 / 6  # of the hands; of the training pieces, where whole ones are validated on
 HAND_CLIPS = 120  # real hands that are trained and tested on, at most
-READING = (
-    "fps",
-    "hears",
-    "mfcc",
-    "mels",
-    "energy_delta",
-    "tones",
-    "reject",
-    "gaps",
-    "alignment",
-)  # a reading's settings
+# The settings of a reading.
+READING = ("fps", "hears", "mfcc", "mels", "energy_delta", "tones", "reject", "gaps", "alignment")
 PLAYER_SEEDS, QUICK_PLAYER_SEEDS = 3, 1
+PLANTED_DELAY = 0.0625  # seconds, by the error on validation pieces of planted players
+PARTS = ("body", "left hand", "right hand")
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,13 +146,11 @@ def player_corpora(profile: RunProfile) -> tuple[PlayerData, ...]:
 
 @dataclass(frozen=True, eq=False)
 class TrainedPlayer:
-    """One finished training: where it is kept, the system, its history, errors by side, and the minutes it took."""
+    """One finished training: the system, its history, and its errors by side."""
 
-    folder: Path
     system: Audio2Body
     history: pd.DataFrame
     errors: Mapping[str, Errors]
-    minutes: float
 
 
 def trained_player(
@@ -177,8 +167,19 @@ def trained_player(
     about = {"params": params, "data": (data.label, data.instrument, length), "split": split.to_dict()}
     folder = kept_run("audio2body", about, lambda options: train_audio2body(read_set(data, params), split, options))
     system = Audio2Body.load(folder)
-    errors = {side: Errors(**values) for side, values in system.meta["errors"].items()}
-    return TrainedPlayer(folder, system, pd.read_csv(folder / HISTORY), errors, training_minutes(folder))
+    by_side = {side: Errors(**values) for side, values in system.meta["errors"].items()}
+    return TrainedPlayer(system, pd.read_csv(folder / HISTORY), by_side)
+
+
+def n_player_seeds(profile: RunProfile) -> int:
+    """Trainings of each setting."""
+    return PLAYER_SEEDS if profile.epochs is None else QUICK_PLAYER_SEEDS
+
+
+def our_settings(data: PlayerData) -> Audio2BodyParams:
+    """The recommended settings; with `PLANTED_DELAY` for planted players, whose hands lead their notes by less."""
+    ours = Audio2BodyParams.recommended(data.instrument)
+    return replace(ours, delay=PLANTED_DELAY) if data.label == PLANTED else ours
 
 
 def profiled(profile: RunProfile, data: PlayerData, settings: Audio2BodyParams) -> Audio2BodyParams:
@@ -196,3 +197,51 @@ def read_set(data: PlayerData, params: Audio2BodyParams) -> PlayedSet:
 def _read(data: PlayerData, *values: Any) -> PlayedSet:
     params = replace(Audio2BodyParams(), **dict(zip(READING, values, strict=True)))
     return played_set(data.performances, params, data.split)
+
+
+def part_of(joint: str) -> str:
+    """The part, one of `PARTS`, that a point belongs to; wrists of the body move with their hands."""
+    return next((f"{side} hand" for side in SIDES if joint in (*hand_joints(side), f"{side}_wrist")), "body")
+
+
+def unseen_errors(run: TrainedPlayer, performances: Sequence[Performance]) -> dict[str, float]:
+    """Full errors of performances that a network never saw, cleaned and placed as test pieces are.
+
+    Real hands are ``map(with_rendered_sound, load_pianomime(folder))``. Whether one repeats a piece of the training is
+    not checked here.
+
+    Parameters
+    ----------
+    run : TrainedPlayer
+    performances : with sound
+
+    Returns
+    -------
+    dict of "clips", "frames" (accepted), "full", "mean pose" (units of the points), "of mean pose" (their ratio)
+
+    Raises
+    ------
+    ValueError
+        For a performance with other points than the network's; it is named.
+    """
+    network = run.system.network
+    for each in performances:
+        if each.motion.skeleton != network.skeleton:
+            raise ValueError(f"{each.name}: has other points than those that the network was trained on")
+    sequences = [read_sequence(each, network.params, network.reference, is_test=True) for each in performances]
+    full, mean_pose = errors(network, sequences).full, mean_pose_errors(network, sequences).full
+    frames = sum(int(each.accepted.sum()) for each in sequences)
+    ratio = full / mean_pose
+    return {"clips": len(sequences), "frames": frames, "full": full, "mean pose": mean_pose, "of mean pose": ratio}
+
+
+def cleaned_performance(performance: Performance) -> Cleaned:
+    """A performance cleaned as it is for a training."""
+    return cleaned(performance, cleaning_rules(performance))
+
+
+def tracked_players() -> tuple[Performance, ...]:
+    """Tracked videos of musicians below ``HARMOLAB_DATA``, by name; none without recordings."""
+    root = data_root()
+    paths = [] if root is None else sorted((root / "instruments" / "tracked").glob("*.npz"))
+    return tuple(load_tracked(path) for path in paths)

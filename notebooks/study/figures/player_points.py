@@ -45,7 +45,7 @@ NETWORK_ARROWS = (
 
 
 def player_network_figure(boxes: Mapping[str, str]) -> Figure:
-    """Fig. 4: from sound to points; `boxes` as of `harmolab.lab.player_boxes`."""
+    """Fig. 4: from sound to points; `boxes` as of `player_boxes` of notebook 18."""
     return boxes_figure(boxes, NETWORK, NETWORK_ARROWS)
 
 
@@ -77,7 +77,7 @@ def _bone_side(skeleton: Skeleton, one: int, other: int) -> str:
     return sides.pop() if len(sides) == 1 else ""
 
 
-def _framed(ax: Axes, points: FloatArray, *, margin: float = 0.06) -> Axes:
+def framed(ax: Axes, points: FloatArray, *, margin: float = 0.06) -> Axes:
     """Axes around points (..., 2), y down, without ticks."""
     flat = points.reshape(-1, 2)
     low, high = flat.min(axis=0), flat.max(axis=0)
@@ -101,7 +101,7 @@ def frames_figure(results: Mapping[str, Cleaned], *, columns: int = 4) -> Figure
             frames = kept[np.minimum(np.searchsorted(kept, moments), len(kept) - 1)].tolist()
             for ax, frame in zip(axes[row * columns : (row + 1) * columns], frames, strict=True):
                 draw_player(ax, motion.positions[frame], motion.skeleton)
-                _framed(ax, motion.positions[frames])
+                framed(ax, motion.positions[frames])
                 ax.set_xlabel(_moment(result.performance, frame / motion.fps), fontsize=9)
             axes[row * columns].set_title(label, fontsize=10)
     return figure
@@ -131,7 +131,7 @@ def faults_figure(examples: Sequence[Any], *, columns: int = 4) -> Figure:
 
     Parameters
     ----------
-    examples : records with the fields of `study.experiments.player_cleaning.RejectedFrame`
+    examples : records as of `rejected_frame` of notebook 18
     columns : int, frames in a row
     """
     rows = -(-len(examples) // columns)
@@ -139,7 +139,7 @@ def faults_figure(examples: Sequence[Any], *, columns: int = 4) -> Figure:
         for ax, example in zip(axes, examples, strict=False):
             draw_player(ax, example.before, example.skeleton, colour=COLOURS["faint"])
             draw_player(ax, example.points, example.skeleton, detected=example.detected)
-            _framed(ax, np.concatenate([example.before, example.points]))
+            framed(ax, np.concatenate([example.before, example.points]))
             caught = f"rejected by: {example.rule}" if example.rule else "not rejected"
             ax.set_title(f"{example.fault or example.recording}\n{caught}", fontsize=10)
             ax.set_xlabel(f"{example.recording}, {example.seconds:.1f} s" if example.fault else
@@ -181,7 +181,7 @@ def cleaning_figure(summary: pd.DataFrame, planted: pd.DataFrame) -> Figure:
 
 
 def features_figure(clip: Any) -> Figure:
-    """The 28 numbers of each frame below the wave, note onsets as lines; `clip` a record as `PlayedClip`."""
+    """The 28 numbers of each frame below the wave, note onsets as lines; `clip` as of `played_clip` of notebook 18."""
     sizes = {"height_ratios": (1, 3)}
     with styled_axes((9.6, 5.4), 2, 1, sharex=True, gridspec_kw=sizes) as (figure, (top, ax)):
         draw_wave(top, clip.audio, clip.notes)
@@ -218,14 +218,14 @@ def draw_features(ax: Axes, clip: Any) -> Any:
 
 
 def overview_figure(clip: Any, *, at: float = 3.0) -> Figure:
-    """Fig. 1: sound, features, points and avatar of one clip; `clip` a record as `PlayedClip`, `at` seconds of it."""
+    """Fig. 1: sound, features, points and avatar of a clip of notebook 18 (`played_clip`), `at` seconds of it."""
     with styled_axes((11.0, 3.1), 1, 4, gridspec_kw={"width_ratios": (1.1, 1.1, 1, 1)}) as (figure, axes):
         draw_wave(axes[0], clip.audio, clip.notes)
         draw_features(axes[1], clip)
         axes[1].set_yticks([])
         frame = round(at * clip.points.fps)
         draw_player(axes[2], clip.points.positions[frame], clip.points.skeleton)
-        _framed(axes[2], clip.points.positions[frame])
+        framed(axes[2], clip.points.positions[frame])
         draw_avatar(axes[3], clip.avatar, frame)
         words = ("1 the sound", "2 28 numbers a frame", "3 50 points (planted)", "4 an avatar")
         for ax, text in zip(axes, words, strict=True):
@@ -244,64 +244,4 @@ def draw_avatar(ax: Axes, avatar: Motion, frame: int, *, turn: float = 25.0, til
     x, y, z = avatar.positions[frame].T
     across, depth = x * np.cos(side) - z * np.sin(side), x * np.sin(side) + z * np.cos(side)
     places = np.column_stack([across, -(y * np.cos(up) - depth * np.sin(up))])
-    return _framed(draw_player(ax, places, avatar.skeleton), places)
-
-
-def modes_figure(modes: Mapping[str, Any]) -> Figure:
-    """Principal components as displacements of the points, and how much of the variance so many of them hold.
-
-    Parameters
-    ----------
-    modes : label -> record with the fields of `study.experiments.player_pictures.PointModes`
-    """
-    count = len(next(iter(modes.values())).moves)
-    with styled_axes((11.0, 2.9 * len(modes)), len(modes), count + 1) as (figure, axes):
-        for row, (label, own) in enumerate(modes.items()):
-            panels = axes[row * (count + 1) : (row + 1) * (count + 1)]
-            for number, (ax, move) in enumerate(zip(panels[:count], own.moves, strict=True)):
-                draw_player(ax, own.mean, own.skeleton, colour=COLOURS["faint"])
-                ends = np.stack([own.mean - move, own.mean + move], axis=1)
-                colours = [SIDES[joint_side(name)] for name in own.skeleton.joints]
-                ax.add_collection(LineCollection(list(ends), colors=colours, linewidths=1.3, zorder=3))
-                _framed(ax, np.concatenate([ends.reshape(-1, 2), own.mean]))
-                ax.set_title(f"{label}, " * (number == 0) + f"component {number + 1}\n{100 * own.shares[number]:.1f} %")
-            _draw_shares(panels[count], own)
-    return figure
-
-
-def _draw_shares(ax: Axes, own: Any) -> Axes:
-    total = 100 * np.cumsum(own.shares)[:20]
-    ax.plot(np.arange(1, len(total) + 1), total, marker="o", markersize=4)
-    ax.axhline(90, color=COLOURS["chance"], linestyle="--")
-    ax.set(
-        xlabel="components",
-        ylim=(0, 103),
-        title=f"{own.counts[0.9]} hold 90 %\nof the variance",
-        xticks=[1, 5, 10, 15, 20],
-    )
-    ax.set_ylabel("% of the variance")
-    return ax
-
-
-def steps_figure(steps: Any) -> Figure:
-    """From frames to steps and delayed steps, in one picture; `steps` a record as `DelayedSteps`."""
-    with styled_axes((9.6, 3.8)) as (figure, (ax,)):
-        kept = steps.accepted
-        usable = np.where(steps.usable, steps.steps, np.nan)
-        ax.plot(steps.step_times, usable, "-o", color=COLOURS["ink"], markersize=2.5, linewidth=1.0,
-                label="steps, 4 a frame: straight lines")  # fmt: skip
-        for delay, line in zip(steps.delays, ("--", ":", "-."), strict=False):
-            ax.plot(steps.step_times + delay / 1000, usable, color=COLOURS["visual"], linestyle=line,
-                    label=f"learnt {delay:.0f} ms later")  # fmt: skip
-        ax.plot(steps.frame_times[kept], steps.frames[kept], "o", color=COLOURS["ink"], markersize=7, mfc="white",
-                label="accepted frames")  # fmt: skip
-        ax.plot(steps.frame_times[~kept], steps.frames[~kept], "x", color=COLOURS["miss"], markersize=8, mew=2,
-                label="rejected frames (filled in, not learnt)")  # fmt: skip
-        period = steps.frame_times[1] - steps.frame_times[0]
-        low, high = ax.get_ylim()
-        bottom = low - 0.12 * (high - low)
-        ax.hlines(np.full(len(kept), bottom), steps.frame_times + 0.06 * period, steps.frame_times + 0.94 * period,
-                  color=COLOURS["audio"], linewidth=5, label="sound that each frame hears")  # fmt: skip
-        ax.set(xlabel="time (s)", ylabel="first component (pixels)")
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
+    return framed(draw_player(ax, places, avatar.skeleton), places)

@@ -1,12 +1,8 @@
-"""Figures of trained musicians: epochs, random input, the tables, components, error and hits (Figs. 5, 6, Tables 1, 2).
-
-Numbered as in "Audio to Body Dynamics" (Shlizerman et al. 2018). What is tracked is red, what is predicted green.
-"""
+"""Figures of trained musicians: Tables 1 and 2 of "Audio to Body Dynamics", components, error and hits."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -14,67 +10,10 @@ from matplotlib.figure import Figure
 
 from harmolab.lab.figures.style import COLOURS, styled_axes
 from harmolab.types import FloatArray
-from study.figures.words import listed, sentence
+from study.figures.words import sentence
 
-SECONDS_SHOWN = 12.0
-TRACKED, PREDICTED = COLOURS["miss"], COLOURS["hit"]
 PLANTED = "planted hands"  # the truth, beside predicted hands
 PARTS = {"body": COLOURS["chance"], "left hand": COLOURS["audio"], "right hand": COLOURS["miss"]}
-
-
-def mode_epochs_figure(mode: Any, *, players: str, unit: str = "pixels", seconds: float = SECONDS_SHOWN) -> Figure:
-    """Fig. 5: the first component of a test piece, tracked and predicted, a row for each number of epochs.
-
-    Parameters
-    ----------
-    mode : record with the fields of `study.experiments.player_modes.ModeOverEpochs`
-    players : str, begins the title
-    unit : str, of the points
-    seconds : float, of the piece; correlations are over all of it
-    """
-    count = len(mode.predicted)
-    window = mode.times < seconds
-    with styled_axes((9.2, 1.45 * count + 0.9), count, 1, sharex=True, sharey=True) as (figure, axes):
-        for ax, (epochs, curve) in zip(axes, mode.predicted.items(), strict=True):
-            ax.plot(mode.times[window], mode.tracked[window], color=TRACKED, linewidth=3, alpha=0.35, label="tracked")
-            ax.plot(mode.times[window], curve[window], color=PREDICTED, label="predicted")
-            ax.set_title(f"{_epoch_words(epochs)}: correlation {mode.correlations[epochs]:.2f}")
-        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-        axes[-1].set_xlabel("time (s)")
-        figure.supylabel(f"first component ({unit})", fontsize=10)
-        best = max(mode.correlations, key=lambda epochs: mode.correlations[epochs])
-        finding = f"{sentence(players)}: correlation highest after {_epoch_words(best)}, {mode.correlations[best]:.2f}"
-        figure.suptitle(finding, x=0.01, ha="left", fontsize=11.5)
-    return figure
-
-
-def _epoch_words(epochs: int) -> str:
-    """The number of epochs in words."""
-    return f"{epochs} epoch" if epochs == 1 else f"{epochs} epochs"
-
-
-def random_inputs_figure(inputs: Any, *, players: str, unit: str = "pixels", seconds: float = SECONDS_SHOWN) -> Figure:
-    """Fig. 6: the first component to music, to white noise and to random features; SDs as shares of that to music.
-
-    Parameters
-    ----------
-    inputs : record with the fields of `study.experiments.player_modes.RandomInputs`
-    players, unit, seconds : as for `mode_epochs_figure`
-    """
-    numbers, window = inputs.table.set_index("input"), inputs.times < seconds
-    with styled_axes((9.2, 5.4), len(inputs.curves), 1, sharex=True, sharey=True) as (figure, axes):
-        for ax, (name, curve) in zip(axes, inputs.curves.items(), strict=True):
-            ax.plot(inputs.times[window], curve[window], color=PREDICTED)
-            row = numbers.loc[name]
-            share = "" if name == "music" else f", {100 * row['SD 1 / music']:.0f} % of that to music"
-            ax.set_title(f"{name}: SD {row['SD 1']:.1f} {unit}{share}")
-        axes[-1].set_xlabel("time (s)")
-        figure.supylabel(f"first component ({unit})", fontsize=10)
-        ratios = zip(inputs.table["input"], inputs.table["SD 1 / music"], strict=True)
-        shares = [f"{ratio:.0%} to {name}" for name, ratio in ratios if name != "music"]
-        finding = f"{sentence(players)}, share of the movement to music: {listed(shares)}"
-        figure.suptitle(finding, x=0.01, ha="left", fontsize=11.5)
-    return figure
 
 
 def player_table_figure(table: pd.DataFrame, *, players: str, unit: str = "pixels") -> Figure:
@@ -82,8 +21,8 @@ def player_table_figure(table: pd.DataFrame, *, players: str, unit: str = "pixel
 
     Parameters
     ----------
-    table : DataFrame of `harmolab.lab.complete_table`; rows without seeds are limits, drawn as lines. The paper's panel
-        is left out without a column "paper test"
+    table : DataFrame of `complete_table` of notebook 19; rows without seeds are limits, drawn as lines. The paper's
+        panel is left out without a column "paper test"
     players : str, begins the title
     unit : str, of the errors
     """
@@ -138,7 +77,7 @@ def components_figure(table: pd.DataFrame, *, count: int = 5) -> Figure:
 
     Parameters
     ----------
-    table : DataFrame of `harmolab.lab.component_table`, of one or more instruments
+    table : DataFrame of `component_table` of notebook 19, of one or more instruments
     count : int, components shown
     """
     groups = list(table.groupby("instrument", sort=False))
@@ -164,7 +103,7 @@ def hits_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
 
     Parameters
     ----------
-    tables : instrument -> DataFrame of `harmolab.lab.hits_table`
+    tables : instrument -> DataFrame of `hits_table` of notebook 19
     """
     height = sum(0.38 * len(table) + 1.1 for table in tables.values()) + 0.6
     sizes = {"height_ratios": [len(table) for table in tables.values()]}

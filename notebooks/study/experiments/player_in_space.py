@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,10 +77,6 @@ class PlayerInSpace:
     points: Motion
     camera: Camera
 
-    def elbow_angles(self) -> FloatArray:
-        """(T, 2) radians between upper arm and forearm of the left and right arm; pi is a straight arm."""
-        return elbow_angles(self.space)
-
 
 def elbow_angles(motion: Motion) -> FloatArray:
     """(T, 2) radians between upper arm and forearm, left and right; pi is a straight arm. ValueError without arms."""
@@ -96,15 +93,9 @@ def elbow_angles(motion: Motion) -> FloatArray:
 
 
 def player_in_space(
-    instrument: str,
-    *,
-    seconds: float = 20.0,
-    fps: float = 24.0,
-    seed: int = 1,
-    noise: float = 1.0,
-    camera: Camera | None = None,
-    turn: float | None = None,
-) -> PlayerInSpace:
+    instrument: str, *, seconds: float = 20.0, fps: float = 24.0, seed: int = 1, noise: float = 1.0,
+    camera: Camera | None = None, turn: float | None = None,
+) -> PlayerInSpace:  # fmt: skip
     """A player on a seat before a camera.
 
     Parameters
@@ -166,8 +157,7 @@ def _trunk(times: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]
     return places
 
 
-@dataclass(frozen=True, eq=False)
-class _Arm:
+class _Arm(NamedTuple):
     """Targets of an arm: `wrist` (T, 3), `pole` (T, 3) of the elbow, `along` (T, 3) the hand, `palm` its normal."""
 
     wrist: FloatArray
