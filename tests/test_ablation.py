@@ -15,7 +15,7 @@ from harmolab.types import Motion
 from study.experiments import ablation, judging
 from study.experiments.ablation import PAPER_MEANS, TARGETS, forced_choice, gains, seed_means, targets_met
 from study.experiments.generation import VARIANTS
-from study.experiments.judging import danced_unit
+from study.experiments.judging import danced_unit, unit_columns
 from study.profile import RunProfile
 from tests.builders import bobbing, refused
 
@@ -232,10 +232,13 @@ def test_danced_unit_holds_all_dancers_their_music_and_what_they_reached(stubs: 
     assert list(danced.beats.times) == list(0.25 + 0.5 * np.arange(8))
     assert danced.scores["recommended"].harmony_above_chance == pytest.approx(1.0)
     assert danced.scores["paper"].hits.sum() == 0
-    # A single joint is all path.
     assert danced.verdicts["recorded"].startswith("4 of 4 beats met, ")
-    assert danced.statues["recorded"] == pytest.approx(1.0)
-    assert danced.statues["paper, without"] == 0.0
+
+
+def test_a_single_joint_is_all_path(stubs: UnitSet):
+    danced = danced_unit(PROFILE, "made up", 1)
+    statues = [unit_columns(danced.motions[name], stubs.units[1]) for name in ("recorded", "paper, without")]
+    assert [each["statue_above_chance"] for each in statues] == [pytest.approx(1.0), 0.0]
 
 
 def test_unit_that_is_not_there_is_refused_with_those_that_are(stubs: UnitSet):

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,12 @@ from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.types import Motion
 from study.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
-from study.figures.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times
+from study.figures.quality import distances_figure, draw_distances
 from study.figures.training import TERMS, draw_term, draw_validated, losses_figure, validation_figure
 from study.figures.variants import LOOKS
 from study.saving import smallest_text
-from tests.builders import cases, refused
+from tests.builders import cases
+from tests.notebook_cells import notebook_cells
 
 
 @pytest.fixture
@@ -278,32 +280,29 @@ def standing(n_frames: int = 31, fps: float = 15.0) -> Motion:
     return Motion(np.repeat(pose[None], n_frames, axis=0), fps, skeleton)
 
 
+QUALITY = notebook_cells("08_motion_quality")
+
+
 def test_shots_are_as_far_apart_as_they_can_be_at_equal_steps():
-    np.testing.assert_allclose(shot_times(standing(31), 4) * 15, [0, 10, 20, 30])
-    np.testing.assert_allclose(shot_times(standing(33), 4) * 15, [0, 10, 20, 30])
-    np.testing.assert_array_equal(shot_times(standing(), 1), [0.0])
-
-
-@pytest.mark.parametrize("shots", [0, 32])
-def test_more_shots_than_frames_are_refused(shots: int):
-    refused(r"shots must be from 1 to the number of frames \(31\), got", shot_times, standing(31), shots)
+    for frames in (31, 33):
+        np.testing.assert_allclose(QUALITY.shot_times(standing(frames), 4) * 15, [0, 10, 20, 30])
 
 
 def figures_at(ax: Axes) -> list[float]:
     return [artist.xy[0] for artist in ax.get_children() if isinstance(artist, AnnotationBbox)]
 
 
-def test_sequence_has_a_figure_at_each_shot_and_shades_what_was_given(ax: Axes):
-    draw_sequence(ax, standing(31), shots=4, start=1.0)
-    np.testing.assert_allclose(figures_at(ax), np.array([0, 10, 20, 30]) / 15)
-    (shade,) = [patch for patch in ax.patches if patch.get_gid() == "given"]
-    assert shade.get_x() + shade.get_width() == pytest.approx(1.0)
-    low, high = ax.get_xlim()
-    assert low < 0.0 < 2.0 < high
-
-
-def test_recorded_and_generated_stand_under_each_other_at_the_same_moments():
-    figure = sequences_figure({"recorded": standing(), "paper": standing()}, shots=4, start=1.0, title="waltz")
-    assert [ax.get_title(loc="left") for ax in figure.axes] == [LOOKS["recorded"].label, LOOKS["paper"].label]
+def test_recorded_and_generated_stand_under_each_other_at_the_same_moments_and_what_was_given_is_shaded():
+    motions = {"recorded": standing(), "paper": standing()}
+    example = SimpleNamespace(motions=motions, start=1.0, verdicts={"recorded": "all met", "paper": "none met"})
+    figure = QUALITY.sequences_figure(example, "waltz")
+    titles = [f"{LOOKS['recorded'].label}: all met", f"{LOOKS['paper'].label}: none met"]
+    assert [ax.get_title(loc="left") for ax in figure.axes] == titles
+    np.testing.assert_allclose(figures_at(figure.axes[0]), np.arange(10) * 3 / 15)
     assert figures_at(figure.axes[0]) == figures_at(figure.axes[1])
     assert figure.axes[-1].get_xlabel() == "time (s)"
+    for ax in figure.axes:
+        (shade,) = [patch for patch in ax.patches if patch.get_gid() == "given"]
+        assert shade.get_x() + shade.get_width() == pytest.approx(1.0)
+        low, high = ax.get_xlim()
+        assert low < 0.0 < 27 / 15 < high

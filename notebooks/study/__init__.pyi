@@ -53,10 +53,6 @@ from .experiments.generation import VARIANTS as VARIANTS
 from .experiments.generation import generator_corpora as generator_corpora
 from .experiments.generation import histories as histories
 from .experiments.generation import trained as trained
-from .experiments.guard import DOCTORED as DOCTORED
-from .experiments.guard import guard_table as guard_table
-from .experiments.guard import guard_verdicts as guard_verdicts
-from .experiments.guard import song_dancer as song_dancer
 from .experiments.half_minutes import MARKS as MARKS
 from .experiments.half_minutes import half_minutes as half_minutes
 from .experiments.half_minutes import machine_marks as machine_marks
@@ -69,9 +65,6 @@ from .experiments.levels import level_table as level_table
 from .experiments.locked import locked_table as locked_table
 from .experiments.locked import metronome as metronome
 from .experiments.locked import statue_on_turntable as statue_on_turntable
-from .experiments.long_dances import dance_limits as dance_limits
-from .experiments.long_dances import danced_song as danced_song
-from .experiments.long_dances import long_dances as long_dances
 from .experiments.memory import memory_table as memory_table
 from .experiments.minutes import OURS as OURS
 from .experiments.minutes import TEN_MINUTES as TEN_MINUTES
@@ -123,9 +116,6 @@ from .experiments.players import hands_data as hands_data
 from .experiments.players import planted_data as planted_data
 from .experiments.players import player_corpora as player_corpora
 from .experiments.players import trained_player as trained_player
-from .experiments.quality import motion_measures as motion_measures
-from .experiments.quality import motion_quality as motion_quality
-from .experiments.quality import typical_unit as typical_unit
 from .experiments.standings import difference_table as difference_table
 from .experiments.standings import system_table as system_table
 from .experiments.standings import table_by_dance as table_by_dance
@@ -181,7 +171,6 @@ from .figures.player_results import mode_epochs_figure as mode_epochs_figure
 from .figures.player_results import player_table_figure as player_table_figure
 from .figures.player_results import random_inputs_figure as random_inputs_figure
 from .figures.quality import distances_figure as distances_figure
-from .figures.quality import sequences_figure as sequences_figure
 from .figures.results import auc_figure as auc_figure
 from .figures.results import disturbances_figure as disturbances_figure
 from .figures.results import forced_choice_figure as forced_choice_figure

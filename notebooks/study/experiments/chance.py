@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from harmolab.files import Progress, silent
+from harmolab.lab.evaluate.measured import statue
 from harmolab.metrics.features import frechet_distance, standardise
 from harmolab.systems.music2dance.system import Music2Dance, drawn_with
 from harmolab.systems.training.pose_network import PoseNet, embed_windows
@@ -20,7 +21,6 @@ from harmolab.types import FloatArray, Motion
 from study.experiments.contestants import RIGHT_SONG
 from study.experiments.contests import Contest
 from study.experiments.endurance import LIMITS
-from study.experiments.guard import statue
 from study.experiments.minutes import (
     COLUMNS,
     GUARD,

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from harmolab.files import Arrays, Progress, silent
+from harmolab.lab.evaluate.measured import statue
 from harmolab.metrics.features import diversity, frechet_distance, standardise
 from harmolab.metrics.quality import foot_skating
 from harmolab.params import HarmonyParams
@@ -23,7 +24,6 @@ from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict.judge import score_motion
 from study.experiments.contestants import EVERY_ROW, M2D_LSTM, RIGHT_SONG, Contestant
 from study.experiments.contests import Contest
-from study.experiments.guard import statue
 from study.experiments.measuring import kept, kept_name
 from study.experiments.minutes import DANCERS, common_points, dance_seconds, n_draws, recorded_dancers, unheard_song
 from study.experiments.points_net import points_net

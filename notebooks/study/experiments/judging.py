@@ -13,6 +13,7 @@ import numpy as np
 
 from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import in_body
+from harmolab.lab.evaluate.measured import statue
 from harmolab.metrics.features import diversity, frechet_distance, kinetic_features, standardise
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
@@ -22,7 +23,6 @@ from harmolab.systems.training.pose_network import PoseNet, embed_meters
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import BeatTrack, Motion
 from study.experiments.generation import VARIANTS, trained
-from study.experiments.guard import statue
 from study.profile import RunProfile
 
 RECORDED = "recorded"
@@ -152,7 +152,6 @@ class DancedUnit:
     start : float, seconds, where the meter begins; the motion before it was given
     motions : variant, or "recorded" -> Motion
     scores : the same names -> HarmonyScore of the meter, valleys within 0.1 s
-    statues : the same names -> harmony above chance of the mean pose on the same path
     """
 
     name: str
@@ -161,7 +160,6 @@ class DancedUnit:
     start: float
     motions: dict[str, Motion]
     scores: dict[str, HarmonyScore]
-    statues: dict[str, float]
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -189,9 +187,5 @@ def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
 def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
     """A unit with the motions danced to it, the recorded one among them, and their scores."""
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
-    statues = {
-        name: score_unit(statue(motion), unit, HarmonyParams.valleys()).harmony_above_chance
-        for name, motion in motions.items()
-    }
     beats = unit_beats(unit, motions[RECORDED])
-    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores, statues)
+    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)
