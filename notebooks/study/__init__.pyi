@@ -4,7 +4,6 @@ from .experiments.ablated import effector_disagreement as effector_disagreement
 from .experiments.ablated import end_effectors as end_effectors
 from .experiments.ablated import hand_heights as hand_heights
 from .experiments.ablation import ablation as ablation
-from .experiments.ablation import forced_choice as forced_choice
 from .experiments.ablation import gains as gains
 from .experiments.ablation import seed_means as seed_means
 from .experiments.ablation import targets_met as targets_met
@@ -37,7 +36,6 @@ from .experiments.danced_feet import foot_curves as foot_curves
 from .experiments.danced_feet import toe_curves as toe_curves
 from .experiments.danced_feet import toe_variety as toe_variety
 from .experiments.dancer_parts import recording_chain as recording_chain
-from .experiments.default_dances import default_dances as default_dances
 from .experiments.discrimination import auc_table as auc_table
 from .experiments.discrimination import compare_corpora as compare_corpora
 from .experiments.discrimination import dance_patterns_of as dance_patterns_of
@@ -57,7 +55,6 @@ from .experiments.half_minutes import MARKS as MARKS
 from .experiments.half_minutes import half_minutes as half_minutes
 from .experiments.half_minutes import machine_marks as machine_marks
 from .experiments.half_minutes import right_music_table as right_music_table
-from .experiments.judging import danced_unit as danced_unit
 from .experiments.levels import level_counts as level_counts
 from .experiments.levels import level_recordings as level_recordings
 from .experiments.levels import level_settings as level_settings
@@ -137,7 +134,6 @@ from .figures.cheating import CHEAT_MEASURES as CHEAT_MEASURES
 from .figures.cheating import listening_figure as listening_figure
 from .figures.cheating import tricks_figure as tricks_figure
 from .figures.comparison import comparison_figure as comparison_figure
-from .figures.dance import dance_figure as dance_figure
 from .figures.feet import foot_model_figure as foot_model_figure
 from .figures.feet import toes_figure as toes_figure
 from .figures.feet import ways_figure as ways_figure

@@ -170,22 +170,17 @@ class DancedUnit:
         }
 
 
-def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
-    """The `place`-th test unit of a corpus, as recorded and as the generators of the first seed dance it.
+def danced(units: UnitSet, dances: Mapping[str, Sequence[Motion]], place: int) -> DancedUnit:
+    """The `place`-th of some units with what `danced_units` has danced to it, the recorded one among them.
 
     Raises
     ------
     ValueError
-        If the test split has no such unit.
+        If there is no such unit.
     """
-    units, dances = danced_units(profile, corpus)
     if not 0 <= place < len(units):
-        raise ValueError(f"place must be 0 to {len(units) - 1}, the test units of {corpus}, got {place}")
-    return danced(units.units[place], {name: motions[place] for name, motions in dances.items()})
-
-
-def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
-    """A unit with the motions danced to it, the recorded one among them, and their scores."""
+        raise ValueError(f"place must be 0 to {len(units) - 1}, the test units, got {place}")
+    unit, motions = units.units[place], {name: each[place] for name, each in dances.items()}
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
     beats = unit_beats(unit, motions[RECORDED])
     return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)
