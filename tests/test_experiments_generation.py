@@ -28,7 +28,6 @@ from study.experiments.generation import (
     SYNTHETIC,
     VARIANTS,
     generator_corpora,
-    histories,
     trained,
     training_split,
     weight_sweep,
@@ -133,11 +132,6 @@ def test_a_process_waits_for_the_one_that_trains(paper: generation.Trained, cach
     assert results.get(timeout=60) == paper.folder.name
     other.join(timeout=60)
     assert other.exitcode == 0
-
-
-def test_histories_name_their_variants():
-    table = histories(PROFILE, SYNTHETIC)
-    assert table.groupby("variant", sort=False).size().to_dict() == dict.fromkeys(VARIANTS, 2)
 
 
 def test_the_weights_of_the_sweep_are_those_of_its_trainings(monkeypatch: pytest.MonkeyPatch):

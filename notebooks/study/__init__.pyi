@@ -49,7 +49,6 @@ from .experiments.feet import foot_table as foot_table
 from .experiments.feet import foot_trials as foot_trials
 from .experiments.generation import VARIANTS as VARIANTS
 from .experiments.generation import generator_corpora as generator_corpora
-from .experiments.generation import histories as histories
 from .experiments.generation import trained as trained
 from .experiments.half_minutes import MARKS as MARKS
 from .experiments.half_minutes import half_minutes as half_minutes
@@ -173,9 +172,6 @@ from .figures.results import forced_choice_figure as forced_choice_figure
 from .figures.results import patterns_figure as patterns_figure
 from .figures.results import picks_figure as picks_figure
 from .figures.sheets import contact_sheet as contact_sheet
-from .figures.training import VALIDATED as VALIDATED
-from .figures.training import losses_figure as losses_figure
-from .figures.training import validation_figure as validation_figure
 from .figures.variants import LOOKS as LOOKS
 from .figures.verdicts import levels_figure as levels_figure
 from .figures.verdicts import nulls_figure as nulls_figure
