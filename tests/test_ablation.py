@@ -13,11 +13,12 @@ from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
 from study.experiments import ablation, judging
-from study.experiments.ablation import PAPER_MEANS, TARGETS, forced_choice, gains, seed_means, targets_met
+from study.experiments.ablation import PAPER_MEANS, TARGETS, gains, seed_means, targets_met
 from study.experiments.generation import VARIANTS
-from study.experiments.judging import danced_unit
+from study.experiments.judging import danced, danced_units, unit_columns
 from study.profile import RunProfile
 from tests.builders import bobbing, refused
+from tests.notebook_cells import notebook_cells
 
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 MEASURES = ("above_chance", "count_ratio", "jerk", "fid")
@@ -216,7 +217,11 @@ def test_table_has_every_variant_and_the_recorded_motion_for_each_corpus_and_see
 
 
 def test_score_prefers_the_dance_on_the_beat_on_every_unit(stubs: UnitSet):
-    table = forced_choice(PROFILE, "made up").set_index(["first", "second", "judge"])
+    table = (
+        notebook_cells("11_frame_by_frame")
+        .forced_choice(*danced_units(PROFILE, "made up"))
+        .set_index(["first", "second", "judge"])
+    )
     assert len(table) == 12
     assert table["n"].unique().tolist() == [2]
     assert table.loc[("paper", "recommended", "above chance"), "share"] == 0.0
@@ -226,17 +231,20 @@ def test_score_prefers_the_dance_on_the_beat_on_every_unit(stubs: UnitSet):
 
 
 def test_danced_unit_holds_all_dancers_their_music_and_what_they_reached(stubs: UnitSet):
-    danced = danced_unit(PROFILE, "made up", 1)
-    assert (danced.name, danced.dance, danced.start) == ("two", "waltz", 2.0)
-    assert list(danced.motions) == ["recorded", *VARIANTS]
-    assert list(danced.beats.times) == list(0.25 + 0.5 * np.arange(8))
-    assert danced.scores["recommended"].harmony_above_chance == pytest.approx(1.0)
-    assert danced.scores["paper"].hits.sum() == 0
-    # A single joint is all path.
-    assert danced.verdicts["recorded"].startswith("4 of 4 beats met, ")
-    assert danced.statues["recorded"] == pytest.approx(1.0)
-    assert danced.statues["paper, without"] == 0.0
+    unit = danced(*danced_units(PROFILE, "made up"), 1)
+    assert (unit.name, unit.dance, unit.start) == ("two", "waltz", 2.0)
+    assert list(unit.motions) == ["recorded", *VARIANTS]
+    assert list(unit.beats.times) == list(0.25 + 0.5 * np.arange(8))
+    assert unit.scores["recommended"].harmony_above_chance == pytest.approx(1.0)
+    assert unit.scores["paper"].hits.sum() == 0
+    assert unit.verdicts["recorded"].startswith("4 of 4 beats met, ")
+
+
+def test_a_single_joint_is_all_path(stubs: UnitSet):
+    unit = danced(*danced_units(PROFILE, "made up"), 1)
+    statues = [unit_columns(unit.motions[name], stubs.units[1]) for name in ("recorded", "paper, without")]
+    assert [each["statue_above_chance"] for each in statues] == [pytest.approx(1.0), 0.0]
 
 
 def test_unit_that_is_not_there_is_refused_with_those_that_are(stubs: UnitSet):
-    refused("place must be 0 to 1, the test units of made up, got 2", danced_unit, PROFILE, "made up", 2)
+    refused("place must be 0 to 1, the test units, got 2", danced, *danced_units(PROFILE, "made up"), 2)

@@ -28,17 +28,16 @@ from study.experiments.generation import (
     SYNTHETIC,
     VARIANTS,
     generator_corpora,
-    histories,
     trained,
     training_split,
     weight_sweep,
 )
 from study.experiments.judging import RECORDED, judge, recorded_motions
-from study.experiments.long_dances import dance_limits, danced_song, long_dances
 from study.experiments.own_songs import own_songs, song_means
 from study.profile import RunProfile
-from tests.builders import refused
+from tests.notebook_cells import notebook_cells
 
+QUALITY = notebook_cells("08_motion_quality")
 PROFILE = RunProfile(
     "quick", n_clips=20, n_sequences=1, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16
 )
@@ -135,11 +134,6 @@ def test_a_process_waits_for_the_one_that_trains(paper: generation.Trained, cach
     assert other.exitcode == 0
 
 
-def test_histories_name_their_variants():
-    table = histories(PROFILE, SYNTHETIC)
-    assert table.groupby("variant", sort=False).size().to_dict() == dict.fromkeys(VARIANTS, 2)
-
-
 def test_the_weights_of_the_sweep_are_those_of_its_trainings(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(generation, "trained", lambda profile, corpus, variant, seed: (corpus, variant, seed))
     for weight, (corpus, variant, seed) in weight_sweep(PROFILE, SYNTHETIC):
@@ -205,14 +199,18 @@ def test_a_motion_of_other_joints_is_refused_by_the_unit_it_was_danced_to(paper:
 
 
 def test_long_dances_of_every_variant_are_measured_against_the_recorded_dancers(paper: generation.Trained):
-    dances = long_dances(PROFILE)
+    table = QUALITY.long_dances(PROFILE, SYNTHETIC, 10.0)
     songs = {unit.sequence.rpartition("/")[2] for unit in paper.split.test.units}
-    assert set(dances["song"]) <= songs and set(dances["variant"]) == set(VARIANTS)
-    assert (dances["seconds"] > 9).all() and dances["bones"].max() < 1e-6
-    assert (dances[["jump", "skating", "jerk", "count_ratio"]] > 0).all(axis=None)
-    assert dances["guard"].isin([0.0, 1.0]).all()
-    assert ((dances["fails"] == "") == (dances["guard"] == 1)).all()
-    assert (dances[["body_above_chance", "statue_above_chance"]].abs() <= 1).any(axis=None)
+    dances = table[table["system"] != RECORDED].pivot(
+        index=["system", "song", "seed"], columns="measure", values="value"
+    )
+    assert set(table["song"]) <= songs and set(table["system"]) == {RECORDED, *VARIANTS}
+    assert dances["bones"].max() < 1e-6
+    assert (dances[["jump", "skating_ratio", "jerk_ratio"]] > 0).all(axis=None)
+    assert dances["likeness"].isin([0.0, 1.0]).all()
+    assert (dances[["rests", "statue_rests"]].abs() <= 1).any(axis=None)
+    recorded = table[(table["system"] == RECORDED) & (table["measure"] == "skating_ratio")]["value"]
+    assert recorded.mean() == pytest.approx(1.0)
 
 
 def test_songs_of_their_own_are_danced_to_by_people_choreographer_and_generators(paper: generation.Trained):
@@ -235,8 +233,8 @@ def test_recordings_left_out_are_in_no_unit_of_the_split(paper: generation.Train
 
 
 def test_a_dance_beyond_a_limit_is_counted():
-    dances = pd.DataFrame({"corpus": "c", "variant": "v", "bones": [0.0, 0.04], "jump": [1.0, 3.5], "skating": [3, 5]})
-    limits = dance_limits(dances)
+    values = pd.DataFrame({"bones": [0.0, 0.04], "jump": [1.0, 3.5], "skating_ratio": [3, 5]})
+    limits = QUALITY.dance_limits(values.melt(var_name="measure").assign(corpus="c", system="v"))
     assert limits["within"].tolist() == ["2 of 2", "1 of 2", "0 of 2"]
     assert limits["worst"].tolist() == [0.04, 3.5, 5.0] and limits["most"].tolist() == [0.05, 3.0, 2.0]
 
@@ -247,12 +245,11 @@ def test_recorded_motion_has_no_distance_from_itself_in_the_ablation(paper: gene
     assert table.loc[RECORDED, "jerk"] > 0
 
 
-def test_a_danced_song_begins_with_its_music_and_its_recorded_dancer(paper: generation.Trained):
-    song = danced_song(PROFILE, "synthetic", "paper")
-    dances = long_dances(PROFILE)
-    assert song.name == dances[dances["variant"] == "paper"]["song"].iloc[0]
-    duration = song.generated.duration
-    assert song.recorded.duration == pytest.approx(duration, abs=1 / song.generated.fps)
-    assert song.audio.duration == pytest.approx(duration, abs=0.05)
-    assert len(song.beats) > 0 and song.beats.times[-1] <= duration
-    refused("place must be 0 to", danced_song, PROFILE, "synthetic", "paper", 99)
+def test_a_long_dance_begins_with_its_music_and_its_recorded_dancer(paper: generation.Trained):
+    song = QUALITY.songs_of(PROFILE, SYNTHETIC, paper)[0]
+    motion = QUALITY.generated(paper, song, 10.0)
+    assert motion.duration == pytest.approx(min(10.0, song.clip.motion.duration), abs=1 / motion.fps)
+    music = QUALITY.as_dance("paper", 1, song, motion).music
+    first = QUALITY.beats_of(song).span(song.clip.offset, motion.duration)
+    assert len(music) > 0 and music.times[-1] <= motion.duration
+    np.testing.assert_array_equal(music.times, first.times)

@@ -4,9 +4,11 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
@@ -18,11 +20,13 @@ from harmolab.lab.figures.style import COLOURS
 from harmolab.systems.harmogan.params import TrainParams
 from harmolab.types import Motion
 from study.figures.framework import DRAWING, TINTS, count_text, draw_diagram, framework_figure, networks_figure
-from study.figures.quality import distances_figure, draw_distances, draw_sequence, sequences_figure, shot_times
-from study.figures.training import TERMS, draw_term, draw_validated, losses_figure, validation_figure
+from study.figures.quality import distances_figure, draw_distances
 from study.figures.variants import LOOKS
 from study.saving import smallest_text
-from tests.builders import cases, refused
+from tests.builders import cases
+from tests.notebook_cells import notebook_cells
+
+TRAINING = notebook_cells("07_anatomy_and_training")
 
 
 @pytest.fixture
@@ -137,7 +141,16 @@ def course(variant: str, *, harmony: float | None) -> list[dict[str, Any]]:
     return rows
 
 
-COURSES = course("paper, without", harmony=None) + course("paper", harmony=-0.5) + course("recommended", harmony=2.0)
+def history(*courses: list[dict[str, Any]]) -> pd.DataFrame:
+    """Courses as one table with all columns of a history."""
+    columns = [*TRAINING.VALIDATED, *(column for _, column, _ in TRAINING.TERMS)]
+    table = pd.DataFrame([row for rows in courses for row in rows])
+    return table.reindex(columns=[*dict.fromkeys([*table.columns, *columns])])
+
+
+COURSES = history(
+    course("paper, without", harmony=None), course("paper", harmony=-0.5), course("recommended", harmony=2.0)
+)
 
 
 def bands(ax: Axes) -> list[tuple[float, float]]:
@@ -146,7 +159,7 @@ def bands(ax: Axes) -> list[tuple[float, float]]:
 
 
 def test_term_is_drawn_over_both_phases_and_pretraining_is_marked(ax: Axes):
-    draw_term(ax, COURSES, "mse", ["paper"])
+    TRAINING.draw_term(ax, COURSES, "mse", ["paper"])
     (line,) = ax.lines
     np.testing.assert_array_equal(line.get_xdata(), np.arange(1, 14))
     np.testing.assert_array_equal(line.get_ydata(), [*(10.0 - np.arange(10)), 1.0, 1.0, 1.0])
@@ -154,21 +167,21 @@ def test_term_is_drawn_over_both_phases_and_pretraining_is_marked(ax: Axes):
 
 
 def test_term_that_only_adversarial_epochs_have_is_drawn_there(ax: Axes):
-    draw_term(ax, COURSES, "gan", ["paper"])
+    TRAINING.draw_term(ax, COURSES, "gan", ["paper"])
     (line,) = ax.lines
     np.testing.assert_array_equal(line.get_xdata(), [11, 12, 13])
     assert bands(ax) == []
 
 
 def test_lines_look_as_their_variant_everywhere_and_are_dashed_without_harmony(ax: Axes):
-    draw_term(ax, COURSES, "mse", ["paper, without", "paper"])
+    TRAINING.draw_term(ax, COURSES, "mse", ["paper, without", "paper"])
     without, with_it = ax.lines
     assert without.get_color() == with_it.get_color() == LOOKS["paper"].colour
     assert (without.is_dashed(), with_it.is_dashed()) == (True, False)
 
 
 def test_the_two_harmony_losses_never_share_a_scale():
-    figure = losses_figure(COURSES)
+    figure = TRAINING.losses_figure(COURSES)
     panels = {ax.get_title(loc="left").split("\n")[0]: ax for ax in figure.axes}
     ours, theirs = panels["our harmony"], panels["paper's harmony (Eq. 27)"]
     np.testing.assert_array_equal(ours.lines[0].get_ydata(), [2.0] * 3)
@@ -177,13 +190,13 @@ def test_the_two_harmony_losses_never_share_a_scale():
 
 
 def test_every_term_has_its_panel():
-    figure = losses_figure(COURSES)
-    assert [ax.get_title(loc="left").split("\n")[0] for ax in figure.axes] == [title for title, *_ in TERMS]
+    figure = TRAINING.losses_figure(COURSES)
+    assert [ax.get_title(loc="left").split("\n")[0] for ax in figure.axes] == [title for title, *_ in TRAINING.TERMS]
     assert smallest_text(figure) >= 9
 
 
 def test_validation_starts_at_the_end_of_pretraining(ax: Axes):
-    draw_validated(ax, COURSES, "val_harmony")
+    TRAINING.draw_validated(ax, COURSES, "val_harmony")
     assert len(ax.lines) == 3
     np.testing.assert_array_equal(ax.lines[0].get_xdata(), [0, 1, 2, 3])
     np.testing.assert_allclose(ax.lines[0].get_ydata(), [0.2, 0.3, 0.4, 0.5])
@@ -191,21 +204,21 @@ def test_validation_starts_at_the_end_of_pretraining(ax: Axes):
 
 
 def test_each_variant_is_validated_from_the_end_of_its_own_pretraining(ax: Axes):
-    longer = [{**row, "variant": "recommended"} for row in COURSES[:5]] + course("recommended", harmony=2.0)
-    draw_validated(ax, course("paper", harmony=-0.5) + longer, "val_harmony")
+    longer = course("recommended", harmony=None)[:5] + course("recommended", harmony=2.0)
+    TRAINING.draw_validated(ax, history(course("paper", harmony=-0.5), longer), "val_harmony")
     for line in ax.lines:
         np.testing.assert_array_equal(line.get_xdata(), [0, 1, 2, 3])
 
 
 @pytest.mark.parametrize(("column", "level"), [("val_above_chance", 0.0), ("val_count_ratio", 1.0)])
 def test_chance_and_one_beat_for_one_are_dotted(ax: Axes, column: str, level: float):
-    draw_validated(ax, COURSES, column)
+    TRAINING.draw_validated(ax, COURSES, column)
     assert list(ax.lines[-1].get_ydata()) == [level, level]
     assert ax.lines[-1].get_color() == COLOURS["chance"]
 
 
 def test_validation_has_the_papers_scores_and_what_they_do_not_tell():
-    figure = validation_figure(COURSES)
+    figure = TRAINING.validation_figure(COURSES)
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
         "paper's harmony h",
         "paper's hit rate",
@@ -278,32 +291,29 @@ def standing(n_frames: int = 31, fps: float = 15.0) -> Motion:
     return Motion(np.repeat(pose[None], n_frames, axis=0), fps, skeleton)
 
 
+QUALITY = notebook_cells("08_motion_quality")
+
+
 def test_shots_are_as_far_apart_as_they_can_be_at_equal_steps():
-    np.testing.assert_allclose(shot_times(standing(31), 4) * 15, [0, 10, 20, 30])
-    np.testing.assert_allclose(shot_times(standing(33), 4) * 15, [0, 10, 20, 30])
-    np.testing.assert_array_equal(shot_times(standing(), 1), [0.0])
-
-
-@pytest.mark.parametrize("shots", [0, 32])
-def test_more_shots_than_frames_are_refused(shots: int):
-    refused(r"shots must be from 1 to the number of frames \(31\), got", shot_times, standing(31), shots)
+    for frames in (31, 33):
+        np.testing.assert_allclose(QUALITY.shot_times(standing(frames), 4) * 15, [0, 10, 20, 30])
 
 
 def figures_at(ax: Axes) -> list[float]:
     return [artist.xy[0] for artist in ax.get_children() if isinstance(artist, AnnotationBbox)]
 
 
-def test_sequence_has_a_figure_at_each_shot_and_shades_what_was_given(ax: Axes):
-    draw_sequence(ax, standing(31), shots=4, start=1.0)
-    np.testing.assert_allclose(figures_at(ax), np.array([0, 10, 20, 30]) / 15)
-    (shade,) = [patch for patch in ax.patches if patch.get_gid() == "given"]
-    assert shade.get_x() + shade.get_width() == pytest.approx(1.0)
-    low, high = ax.get_xlim()
-    assert low < 0.0 < 2.0 < high
-
-
-def test_recorded_and_generated_stand_under_each_other_at_the_same_moments():
-    figure = sequences_figure({"recorded": standing(), "paper": standing()}, shots=4, start=1.0, title="waltz")
-    assert [ax.get_title(loc="left") for ax in figure.axes] == [LOOKS["recorded"].label, LOOKS["paper"].label]
+def test_recorded_and_generated_stand_under_each_other_at_the_same_moments_and_what_was_given_is_shaded():
+    motions = {"recorded": standing(), "paper": standing()}
+    example = SimpleNamespace(motions=motions, start=1.0, verdicts={"recorded": "all met", "paper": "none met"})
+    figure = QUALITY.sequences_figure(example, "waltz")
+    titles = [f"{LOOKS['recorded'].label}: all met", f"{LOOKS['paper'].label}: none met"]
+    assert [ax.get_title(loc="left") for ax in figure.axes] == titles
+    np.testing.assert_allclose(figures_at(figure.axes[0]), np.arange(10) * 3 / 15)
     assert figures_at(figure.axes[0]) == figures_at(figure.axes[1])
     assert figure.axes[-1].get_xlabel() == "time (s)"
+    for ax in figure.axes:
+        (shade,) = [patch for patch in ax.patches if patch.get_gid() == "given"]
+        assert shade.get_x() + shade.get_width() == pytest.approx(1.0)
+        low, high = ax.get_xlim()
+        assert low < 0.0 < 27 / 15 < high

@@ -13,7 +13,6 @@ from harmolab.lab.evaluate.measured import Dance, dance_numbers, measure_dances,
 from harmolab.lab.evaluate.summary import summary, training_interval
 from harmolab.metrics.features import frechet_distance, kinetic_features, standardise
 from harmolab.types import Motion
-from study.experiments import guard
 from tests.builders import refused
 
 
@@ -56,11 +55,6 @@ def test_a_dancer_on_the_beat_rests_on_it_and_not_half_a_beat_later() -> None:
 def test_a_statue_has_no_harmony_and_is_no_dancer() -> None:
     stone = [one._replace(motion=statue(one.motion)) for one in dancers("x", songs=1)]
     assert dance_numbers(stone[0], ["harmony", "likeness"]) == {"harmony": 0, "likeness": 0}
-
-
-def test_the_statue_is_that_of_the_trials_of_the_guard() -> None:
-    motion = dancers("x", songs=1)[0].motion
-    np.testing.assert_array_equal(statue(motion).positions, guard.statue(motion).positions)
 
 
 def test_sets_of_dances_have_their_distance_and_no_song() -> None:

@@ -1,4 +1,4 @@
-"""experiments.quality: distances between recordings have planted answers; the typical unit is the median one."""
+"""Notebook 08: distances between recordings have planted answers; the typical unit is the median one."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,13 +16,13 @@ from harmolab.systems.training.pose_network import PoseNet
 from harmolab.systems.training.splits import Split
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
-from study.experiments import quality
 from study.experiments.generation import Trained
 from study.experiments.judging import recorded_motions
-from study.experiments.quality import FROZEN, HALVES, OTHER_FIGURES, motion_measures, recorded_distances, typical_unit
-from study.profile import RunProfile
 from tests.builders import ARM
+from tests.notebook_cells import notebook_cells
 
+CELLS = notebook_cells("08_motion_quality")
+HALVES, OTHER_FIGURES, FROZEN = "recorded, halves", "recorded, other figures", "recorded, frozen"
 HAND = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # the hand forwards, nothing else
 FEATURES = FeatureParams.paper()
 T, PRIOR = 40, 10
@@ -59,7 +59,7 @@ def run(rng: np.random.Generator) -> Trained:
 
 
 def test_halves_of_the_same_recordings_are_no_distance_apart_and_other_figures_are(run: Trained):
-    found = recorded_distances(run, seed=1).set_index(["measure", "variant"])
+    found = CELLS.recorded_distances(run, seed=1).set_index(["measure", "variant"])
     assert len(found) == 4
     for measure in ("fid", "fid_kinetic"):
         same, other = found.loc[(measure, HALVES)], found.loc[(measure, OTHER_FIGURES)]
@@ -69,24 +69,19 @@ def test_halves_of_the_same_recordings_are_no_distance_apart_and_other_figures_a
 
 
 def test_same_seed_draws_the_same_halves(run: Trained):
-    pd.testing.assert_frame_equal(recorded_distances(run, seed=3), recorded_distances(run, seed=3))
+    pd.testing.assert_frame_equal(*(CELLS.recorded_distances(run, seed=3) for _ in range(2)))
 
 
-def test_typical_unit_is_the_one_with_the_median_error(run: Trained, monkeypatch: pytest.MonkeyPatch):
+def test_typical_unit_is_the_one_with_the_median_error(run: Trained):
     units = run.split.test.select({"test0", "test1", "test2"})
     planted = {"test0": 0.5, "test1": 0.1, "test2": 0.3}
-
-    def dances(*_: object) -> tuple[UnitSet, dict[str, list[Motion]]]:
-        recorded = recorded_motions(units)
-        offsets = np.array([planted[unit.name] for unit in units.units])
-        moved = [motion.positions + offset * HAND for motion, offset in zip(recorded, offsets, strict=True)]
-        for positions in moved:
-            positions[:PRIOR, 1] += 9.0  # the beats before the meter are not judged
-        danced = [replace(motion, positions=place) for motion, place in zip(recorded, moved, strict=True)]
-        return units, {"recorded": recorded, "paper": danced}
-
-    monkeypatch.setattr(quality, "danced_units", dances)
-    example = typical_unit(RunProfile.quick(), "arms", ("paper",))
+    recorded = recorded_motions(units)
+    offsets = np.array([planted[unit.name] for unit in units.units])
+    moved = [motion.positions + offset * HAND for motion, offset in zip(recorded, offsets, strict=True)]
+    for positions in moved:
+        positions[:PRIOR, 1] += 9.0  # the beats before the meter are not judged
+    dances = [replace(motion, positions=place) for motion, place in zip(recorded, moved, strict=True)]
+    example = CELLS.typical_unit(units, {"recorded": recorded, "paper": dances})
     assert example.name == "test2"
     assert example.start == pytest.approx(PRIOR / FEATURES.fps)
     assert list(example.motions) == ["recorded", "paper"]
@@ -99,15 +94,13 @@ def danced(number: int) -> Motion:
     return synthetic_clip("cha-cha", seconds=4.0, fps=FEATURES.fps, seed=number).motion
 
 
-def test_measures_without_a_network_have_planted_answers(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator):
+def test_measures_without_a_network_have_planted_answers(rng: np.random.Generator):
     songs = ("one", "one", "two", "two", "alone")
     units = arms("test", 5, 0.2, rng)
     units = replace(units, units=tuple(replace(u, sequence=song) for u, song in zip(units.units, songs, strict=True)))
     alike = [danced(number) for number in (1, 1, 2, 2, 3)]  # to one song always the same dance
     shaken = [replace(dance, positions=dance.positions + rng.normal(0, 0.02, dance.positions.shape)) for dance in alike]
-    monkeypatch.setattr(quality, "generator_corpora", lambda profile: ("made up",))
-    monkeypatch.setattr(quality, "danced_units", lambda *_: (units, {"recorded": alike, "paper": shaken}))
-    table = motion_measures(RunProfile.quick()).set_index("variant")
+    table = CELLS.motion_measures(units, {"recorded": alike, "paper": shaken}).set_index("variant")
     assert table.index.tolist() == ["recorded", "paper", FROZEN]
     frozen, recorded, paper = (table.loc[name] for name in (FROZEN, "recorded", "paper"))
     assert (frozen["freezing"], frozen["pfc"], frozen["relative_jerk"]) == (1.0, 0.0, 0.0)
@@ -116,12 +109,8 @@ def test_measures_without_a_network_have_planted_answers(monkeypatch: pytest.Mon
     assert np.isnan(recorded["fid_geometric"]) and frozen["fid_geometric"] > paper["fid_geometric"] > 0
 
 
-def test_without_two_dances_to_a_song_there_is_no_multimodality(
-    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
-):
+def test_without_two_dances_to_a_song_there_is_no_multimodality(rng: np.random.Generator):
     units = arms("test", 4, 0.2, rng)
     units = replace(units, units=tuple(replace(unit, sequence=unit.name) for unit in units.units))
-    monkeypatch.setattr(quality, "generator_corpora", lambda profile: ("made up",))
     dances = {"recorded": [danced(number) for number in range(4)]}
-    monkeypatch.setattr(quality, "danced_units", lambda *_: (units, dances))
-    assert motion_measures(RunProfile.quick())["multimodality"].isna().all()
+    assert CELLS.motion_measures(units, dances)["multimodality"].isna().all()

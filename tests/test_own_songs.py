@@ -9,9 +9,9 @@ import torch
 
 from harmolab import synthetic_clip
 from harmolab.data.recordings import Recording
+from harmolab.lab.evaluate.measured import statue
 from harmolab.systems.training.pose_network import PoseNet
 from harmolab.types import Motion
-from study.experiments.guard import statue
 from study.experiments.locked import statue_on_turntable
 from study.experiments.own_songs import (
     OWN,

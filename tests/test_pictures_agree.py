@@ -19,9 +19,10 @@ from harmolab.params import CHOICES, HarmonyParams
 from harmolab.score import HarmonyScore
 from harmolab.types import Audio, BeatTrack, Motion
 from harmolab.verdict.judge import music_and_motion, score_motion
-from study.figures.dance import dance_figure, draw_speed
 from tests.builders import planted_dance
+from tests.notebook_cells import notebook_cells
 
+CELLS = notebook_cells("11_frame_by_frame")
 MODES = {"paper": HarmonyParams.paper(), "valleys": HarmonyParams.valleys(), "recommended": HarmonyParams.recommended()}
 FEW, ALL = 20, 200  # sets of settings in a quick run and in a whole one
 
@@ -80,7 +81,7 @@ def in_score_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], l
 
 
 def in_dance_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
-    return marked(draw_speed(Figure().subplots(), motion, score), "hit"), music_hits(score)
+    return marked(CELLS.draw_speed(Figure().subplots(), motion, score), "hit"), music_hits(score)
 
 
 def in_timing_figure(score: HarmonyScore, motion: Motion) -> tuple[list[float], list[float]]:
@@ -108,7 +109,7 @@ def test_dance_figure_is_made_of_these_rows(
     cases: list[tuple[str, dict[str, object], HarmonyScore]], dance: tuple[BeatTrack, Motion]
 ):
     scores = {str(number): score for number, (_, _, score) in enumerate(cases[:3])}
-    figure = dance_figure(dict.fromkeys(scores, dance[1]), dance[0], scores)
+    figure = CELLS.dance_figure(dict.fromkeys(scores, dance[1]), dance[0], scores, 0.0, {})
     assert [marked(ax, "hit") for ax in figure.axes[1::2]] == [music_hits(score) for score in scores.values()]
 
 

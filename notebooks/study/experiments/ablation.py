@@ -1,22 +1,18 @@
-"""The tables of notebooks 08, 09 and 11: what the harmony loss buys and what it costs, over corpora and seeds."""
+"""The tables of notebooks 08 and 09: what the harmony loss buys and what it costs, over corpora and seeds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from harmolab.params import HarmonyParams
 from harmolab.significance import mean_interval
 from harmolab.systems.harmogan.networks import generate_units
-from harmolab.systems.training.units import UnitSet
-from harmolab.types import FloatArray, Motion
 from study.experiments.generation import VARIANTS, Trained, generator_corpora, trained, weight_sweep
-from study.experiments.judging import RECORDED, danced_units, judge, recorded_motions, score_unit
+from study.experiments.judging import RECORDED, judge, recorded_motions
 from study.experiments.printed import printed
 from study.profile import RunProfile
 
@@ -36,9 +32,6 @@ TARGET_WORDS = MappingProxyType(
         "fid": "FID / FID without the loss",
     }
 )
-
-# Fields of a harmony score that choose between two dances, and what they are called.
-JUDGES = MappingProxyType({"harmony": "paper's harmony", "harmony_above_chance": "above chance"})
 
 # Row of the paper's Tables 1 and 2 that each variant stands beside.
 _PRINTED_ROWS = MappingProxyType(
@@ -242,28 +235,3 @@ def trade_off(profile: RunProfile) -> pd.DataFrame:
         for weight, run in weight_sweep(profile, corpus)
     ]
     return pd.DataFrame(rows)
-
-
-def forced_choice(profile: RunProfile, corpus: str) -> pd.DataFrame:
-    """Fig. 13 without people: for each pair of variants, how often a score prefers the first on the same test unit.
-
-    Returns
-    -------
-    DataFrame, a row for each pair and judge (the paper's harmony; harmony above chance): first, second, judge, share
-    that prefers the first (ties count half), n units
-    """
-    units, dances = danced_units(profile, corpus)
-    scores = {(name, field): _unit_scores(dances[name], units, field) for name in VARIANTS for field in JUDGES}
-    rows = []
-    for first, second in combinations(VARIANTS, 2):
-        for field, words in JUDGES.items():
-            better = np.sign(scores[first, field] - scores[second, field])
-            rows.append({"first": first, "second": second, "judge": words, "share": (1 + better).mean() / 2})
-    return pd.DataFrame(rows).assign(n=len(units))
-
-
-def _unit_scores(motions: Sequence[Motion], units: UnitSet, field: str) -> FloatArray:
-    """One score a unit: the field of its harmony score that `JUDGES` names, in paper mode for "harmony"."""
-    params = HarmonyParams.paper() if field == "harmony" else HarmonyParams.valleys()
-    pairs = zip(motions, units.units, strict=True)
-    return np.array([getattr(score_unit(motion, unit, params), field) for motion, unit in pairs])

@@ -186,12 +186,6 @@ def _home() -> Path:
     return cache_folder() or Path(".harmolab")
 
 
-def histories(profile: RunProfile, corpus: str) -> pd.DataFrame:
-    """Losses and validation of every variant, epoch by epoch (first seed): columns of history.csv and "variant"."""
-    tables = (trained(profile, corpus, variant, 1).history.assign(variant=name) for name, variant in VARIANTS.items())
-    return pd.concat(tables, ignore_index=True)
-
-
 def weight_sweep(profile: RunProfile, corpus: str) -> Iterator[tuple[float, Trained]]:
     """(harmony weight, training) of the recommended losses from none to twice as much (first seed)."""
     for weight in SWEEP:

@@ -13,6 +13,7 @@ import numpy as np
 
 from harmolab.beats.visual import visual_beats
 from harmolab.body.kinematics import in_body
+from harmolab.lab.evaluate.measured import statue
 from harmolab.metrics.features import diversity, frechet_distance, kinetic_features, standardise
 from harmolab.metrics.quality import foot_skating, jerk
 from harmolab.params import HarmonyParams
@@ -22,7 +23,6 @@ from harmolab.systems.training.pose_network import PoseNet, embed_meters
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import BeatTrack, Motion
 from study.experiments.generation import VARIANTS, trained
-from study.experiments.guard import statue
 from study.profile import RunProfile
 
 RECORDED = "recorded"
@@ -152,7 +152,6 @@ class DancedUnit:
     start : float, seconds, where the meter begins; the motion before it was given
     motions : variant, or "recorded" -> Motion
     scores : the same names -> HarmonyScore of the meter, valleys within 0.1 s
-    statues : the same names -> harmony above chance of the mean pose on the same path
     """
 
     name: str
@@ -161,7 +160,6 @@ class DancedUnit:
     start: float
     motions: dict[str, Motion]
     scores: dict[str, HarmonyScore]
-    statues: dict[str, float]
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -172,26 +170,17 @@ class DancedUnit:
         }
 
 
-def danced_unit(profile: RunProfile, corpus: str, place: int = 0) -> DancedUnit:
-    """The `place`-th test unit of a corpus, as recorded and as the generators of the first seed dance it.
+def danced(units: UnitSet, dances: Mapping[str, Sequence[Motion]], place: int) -> DancedUnit:
+    """The `place`-th of some units with what `danced_units` has danced to it, the recorded one among them.
 
     Raises
     ------
     ValueError
-        If the test split has no such unit.
+        If there is no such unit.
     """
-    units, dances = danced_units(profile, corpus)
     if not 0 <= place < len(units):
-        raise ValueError(f"place must be 0 to {len(units) - 1}, the test units of {corpus}, got {place}")
-    return danced(units.units[place], {name: motions[place] for name, motions in dances.items()})
-
-
-def danced(unit: DanceUnit, motions: dict[str, Motion]) -> DancedUnit:
-    """A unit with the motions danced to it, the recorded one among them, and their scores."""
+        raise ValueError(f"place must be 0 to {len(units) - 1}, the test units, got {place}")
+    unit, motions = units.units[place], {name: each[place] for name, each in dances.items()}
     scores = {name: score_unit(motion, unit, HarmonyParams.valleys()) for name, motion in motions.items()}
-    statues = {
-        name: score_unit(statue(motion), unit, HarmonyParams.valleys()).harmony_above_chance
-        for name, motion in motions.items()
-    }
     beats = unit_beats(unit, motions[RECORDED])
-    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores, statues)
+    return DancedUnit(unit.name, unit.dance, beats, unit.n_prior / unit.fps, motions, scores)

@@ -6,7 +6,7 @@ that a statue gets on the same path, and beside both whether the dance moves lik
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -15,7 +15,7 @@ import pandas as pd
 
 from harmolab.body.kinematics import resample_motion
 from harmolab.data.recordings import Recording, find_recordings, load_recording, recording_beats
-from harmolab.lab.evaluate.measured import rests_on_beat
+from harmolab.lab.evaluate.measured import rests_on_beat, statue
 from harmolab.metrics.features import frechet_distance, kinetic_features, standardise
 from harmolab.metrics.likeness import LikenessLimits, likeness
 from harmolab.params import DANCE_PATTERNS, HarmonyParams
@@ -25,9 +25,10 @@ from harmolab.systems.training.pose_network import PoseNet, embed_windows
 from harmolab.types import BeatTrack, FloatArray, Motion
 from harmolab.verdict.judge import score_motion
 from study.experiments.generation import VARIANTS, Variant, corpus_root, generator_corpora, trained
-from study.experiments.guard import Generate, statue
 from study.experiments.judging import RECORDED
 from study.profile import RunProfile
+
+Generate = Callable[[Recording], Motion]
 
 CHOREOGRAPHER = "choreographer"
 OWN = ("DANCE_C_4", "DANCE_R_4", "DANCE_T_8", "DANCE_W_3")  # of the beat-locked recordings; else one of each dance

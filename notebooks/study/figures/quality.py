@@ -1,19 +1,16 @@
-"""Distances of dances to recordings beside those between recordings (Fig. 9), and frames of both (Fig. 10)."""
+"""Distances of dances to recordings beside those between recordings (Fig. 9)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from types import MappingProxyType
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
-from harmolab.lab.figures.people import draw_film
 from harmolab.lab.figures.style import COLOURS, styled_axes
-from harmolab.types import FloatArray, Motion
 from study.figures.variants import LOOKS, Look, Record, by_corpus, rows_by_name
 from study.figures.words import corpus_words, is_synthetic, sentence
 from study.saving import mark_synthetic
@@ -84,7 +81,7 @@ def distances_figure(rows: Iterable[Record]) -> Figure:
 
     Parameters
     ----------
-    rows : records of `study.experiments.quality.motion_quality`
+    rows : records of the table of notebook 08
     """
     corpora = by_corpus(rows)
     size = (9.0, 3.3 * len(corpora) + 0.5)
@@ -113,63 +110,3 @@ def _nearest(rows: Iterable[Record], measure: str) -> str:
     means = {row["variant"]: row["mean"] for row in rows if row["measure"] == measure}
     name = min((name for name in LOOKS if name in means), key=means.__getitem__)
     return f"nearest is “{LOOKS[name].label}”"
-
-
-def shot_times(motion: Motion, shots: int) -> FloatArray:
-    """Seconds of so many frames, as far apart as they can be at equal steps from the first.
-
-    Raises
-    ------
-    ValueError
-        If there is not at least one shot and as many frames.
-    """
-    if not 1 <= shots <= motion.n_frames:
-        raise ValueError(f"shots must be from 1 to the number of frames ({motion.n_frames}), got {shots}")
-    step = (motion.n_frames - 1) // max(shots - 1, 1)
-    return np.arange(shots) * step / motion.fps
-
-
-def draw_sequence(ax: Axes, motion: Motion, *, shots: int = 12, start: float = 0.0, colour: str | None = None) -> Axes:
-    """People along time; what lies before `start` (seconds) is input of the generator and shaded.
-
-    Parameters
-    ----------
-    ax : Axes with time on the x axis
-    motion : Motion
-    shots : int, number of figures
-    start : float, seconds
-    colour : as in `harmolab.lab.figures.people.draw_poses`
-    """
-    times = shot_times(motion, shots)
-    half = times[-1] / max(shots - 1, 1) / 2 or 0.5
-    ax.axvspan(-half, start, color=COLOURS["faint"], alpha=0.5, linewidth=0, zorder=-1, gid="given")
-    return draw_film(ax, motion, times, (-half, times[-1] + half), height=HEIGHT, trail=(), colour=colour)
-
-
-def sequences_figure(
-    motions: Mapping[str, Motion],
-    *,
-    shots: int = 10,
-    start: float = 0.0,
-    title: str = "",
-    verdicts: Mapping[str, str] | None = None,
-) -> Figure:
-    """`draw_sequence` for several dances to the same music, under each other at the same moments.
-
-    Parameters
-    ----------
-    motions : name in `LOOKS` -> Motion, all equally long
-    verdicts : name -> words that its row's title ends with
-    """
-    with styled_axes((9.0, 1.5 * len(motions) + 0.9), len(motions), sharex=True) as (figure, axes):
-        for ax, (name, motion) in zip(axes, motions.items(), strict=True):
-            look = LOOKS[name]
-            words = (verdicts or {}).get(name, "")
-            row_title = f"{look.label}: {words}" if words else look.label
-            draw_sequence(ax, motion, shots=shots, start=start, colour=look.colour).set_title(row_title)
-        axes[-1].tick_params(axis="x", length=3, labelbottom=True)
-        axes[-1].set_xlabel("time (s)")
-        shade = Patch(facecolor=COLOURS["faint"], alpha=0.5, label="given: the beats before the meter")
-        axes[0].legend(handles=[shade], loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0.0)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    return figure
