@@ -23,7 +23,6 @@ from harmolab.lab.figures.beats import (
     draw_marks,
     draw_shares,
     draw_stems,
-    draw_threshold,
     draw_tolerance,
     score_figure,
 )
@@ -173,12 +172,6 @@ def test_beats_that_nobody_notices_are_grey_and_dotted(ax: Axes):
     assert to_hex(lines.get_color()[0]) == COLOURS["chance"].lower()
     assert lines.get_linestyle()[0][1] is not None
     assert lines.get_label() == "music beat, not noticed"
-
-
-@pytest.mark.parametrize(("kind", "height"), [("audio", 0.3), ("visual", -0.3)])
-def test_threshold_lies_on_the_side_of_its_beats(ax: Axes, kind: str, height: float):
-    draw_threshold(ax, 0.3, kind=kind)
-    np.testing.assert_allclose(ax.lines[0].get_ydata(), height)
 
 
 def test_marks_can_have_other_names(ax: Axes):

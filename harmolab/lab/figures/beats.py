@@ -122,12 +122,6 @@ def draw_stems(
     return ax
 
 
-def draw_threshold(ax: Axes, level: float, *, kind: str) -> Axes:
-    """The strength above which beats are salient (Eq. 11, 13): a thin line on the side of the beats."""
-    ax.axhline(SIDES[kind] * level, color=COLOURS[kind], linestyle=":", linewidth=1.2, zorder=1)
-    return ax
-
-
 def draw_hits(
     ax: Axes,
     audio_track: BeatTrack,
