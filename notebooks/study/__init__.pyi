@@ -4,10 +4,7 @@ from .experiments.ablated import effector_disagreement as effector_disagreement
 from .experiments.ablated import end_effectors as end_effectors
 from .experiments.ablated import hand_heights as hand_heights
 from .experiments.ablation import ablation as ablation
-from .experiments.ablation import gains as gains
 from .experiments.ablation import seed_means as seed_means
-from .experiments.ablation import targets_met as targets_met
-from .experiments.ablation import trade_off as trade_off
 from .experiments.attributes import Song as Song
 from .experiments.attributes import bootstrap_interval as bootstrap_interval
 from .experiments.attributes import example_song as example_song
