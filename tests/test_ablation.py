@@ -13,13 +13,14 @@ from harmolab.systems.training.motion_code import encode_motion
 from harmolab.systems.training.units import DanceUnit, UnitSet
 from harmolab.types import Motion
 from study.experiments import ablation, judging
-from study.experiments.ablation import PAPER_MEANS, TARGETS, gains, seed_means, targets_met
+from study.experiments.ablation import PAPER_MEANS, seed_means
 from study.experiments.generation import VARIANTS
 from study.experiments.judging import danced, danced_units, unit_columns
 from study.profile import RunProfile
 from tests.builders import bobbing, refused
 from tests.notebook_cells import notebook_cells
 
+LOSS = notebook_cells("09_harmony_loss")
 PROFILE = RunProfile("tiny", n_clips=2, n_sequences=None, n_rotations=40)
 MEASURES = ("above_chance", "count_ratio", "jerk", "fid")
 
@@ -81,7 +82,7 @@ def test_printed_means_are_those_of_the_seven_dances_in_tables_1_and_2():
 
 
 def test_gain_is_taken_seed_by_seed():
-    table = gains(seeds(), ["above_chance", "paper_harmony"]).set_index(["loss", "measure"])
+    table = LOSS.gains(seeds(), ["above_chance", "paper_harmony"]).set_index(["loss", "measure"])
     ours = table.loc[("recommended", "above_chance")]
     assert ours[["without", "with", "change", "factor"]].tolist() == pytest.approx([0.15, 0.6, 0.45, 4.0])
     # 0.4 and 0.5: half width 0.05 * 12.7062
@@ -92,12 +93,12 @@ def test_gain_is_taken_seed_by_seed():
 
 
 def test_nothing_is_a_multiple_of_less_than_nothing():
-    table = gains(seeds().assign(above_chance=-0.1), ["above_chance"])
+    table = LOSS.gains(seeds().assign(above_chance=-0.1), ["above_chance"])
     assert table["change"].eq(0).all() and table["factor"].isna().all()
 
 
 def test_papers_own_factor_stands_beside_ours():
-    table = gains(seeds(), ["above_chance", "paper_harmony"]).set_index(["loss", "measure"])
+    table = LOSS.gains(seeds(), ["above_chance", "paper_harmony"]).set_index(["loss", "measure"])
     printed = ["paper without", "paper with", "paper factor"]
     assert table.loc[("paper", "paper_harmony"), printed].tolist() == pytest.approx([0.1993, 0.3522, 1.767], abs=1e-3)
     assert table.loc[("recommended", "paper_harmony"), printed].isna().all()
@@ -105,7 +106,7 @@ def test_papers_own_factor_stands_beside_ours():
 
 
 def test_targets_are_judged_by_the_mean_and_counted_by_seed():
-    table = targets_met(seeds()).set_index(["loss", "target"])
+    table = LOSS.targets_met(seeds()).set_index(["loss", "target"])
     reached = table["reached"].to_dict()
     assert reached == pytest.approx(
         {
@@ -136,32 +137,32 @@ def test_targets_are_judged_by_the_mean_and_counted_by_seed():
 def test_each_corpus_is_judged_by_itself():
     other = seeds().assign(corpus="another")
     other.loc[other["variant"] == "recommended", "count_ratio"] = 3.0
-    table = targets_met(pd.concat([seeds(), other])).query("loss == 'recommended' and target == 'M / N'")
+    table = LOSS.targets_met(pd.concat([seeds(), other])).query("loss == 'recommended' and target == 'M / N'")
     assert dict(zip(table["corpus"], table["met"], strict=True)) == {"made up": True, "another": False}
 
 
 @pytest.mark.parametrize(("value", "met"), [(0.7, True), (1.4, True), (0.69, False), (1.41, False)])
 def test_ends_of_the_range_of_beats_are_inside(value: float, met: bool):
-    reached = targets_met(seeds().assign(count_ratio=value)).set_index(["loss", "target"])
+    reached = LOSS.targets_met(seeds().assign(count_ratio=value)).set_index(["loss", "target"])
     assert bool(reached.loc[("recommended", "M / N"), "met"]) is met
 
 
 def test_nothing_above_zero_is_a_multiple_of_a_distance_that_is_not():
     table = seeds()
     table.loc[table["variant"] == "recommended, without", "fid"] = -0.1
-    reached = targets_met(table).set_index(["loss", "target"])
+    reached = LOSS.targets_met(table).set_index(["loss", "target"])
     assert not reached.loc[("recommended", "FID / FID without the loss"), "met"]
     table.loc[table["variant"] == "recommended", "fid"] = -0.2
-    reached = targets_met(table).set_index(["loss", "target"])
+    reached = LOSS.targets_met(table).set_index(["loss", "target"])
     assert reached.loc[("recommended", "FID / FID without the loss"), "met"]
 
 
 def test_targets_are_those_the_project_set_itself():
-    assert dict(TARGETS) == {
-        "above_chance": (0.35, np.inf),
-        "count_ratio": (0.7, 1.4),
-        "jerk": (-np.inf, 1.5),
-        "fid": (-np.inf, 1.1),
+    assert LOSS.TARGETS == {
+        "gain in harmony above chance": (0.35, None),
+        "M / N": (0.7, 1.4),
+        "jerk / recorded jerk": (None, 1.5),
+        "FID / FID without the loss": (None, 1.1),
     }
 
 

@@ -90,7 +90,7 @@ def ablation_figure(rows: Iterable[Record], gains: Iterable[Record]) -> Figure:
     Parameters
     ----------
     rows : records of `study.experiments.ablation.seed_means` for `SHOWN` at least
-    gains : records of `study.experiments.ablation.gains` for the same measures
+    gains : records of `gains` in notebook 09 for the same measures
     """
     corpora, changes = by_corpus(rows), by_corpus(gains)
     size = (9.0, 2.9 * len(corpora) + 0.6)
@@ -177,7 +177,7 @@ def trade_off_figure(rows: Iterable[Record], sweep: Iterable[Record] = ()) -> Fi
     Parameters
     ----------
     rows : records of `study.experiments.ablation.seed_means` for harmony above chance, jerk and FID at least
-    sweep : records of `study.experiments.ablation.trade_off`
+    sweep : records of the sweep of notebook 09
     """
     corpora, sweeps = by_corpus(rows), by_corpus(sweep)
     with styled_axes((9.0, 3.4 * len(corpora) + 0.7), len(corpora), len(PRICES), sharey="row") as (figure, axes):
