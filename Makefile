@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup test test-browser check format lab report figures docs dist bench clean distclean
+.PHONY: help setup test test-browser check lint format lab report figures docs dist bench clean distclean
 
 help: ## list these targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,11 +43,13 @@ test: $(STAMP) ## run every test but those in a browser (about 8 minutes on two 
 test-browser: $(STAMP) ## run the tests that drive JupyterLab and the report in Chromium
 	$(BIN)/python -m pytest -m browser
 
-check: $(STAMP) ## format, lint, types and the fast tests: run it before you commit
+check: lint ## format, lint, types and the fast tests: run it before you commit
+	HARMOLAB_HOSTILE_TIMES=0.2 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -q --hypothesis-profile quick -m "not slow and not data and not browser"
+
+lint: $(STAMP) ## format, lint and types alone
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --num-workers $(JOBS)
-	HARMOLAB_HOSTILE_TIMES=0.2 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal -q --hypothesis-profile quick -m "not slow and not data and not browser"
 
 format: $(STAMP) ## bring the code into the form that `make check` asks for
 	$(BIN)/ruff check --fix .

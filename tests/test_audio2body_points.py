@@ -364,8 +364,7 @@ def test_shoulders_alone_place_a_player_without_hips() -> None:
     whole = cleaned(performance(playing()))
     upper = part(CAMERA.apply(playing()), PLAYER_50.joints[:6])
     fit = shot_similarities(cleaned(upper), reference_configuration(whole))[0]
-    assert fit.scale == pytest.approx(1 / CAMERA.scale)
-    assert fit.rotation == pytest.approx(-CAMERA.rotation)
+    assert (fit.scale, fit.rotation) == (pytest.approx(1 / CAMERA.scale), pytest.approx(-CAMERA.rotation))
 
 
 def test_hands_without_shoulders_are_placed_by_the_medians_of_their_wrists() -> None:

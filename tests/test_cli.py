@@ -83,8 +83,7 @@ def test_score_says_the_verdict_first_and_then_the_numbers(recording: Path) -> N
 
 def test_a_folder_alone_is_scored_with_its_song_its_dance_and_its_beats(recording: Path) -> None:
     printed = json.loads(run("score", recording, "--json").stdout)
-    assert printed["clip"]["beats"] == str(recording / "beats.json")
-    assert printed["clip"]["dance"] == "rumba"
+    assert (printed["clip"]["beats"], printed["clip"]["dance"]) == (str(recording / "beats.json"), "rumba")
     assert printed["recommended"] == json.loads(json.dumps(score_clip(load_recording(recording).clip).to_dict()))
     assert set(JUDGEMENT_KEYS) <= set(printed["recommended"])
 

@@ -52,8 +52,7 @@ def test_json_holds_the_same(long_files: tuple[Path, Path]):
     told = json.loads(explain(*long_files, "--offset", 0, "--json").stdout)
     assert told["verdict"].startswith("You are on the beat: slow on it")
     assert (told["level"], told["reading"]) == (4, "rest")
-    assert told["offset"]["source"] == "given"
-    assert told["findings"][-1]["kind"] == "hits"
+    assert (told["offset"]["source"], told["findings"][-1]["kind"]) == ("given", "hits")
     assert told["version"]
 
 

@@ -305,8 +305,7 @@ def test_other_music_is_another_sequences():
     # Two tempi: to the other's music a dancer drifts through every phase.
     sequences = corpus(3) + [replace_name(sequence, f"T{i}") for i, sequence in enumerate(slow(3))]
     result = compared(sequences, null="other")
-    assert result.wrong["recommended"].shape == (6, 5)
-    assert result.summary["null"] == "other"
+    assert (result.wrong["recommended"].shape, result.summary["null"]) == ((6, 5), "other")
     assert result.summary["scores"]["recommended"]["auc"] > 0.8
 
 
@@ -396,8 +395,7 @@ def test_verdict_on_a_recording_is_that_of_its_score():
         assert row["p_value"] == plain(score.p_value)
         assert (row["level"], row["verdict"]) == (score.judgement.level, score.judgement.verdict)
         assert (row["p_time"], row["p_place"]) == (score.judgement.p_time, score.judgement.p_place)
-        assert row["lag_s"] == score.judgement.lag_s
-        assert row["dance"] == sequence.clip.dance
+        assert (row["lag_s"], row["dance"]) == (score.judgement.lag_s, sequence.clip.dance)
 
 
 def test_levels_count_recordings_with_true_and_with_lagged_music():
@@ -407,8 +405,7 @@ def test_levels_count_recordings_with_true_and_with_lagged_music():
     assert levels["true"] == np.bincount(rows, minlength=5).tolist()
     assert sum(levels["lagged"]) == 4
     # By a curve learnt on the others these dancers, who all do the same, are on the beat; 0.3 beat late and more not.
-    assert levels["true, learnt"] == [0, 0, 0, 0, 4]
-    assert levels["lagged, learnt"][4] == 0
+    assert (levels["true, learnt"], levels["lagged, learnt"][4]) == ([0, 0, 0, 0, 4], 0)
 
 
 def test_recordings_without_a_teacher_are_left_out_of_the_learnt_levels():

@@ -19,7 +19,7 @@ from harmolab.lab.compare.auc import CorpusResult, compare
 from harmolab.lab.compare.rows import Processes, packed, unpacked
 from harmolab.lab.evaluate.engine import part_path, read_rows
 from harmolab.types import BeatTrack
-from tests.builders import called, track
+from tests.builders import called, refused, track
 
 pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -101,8 +101,7 @@ def test_a_comparison_that_was_cut_off_reads_what_is_missing_and_nothing_else(
     assert len(read) == 6
     assert numbers(compared(corpus, processes=processes)) == numbers(expected)
     assert read == list(find_recordings(corpus).folders)
-    with pytest.raises(ValueError, match=r"settings\.window was 4\.0 and is 6\.0"):
-        compared(corpus, processes=processes, window=6.0)
+    refused(r"settings\.window was 4\.0 and is 6\.0", compared, corpus, processes=processes, window=6.0)
     with pytest.raises(ValueError, match="holds a run; go on with it by --resume, or begin anew by --force"):
         compared(corpus, processes=replace(processes, resume=False))
 
@@ -113,8 +112,7 @@ def test_rows_of_something_else_are_an_error_that_names_the_file(
     processes = Processes(out=tmp_path / "rows", resume=True)
     with monkeypatch.context() as patch:
         patch.setattr(rows, "recording_row", lambda task, options: {"problem": "", **packed(track([1.0]))})
-        with pytest.raises(ValueError, match=r"part-0000000\.parquet: cannot be read as rows of a comparison"):
-            compared(corpus, processes=processes)
+        refused(r"part-0000000\.parquet: cannot be read as rows of a comparison", compared, corpus, processes=processes)
     assert part_path(tmp_path / "rows", 0).is_file()
 
 
@@ -147,15 +145,15 @@ def test_compare_keeps_rows_and_goes_on_with_them(corpus: Path, tmp_path: Path):
     assert first.exit_code == 0, first.output
     assert "left out: " in first.stderr
     assert run(*words, "--out", tmp_path / "rows", "--resume").stdout == first.stdout == run(*words).stdout
-    refused = run(*words, "--out", tmp_path / "rows")
-    assert (refused.exit_code, refused.stdout) == (2, "")
-    assert "go on with it by --resume, or begin anew by --force" in refused.stderr
+    stopped = run(*words, "--out", tmp_path / "rows")
+    assert (stopped.exit_code, stopped.stdout) == (2, "")
+    assert "go on with it by --resume, or begin anew by --force" in stopped.stderr
     assert run(*words, "--out", tmp_path / "rows", "--force").stdout == first.stdout
 
 
 def test_compare_goes_on_with_named_rows_only(corpus: Path):
-    refused = run("compare", corpus, "--resume")
-    assert (refused.exit_code, refused.stderr) == (
+    stopped = run("compare", corpus, "--resume")
+    assert (stopped.exit_code, stopped.stderr) == (
         2, "harmolab: --resume goes on with the rows in a folder; name it by --out\n"
     )  # fmt: skip
 
@@ -199,5 +197,4 @@ def test_records_come_back_to_the_last_bit():
 
 def test_cells_that_lack_numbers_are_refused():
     cells = packed(track([1.0, 2.0]))
-    with pytest.raises(ValueError, match="holds 3 of 4 numbers"):
-        unpacked(BeatTrack, {**cells, "numbers": cells["numbers"][:-1]})
+    refused("holds 3 of 4 numbers", unpacked, BeatTrack, {**cells, "numbers": cells["numbers"][:-1]})

@@ -95,8 +95,7 @@ def test_rate_axis_and_body_of_the_options_are_for_files_that_leave_them_open(ai
     for motion in (recorded, tmp_path / "mBR0.npy", tmp_path / "mBR0.npz"):
         rows[motion.suffix] = clip_row(Pair("x", "", "mBR0", motion, song), options)
     assert {suffix: row["fps"] for suffix, row in rows.items()} == {".pkl": 60.0, ".npy": 30.0, ".npz": 60.0}
-    assert rows[".pkl"]["assumptions"] == ""
-    assert rows[".npy"]["assumptions"] == "unit guessed: centimetres"
+    assert (rows[".pkl"]["assumptions"], rows[".npy"]["assumptions"]) == ("", "unit guessed: centimetres")
     assert rows[".npz"]["assumptions"] == ""
     # Feet that skate tell that the body stands as it was recorded: its file is not turned.
     plain = clip_row(Pair("x", "", "mBR0", tmp_path / "mBR0.npz", song), RowOptions())

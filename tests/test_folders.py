@@ -121,8 +121,7 @@ def test_sequence_without_annotation_has_no_beats(tmp_path: Path):
 
 def test_options_of_the_tang_layout_are_handed_on(tmp_path: Path):
     motion = load_recording(tang(tmp_path / "DANCE_R_3"), clock=1.01, points=21).clip.motion
-    assert motion.positions.shape == (50, 21, 3)
-    assert motion.fps == pytest.approx(25 / 1.01)
+    assert (motion.positions.shape, motion.fps) == ((50, 21, 3), pytest.approx(25 / 1.01))
 
 
 def test_motion_much_longer_than_its_audio_asks_whether_fps_is_right(tmp_path: Path):

@@ -121,9 +121,7 @@ def test_dance_is_as_long_as_asked_for_and_ends_with_the_music():
     assert synthesize_dance(generator, noise(), beats=track, poses=poses, seconds=4.0).n_frames == 60
     assert synthesize_dance(generator, noise(), beats=track, poses=poses).n_frames == 450
     last = synthesize_dance(generator, noise(), beats=track, poses=poses, start=28.0, seconds=60.0)
-    assert last.n_frames == 30
-    assert last.fps == FPS
-    assert last.skeleton == SKELETON
+    assert (last.n_frames, last.fps, last.skeleton) == (30, FPS, SKELETON)
 
 
 def test_each_meter_is_generated_from_what_was_danced_in_the_beats_before():

@@ -527,8 +527,7 @@ def test_honest_pickle_of_either_numpy_gives_its_arrays(protocol: int, module: b
     data = data if protocol < 4 else data[:2] + data[11:]  # without the frame, whose length changed
     content = read_array_pickle(data)
     np.testing.assert_array_equal(content["keypoints3d"], points)
-    assert content["scale"] == 2.5
-    assert content["n"] == 3
+    assert (content["scale"], content["n"]) == (2.5, 3)
 
 
 def npy_header(descr: str, shape: str) -> bytes:

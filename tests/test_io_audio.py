@@ -34,8 +34,7 @@ def test_tone_comes_back_from_every_format(tmp_path: Path, suffix: str, toleranc
     tone = sine(440, 16000)
     soundfile.write(path, tone, 16000)
     audio = load_audio(path, sample_rate=None)
-    assert audio.sample_rate == 16000
-    assert audio.samples.dtype == np.float32
+    assert (audio.sample_rate, audio.samples.dtype) == (16000, np.float32)
     np.testing.assert_allclose(audio.samples[1000:15000], tone[1000:15000], atol=tolerance)
 
 
@@ -63,8 +62,7 @@ def test_span_behind_the_end_stops_at_the_end(tmp_path: Path):
 def test_default_rate_is_22050_and_keeps_pitch_and_length(tmp_path: Path):
     soundfile.write(tmp_path / "tone.wav", sine(1000, 44100), 44100)
     audio = load_audio(tmp_path / "tone.wav")
-    assert audio.sample_rate == 22050
-    assert audio.samples.size == 22050
+    assert (audio.sample_rate, audio.samples.size) == (22050, 22050)
     np.testing.assert_allclose(audio.samples[500:-500], sine(1000, 22050)[500:-500], atol=1e-3)
 
 

@@ -36,8 +36,7 @@ def test_saved_motion_comes_back_bit_by_bit(tmp_path: Path):
     back = load_motion(tmp_path / "arm.npz")
     np.testing.assert_array_equal(back.positions, motion.positions)
     np.testing.assert_array_equal(back.valid, valid)
-    assert back.fps == 29.97
-    assert back.skeleton == ARM
+    assert (back.fps, back.skeleton) == (29.97, ARM)
 
 
 def test_two_dimensional_motion_comes_back(tmp_path: Path):
@@ -97,8 +96,7 @@ def test_motion_is_saved_under_known_names_only(tmp_path: Path):
 def test_npz_by_hand_with_positions_and_fps_is_enough(tmp_path: Path):
     np.savez(tmp_path / "hand.npz", positions=walk().astype(np.float32), fps=50)
     motion = load_motion(tmp_path / "hand.npz")
-    assert motion.fps == 50
-    assert motion.skeleton.joints == ("joint_0", "joint_1", "joint_2")
+    assert (motion.fps, motion.skeleton.joints) == (50, ("joint_0", "joint_1", "joint_2"))
     assert motion.valid.all()
 
 
@@ -236,8 +234,7 @@ def test_bvh_positions_of_a_joint_take_the_place_of_its_offset(tmp_path: Path):
 def test_bvh_names_joints_and_ends_and_gives_its_rate(tmp_path: Path):
     (tmp_path / "walk.bvh").write_text(bvh(SIX, "0 0 0 0 0 0 0 0 0\n" * 2))
     motion = load_motion(tmp_path / "walk.bvh")
-    assert motion.skeleton == Skeleton(("hip", "knee", "knee_end"), (-1, 0, 1))
-    assert motion.fps == pytest.approx(20)
+    assert (motion.skeleton, motion.fps) == (Skeleton(("hip", "knee", "knee_end"), (-1, 0, 1)), pytest.approx(20))
 
 
 @pytest.mark.parametrize(("leg", "factor"), [("0.9", 1.0), ("90", 0.01)])
@@ -287,8 +284,7 @@ def test_aist_pickle_takes_the_optimised_points_in_metres_at_60_fps(tmp_path: Pa
     path.write_bytes(pickle.dumps({"keypoints3d": points * np.nan, "keypoints3d_optim": points}))
     motion = load_motion(path)
     np.testing.assert_allclose(motion.positions, points / 100)
-    assert motion.fps == 60
-    assert motion.skeleton == COCO_17
+    assert (motion.fps, motion.skeleton) == (60, COCO_17)
 
 
 def test_aist_pickle_with_gaps_names_frame_and_joint(tmp_path: Path):
@@ -511,8 +507,7 @@ def test_coco_follows_one_dancer_past_a_slightly_surer_passer_by(tmp_path: Path)
 def test_json_of_landmarks_is_known_by_its_content(tmp_path: Path):
     frames = [[{"x": x, "y": 0.5, "z": 0.0, "visibility": 0.9}] * 33 for x in (0.1, 0.2)]
     motion = load_motion(as_json(tmp_path / "dance.json", {"fps": 25.0, "aspect": 2.0, "frames": [None, *frames]}))
-    assert motion.skeleton == MEDIAPIPE_33
-    assert motion.fps == 25
+    assert (motion.skeleton, motion.fps) == (MEDIAPIPE_33, 25)
     np.testing.assert_allclose(motion.positions[:, 0, 0], [0.2, 0.2, 0.4])
     world = load_motion(as_json(tmp_path / "world.json", {"fps": 25.0, "world": True, "frames": frames}))
     assert world.positions.shape == (2, 33, 3)
@@ -569,8 +564,7 @@ def test_coco_key_points_need_a_rate(tmp_path: Path):
 @pytest.mark.data
 def test_recorded_bvh_moves_like_a_person(data_root: Path):
     motion = load_bvh(data_root / "extra" / "bvh" / "cmu_131_03.bvh", scale=0.056444)
-    assert motion.positions.shape == (1102, 38, 3)
-    assert motion.fps == pytest.approx(120, abs=0.01)
+    assert (motion.positions.shape, motion.fps) == ((1102, 38, 3), pytest.approx(120, abs=0.01))
     head, toe = (motion.skeleton.joints.index(name) for name in ("Head", "LeftToe"))
     assert np.median(motion.positions[:, head, 1] - motion.positions[:, toe, 1]) == pytest.approx(1.5, abs=0.3)
     for parent, child in motion.skeleton.bones:
@@ -580,7 +574,6 @@ def test_recorded_bvh_moves_like_a_person(data_root: Path):
 @pytest.mark.data
 def test_recorded_aist_key_points_are_upright_in_image_coordinates(data_root: Path):
     motion = load_motion(data_root / "extra" / "aist_keypoints2d" / "gMH_sFM_cAll_d22_mMH1_ch02.npy")
-    assert motion.positions.shape == (1279, 17, 2)
-    assert motion.fps == 60
+    assert (motion.positions.shape, motion.fps) == ((1279, 17, 2), 60)
     height = motion.positions[:, :, 1].mean(axis=0)
     assert height[COCO_17.joints.index("nose")] < height[COCO_17.joints.index("left_ankle")]

@@ -31,8 +31,7 @@ def test_skeleton_is_one_tree_of_33_joints():
 def test_image_landmarks_become_2d_with_equal_units(tmp_path: Path):
     motion = load_keypoints(saved(tmp_path, [frame(0.2), frame(0.4)]), fps=25, aspect=2.0)
     np.testing.assert_allclose(motion.positions[:, 5], [[0.4, 0.5], [0.8, 0.5]])
-    assert motion.fps == 25
-    assert motion.skeleton == MEDIAPIPE_33
+    assert (motion.fps, motion.skeleton) == (25, MEDIAPIPE_33)
 
 
 def test_world_landmarks_become_3d_with_y_up(tmp_path: Path):
@@ -55,8 +54,7 @@ def test_frames_without_anybody_are_filled_and_marked(tmp_path: Path):
 def test_joints_can_be_chosen_by_name(tmp_path: Path):
     path = saved(tmp_path, [frame(0.2), frame(0.4)])
     motion = load_keypoints(path, fps=25, joints=("left_hip", "left_knee"))
-    assert motion.skeleton.joints == ("left_hip", "left_knee")
-    assert motion.skeleton.bones == ((0, 1),)
+    assert (motion.skeleton.joints, motion.skeleton.bones) == (("left_hip", "left_knee"), ((0, 1),))
     refused(r"no joints named \['tail'\]", load_keypoints, path, fps=25, joints=("tail",))
 
 

@@ -110,8 +110,7 @@ def test_neutral_body_at_rest_is_an_adult_with_arms_spread(tmp_path: Path):
     places = dict(zip(SMPL_24.joints, load_motion(path).positions[0], strict=True))
     # By hand: hip and knee and ankle below each other; 0.06 + 0.13 + 0.316 + 0.248 from the middle to the left wrist.
     np.testing.assert_allclose(places["left_ankle"], [0.085, -0.07 - 0.417 - 0.418, -0.02])
-    assert places["left_wrist"][0] == pytest.approx(0.754)
-    assert places["right_wrist"][0] == pytest.approx(-0.754)
+    assert (places["left_wrist"][0], places["right_wrist"][0]) == (pytest.approx(0.754), pytest.approx(-0.754))
     assert places["left_wrist"][1] == pytest.approx(places["left_shoulder"][1])
     assert places["left_foot"][2] > places["left_ankle"][2]
     # Drillis and Contini: shoulders 0.818 of 1.70 m, ankles 0.039.

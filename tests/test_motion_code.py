@@ -69,8 +69,7 @@ def test_rates_of_the_first_frame_repeat_the_second(dance):
 def test_what_was_coded_is_decoded(dance):
     positions, fps, skeleton = dance
     code = encode_motion(positions, fps, skeleton)
-    assert code.shape == (len(positions), n_channels(skeleton))
-    assert code.dtype == np.float32
+    assert (code.shape, code.dtype) == ((len(positions), n_channels(skeleton)), np.float32)
     back = decode_motion(code, fps, skeleton, start=root_path(positions, fps, skeleton)[0])
     np.testing.assert_allclose(back, positions, atol=1e-5)
 

@@ -22,8 +22,7 @@ def test_nothing_picked_is_nothing():
 def test_an_upload_is_kept_under_a_name_of_ours(name: str):
     files = OwnFiles()
     upload(files, "song", name, b"planted")
-    assert files.song.name == "song.wav"
-    assert files.song.parent == Path(files._folder.name)
+    assert (files.song.name, files.song.parent) == ("song.wav", Path(files._folder.name))
     assert files.song.read_bytes() == b"planted"
 
 

@@ -92,8 +92,7 @@ def test_known_offset_tells_what_was_planted(late: OwnDance):
 def test_offset_found_by_movement_says_nothing_about_the_place_in_the_beat(folder: Path, clip: Clip):
     told = told_of(folder, "dance.npz")
     period = float(np.diff(clip.beats.times).mean())
-    assert told.placement.source == "movement"
-    assert told.placement.period == pytest.approx(period, abs=0.01)
+    assert (told.placement.source, told.placement.period) == ("movement", pytest.approx(period, abs=0.01))
     # The lateness of one half is shared out between both: 40 ms.
     assert (told.placement.seconds - START + 0.04 + period / 2) % period == pytest.approx(period / 2, abs=0.02)
     assert told.verdict.startswith("You are in time with this song. Where in its beat you dance cannot be told")
@@ -135,8 +134,7 @@ def test_dance_to_no_beat_is_given_no_timing(folder: Path, clip: Clip, tmp_path:
 
 
 def test_sound_of_a_video_tells_its_offset_outright(filmed: OwnDance):
-    assert filmed.placement.source == "sound"
-    assert filmed.placement.seconds == pytest.approx(START, abs=0.01)
+    assert (filmed.placement.source, filmed.placement.seconds) == ("sound", pytest.approx(START, abs=0.01))
     first, second = (part.mean for part in filmed.words.halves)
     assert first == pytest.approx(0.0, abs=0.03)
     assert second == pytest.approx(0.08, abs=0.03)
@@ -187,13 +185,11 @@ def test_offset_outside_the_song_is_refused_by_name(folder: Path):
 
 def test_numbers_are_plain_enough_for_json(late: OwnDance):
     plain = late.to_dict()
-    assert plain["verdict"] == late.verdict
-    assert plain["offset"]["source"] == "given"
+    assert (plain["verdict"], plain["offset"]["source"]) == (late.verdict, "given")
     assert plain["interval"][0] < plain["harmony_above_chance"] < plain["interval"][1]
     kinds = [finding["kind"] for finding in plain["findings"]]
     assert kinds == ["score", "tempo", "rate", "lag", "change", "hits"]
-    assert plain["level"] == 4
-    assert plain["lag_s"] == late.judgement.lag_s
+    assert (plain["level"], plain["lag_s"]) == (4, late.judgement.lag_s)
 
 
 # The page

@@ -77,8 +77,7 @@ def test_saved_performance_comes_back_whole(tmp_path: Path):
     again = load_performance(tmp_path / "one")
     np.testing.assert_array_equal(again.motion.positions, one.motion.positions)
     np.testing.assert_array_equal(again.detected, one.detected)
-    assert again.motion.skeleton == PLAYER_50
-    assert again.motion.fps == FPS
+    assert (again.motion.skeleton, again.motion.fps) == (PLAYER_50, FPS)
     for field in ("name", "instrument", "offset", "piece", "rendered", "source"):
         assert getattr(again, field) == getattr(one, field)
     for field in ("onsets", "offsets", "pitches", "loudness", "hands"):
@@ -204,8 +203,7 @@ def test_sound_of_any_rate_comes_at_44100_hertz_or_as_it_is(tmp_path: Path, rate
     soundfile.write(folder / "song.wav", sound(0.5, rate).samples, rate)
     one = load_performance(folder)
     assert one.audio is not None
-    assert one.audio.sample_rate == 44100
-    assert one.audio.duration == pytest.approx(0.5, abs=1e-3)
+    assert (one.audio.sample_rate, one.audio.duration) == (44100, pytest.approx(0.5, abs=1e-3))
     assert np.sqrt(np.mean(one.audio.samples[5000:17000] ** 2)) == pytest.approx(0.5 / np.sqrt(2), rel=0.01)
     kept = load_performance(folder, sample_rate=None).audio
     assert kept is not None
@@ -469,8 +467,7 @@ def test_pianomime_is_read_in_millimetres_with_hands_and_without_z(tmp_path: Pat
     (one,) = load_pianomime(pianomime_folder(tmp_path / "set"))
     assert (one.name, one.piece, one.instrument, one.source) == ("clip_001", "pianomime_7", "piano", "pianomime")
     assert one.audio is None
-    assert one.motion.skeleton == HANDS_12
-    assert one.motion.positions.shape == (3, 12, 2)
+    assert (one.motion.skeleton, one.motion.positions.shape) == (HANDS_12, (3, 12, 2))
     np.testing.assert_allclose(one.motion.positions[2], [[10 * point, 2] for point in range(12)])
     assert one.notes is not None
     assert one.notes.onsets.tolist() == [0.0, 0.05]
@@ -520,8 +517,7 @@ def test_tracked_video_keeps_what_was_lost_in_its_mask(tmp_path: Path):
     )  # fmt: skip
     soundfile.write(tmp_path / "violinist_9.ogg", sound(0.2).samples, 44100)
     one = load_tracked(tmp_path / "violinist_9.npz", extras=("nose",))
-    assert one.instrument == "violin"
-    assert one.piece == "tracked_violinist_9"
+    assert (one.instrument, one.piece) == ("violin", "tracked_violinist_9")
     assert one.motion.skeleton.joints == ("left_wrist", *PLAYER_50.joints[8:29], "nose")
     assert one.detected[:, 0].all()
     assert one.detected[:, 1:].all(axis=1).tolist() == [True, False, True, True]
@@ -558,11 +554,8 @@ def test_published_files_of_body_and_hands_are_joined_by_video(tmp_path: Path):
     assert [item.performance.name for item in (one, two)] == ["a", "b"]
     assert (one.performance.instrument, one.performance.piece, motion.fps) == ("violin", "a", 24)
     at = dict(zip(motion.skeleton.joints, motion.positions[0].tolist(), strict=True))
-    assert at["right_shoulder"] == [0, 1000]
-    assert at["right_wrist"] == [2, 1002]
-    assert at["left_shoulder"] == [3, 1003]
-    assert at["right_hand"] == [100, 1100]
-    assert at["left_little_4"] == [220, 1220]
+    assert (at["right_shoulder"], at["right_wrist"], at["left_shoulder"]) == ([0, 1000], [2, 1002], [3, 1003])
+    assert (at["right_hand"], at["left_little_4"]) == ([100, 1100], [220, 1220])
     assert len(at) == 6 + 42
     np.testing.assert_array_equal(one.features, [[0.5, 1.5]] * 3)
 

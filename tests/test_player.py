@@ -130,8 +130,7 @@ def test_planted_hit_and_miss() -> None:
     dancer = dancer_with(track([1.08, 2.12]), still(120, fps=30.0), track([1.0, 2.0]))
     shown = data_of(player_page(Audio(np.zeros(8000), 8000), [dancer], music=track([1.0, 2.0]), title=""))
     assert shown["dancers"][0]["marks"] == [{"time": 1.0, "met": 1.08}, {"time": 2.0, "met": None}]
-    assert shown["dancers"][0]["visual"] == [1.08, 2.12]
-    assert shown["delay"] == 0.1
+    assert (shown["dancers"][0]["visual"], shown["delay"]) == ([1.08, 2.12], 0.1)
 
 
 def test_an_expected_lag_is_taken_off() -> None:

@@ -82,8 +82,7 @@ def test_openpose_gives_body_and_hands_by_name(tmp_path: Path, body: Any):
     folder = openpose_folder(tmp_path / "frames", [[openpose(shift, body.joints)] for shift in (0, 1)])
     points = load_player_points(folder, fps=25)
     assert_pose(points)
-    assert points.motion.skeleton == PLAYER_50
-    assert points.motion.fps == 25
+    assert (points.motion.skeleton, points.motion.fps) == (PLAYER_50, 25)
     np.testing.assert_allclose(points.confidence, 0.9)
     np.testing.assert_allclose(points.motion.positions[1] - points.motion.positions[0], [[1, 0]] * 50)
 

@@ -60,8 +60,7 @@ def test_every_picture_gets_the_answer_of_its_own_body(tmp_path: Path):
     ("long", "says more than it was asked"),
 )
 def test_a_process_that_goes_wrong_is_one_clear_error(tmp_path: Path, fault: str, words: str):
-    with pytest.raises(ValueError, match=words):
-        list(found_people(pictures(), stand_in(tmp_path, fault)))
+    refused(words, list, found_people(pictures(), stand_in(tmp_path, fault)))
 
 
 def test_a_process_that_hangs_is_stopped(tmp_path: Path):
@@ -73,8 +72,7 @@ def test_a_process_that_hangs_is_stopped(tmp_path: Path):
 
 def test_a_process_that_never_begins_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(pose_process, "BEGIN_SECONDS", 1.0)
-    with pytest.raises(ValueError, match="gave no answer for 1 s"):
-        list(found_people(pictures(), stand_in(tmp_path, "mute")))
+    refused("gave no answer for 1 s", list, found_people(pictures(), stand_in(tmp_path, "mute")))
 
 
 def test_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
@@ -82,8 +80,7 @@ def test_an_error_of_the_video_is_told_as_it_is(tmp_path: Path):
         yield from pictures(2)
         raise ValueError("take.mp4: is cut off")
 
-    with pytest.raises(ValueError, match=r"take\.mp4: is cut off"):
-        list(found_people(damaged(), stand_in(tmp_path)))
+    refused(r"take\.mp4: is cut off", list, found_people(damaged(), stand_in(tmp_path)))
 
 
 def test_slow_pictures_are_no_silence_of_the_process(tmp_path: Path):
@@ -97,8 +94,7 @@ def test_slow_pictures_are_no_silence_of_the_process(tmp_path: Path):
 
 def test_the_motion_is_in_metres_with_y_up_and_named_joints(tmp_path: Path):
     motion = read_pose(film(tmp_path / "take.mp4", waves(1.0)), command=stand_in(tmp_path)).motion
-    assert motion.fps == FPS
-    assert motion.skeleton.joints == pose.BODY
+    assert (motion.fps, motion.skeleton.joints) == (FPS, pose.BODY)
     wrist, nose, foot = (motion.positions[:, pose.BODY.index(name), 1] for name in ("left_wrist", "nose", "left_ankle"))
     assert nose[0] == pytest.approx(0.6) and foot[0] == pytest.approx(-0.8)
     np.testing.assert_allclose(wrist, waves(1.0) / 255, atol=0.04)
@@ -109,8 +105,7 @@ def test_a_fast_video_is_read_at_every_third_picture_in_its_own_time(tmp_path: P
     frames = np.repeat(waves(1.0)[::2].astype(np.uint8), 6)[:, None, None, None] + np.zeros((1, 64, 128, 3), np.uint8)
     write_video(tmp_path / "fast.mp4", frames, 60.0)
     motion = read_pose(tmp_path / "fast.mp4", command=stand_in(tmp_path)).motion
-    assert motion.fps == 30.0
-    assert motion.duration == pytest.approx(len(frames) / 60, abs=0.05)
+    assert (motion.fps, motion.duration) == (30.0, pytest.approx(len(frames) / 60, abs=0.05))
 
 
 def test_nobody_is_told_as_nobody(tmp_path: Path):

@@ -111,8 +111,7 @@ def test_dancer_and_hits_have_marks_of_their_own() -> None:
         for name, colour in (("music", MUSIC), ("dancer", DANCER), ("hit", HIT)):
             if (frame[:120, :160] == colour).all(axis=2).sum() > 60:  # an outline has fewer
                 lit[name].append(index)
-    assert lit["music"] == [*range(15, 20), *range(45, 50)]
-    assert lit["dancer"] == [*range(17, 22), *range(30, 35)]
+    assert (lit["music"], lit["dancer"]) == ([*range(15, 20), *range(45, 50)], [*range(17, 22), *range(30, 35)])
     assert lit["hit"] == [*range(17, 22)]
 
 

@@ -101,8 +101,7 @@ def test_soft_and_hard_score_agree(name: str, fps: float):
 
 def test_the_first_beat_counts_also_between_two_samples_of_the_movement():
     test = place_test(shape_signal(shape_speed(DANCER), BEATS[0], BEATS[-1]), BEATS, None, REST)
-    assert test.first == 0
-    assert test.ranks.shape[1] == BEATS.size - 1
+    assert (test.first, test.ranks.shape[1]) == (0, BEATS.size - 1)
 
 
 @pytest.mark.parametrize("pattern", [REST, CHA_CHA, WALTZ])

@@ -442,8 +442,7 @@ def test_corpus_is_read_by_the_ordinary_loaders_and_holds_the_truth(corpus: Path
     np.testing.assert_allclose(first.clip.motion.positions, planted.clip.motion.positions, atol=1e-6)
     np.testing.assert_allclose(first.clip.audio.samples, planted.clip.audio.samples, atol=1e-4)
     np.testing.assert_allclose(first.annotation.times, planted.clip.beats.times, atol=1e-6)
-    assert first.clip.dance == "cha-cha"
-    assert first.annotation.source == "synthetic"
+    assert (first.clip.dance, first.annotation.source) == ("cha-cha", "synthetic")
 
 
 def test_dances_take_turns(corpus: Path):
@@ -454,8 +453,7 @@ def test_dances_take_turns(corpus: Path):
 
 def test_annotation_records_every_control_and_the_planted_movement_ends(corpus: Path):
     content = json.loads((corpus / "clip_0007_waltz" / "beats.json").read_text())
-    assert content["settings"]["jitter"] == 0.02
-    assert content["settings"]["seed"] == content["seed"]
+    assert (content["settings"]["jitter"], content["settings"]["seed"]) == (0.02, content["seed"])
     assert (content["meter"], content["dance"], content["motion_offset_s"]) == (3, "waltz", 0.0)
     assert set(content["downbeats_s"]) <= set(content["beats_s"])
     assert 0 < np.max(distance_to_nearest(content["visual_beats_s"][1:-1], content["beats_s"])) < 0.1

@@ -61,8 +61,7 @@ def test_motion_is_skeleton_plus_centre_in_metres_with_z_turned_round(tmp_path: 
     motion = load_skeletons(folder / "skeletons.json", ground=False)
     expected = (swaying() + np.array([100, 90, 50])) * [0.01, 0.01, -0.01]
     np.testing.assert_allclose(motion.positions, expected)
-    assert motion.fps == 25
-    assert motion.skeleton == TANG_23
+    assert (motion.fps, motion.skeleton) == (25, TANG_23)
 
 
 def test_without_travel_only_the_pose_is_left(tmp_path: Path):

@@ -218,8 +218,7 @@ def test_a_synthetic_corpus_is_a_set_of_units(synthetic: Path):
     units = load_units(synthetic, FeatureParams(), step=2)
     assert len({unit.sequence for unit in units.units}) == 14
     assert len({unit.dance for unit in units.units}) == 7
-    assert units.source == "synthetic"
-    assert units.notes == ()
+    assert (units.source, units.notes) == ("synthetic", ())
     assert all(unit.groups and unit.meter_groups <= unit.groups for unit in units.units)
     assert {group.partition(" ")[0] for unit in units.units if unit.dance == "waltz" for group in unit.groups} == {
         "waltz"
