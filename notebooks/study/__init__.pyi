@@ -19,15 +19,11 @@ from .experiments.attributes import trained_classifier as trained_classifier
 from .experiments.attributes import window_starts as window_starts
 from .experiments.avatar_depth import DEPTH_LIMITS as DEPTH_LIMITS
 from .experiments.avatar_depth import depth_table as depth_table
-from .experiments.banks import bank_table as bank_table
 from .experiments.chance import chance_table as chance_table
 from .experiments.cheating import generators_half_a_beat_late as generators_half_a_beat_late
 from .experiments.cheating import late_rows as late_rows
 from .experiments.cheating import studied_clips as studied_clips
 from .experiments.cheating import trick_means as trick_means
-from .experiments.choreography import choreography_summary as choreography_summary
-from .experiments.choreography import choreography_table as choreography_table
-from .experiments.choreography import seam_jerk as seam_jerk
 from .experiments.comparison import comparison as comparison
 from .experiments.comparison import long_table as long_table
 from .experiments.comparison import side_by_side as side_by_side
