@@ -24,9 +24,6 @@ from .experiments.cheating import generators_half_a_beat_late as generators_half
 from .experiments.cheating import late_rows as late_rows
 from .experiments.cheating import studied_clips as studied_clips
 from .experiments.cheating import trick_means as trick_means
-from .experiments.comparison import comparison as comparison
-from .experiments.comparison import long_table as long_table
-from .experiments.comparison import side_by_side as side_by_side
 from .experiments.danced_feet import contact_table as contact_table
 from .experiments.danced_feet import feet_of_dances as feet_of_dances
 from .experiments.danced_feet import foot_curves as foot_curves
@@ -122,9 +119,6 @@ from .experiments.players import trained_player as trained_player
 from .experiments.quality import motion_measures as motion_measures
 from .experiments.quality import motion_quality as motion_quality
 from .experiments.quality import typical_unit as typical_unit
-from .experiments.standings import difference_table as difference_table
-from .experiments.standings import system_table as system_table
-from .experiments.standings import table_by_dance as table_by_dance
 from .experiments.study import agreement as agreement
 from .experiments.study import clip_of_study as clip_of_study
 from .experiments.study import pattern_of_study as pattern_of_study

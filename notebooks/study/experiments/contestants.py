@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -27,11 +27,12 @@ from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import parameter_count
 from harmolab.types import Audio, BeatTrack, Motion
 from study.experiments.baselines import BASELINES, DRAWN, Baseline
-from study.experiments.contests import Contest
+from study.experiments.contests import Contest, contests
 from study.experiments.generation import VARIANTS, generator_corpora, trained
 from study.experiments.music2dance import DANCER_SETTINGS, trained_dancer
 from study.experiments.rivals import Asked, lee2019, ren2020
 from study.experiments.songs import Excerpt
+from study.profile import RunProfile
 
 LEE_FPS = FeatureParams.paper().fps
 Beats = Callable[[Excerpt], BeatTrack]
@@ -250,3 +251,32 @@ def applies(name: str, contest: Contest) -> bool:
     if ROWS[name].rival:
         return contest.corpus == generator_corpora(contest.profile)[0]
     return name != RIGHT_SONG or contest.has_own_dancers
+
+
+class Entry(NamedTuple):
+    """A row of a contest with its contestants, one a training; one for a row without trainings."""
+
+    contest: Contest
+    name: str
+    contestants: tuple[Contestant, ...]
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """The entry tests that any training fails; with one, there are no numbers."""
+        return tuple(dict.fromkeys(name for one in self.contestants for name in one.failed))
+
+
+def entries(profile: RunProfile, rows: Iterable[str] = tuple(ROWS), *, trainings: int | None = None) -> list[Entry]:
+    """Every row of every contest of a profile, in this order, trained now unless before.
+
+    Parameters
+    ----------
+    profile : RunProfile
+    rows : names in `ROWS`
+    trainings : int, of each network, of Lee and Ren at most `RunProfile.n_rivals`; the profile's when left out. With 0
+        there are no networks, nor a pose network
+    """
+    every = contests(profile, profile.n_seeds if trainings is None else trainings)
+    names = [name for name in rows if trainings != 0 or not ROWS[name].is_trained]
+    pairs = [(contest, name) for contest in every for name in names if applies(name, contest)]
+    return [Entry(contest, name, ROWS[name].contestants(contest)) for contest, name in pairs]
