@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.systems.lee2019.networks import BEAT
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import parameter_count
-from harmolab.types import Audio, BeatTrack, Motion
+from harmolab.types import BeatTrack, Motion
 from study.experiments.baselines import BASELINES, DRAWN, Baseline
 from study.experiments.contests import Contest, contests
 from study.experiments.generation import VARIANTS, generator_corpora, trained
@@ -42,22 +42,6 @@ METERS = "only where a meter begins"
 M2D_PAPER, M2D_CALM, M2D = "Music2Dance", "Music2Dance, calm", "Music2Dance, recommended"
 M2D_LSTM, M2D_LSTM_CALM = "Music2Dance's LSTM", "Music2Dance's LSTM, calm"
 HARMOGAN, WITHOUT, RECOMMENDED = "HarmoGAN", "HarmoGAN without L_harmo", "HarmoGAN, recommended loss"
-
-
-class Generates(Protocol):
-    """The door of a system that also takes the name of a dance."""
-
-    def generate(
-        self,
-        audio: Audio,
-        beats: BeatTrack | None = None,
-        *,
-        start: float,
-        seconds: float | None,
-        seed: int,
-        dance: str,
-    ) -> Motion:
-        """A dance to music (`harmolab.systems.System`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,10 +105,11 @@ class Row:
         return tuple(self.make(contest, training) for training in range(1, (last if self.is_trained else 1) + 1))
 
 
-def of_system(
-    system: Generates, identity: str, *, beats: Beats = lambda excerpt: excerpt.beats, **facts: Any
-) -> Contestant:
-    """A system as a contestant; `beats` are those of the song that it is told; `facts` as in `Contestant`."""
+def of_system(system: Any, identity: str, *, beats: Beats = lambda excerpt: excerpt.beats, **facts: Any) -> Contestant:
+    """A system as a contestant, one whose door also takes the name of a dance.
+
+    `beats` are those of the song that it is told; `facts` as in `Contestant`.
+    """
 
     def dance(excerpt: Excerpt, seed: int) -> Motion:
         name = excerpt.clip.dance if excerpt.clip.dance in DANCES else ""
@@ -164,7 +149,7 @@ def _of_no_dance(bank: Choreographer, excerpt: Excerpt, seed: int) -> Motion:
 def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
     """HarmoGAN trained with the losses of a variant of `generation`."""
     run = trained(contest.profile, contest.corpus, VARIANTS[variant], training)
-    system: Any = HarmoGAN.load(run.folder)
+    system = HarmoGAN.load(run.folder)
     return of_system(system, run.folder.name, parameters=run.generator.parameter_count() / 1e6, minutes=run.minutes)
 
 
