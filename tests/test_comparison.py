@@ -14,22 +14,31 @@ from harmolab.data.recordings import load_recording
 from harmolab.data.synthetic import synthetic_motion, write_corpus
 from harmolab.params import DANCES
 from harmolab.types import Audio, BeatTrack, Motion
-from study.experiments import comparison as compared
-from study.experiments import contestants, contests, generation, measuring, songs, standings
-from study.experiments.comparison import comparison, long_table, side_by_side
-from study.experiments.contestants import BANK, CHOREOGRAPHER, RIGHT_SONG, ROWS, Contestant, Row, of_system, own_tempo
+from study.experiments import contestants, contests, generation, measuring, songs
+from study.experiments.contestants import (
+    BANK,
+    CHOREOGRAPHER,
+    RIGHT_SONG,
+    ROWS,
+    Contestant,
+    Entry,
+    Row,
+    entries,
+    of_system,
+    own_tempo,
+)
 from study.experiments.contests import Contest, training_spans
 from study.experiments.generation import SYNTHETIC, training_split
-from study.experiments.measuring import MEASURES, clip_measures
 from study.experiments.songs import BALLROOM, Excerpt, ballroom_files, recorded_songs, seven_dances, windows
-from study.experiments.standings import difference_table, system_table, table_by_dance
 from study.profile import RunProfile
 from tests.builders import planted_dance
+from tests.notebook_cells import notebook_cells
 
 PROFILE = RunProfile(
     "tiny", n_clips=20, n_sequences=None, n_rotations=1, n_seeds=1, epochs=(1, 1), pose_epochs=1, hidden=16, songs=1,
     draws=2,
 )  # fmt: skip
+CELLS = notebook_cells("10_systems_compared", profile=PROFILE)
 CHEAP = tuple(name for name, row in ROWS.items() if row.kind in ("recorded", "pieces"))
 
 
@@ -75,20 +84,24 @@ class OnTheBeat:
         return whole.span(start, seconds)
 
 
+def compared(entered: list[Entry]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Every dance, and the table of systems."""
+    dances, longer = CELLS.measured_dances(entered)
+    return dances, CELLS.system_table(entered, dances, longer)
+
+
 @pytest.fixture(scope="module")
 def tables() -> tuple[pd.DataFrame, pd.DataFrame]:
     """The cheap rows on one synthetic song of each dance: every dance, and the table of systems."""
-    entries = comparison(PROFILE, CHEAP, trainings=0)
-    return long_table(entries), system_table(entries)
+    return compared(entries(PROFILE, CHEAP, trainings=0))
 
 
 @pytest.fixture
 def rows(monkeypatch: pytest.MonkeyPatch) -> dict[str, Row]:
-    """Rows to add to; every module that knows the rows sees them."""
+    """Rows to add to; the notebook sees them too."""
     known = dict(ROWS)
-    for module in (contestants, compared, measuring, standings):
-        if hasattr(module, "ROWS"):
-            monkeypatch.setattr(module, "ROWS", known)
+    monkeypatch.setattr(contestants, "ROWS", known)
+    monkeypatch.setitem(CELLS.system_table.__globals__, "ROWS", known)
     return known
 
 
@@ -185,10 +198,9 @@ def test_without_recordings_there_is_one_contest_and_its_dancers_are_those_plant
 
 def test_a_dance_on_the_beat_has_harmony_that_goes_when_the_music_is_half_a_beat_late():
     song = Excerpt("rumba", planted_dance("rumba", seconds=18.0), 6.0)
-    numbers = clip_measures(song.dancer, song)
-    assert tuple(numbers) == MEASURES
-    assert numbers["above_chance"] > 0.8 > 0.0 > numbers["late"]
-    assert numbers["hit_chance"] == pytest.approx(numbers["hit_rate"], abs=0.3)
+    numbers = CELLS.clip_measures(song.dancer, song)
+    assert numbers["above_chance"] > 0.8 > 0.0 > numbers["half a beat late"]
+    assert numbers["hit_rate chance"] == pytest.approx(numbers["hit_rate"], abs=0.3)
     assert np.isnan(numbers["pattern"])
 
 
@@ -196,10 +208,10 @@ def test_a_still_body_has_no_harmony_and_no_chance():
     song = Excerpt("rumba", planted_dance("rumba", seconds=18.0), 6.0)
     dancer = song.dancer
     still = Motion(np.repeat(dancer.positions[:1], dancer.n_frames, axis=0), dancer.fps, dancer.skeleton)
-    numbers = clip_measures(still, song)
-    assert [numbers[name] for name in ("h", "h_chance", "hit_rate", "hit_chance", "speed", "jerk")] == pytest.approx(
-        [0.0] * 6
-    )
+    numbers = CELLS.clip_measures(still, song)
+    assert [
+        numbers[name] for name in ("h", "h chance", "hit_rate", "hit_rate chance", "speed", "jerk")
+    ] == pytest.approx([0.0] * 6)
 
 
 def test_right_song_beats_another_song_and_pieces_are_in_time(tables: tuple[pd.DataFrame, pd.DataFrame]):
@@ -244,30 +256,34 @@ def test_a_second_run_dances_nothing_and_a_killed_one_goes_on(rows: dict[str, Ro
         keep(name, arrays)
 
     monkeypatch.setattr(measuring, "keep_arrays", killed)
+    toys = entries(PROFILE, ["toy"], trainings=0)
     with pytest.raises(KeyboardInterrupt):
-        comparison(PROFILE, ["toy"], trainings=0)
+        compared(toys)
     assert system.dances == 4 * PROFILE.draws  # three dances kept, the fourth lost
     monkeypatch.setattr(measuring, "keep_arrays", keep)
-    first = long_table(comparison(PROFILE, ["toy"], trainings=0))
-    assert system.dances == (4 + 4) * PROFILE.draws + 7 + 1 + measuring.TIMED
-    pd.testing.assert_frame_equal(first, long_table(comparison(PROFILE, ["toy"], trainings=0)))
-    assert system.dances == (4 + 4) * PROFILE.draws + 7 + 1 + measuring.TIMED
-    assert first["above_chance"].mean() > 0.8
+    first = compared(toys)
+    assert system.dances == (4 + 4) * PROFILE.draws + 7 + 1 + CELLS.TIMED
+    for table, again in zip(first, compared(toys), strict=True):
+        pd.testing.assert_frame_equal(table, again)
+    assert system.dances == (4 + 4) * PROFILE.draws + 7 + 1 + CELLS.TIMED
+    assert first[0]["above_chance"].mean() > 0.8
 
 
 def test_what_fails_an_entry_test_is_a_row_without_a_number(rows: dict[str, Row]):
     entry = {"speed": (0.2, (0.7, 1.2), False), "L1": (0.3, (0.0, 0.5), True)}
     system = OnTheBeat()
     rows["weak"] = Row(partial(made, system=system, entry=entry), "network", "no", "Ren")
-    assert comparison(PROFILE, ["weak"], trainings=0) == []
-    (one,) = [compared.entered(replace(contests.contests(PROFILE, 0)[0], trainings=2), "weak")]
-    row = system_table([one]).iloc[0]
+    assert entries(PROFILE, ["weak"], trainings=0) == []
+    contest = replace(contests.contests(PROFILE, 0)[0], trainings=2)
+    weak = Entry(contest, "weak", rows["weak"].contestants(contest))
+    dances, table = compared([*entries(PROFILE, [RIGHT_SONG], trainings=0), weak])
+    row = table.iloc[1]
     assert system.dances == 0
     assert np.isnan([row[name] for name in ("h", "hit_rate", "above_chance", "M / N", "seconds for 6 s")]).all()
     assert (row["remark"], row["entry tests"]) == ("not trained well enough: speed", "2 of 4")
     assert row["entry values"] == "speed: 0.2; L1: 0.3"
     assert row["h paper"] == pytest.approx(0.263, abs=1e-3)
-    assert long_table([one]).empty
+    assert set(dances["system"]) == {RIGHT_SONG}
 
 
 def test_rivals_are_trained_on_the_first_corpus_alone(monkeypatch: pytest.MonkeyPatch):
@@ -295,8 +311,7 @@ def test_rivals_are_trained_as_often_as_the_profile_says_and_never_more_often_th
 
 @pytest.mark.slow
 def test_a_system_of_another_body_has_no_distance(rows: dict[str, Row]):
-    (entry,) = comparison(replace(PROFILE, songs=1, draws=1), [BANK], trainings=0)
-    row = system_table([entry]).iloc[0]
+    row = compared(entries(replace(PROFILE, songs=1, draws=1), [BANK], trainings=0))[1].iloc[0]
     assert np.isnan([row["FID (kinetic)"], row["diversity"], row["multimodality"]]).all()
     assert np.isfinite([row["h"], row["jerk / recorded"]]).all()
 
@@ -309,7 +324,7 @@ def test_lee_without_warper_is_told_its_own_tempo():
 
 
 def test_dances_side_by_side_are_of_the_same_seconds(tables: tuple[pd.DataFrame, pd.DataFrame]):
-    ((song, motions),) = side_by_side(comparison(PROFILE, [RIGHT_SONG, CHOREOGRAPHER], trainings=0)).items()
+    ((song, motions),) = CELLS.side_by_side(entries(PROFILE, [RIGHT_SONG, CHOREOGRAPHER], trainings=0)).items()
     assert song == "cha-cha 1 (cha-cha)"
     assert list(motions) == [RIGHT_SONG, CHOREOGRAPHER]
     assert [motion.duration for motion in motions.values()] == pytest.approx([10.0, 10.0])
@@ -323,8 +338,8 @@ def test_a_folder_never_seen_gives_tables_of_the_same_layout(
 ):
     write_corpus(tmp_path / "mine", clips=4, seconds=14.0, seed=5)
     monkeypatch.setenv("HARMOLAB_DATA", str(tmp_path))
-    entries = comparison(PROFILE, ["recorded, another song", "random pieces, rests on beats"], trainings=0)
-    dances, systems = long_table(entries), system_table(entries)
+    names = ["recorded, another song", "random pieces, rests on beats"]
+    dances, systems = compared(entries(PROFILE, names, trainings=0))
     assert list(dances.columns) == list(tables[0].columns)
     assert list(systems.columns) == list(tables[1].columns)
     assert systems[["music", "corpus"]].drop_duplicates().to_numpy().tolist() == [
@@ -333,8 +348,9 @@ def test_a_folder_never_seen_gives_tables_of_the_same_layout(
     ]
     own = dances[dances["music"] == "recorded songs"]
     assert own["song"].nunique() == 4 and own["clip"].nunique() == 8
-    assert list(table_by_dance(dances, "h").columns) == list(table_by_dance(tables[0], "h").columns)
-    assert list(difference_table(dances, ["h"]).columns)[:4] == ["music", "corpus", "system", "measure"]
+    assert list(CELLS.table_by_dance(dances, "h").columns) == list(CELLS.table_by_dance(tables[0], "h").columns)
+    differences = CELLS.difference_table(dances, ["h"], base="recorded, another song")
+    assert list(differences.columns)[:4] == ["music", "corpus", "system", "measure"]
 
 
 def test_without_recordings_there_are_no_recorded_songs():
@@ -343,7 +359,7 @@ def test_without_recordings_there_are_no_recorded_songs():
 
 @pytest.mark.slow
 def test_every_row_of_the_quick_profile_is_made_and_its_rivals_are_not_trained_well_enough():
-    table = system_table(comparison(replace(PROFILE, draws=1))).set_index("system")
+    table = compared(entries(replace(PROFILE, draws=1)))[1].set_index("system")
     assert list(table.index) == list(ROWS)
     weak = table["remark"].str.startswith("not trained well enough")
     assert set(table.index[weak]) == {contestants.LEE, contestants.LEE_UNWARPED, contestants.REN}

@@ -6,11 +6,12 @@ import pytest
 
 from harmolab.significance import bootstrap_interval, mean_interval
 from study.experiments.ablation import PAPER_MEANS
-from study.experiments.comparison import KEYS
 from study.experiments.contestants import HARMOGAN, LEE, REN, RIGHT_SONG, WITHOUT
-from study.experiments.measuring import MEASURES
 from study.experiments.printed import TABLE_1, TABLE_2, printed
-from study.experiments.standings import difference_table, mean_over_dances, table_by_dance, within_dances
+from tests.notebook_cells import notebook_cells
+
+CELLS = notebook_cells("10_systems_compared")
+KEYS = ("music", "corpus", "system", "training", "song", "clip", "dance", "draw")
 
 
 def dances(system: str, values: dict[tuple[int, str, str, int], float], **others: float) -> pd.DataFrame:
@@ -18,8 +19,8 @@ def dances(system: str, values: dict[tuple[int, str, str, int], float], **others
     rows = []
     for (training, dance, song, draw), value in values.items():
         about = dict(zip(KEYS, ("songs", "corpus", system, training, song, f"{song} 0", dance, draw), strict=True))
-        rows.append({**about, **dict.fromkeys(MEASURES, 0.0), **others, "h": value})
-    return pd.DataFrame(rows, columns=[*KEYS, *MEASURES])
+        rows.append({**about, **dict.fromkeys(CELLS.PAPER, 0.0), **others, "h": value})
+    return pd.DataFrame(rows)
 
 
 def test_mean_of_a_dance_is_over_draws_and_songs_and_that_of_all_over_dances():
@@ -29,7 +30,7 @@ def test_mean_of_a_dance_is_over_draws_and_songs_and_that_of_all_over_dances():
         (1, "waltz", "b", 1): 0.5,
         (1, "tango", "c", 1): 0.9,
     }
-    table = table_by_dance(dances(RIGHT_SONG, values, h_chance=0.25), "h").set_index("dance")
+    table = CELLS.table_by_dance(dances(RIGHT_SONG, values, **{"h chance": 0.25}), "h").set_index("dance")
     assert table["mean"].to_dict() == pytest.approx({"waltz": 0.4, "tango": 0.9, "mean": 0.65})
     assert table["clips"].to_dict() == {"waltz": 2, "tango": 1, "mean": 3}
     assert table["chance"].tolist() == pytest.approx([0.25] * 3)
@@ -43,12 +44,12 @@ def test_several_windows_of_a_song_are_drawn_together():
     table = dances(RIGHT_SONG, {(1, "waltz", song, 1): float(song == "a") for song in ("a", "b")})
     more = pd.concat([table, table.assign(clip=table["clip"] + "'")])
     # As for two songs, however many windows each has.
-    assert table_by_dance(more, "h")["low"].tolist() == table_by_dance(table, "h")["low"].tolist()
+    assert CELLS.table_by_dance(more, "h")["low"].tolist() == CELLS.table_by_dance(table, "h")["low"].tolist()
 
 
 def test_interval_of_a_trained_system_is_over_its_trainings():
     values = {(training, "waltz", song, 1): value for training, value in ((1, 0.2), (2, 0.4)) for song in ("a", "b")}
-    row = mean_over_dances(dances(HARMOGAN, values), "h")
+    row = CELLS.mean_over_dances(dances(HARMOGAN, values), "h")
     assert row["interval over"] == "trainings"
     assert (row["mean"], row["low"], row["high"]) == pytest.approx(mean_interval([0.2, 0.4]))
     # SD sqrt(2) / 10, divided by sqrt(2), times t(0.975; 1) = 12.7062.
@@ -57,30 +58,30 @@ def test_interval_of_a_trained_system_is_over_its_trainings():
 
 def test_one_training_has_no_interval_and_what_was_not_trained_has_one_over_songs():
     values = {(1, "waltz", "a", 1): 0.2, (1, "waltz", "b", 1): 0.4}
-    one = mean_over_dances(dances(HARMOGAN, values), "h")
+    one = CELLS.mean_over_dances(dances(HARMOGAN, values), "h")
     assert one["mean"] == pytest.approx(0.3)
     assert np.isnan([one["low"], one["high"]]).all() and one["interval over"] == ""
-    cheap = mean_over_dances(dances(RIGHT_SONG, values), "h")
+    cheap = CELLS.mean_over_dances(dances(RIGHT_SONG, values), "h")
     assert (cheap["low"], cheap["high"], cheap["interval over"]) == (pytest.approx(0.2), pytest.approx(0.4), "songs")
 
 
 def test_songs_are_drawn_anew_within_each_dance():
     clips = pd.DataFrame({"dance": ["a", "a", "b", "b"], "song": list("1234"), "h": [0.0, 1.0, 5.0, 5.0]})
     # The mean over dances lies between (0 + 5) / 2 and (1 + 5) / 2, whichever songs are drawn.
-    assert within_dances(clips, "h") == pytest.approx((2.5, 3.0))
-    assert np.isnan(within_dances(clips.iloc[[0, 2]], "h")).all()
+    assert CELLS.within_dances(clips, "h") == pytest.approx((2.5, 3.0))
+    assert np.isnan(CELLS.within_dances(clips.iloc[[0, 2]], "h")).all()
 
 
 def test_a_difference_is_taken_clip_by_clip_and_ranked_only_by_both_intervals():
     base = {(training, "waltz", song, 1): 0.1 * number for training in (1, 2) for number, song in enumerate("abcd")}
     shifted = {key: value + 0.3 + 0.01 * key[0] for key, value in base.items()}
     table = pd.concat([dances(HARMOGAN, base), dances(WITHOUT, shifted)])
-    (row,) = difference_table(table, ["h"]).to_dict("records")
+    (row,) = CELLS.difference_table(table, ["h"]).to_dict("records")
     assert row["difference"] == pytest.approx(0.315)
     assert (row["low"], row["high"]) == pytest.approx(mean_interval([0.31, 0.32])[1:])
     assert (row["low over songs"], row["high over songs"]) == pytest.approx((0.315, 0.315))
     assert row["rank"] == "above"
-    (row,) = difference_table(table[table["training"] == 1], ["h"]).to_dict("records")
+    (row,) = CELLS.difference_table(table[table["training"] == 1], ["h"]).to_dict("records")
     assert row["difference"] == pytest.approx(0.31)
     assert np.isnan([row["low"], row["high"]]).all() and row["rank"] == ""
 
@@ -88,7 +89,9 @@ def test_a_difference_is_taken_clip_by_clip_and_ranked_only_by_both_intervals():
 def test_what_was_not_trained_is_held_against_every_training():
     base = {(training, "waltz", song, 1): 0.5 - 0.1 * training for training in (1, 2) for song in "ab"}
     cheap = {(1, "waltz", song, 1): 0.1 for song in "ab"}
-    (row,) = difference_table(pd.concat([dances(HARMOGAN, base), dances(RIGHT_SONG, cheap)]), ["h"]).to_dict("records")
+    (row,) = CELLS.difference_table(pd.concat([dances(HARMOGAN, base), dances(RIGHT_SONG, cheap)]), ["h"]).to_dict(
+        "records"
+    )
     assert row["difference"] == pytest.approx(np.mean([-0.3, -0.2]))
     assert (row["low"], row["high"]) == pytest.approx(mean_interval([-0.3, -0.2])[1:])
     assert row["rank"] == ""
@@ -97,18 +100,18 @@ def test_what_was_not_trained_is_held_against_every_training():
 def test_a_rival_trained_once_is_held_against_the_first_training_alone_and_gets_no_rank():
     base = {(training, "waltz", song, 1): 0.1 * training for training in (1, 2, 3) for song in "ab"}
     rival = {(1, "waltz", "a", 1): 0.5, (1, "waltz", "b", 1): 0.6}
-    (row,) = difference_table(pd.concat([dances(HARMOGAN, base), dances(REN, rival)]), ["h"]).to_dict("records")
+    (row,) = CELLS.difference_table(pd.concat([dances(HARMOGAN, base), dances(REN, rival)]), ["h"]).to_dict("records")
     assert row["difference"] == pytest.approx(0.55 - 0.1)
     assert np.isnan([row["low"], row["high"]]).all() and row["rank"] == ""
 
 
 def test_without_harmogan_there_is_nothing_to_differ_from():
-    assert difference_table(dances(RIGHT_SONG, {(1, "waltz", "a", 1): 0.2}), ["h"]).empty
+    assert CELLS.difference_table(dances(RIGHT_SONG, {(1, "waltz", "a", 1): 0.2}), ["h"]).empty
 
 
 def test_the_papers_values_stand_beside_the_systems_that_it_names():
     for system, name in ((HARMOGAN, "HarmoGAN"), (WITHOUT, "HarmoGAN without L_harmo"), (LEE, "Lee"), (REN, "Ren")):
-        table = table_by_dance(dances(system, {(1, "waltz", "a", 1): 0.2}), "hit_rate").set_index("dance")
+        table = CELLS.table_by_dance(dances(system, {(1, "waltz", "a", 1): 0.2}), "hit_rate").set_index("dance")
         assert table.loc["waltz", "paper"] == TABLE_2[name][-1]
         assert table.loc["mean", "paper"] == pytest.approx(np.mean(TABLE_2[name]))
 

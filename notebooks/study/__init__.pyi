@@ -8,17 +8,10 @@ from .experiments.attributes import song_sets as song_sets
 from .experiments.attributes import song_windows as song_windows
 from .experiments.attributes import trained_classifier as trained_classifier
 from .experiments.attributes import window_starts as window_starts
-from .experiments.banks import bank_table as bank_table
 from .experiments.cheating import generators_half_a_beat_late as generators_half_a_beat_late
 from .experiments.cheating import late_rows as late_rows
 from .experiments.cheating import studied_clips as studied_clips
 from .experiments.cheating import trick_means as trick_means
-from .experiments.choreography import choreography_summary as choreography_summary
-from .experiments.choreography import choreography_table as choreography_table
-from .experiments.choreography import seam_jerk as seam_jerk
-from .experiments.comparison import comparison as comparison
-from .experiments.comparison import long_table as long_table
-from .experiments.comparison import side_by_side as side_by_side
 from .experiments.examples import example_recording as example_recording
 from .experiments.examples import excerpt as excerpt
 from .experiments.examples import waltz_example as waltz_example
@@ -45,9 +38,6 @@ from .experiments.players import planted_data as planted_data
 from .experiments.players import player_corpora as player_corpora
 from .experiments.players import tracked_players as tracked_players
 from .experiments.players import trained_player as trained_player
-from .experiments.standings import difference_table as difference_table
-from .experiments.standings import system_table as system_table
-from .experiments.standings import table_by_dance as table_by_dance
 from .experiments.study import agreement as agreement
 from .experiments.study import agreement_words as agreement_words
 from .experiments.study import clip_of_study as clip_of_study

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,13 +25,14 @@ from harmolab.systems.harmogan.system import HarmoGAN
 from harmolab.systems.lee2019.networks import BEAT
 from harmolab.systems.training.features import FeatureParams
 from harmolab.systems.training.layers import parameter_count
-from harmolab.types import Audio, BeatTrack, Motion
+from harmolab.types import BeatTrack, Motion
 from study.experiments.baselines import BASELINES, DRAWN, Baseline
-from study.experiments.contests import Contest
+from study.experiments.contests import Contest, contests
 from study.experiments.generation import VARIANTS, generator_corpora, trained
 from study.experiments.music2dance import DANCER_SETTINGS, trained_dancer
 from study.experiments.rivals import Asked, lee2019, ren2020
 from study.experiments.songs import Excerpt
+from study.profile import RunProfile
 
 LEE_FPS = FeatureParams.paper().fps
 Beats = Callable[[Excerpt], BeatTrack]
@@ -41,22 +42,6 @@ METERS = "only where a meter begins"
 M2D_PAPER, M2D_CALM, M2D = "Music2Dance", "Music2Dance, calm", "Music2Dance, recommended"
 M2D_LSTM, M2D_LSTM_CALM = "Music2Dance's LSTM", "Music2Dance's LSTM, calm"
 HARMOGAN, WITHOUT, RECOMMENDED = "HarmoGAN", "HarmoGAN without L_harmo", "HarmoGAN, recommended loss"
-
-
-class Generates(Protocol):
-    """The door of a system that also takes the name of a dance."""
-
-    def generate(
-        self,
-        audio: Audio,
-        beats: BeatTrack | None = None,
-        *,
-        start: float,
-        seconds: float | None,
-        seed: int,
-        dance: str,
-    ) -> Motion:
-        """A dance to music (`harmolab.systems.System`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +105,11 @@ class Row:
         return tuple(self.make(contest, training) for training in range(1, (last if self.is_trained else 1) + 1))
 
 
-def of_system(
-    system: Generates, identity: str, *, beats: Beats = lambda excerpt: excerpt.beats, **facts: Any
-) -> Contestant:
-    """A system as a contestant; `beats` are those of the song that it is told; `facts` as in `Contestant`."""
+def of_system(system: Any, identity: str, *, beats: Beats = lambda excerpt: excerpt.beats, **facts: Any) -> Contestant:
+    """A system as a contestant, one whose door also takes the name of a dance.
+
+    `beats` are those of the song that it is told; `facts` as in `Contestant`.
+    """
 
     def dance(excerpt: Excerpt, seed: int) -> Motion:
         name = excerpt.clip.dance if excerpt.clip.dance in DANCES else ""
@@ -163,7 +149,7 @@ def _of_no_dance(bank: Choreographer, excerpt: Excerpt, seed: int) -> Motion:
 def _harmogan(variant: str, contest: Contest, training: int) -> Contestant:
     """HarmoGAN trained with the losses of a variant of `generation`."""
     run = trained(contest.profile, contest.corpus, VARIANTS[variant], training)
-    system: Any = HarmoGAN.load(run.folder)
+    system = HarmoGAN.load(run.folder)
     return of_system(system, run.folder.name, parameters=run.generator.parameter_count() / 1e6, minutes=run.minutes)
 
 
@@ -250,3 +236,32 @@ def applies(name: str, contest: Contest) -> bool:
     if ROWS[name].rival:
         return contest.corpus == generator_corpora(contest.profile)[0]
     return name != RIGHT_SONG or contest.has_own_dancers
+
+
+class Entry(NamedTuple):
+    """A row of a contest with its contestants, one a training; one for a row without trainings."""
+
+    contest: Contest
+    name: str
+    contestants: tuple[Contestant, ...]
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """The entry tests that any training fails; with one, there are no numbers."""
+        return tuple(dict.fromkeys(name for one in self.contestants for name in one.failed))
+
+
+def entries(profile: RunProfile, rows: Iterable[str] = tuple(ROWS), *, trainings: int | None = None) -> list[Entry]:
+    """Every row of every contest of a profile, in this order, trained now unless before.
+
+    Parameters
+    ----------
+    profile : RunProfile
+    rows : names in `ROWS`
+    trainings : int, of each network, of Lee and Ren at most `RunProfile.n_rivals`; the profile's when left out. With 0
+        there are no networks, nor a pose network
+    """
+    every = contests(profile, profile.n_seeds if trainings is None else trainings)
+    names = [name for name in rows if trainings != 0 or not ROWS[name].is_trained]
+    pairs = [(contest, name) for contest in every for name in names if applies(name, contest)]
+    return [Entry(contest, name, ROWS[name].contestants(contest)) for contest, name in pairs]

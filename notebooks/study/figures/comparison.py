@@ -43,7 +43,7 @@ def draw_compared(ax: Axes, rows: Sequence[Record], *, measure: str) -> Axes:
     Parameters
     ----------
     ax : Axes
-    rows : records of `study.experiments.standings.system_table` of one contest; kind says where a bar stands
+    rows : records of Table 12 (notebook 10) of one contest; kind says where a bar stands
     measure : name in `COMPARED`
     """
     systems, cheap = _sides(rows)
@@ -95,7 +95,7 @@ def comparison_figure(rows: Iterable[Record]) -> Figure:
 
     Parameters
     ----------
-    rows : records of `study.experiments.standings.system_table`
+    rows : records of Table 12 (notebook 10)
     """
     contests: dict[tuple[str, str], list[Record]] = {}
     for row in rows:
